@@ -1,0 +1,44 @@
+# make demo, make test: each does all its own set-up.
+
+SHELL := bash
+.DEFAULT_GOAL := help
+.PHONY: help demo test build setup lint figures bench clean
+
+# What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
+# adding a file does.
+PACKAGES := afm_model msgs afm_node_common afm_sim_node afm_controller_node afm_recorder_node afm_bringup
+MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/launch/* $(p)/scenarios/*))
+BUILT := ros2_ws/install/.built
+
+help:
+	@echo "make demo    close the paper's loop over ROS 2 topics; results in out/demo"
+	@echo "make test    run all tests"
+	@echo "make build   set up and build only; then: . ./env.sh"
+	@echo "make lint    check style and types"
+	@echo "make figures draw the figures of docs/paper.md again"
+	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes)"
+	@echo "make clean   remove what was built, .venv and out/"
+
+setup:
+	@tools/bootstrap.sh
+
+build: setup
+	@if [ ! -e $(BUILT) ] || [ .venv/.complete -nt $(BUILT) ] || [ -n "$$(find $(MANIFESTS) -newer $(BUILT))" ]; then tools/build.sh; fi
+
+demo: build
+	@. ./env.sh && ros2 run afm_bringup session closed_loop_tanh --out out/demo
+
+test: build
+	@. ./env.sh && python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+
+lint: build
+	@. ./env.sh && python -m pip install --quiet --disable-pip-version-check -r requirements/lint.txt && tools/lint.sh
+
+figures: build
+	@. ./env.sh && python tools/make_figures.py
+
+bench: build
+	@. ./env.sh && python tests/bench
+
+clean:
+	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log

@@ -1,0 +1,30 @@
+# Source this in bash or zsh:  . ./env.sh
+# Afterwards `ros2 run PACKAGE EXECUTABLE` finds the nodes of this workspace.
+
+if [ -n "${BASH_SOURCE:-}" ]; then
+  AFM_ROOT=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+else
+  AFM_ROOT=$(cd "$(dirname "$0")" && pwd)
+fi
+export AFM_ROOT
+
+if [ ! -e "$AFM_ROOT/.venv/.complete" ] || [ ! -e "$AFM_ROOT/ros2_ws/install/setup.sh" ]; then
+  echo "error: nothing is built yet; run: make -C $AFM_ROOT build" >&2
+  return 1
+fi
+
+# ROS 2 of our own (wheels in .venv), unless another one is sourced.
+if [ -z "${ROS_DISTRO:-}" ] || [ "${AFM_ROS:-}" = wheels ]; then
+  export AFM_ROS=wheels ROS_DISTRO=jazzy ROS_VERSION=2
+  export AMENT_PREFIX_PATH="$AFM_ROOT/.venv" CMAKE_PREFIX_PATH="$AFM_ROOT/.venv"
+fi
+. "$AFM_ROOT/.venv/bin/activate"
+COLCON_CURRENT_PREFIX="$AFM_ROOT/ros2_ws/install" . "$AFM_ROOT/ros2_ws/install/local_setup.sh"
+
+# The instrument stays on this machine unless you say otherwise.
+export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+
+# The wheels hold no ros2 command: a small stand-in runs executables, used only where there is no real one.
+if ! command -v ros2 >/dev/null 2>&1; then
+  export PATH="$PATH:$AFM_ROOT/tools/bin"
+fi

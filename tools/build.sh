@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# Build the colcon workspace with the Python of .venv.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../ros2_ws"
+root=$(dirname "$PWD")
+
+if [ -z "${ROS_DISTRO:-}" ] || [ "${AFM_ROS:-}" = wheels ]; then
+  export AMENT_PREFIX_PATH="$root/.venv" CMAKE_PREFIX_PATH="$root/.venv" ROS_DISTRO=jazzy ROS_VERSION=2
+fi
+# Building against the old install would only bring in what is to be replaced.
+rm -rf build install log
+. "$root/.venv/bin/activate"
+echo "Building the ROS workspace (once, about half a minute) ..."
+if ! python -m colcon build --event-handlers console_direct- console_cohesion- status- desktop_notification- terminal_title- \
+  > "$root/ros2_ws/build.log" 2>&1; then
+  tail -n 40 "$root/ros2_ws/build.log" >&2
+  echo "error: the workspace did not build; the whole log is in ros2_ws/build.log" >&2
+  exit 1
+fi
+mv build.log log/
+touch install/.built

@@ -1,0 +1,9 @@
+#!/usr/bin/env bash
+# Style, types, import rules, generated docs. Run by `make lint` in the environment of env.sh.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+ruff check .
+ruff format --check .
+mypy
+lint-imports
+python tools/make_docs.py --check
