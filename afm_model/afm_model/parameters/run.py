@@ -1,0 +1,63 @@
+"""Parameters of how the instrument runs in time."""
+
+import math
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Lt
+from pydantic import Field
+
+from .instrument import InstrumentParameters
+from .schema import Group, NonNegative, Positive, Unit
+
+
+class Run(Group):
+    """How the instrument runs in time."""
+
+    mode: Literal["lockstep", "realtime"] = Field(
+        "lockstep",
+        description="lockstep: each tick waits for the drive that answers it; realtime: paced by the steady clock",
+    )
+    duration: Annotated[NonNegative, Unit("s")] = Field(0.0, description="simulated time to run; 0: endless")
+    wait_for_recorder: bool = Field(False, description="do not start before a recorder receives every stream")
+    start_paused: bool = Field(False, description="wait for the play service even when a controller is there")
+    exit_when_finished: bool = Field(
+        False, description="end the node when the duration is over, or with exit code 1 at a FAULT"
+    )
+    real_time_factor: Positive = Field(1.0, description="realtime: simulated seconds per wall second")
+    spin_time: Annotated[NonNegative, Unit("s")] = Field(
+        0.0, description="realtime: wall time before each deadline in which the clock is polled instead of slept for"
+    )
+    lockstep_timeout: Annotated[Positive, Unit("s")] = Field(
+        5.0, description="lockstep: wall time without an answer after which the controller is reported"
+    )
+    watchdog_timeout: Annotated[Positive, Unit("s")] = Field(
+        0.2, description="realtime: wall time without a drive after which the sample is retracted"
+    )
+    retract_voltage: Annotated[float, Unit("V")] = Field(-12.0, description="realtime: z drive of the retracted sample")
+    retract_time: Annotated[Positive, Unit("s")] = Field(0.01, description="realtime: simulated time of the retract")
+    fast_codec: bool = Field(True, description="read and write messages in place; false: by rclpy, same bytes")
+
+
+class Process(Group):
+    """What a node asks of the operating system for its control loop. What is not granted costs a warning."""
+
+    fifo_priority: Annotated[int, Ge(0), Lt(100)] = Field(
+        0, description="priority of the control loop's thread under SCHED_FIFO; 0: ordinary scheduling"
+    )
+    cpu: Annotated[int, Ge(-1), Lt(4096)] = Field(
+        -1, description="processor to which the control loop's thread is bound; -1: any"
+    )
+    lock_memory: bool = Field(False, description="keep all memory of the process from being paged out")
+
+
+class SimParameters(InstrumentParameters):
+    """The instrument and how it runs: all parameters of the simulator."""
+
+    run: Run = Run()
+    process: Process = Process()
+
+    @property
+    def total_ticks(self) -> int:
+        """Control ticks of the whole run; 0: endless."""
+        # The last tick covers the end of the duration; round-off must not add one.
+        return math.ceil(self.run.duration / self.plant.control_period - 1e-6) if self.run.duration > 0.0 else 0
