@@ -1,0 +1,189 @@
+"""Running a node as a process: start, loop, clean end."""
+
+import gc
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from afm_model.errors import ParameterError
+from afm_model.parameters import Group, Process, specifications
+
+from . import scheduling
+from .direct import Waiting
+from .shared_memory import left_tidy
+
+SERVE_PERIOD = 0.02
+"""Wall time between two looks at timers, parameters and services while the loop is busy [s]."""
+
+
+@runtime_checkable
+class Looping(Protocol):
+    """A node with a loop of its own, beside what its executor serves."""
+
+    def step(self) -> bool:
+        """Do what can be done without waiting; False if there was nothing to do."""
+        ...
+
+    def wait(self, timeout: float) -> None:
+        """Sleep until there may be something to do, or for `timeout` seconds of wall time."""
+        ...
+
+    def look_after(self) -> None:
+        """Do a little of what has to be done now and then; called every SERVE_PERIOD."""
+        ...
+
+
+@runtime_checkable
+class Finishing(Protocol):
+    """A node that has to put something in order before it ends."""
+
+    def finish(self, spin_once: Callable[[float], None]) -> None:
+        """Called once, with the context still valid; `spin_once(timeout)` serves one callback."""
+        ...
+
+
+@runtime_checkable
+class Scheduled(Protocol):
+    """A node whose loop asks something of the operating system."""
+
+    process: Process
+
+
+@runtime_checkable
+class Accountable(Protocol):
+    """A node that may end in failure although nothing was raised."""
+
+    exit_code: int
+
+
+class Stop:
+    """Turns SIGINT and SIGTERM into a flag, so that the loop ends between two steps and never in the middle."""
+
+    SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+    def __init__(self) -> None:
+        self.requested = False
+        for number in self.SIGNALS:
+            signal.signal(number, self._request)
+
+    def _request(self, number: int, frame: object) -> None:
+        self.requested = True
+
+
+def usage(name: str, model: type[Group]) -> str:
+    """The text of `--help`: every parameter with default, unit, description and what is allowed."""
+    lines = [f"usage: {name} [--ros-args -p NAME:=VALUE ... --params-file FILE]", "", "parameters:"]
+    for spec in specifications(model):
+        unit = "" if spec.unit == "1" else f" {spec.unit}"
+        lines.append(f"  {spec.name} := {spec.default}{unit}")
+        lines.append(f"      {spec.description} ({spec.allowed})")
+    return "\n".join(lines)
+
+
+def run(make_node: Callable[[], Node], model: type[Group], args: Sequence[str] | None = None) -> int:
+    """Run one node until SIGINT or SIGTERM; see `run_together`."""
+    return run_together([(make_node, model)], args)
+
+
+def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: Sequence[str] | None = None) -> int:
+    """Run nodes in this process and thread until SIGINT or SIGTERM.
+
+    Parameters
+    ----------
+    nodes : sequence of (callable, type[Group])
+        What makes each node, called after rclpy is ready, and the node's parameters, for `--help`.
+    args : sequence of str, optional
+        Command line; `sys.argv` if not given.
+
+    Returns
+    -------
+    int
+        Exit code: 0 after a clean end, that of the node that failed, 2 if the command line or a parameter was refused.
+    """
+    arguments = sys.argv[1:] if args is None else list(args)
+    if "--help" in arguments or "-h" in arguments:
+        print("\n\n".join(usage(Path(sys.argv[0]).stem, model) for _, model in nodes))
+        return 0
+    stop = Stop()
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except (RuntimeError, ValueError) as error:
+        # A parameter file that does not exist, a rule that cannot be parsed: rcl tells it in its first line.
+        print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
+        return 2
+    # remove_ros_args takes the first for the name of the program.
+    _, *unknown = remove_ros_args(["", *arguments])
+    if unknown:
+        print(f"error: unknown argument {unknown[0]}: parameters go behind --ros-args, see --help", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    made: list[Node] = []
+    try:
+        executor = SingleThreadedExecutor()
+        for make_node, _ in nodes:
+            made.append(make_node())
+            executor.add_node(made[-1])
+
+        def spin_once(timeout: float) -> None:
+            executor.spin_once(timeout_sec=timeout)
+
+        # Collect once now and keep what exists out of every later collection: the loop makes next to no garbage.
+        gc.collect()
+        gc.freeze()
+        for node in made:
+            if isinstance(node, Scheduled):
+                scheduling.apply(node.process, node.get_logger().warning)
+        _loop([node for node in made if isinstance(node, Looping)], spin_once, stop)
+        for node in made:
+            if isinstance(node, Finishing):
+                node.finish(spin_once)
+        return max(node.exit_code if isinstance(node, Accountable) else 0 for node in made)
+    except ParameterError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except ExternalShutdownException:
+        return 0
+    finally:
+        with left_tidy():
+            for node in made:
+                node.destroy_node()
+            rclpy.try_shutdown()
+        # While Python itself ends, a second signal would find its default action: to kill.
+        for number in Stop.SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
+
+def _loop(nodes: Sequence[Looping], spin_once: Callable[[float], None], stop: Stop) -> None:
+    """Step as fast as there is something to do; look after the rest every SERVE_PERIOD."""
+    if not nodes:
+        while not stop.requested:
+            spin_once(0.1)
+        return
+    anything = Waiting(nodes)
+    # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
+    patience = SERVE_PERIOD if len(nodes) == 1 else 0.001
+    serve_at = 0.0
+    while not stop.requested:
+        busy = False
+        for node in nodes:
+            if node.step():
+                busy = True
+        if not busy:
+            nodes[0].wait(patience)
+        now = time.monotonic()
+        # Right after a tick there is time for it, right before the next one there may not be.
+        if now >= serve_at and (busy or now >= serve_at + SERVE_PERIOD):
+            for node in nodes:
+                node.look_after()
+            if anything():
+                spin_once(0.0)
+            serve_at = now + SERVE_PERIOD

@@ -1,0 +1,40 @@
+"""What the operating system grants a control loop: exact timers, priority, a processor, memory that stays."""
+
+import ctypes
+import os
+import resource
+from collections.abc import Callable
+
+from afm_model.parameters import Process
+
+_PR_SET_TIMERSLACK = 29
+_MCL_CURRENT, _MCL_FUTURE = 1, 2
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+def apply(process: Process, warn: Callable[[str], object]) -> None:
+    """Ask for what `process` wants, for the calling thread; what is refused is told to `warn`, and life goes on.
+
+    Call it when all other threads exist: those started later would inherit the priority.
+    """
+    # By default the kernel may wake a sleeper 50 us late, to wake several at once.
+    _libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    if process.lock_memory:
+        # A limit would later make ordinary allocations fail.
+        limited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY and os.geteuid() != 0
+        if limited or _libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
+            warn("process.lock_memory: memory cannot be locked here (allow it: ulimit -l unlimited); going on without")
+    if process.cpu >= 0:
+        try:
+            os.sched_setaffinity(0, {process.cpu})
+        except OSError:
+            there = ", ".join(map(str, sorted(os.sched_getaffinity(0))))
+            warn(f"process.cpu = {process.cpu} cannot be had: there are {there}; going on without")
+    if process.fifo_priority > 0:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(process.fifo_priority))
+        except OSError:
+            warn(
+                f"process.fifo_priority = {process.fifo_priority} is not permitted "
+                "(allow it: ulimit -r 99, or CAP_SYS_NICE); going on without"
+            )

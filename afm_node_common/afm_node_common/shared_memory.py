@@ -1,0 +1,81 @@
+"""Shared memory of the middleware: what a process uses of it, and removing what nobody uses any more.
+
+Fast DDS removes its files when their last user ends. It does not when a user was killed, nor when its watchdog has
+called a port unhealthy, which takes a machine that stands still for a second. What is left then breaks or delays later
+starts, until somebody removes it by hand.
+"""
+
+import fcntl
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+File = tuple[str, int]
+"""Path and inode: a file that was removed and made again is another one."""
+
+_MAPPED = re.compile(r" (\d+) +(/dev/shm/fast(?:dds|rtps)_\w+)$", re.MULTILINE)
+_LOCKS = ("_el", "_sl")
+"""Endings of the lock files beside a file: of its one owner, of its readers."""
+
+
+def used_by(pid: int | str) -> set[File]:
+    """Files that a process has mapped; none if it has ended or belongs to somebody else."""
+    try:
+        maps = Path(f"/proc/{pid}/maps").read_text()
+    except OSError:
+        return set()
+    return {(path, int(inode)) for inode, path in _MAPPED.findall(maps)}
+
+
+def unused(files: set[File]) -> set[File]:
+    """Those of `files` that still exist and that no other process has mapped or locked."""
+    left = {file for file in files if _exists(file)}
+    for pid in os.listdir("/proc") if left else ():
+        if pid.isdigit() and int(pid) != os.getpid():
+            left -= used_by(pid)
+    return {file for file in left if not any(_locked(file[0] + ending) for ending in _LOCKS)}
+
+
+def remove_unused(files: set[File]) -> None:
+    """Remove those of `files` that nobody uses any more, with their lock files.
+
+    Call it after this process has closed its own: what it still has mapped counts as unused.
+    """
+    for path, _ in unused(files):
+        # The mutex of a port has a file of its own, mapped only while the port is being opened.
+        mutex = path.replace("/dev/shm/", "/dev/shm/sem.") + "_mutex"
+        for name in (path, mutex, *(path + ending for ending in _LOCKS)):
+            with suppress(OSError):
+                os.unlink(name)
+
+
+@contextmanager
+def left_tidy() -> Iterator[None]:
+    """Around the end of this process's nodes and context: what they used and nobody uses afterwards is removed."""
+    files = used_by(os.getpid())
+    yield
+    remove_unused(files)
+
+
+def _exists(file: File) -> bool:
+    try:
+        return os.stat(file[0]).st_ino == file[1]
+    except OSError:
+        return False
+
+
+def _locked(path: str) -> bool:
+    """Whether a living process, in whatever container, holds this lock file."""
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    finally:
+        os.close(handle)
+    return False
