@@ -1,0 +1,68 @@
+"""The controller node: answers every measurement with a piezo drive, by one of the paper's laws."""
+
+import numpy as np
+from afm_msgs.msg import Measurement, PiezoDrive
+from rclpy.node import Node
+
+from afm_model import Controller, ControllerParameters, signals
+from afm_node_common import runner, topics
+from afm_node_common.codec import drive_codec, measurement_codec
+from afm_node_common.direct import Inbox, Outbox
+from afm_node_common.parameters import declare
+
+TUNABLE = ("law.",)
+"""What may change while the controller runs: the law and its gains."""
+
+
+class ControllerNode(Node):
+    """A control law on topics. `step` and `wait` are called by `afm_node_common.runner`."""
+
+    def __init__(self) -> None:
+        super().__init__("afm_controller_node", namespace=topics.NAMESPACE)
+        parameters = declare(self, ControllerParameters, tunable=TUNABLE, on_change=self._on_change)
+        self.process = parameters.process
+        self._controller = Controller(parameters)
+        # Compile or load the law before any measurement can come.
+        self._controller.answer(np.zeros(signals.MEASUREMENT_SIZE))
+        self._decode = measurement_codec().decode
+        self._encode = drive_codec().encode
+        self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
+        self._outbox = Outbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
+        self._take, self._publish = self._inbox.take, self._outbox.publish
+        self._log_law(parameters)
+
+    def step(self) -> bool:
+        """Answer one measurement if there is one."""
+        taken = self._take()
+        if taken is None:
+            return False
+        sequence, stamp_ns, measurement = self._decode(taken[0])
+        self._publish(self._encode(sequence, stamp_ns, self._controller.answer(measurement)))
+        return True
+
+    def wait(self, timeout: float) -> None:
+        """Sleep until a measurement may be there, or for `timeout` seconds of wall time."""
+        self._inbox.wait(timeout)
+
+    def look_after(self) -> None:
+        """Nothing to do now and then."""
+
+    def destroy_node(self) -> None:
+        """End the node."""
+        self._inbox.close()
+        self._outbox.close()
+        super().destroy_node()
+
+    def _on_change(self, parameters: ControllerParameters) -> None:
+        self._controller.parameters = parameters
+        self._log_law(parameters)
+
+    def _log_law(self, parameters: ControllerParameters) -> None:
+        law = parameters.law
+        gains = f", alpha = {law.alpha:g}, alpha_z = {law.alpha_z:g}" if law.kind == "tanh" else ""
+        self.get_logger().info(f"law: {law.kind}{gains}")
+
+
+def main() -> int:
+    """Entry point of `ros2 run afm_controller_node afm_controller_node`."""
+    return runner.run(ControllerNode, ControllerParameters)
