@@ -1,0 +1,100 @@
+"""Sorts the blocks of several streams into runs, and counts what is missing. Needs no ROS."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+HOLD_LIMIT = 500
+"""Blocks held back at most, some 15 MB: memory stays flat even if what they wait for never comes."""
+
+
+@dataclass
+class Stream:
+    """What the present run has brought on one topic: values received, and values missing between them."""
+
+    received: int = 0
+    lost: int = 0
+    expected: int | None = None
+    begin: int = 0  # number of the first value
+    restarted: bool = False
+
+
+@dataclass(frozen=True)
+class _Block:
+    stream: str
+    first: int
+    count: int
+    write: Callable[[], None]
+
+
+class Intake:
+    """Blocks in; each is written once, in order, in the run that it belongs to.
+
+    A run ends when a stream begins again at a lower number: the instrument has been reset. Topics do not arrive in
+    step, so blocks of the next run are held back until every stream that there has been has begun again.
+
+    Parameters
+    ----------
+    streams : names of the streams
+    new_run : called between the last block of a run and the first one of the next
+    """
+
+    def __init__(self, streams: Iterable[str], new_run: Callable[[], None]) -> None:
+        self.streams = {name: Stream() for name in streams}
+        self._new_run = new_run
+        self._held: list[_Block] = []
+        self._seen: set[str] = set()
+        self._open = False
+
+    @property
+    def begun(self) -> bool:
+        """Whether anything has come in the present run."""
+        return bool(self._held) or any(stream.expected is not None for stream in self.streams.values())
+
+    def put(self, stream: str, first: int, count: int, write: Callable[[], None]) -> None:
+        """Take a block: `count` values from number `first` on, written by `write` now or later."""
+        block = _Block(stream, first, count, write)
+        if self._open:
+            self._sort(block)
+        else:
+            self._held.append(block)
+            if len(self._held) > HOLD_LIMIT:
+                self.open()
+
+    def open(self) -> None:
+        """Write what has been put up to now, and from now on at once. Until then everything is held back."""
+        self._open = True
+        self._sort_held()
+
+    def finish(self) -> None:
+        """Write everything that is still held back."""
+        self.open()
+        while self._held:
+            self._begin_run()
+
+    def _sort(self, block: _Block) -> None:
+        stream = self.streams[block.stream]
+        if stream.expected is not None and block.first < stream.expected:
+            stream.restarted = True
+        if not stream.restarted:
+            if stream.expected is None:
+                stream.begin = block.first
+            else:
+                stream.lost += block.first - stream.expected
+            stream.received += block.count
+            stream.expected = block.first + block.count
+            self._seen.add(block.stream)
+            block.write()
+            return
+        self._held.append(block)
+        if all(self.streams[name].restarted for name in self._seen) or len(self._held) > HOLD_LIMIT:
+            self._begin_run()
+
+    def _begin_run(self) -> None:
+        self._new_run()
+        self.streams = {name: Stream() for name in self.streams}
+        self._sort_held()
+
+    def _sort_held(self) -> None:
+        held, self._held = self._held, []
+        for block in held:
+            self._sort(block)

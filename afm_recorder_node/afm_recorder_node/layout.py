@@ -1,0 +1,127 @@
+"""What stands where in a recording: entities, units on the plots, and the arrangement of the viewer.
+
+Recordings are made to be looked at, and rerun plots the numbers as they are logged. They are therefore logged in nm, nN
+and us, with the unit in the name of the series; `afm_recorder_node.reader` gives SI units back.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+APPLICATION = "afm"
+TIMELINE = "sim_time"
+"""Simulated time, a duration since the start of the run."""
+SCALARS = "Scalars:scalars"
+EVENTS = "/events"
+PARAMETERS = "/parameters"
+"""Text of all parameters as they were first seen (YAML); below it one entity for each number that has changed."""
+
+# x red, y green, z blue; pale for the reference.
+_COLORS = ((214, 69, 65), (60, 150, 80), (58, 110, 200))
+_PALE = ((240, 160, 155), (150, 205, 160), (155, 185, 235))
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One entity with one or three numbers a row.
+
+    A row holds `factor` times the SI value, which makes it a value in `unit`.
+    """
+
+    entity: str
+    unit: str
+    factor: float
+    axes: tuple[str, ...] = ()
+    colors: tuple[tuple[int, int, int], ...] = (_COLORS[2],)
+
+    @property
+    def width(self) -> int:
+        """Numbers in a row."""
+        return max(len(self.axes), 1)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the series, with the unit."""
+        title = self.entity.rpartition("/")[2]
+        return [f"{title} {axis} [{self.unit}]" for axis in self.axes] or [f"{title} [{self.unit}]"]
+
+
+def _vector(
+    entity: str, unit: str, factor: float, z: str = "z", colors: tuple[tuple[int, int, int], ...] = _COLORS
+) -> Signal:
+    return Signal(entity, unit, factor, ("x", "y", z), colors)
+
+
+DEFLECTION = Signal("/deflection", "nm", 1e9)
+LATERAL_FORCE = Signal("/lateral_force", "nN", 1e9, colors=(_COLORS[0],))
+LATERAL_FORCE_Y = Signal("/truth/lateral_force_y", "nN", 1e9, colors=(_COLORS[1],))
+NORMAL_FORCE = Signal("/truth/normal_force", "nN", 1e9)
+CHANNELS = (DEFLECTION, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE)
+"""Sampled at the full rate of the virtual ADC."""
+
+POSITION = _vector("/position", "nm", 1e9, "z of the sample")
+REFERENCE = _vector("/reference", "nm", 1e9, "z of the tip", _PALE)
+ERROR = _vector("/error", "nm", 1e9, "z of the tip")
+DRIVE = _vector("/drive", "V", 1.0)
+ROUND_TRIP = Signal("/round_trip", "us", 1e6)
+TICKS = (POSITION, REFERENCE, ERROR, DRIVE, ROUND_TRIP)
+"""One row for each control tick."""
+
+
+def instants(first: int, count: int, period: float) -> NDArray[np.int64]:
+    """Simulated time [ns] of `count` samples from number `first` on.
+
+    Computed from the number of each sample, so that blocks join without a gap and nothing drifts.
+
+    Parameters
+    ----------
+    first, count : int
+        Number of the first sample since the start of the run; how many.
+    period : float [s]
+
+    Returns
+    -------
+    ndarray (count,) [ns]
+    """
+    index = np.arange(first, first + count, dtype=np.int64)
+    period_ns = period * 1e9
+    whole = round(period_ns)
+    # 2e-6 * 1e9 is 2000.0000000000002: whole nanoseconds are counted in integers, exact at any time.
+    if abs(period_ns - whole) <= 1e-12 * period_ns:
+        return index * whole
+    return np.rint(index * period_ns).astype(np.int64)
+
+
+def blueprint() -> rrb.Blueprint:
+    """The arrangement of the viewer: signals in plots over simulated time, events and parameters below."""
+
+    def plot(name: str, *signals: Signal) -> rrb.TimeSeriesView:
+        return rrb.TimeSeriesView(name=name, origin="/", contents=[signal.entity for signal in signals])
+
+    return rrb.Blueprint(
+        rrb.Vertical(
+            rrb.Grid(
+                plot("Deflection", DEFLECTION),
+                plot("Position and reference", POSITION, REFERENCE),
+                plot("Lateral force", LATERAL_FORCE, LATERAL_FORCE_Y),
+                plot("Tracking error", ERROR),
+                plot("Normal force", NORMAL_FORCE),
+                plot("Drive", DRIVE),
+                grid_columns=2,
+            ),
+            rrb.Tabs(
+                rrb.TextLogView(name="Events", origin=EVENTS),
+                rrb.TextDocumentView(name="Parameters", origin=PARAMETERS),
+                rrb.TimeSeriesView(name="Changed parameters", origin="/", contents=[f"{PARAMETERS}/**"]),
+                plot("Round trip", ROUND_TRIP),
+                active_tab="Events",
+            ),
+            row_shares=[4, 1],
+        ),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        auto_views=False,
+    )

@@ -1,0 +1,158 @@
+"""The recorder as a ROS node: it listens to the instrument and hands what it hears to `Recorder`."""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from afm_msgs.msg import ControlTrace, InstrumentStatus, RecorderStatus, Waveform
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.time import Time
+from std_msgs.msg import Header
+
+from afm_node_common import topics
+from afm_node_common.parameters import declare
+from afm_node_common.runner import run
+
+from . import layout
+from .layout import Signal
+from .parameters import RecorderParameters
+from .recorder import Counts, Recorder
+from .watch import ParameterWatch, full_name
+from .writer import Level
+
+_PERIOD = 0.2
+"""Wall time between two looks at the other nodes, status messages and updates of a live viewer [s]."""
+_SETTLE, _DRAIN_LIMIT = 0.5, 10.0
+"""At the end, wait so long for last blocks of an instrument that ends too; and so long for what it has published but is
+not here. The middleware may take more than its heartbeat of 3 s to repeat what was lost on the way [s]."""
+
+_CHANNELS = {
+    topics.DEFLECTION: layout.DEFLECTION,
+    topics.LATERAL_FORCE: layout.LATERAL_FORCE,
+    topics.TRUTH_LATERAL_FORCE_Y: layout.LATERAL_FORCE_Y,
+    topics.TRUTH_NORMAL_FORCE: layout.NORMAL_FORCE,
+}
+_STATES = {
+    getattr(InstrumentStatus, name): name
+    for name in ("WAITING", "RUNNING", "PAUSED", "STALLED", "RETRACTED", "FINISHED", "FAULT")
+}
+_LEVELS: dict[str, Level] = {"STALLED": "WARN", "RETRACTED": "WARN", "FAULT": "ERROR"}
+_ENDED = (InstrumentStatus.FINISHED, InstrumentStatus.FAULT)
+
+
+class RecorderNode(Node):
+    """Records waveforms, control trace, status, and the parameters of the nodes in its namespace.
+
+    Parameters
+    ----------
+    kwargs : arguments of `rclpy.node.Node`
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is refused, there cannot be a file at the path, or no server at the port.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__("afm_recorder_node", **({"namespace": topics.NAMESPACE} | kwargs))
+        self.recorder = Recorder(declare(self, RecorderParameters), self.get_logger())
+        self._status = InstrumentStatus()
+        self._ready = False
+        self._told: tuple[Counts, bool] | None = None
+        self._watch = ParameterWatch(self, self._on_known, self._on_changed)
+        self._publisher = self.create_publisher(RecorderStatus, topics.RECORDER_STATUS, topics.LATCHED_QOS)
+        self._streams = [
+            self.create_subscription(Waveform, topic, self._on_waveform(signal), topics.STREAM_QOS)
+            for topic, signal in _CHANNELS.items()
+        ]
+        trace = self.create_subscription(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
+        self._streams.append(trace)
+        self.create_subscription(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        self.create_timer(_PERIOD, self._look)
+
+    def finish(self, spin_once: Callable[[float], None]) -> None:
+        """Take what is still under way, then close the recording."""
+        begin = now = time.monotonic()
+        while now < begin + _DRAIN_LIMIT:
+            ended = self._status.state in _ENDED or now >= begin + _SETTLE
+            if ended and self.recorder.has(self._status.ticks, self._status.samples):
+                break
+            spin_once(0.05)
+            now = time.monotonic()
+        try:
+            self.recorder.close()
+        except OSError as error:
+            raise SystemExit(f"error: {error}") from None
+        self._publish()
+
+    def _on_waveform(self, signal: Signal) -> Callable[[Waveform], None]:
+        def take(message: Waveform) -> None:
+            samples = np.frombuffer(message.samples)
+            self.recorder.channel(signal, message.first_sample, message.sample_period, samples, message.scale)
+
+        return take
+
+    def _on_trace(self, message: ControlTrace) -> None:
+        columns: dict[str, NDArray[Any]] = {
+            "position": _rows(message.position),
+            "reference": _rows(message.reference_position),
+            "deflection": np.frombuffer(message.deflection),
+            "drive": _rows(message.drive),
+            "round_trip": np.frombuffer(message.round_trip, np.float32),
+        }
+        self.recorder.control(message.first_sequence, message.control_period, _nanoseconds(message.header), columns)
+
+    def _on_status(self, message: InstrumentStatus) -> None:
+        self._status = message
+        state = _STATES.get(message.state, f"state {message.state}")
+        text = f"{state}: {message.detail}" if message.detail else state
+        self.recorder.state(_nanoseconds(message.header), message.ticks, text, _LEVELS.get(state, "INFO"))
+
+    def _on_known(self, node: str, values: dict[str, Any]) -> None:
+        self.recorder.parameters(self._short(node), values)
+
+    def _on_changed(self, node: str, name: str, old: object, new: object) -> None:
+        self.recorder.parameter_change(self._short(node), name, old, new)
+
+    def _look(self) -> None:
+        instruments = [
+            full_name(info.node_name, info.node_namespace)
+            for info in self.get_publishers_info_by_topic(self.resolve_topic_name(topics.CONTROL_TRACE))
+        ]
+        parties = {self._status.controller, *instruments}
+        self._watch.look(parties)
+        heard = all(stream.get_publisher_count() > 0 for stream in self._streams)
+        self._ready = heard and bool(self._status.controller) and self._watch.settled(parties)
+        for name in instruments:
+            if name in self._watch.values:
+                self.recorder.cantilever_height(float(self._watch.values[name].get("cantilever.a", 0.0)))
+        self.recorder.update_viewer()
+        self._publish()
+
+    def _publish(self) -> None:
+        counts = self.recorder.counts()
+        if (counts, self._ready) != self._told:
+            self._told = (counts, self._ready)
+            stamp = Time(nanoseconds=self.recorder.time_ns).to_msg()
+            header = Header(stamp=stamp, frame_id=topics.FRAME)
+            self._publisher.publish(RecorderStatus(header=header, ready=self._ready, **asdict(counts)))
+
+    def _short(self, node: str) -> str:
+        """Name of a node within the namespace; nodes of other namespaces keep their full name."""
+        return node.removeprefix(f"{self.get_namespace().rstrip('/')}/")
+
+
+def _rows(values: Any) -> NDArray[np.float64]:
+    return np.frombuffer(values).reshape(-1, 3)
+
+
+def _nanoseconds(header: Header) -> int:
+    return int(Time.from_msg(header.stamp).nanoseconds)
+
+
+def main() -> int:
+    """Entry point."""
+    return run(RecorderNode, RecorderParameters)

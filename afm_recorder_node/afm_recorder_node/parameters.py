@@ -1,0 +1,25 @@
+"""Parameters of the recorder."""
+
+from typing import Annotated
+
+from annotated_types import Ge, Lt
+from pydantic import Field
+
+from afm_model.parameters import Group
+
+
+class RecorderParameters(Group):
+    """Where a recording goes."""
+
+    path: str = Field(
+        "recording.rrd",
+        description="file of the recording, written when the recorder ends; after a reset of the instrument a new one "
+        "begins, recording-2.rrd. A file of that name is replaced",
+    )
+    live_port: Annotated[int, Ge(0), Lt(65536)] = Field(
+        0,
+        description="port of a server for live viewers, started as `rerun --connect <port>`; 0: none",
+    )
+    live_address: str = Field(
+        "127.0.0.1", description="address on which viewers are accepted; 0.0.0.0: from anywhere, as out of a container"
+    )

@@ -1,0 +1,185 @@
+"""Reads a recording back as arrays in SI units. Needs no ROS and no viewer.
+
+A recording holds nm, nN and us (see `afm_recorder_node.layout`); here they become m, N and s again, to within the
+round-off of one multiplication. Times are whole nanoseconds in the file.
+"""
+
+import json
+import os
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import yaml
+from numpy.typing import NDArray
+from rerun.chunk import RrdReader
+
+from . import layout
+from .layout import Signal
+
+_Array = NDArray[np.float64]
+_Batches = dict[str, list[pa.RecordBatch]]
+Value = bool | int | float | str | list[bool] | list[int] | list[float] | list[str]
+
+
+class RecordingError(ValueError):
+    """A file that is no readable recording; the message names it and says why."""
+
+
+@dataclass(frozen=True)
+class ParameterChange:
+    """A parameter that changed during the run."""
+
+    time: float  # simulated [s]
+    node: str
+    name: str
+    old: Value
+    new: Value
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A run. n control ticks and m detector samples, sorted by time; NaN where a signal has a gap.
+
+    Quantities are in SI units: s, m, N, V.
+    """
+
+    time_ticks: _Array  # (n,) simulated time
+    position: _Array  # (n, 3) scanner
+    reference: _Array  # (n, 3) x, y of the scanner, z of the tip
+    error: _Array  # (n, 3) x, y of the scanner, z of the tip
+    drive: _Array  # (n, 3) [V]
+    round_trip: _Array  # (n,) wall time from a measurement to its drive
+    time_samples: _Array  # (m,) simulated time
+    deflection: _Array  # (m,)
+    lateral_force: _Array  # (m,) along x
+    lateral_force_y: _Array  # (m,)
+    normal_force: _Array  # (m,)
+    deflection_scale: float  # [m/V] deflection over the photodetector's voltage; NaN: not recorded
+    lateral_scale: float  # [N/V]
+    parameters: dict[str, dict[str, Value]]  # node, name: value when first seen
+    parameter_changes: list[ParameterChange]
+    events: list[tuple[float, str]]  # simulated time, text; changes of parameters too
+
+
+def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording:
+    """Read the recording at `path`.
+
+    Parameters
+    ----------
+    path : path
+    every : int
+        Keep one in so many ticks and samples, where all of a long run is more than memory holds.
+
+    Raises
+    ------
+    RecordingError
+        If there is no file, or it is no recording of this microscope, or it breaks off in the middle.
+    """
+    batches = _read(path, every)
+    time_ticks, ticks = _aligned(batches, layout.TICKS)
+    time_samples, channels = _aligned(batches, layout.CHANNELS)
+    events, changes = _events(batches[layout.EVENTS])
+    text = _static(batches[layout.PARAMETERS], "TextDocument:text")
+    tree = yaml.safe_load(str(text)) if text is not None else {}
+    return Recording(
+        time_ticks=time_ticks,
+        position=ticks[layout.POSITION.entity],
+        reference=ticks[layout.REFERENCE.entity],
+        error=ticks[layout.ERROR.entity],
+        drive=ticks[layout.DRIVE.entity],
+        round_trip=ticks[layout.ROUND_TRIP.entity],
+        time_samples=time_samples,
+        deflection=channels[layout.DEFLECTION.entity],
+        lateral_force=channels[layout.LATERAL_FORCE.entity],
+        lateral_force_y=channels[layout.LATERAL_FORCE_Y.entity],
+        normal_force=channels[layout.NORMAL_FORCE.entity],
+        deflection_scale=_scale(batches[layout.DEFLECTION.entity]),
+        lateral_scale=_scale(batches[layout.LATERAL_FORCE.entity]),
+        parameters={node: known["ros__parameters"] for node, known in tree.items()},
+        parameter_changes=changes,
+        events=events,
+    )
+
+
+def _read(path: str | os.PathLike[str], every: int) -> _Batches:
+    """All chunks of the recording, by entity; of the signals one row in `every`."""
+    signals = {signal.entity for signal in (*layout.CHANNELS, *layout.TICKS)}
+    batches: _Batches = defaultdict(list)
+    try:
+        reader = RrdReader(Path(path))
+        stores = reader.recordings()
+        if not stores or stores[0].application_id != layout.APPLICATION:
+            raise RecordingError(f"{os.fspath(path)} is no recording of this microscope")
+        for chunk in reader.stream(store=stores[0]):
+            batch = chunk.to_record_batch()
+            if every > 1 and chunk.entity_path in signals:
+                # All signals of a kind are cut into chunks at the same times, so that they keep the same ones.
+                batch = batch.take(pa.array(range(0, batch.num_rows, every)))
+            batches[chunk.entity_path].append(batch)
+    except RecordingError:
+        raise
+    # What rerun raises for a file that it cannot read.
+    except (RuntimeError, ValueError, OSError) as error:
+        raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
+    return batches
+
+
+def _rows(batches: list[pa.RecordBatch], signal: Signal) -> tuple[NDArray[np.int64], _Array]:
+    """Times [ns] and values in SI units of one signal, sorted by time."""
+    times, values = [np.empty(0, np.int64)], [np.empty(0)]
+    for batch in batches:
+        if layout.SCALARS in batch.schema.names and layout.TIMELINE in batch.schema.names:
+            times.append(batch.column(layout.TIMELINE).cast(pa.int64()).to_numpy())
+            values.append(batch.column(layout.SCALARS).flatten().to_numpy())
+    t = np.concatenate(times)
+    v = np.concatenate(values) / signal.factor
+    if signal.axes:
+        v = v.reshape(-1, signal.width)
+    if len(t) != len(v):
+        raise RecordingError(f"{signal.entity} has rows that do not hold {signal.width} numbers")
+    if np.any(np.diff(t) < 0):
+        order = np.argsort(t, kind="stable")
+        t, v = t[order], v[order]
+    return t, v
+
+
+def _aligned(batches: _Batches, signals: tuple[Signal, ...]) -> tuple[_Array, dict[str, _Array]]:
+    """Signals by entity, on one common time axis [s]; NaN where a signal lacks a time that another one has."""
+    rows = {signal.entity: _rows(batches[signal.entity], signal) for signal in signals}
+    union = rows[signals[0].entity][0]
+    if not all(np.array_equal(union, times) for times, _ in rows.values()):
+        union = np.unique(np.concatenate([times for times, _ in rows.values()]))
+    columns = {}
+    for entity, (times, values) in rows.items():
+        if len(times) < len(union):
+            column = np.full((len(union), *values.shape[1:]), np.nan)
+            column[np.searchsorted(union, times)] = values
+            values = column
+        columns[entity] = values
+    return union / 1e9, columns
+
+
+def _events(batches: list[pa.RecordBatch]) -> tuple[list[tuple[float, str]], list[ParameterChange]]:
+    events, changes = [], []
+    for batch in batches:
+        times = batch.column(layout.TIMELINE).cast(pa.int64()).to_pylist()
+        texts = batch.column("TextLog:text").to_pylist()
+        for time_ns, text, change in zip(times, texts, batch.column("change").to_pylist(), strict=True):
+            events.append((time_ns / 1e9, text[0]))
+            if change and change[0]:
+                changes.append(ParameterChange(time=time_ns / 1e9, **json.loads(change[0])))
+    return sorted(events, key=lambda event: event[0]), sorted(changes, key=lambda change: change.time)
+
+
+def _static(batches: list[pa.RecordBatch], component: str) -> object:
+    """The last value of a component that has no time; None if there is none."""
+    found = [batch.column(component).to_pylist()[-1] for batch in batches if component in batch.schema.names]
+    return found[-1][0] if found and found[-1] else None
+
+
+def _scale(batches: list[pa.RecordBatch]) -> float:
+    value = _static(batches, "scale")
+    return float(value) if isinstance(value, int | float) else float("nan")

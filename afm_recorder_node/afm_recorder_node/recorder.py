@@ -1,0 +1,189 @@
+"""One recording for each run of the instrument. Needs no ROS."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from afm_model.errors import ParameterError
+
+from . import layout
+from .intake import Intake
+from .layout import Signal
+from .parameters import RecorderParameters
+from .writer import Level, RecordingWriter
+
+_Array = NDArray[np.float64]
+_CONTROL = "control"
+
+
+class Log(Protocol):
+    """Where the recorder says what a person should know: a logger of rclpy or of Python."""
+
+    def info(self, message: str) -> object: ...
+    def warning(self, message: str) -> object: ...
+    def error(self, message: str) -> object: ...
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What the present run has brought. Fields are named as in afm_msgs/RecorderStatus."""
+
+    path: str
+    ticks: int
+    samples: int
+    ticks_lost: int
+    samples_lost: int
+
+
+class Recorder:
+    """Blocks, states and parameters in; recordings out.
+
+    A reset of the instrument begins a new run at time 0, and with it a new recording: recording-2.rrd.
+
+    Parameters
+    ----------
+    parameters : RecorderParameters
+    log : Log
+
+    Raises
+    ------
+    ParameterError
+        If there cannot be a file at the path, or no server at the port.
+    """
+
+    def __init__(self, parameters: RecorderParameters, log: Log) -> None:
+        self.time_ns = 0
+        """Simulated time last heard of [ns]."""
+        self.known: dict[str, dict[str, object]] = {}
+        """Parameters as they are now: node, name, value."""
+        self._parameters = parameters
+        self._log = log
+        self._run = 1
+        self._writer = self._open()
+        self._intake = Intake((_CONTROL, *(signal.entity for signal in layout.CHANNELS)), self._begin_run)
+        self._height: float | None = None
+        self._ticks = 0
+        self._state: tuple[str, Level] | None = None
+        self._begun = False  # whether blocks had come by the last state
+        self._resetting = False  # the instrument has been reset, but blocks of the run before may still come
+
+    def channel(self, signal: Signal, first: int, period: float, samples: _Array, scale: float) -> None:
+        """A block of a detector channel; see `RecordingWriter.channel`."""
+        self._intake.put(
+            signal.entity, first, len(samples), lambda: self._writer.channel(signal, first, period, samples, scale)
+        )
+
+    def control(self, first: int, period: float, time_ns: int, columns: Mapping[str, NDArray[Any]]) -> None:
+        """A block of control ticks that begins at `time_ns`; `columns` as in `RecordingWriter.control`."""
+
+        def write() -> None:
+            if self._height is None:
+                self._log.warning("cantilever.a of the instrument is not known: errors of the tip assume 0 m")
+                self._height = 0.0
+            self._writer.control(first, period, **columns, cantilever_height=self._height)
+            self.time_ns = max(self.time_ns, time_ns)
+
+        self._intake.put(_CONTROL, first, len(columns["deflection"]), write)
+
+    def cantilever_height(self, height: float) -> None:
+        """Height of the cantilever's rest position [m]. The error of the tip depends on it, so blocks wait for it."""
+        self._height = height
+        self._intake.open()
+
+    def state(self, time_ns: int, ticks: int, text: str, level: Level) -> None:
+        """State of the instrument, after `ticks` control ticks; a change becomes an event."""
+        # A run of which nothing had come by its last status is no run here: the recorder was too late for it.
+        if ticks < self._ticks and self._begun:
+            self._resetting = True
+        self._begun = self._intake.begun
+        news = (text, level) != self._state
+        self.time_ns, self._ticks, self._state = time_ns, ticks, (text, level)
+        if news and not self._resetting:
+            self._writer.event(time_ns, text, level)
+
+    def parameters(self, node: str, values: Mapping[str, object]) -> None:
+        """Parameters of a node that has not been heard of before."""
+        self.known[node] = dict(values)
+        self._writer.parameters(node, values)
+
+    def parameter_change(self, node: str, name: str, old: object, new: object) -> None:
+        """A parameter that has just changed: it is written at the simulated time last heard of."""
+        self.known[node][name] = new
+        # Between two runs it belongs to neither: the next recording begins with the new value.
+        if not self._resetting:
+            self._writer.parameter_change(self.time_ns, node, name, old, new)
+
+    def counts(self) -> Counts:
+        """What the present run has brought up to now."""
+        ticks = self._intake.streams[_CONTROL]
+        channels = [self._intake.streams[signal.entity] for signal in layout.CHANNELS]
+        return Counts(
+            path=str(self._writer.path),
+            ticks=ticks.received,
+            samples=min(channel.received for channel in channels),
+            ticks_lost=ticks.lost,
+            samples_lost=max(channel.lost for channel in channels),
+        )
+
+    def has(self, ticks: int, samples: int) -> bool:
+        """Whether every stream has come up to these numbers of ticks and samples since the start of the run."""
+        ends = {name: stream.expected or 0 for name, stream in self._intake.streams.items()}
+        return ends.pop(_CONTROL) >= ticks and min(ends.values()) >= samples
+
+    def update_viewer(self) -> None:
+        """Send a live viewer what has come since the last time."""
+        if self._parameters.live_port:
+            self._writer.flush()
+
+    def close(self) -> None:
+        """Write what is held back and finish the recording.
+
+        Raises
+        ------
+        OSError
+            If it could not be written completely.
+        """
+        self._intake.finish()
+        self._close()
+
+    def _open(self) -> RecordingWriter:
+        path = Path(self._parameters.path).absolute()
+        if self._run > 1:
+            path = path.with_stem(f"{path.stem}-{self._run}")
+        try:
+            return RecordingWriter(
+                path, live_port=self._parameters.live_port or None, live_address=self._parameters.live_address
+            )
+        except OSError as error:
+            raise ParameterError(f"cannot record to {path}: {error}") from None
+
+    def _close(self) -> None:
+        counts = self.counts()
+        if self._writer.close() is None:
+            self._log.warning("nothing recorded: no block has come from the instrument")
+            return
+        self._log.info(f"recorded {counts.ticks} ticks and {counts.samples} samples a channel in {counts.path}")
+        begin = self._intake.streams[_CONTROL].begin
+        if begin:
+            self._log.warning(f"the recording begins at tick {begin}: the instrument ran before the recorder was there")
+        if counts.ticks_lost or counts.samples_lost:
+            self._log.error(f"{counts.ticks_lost} ticks and {counts.samples_lost} samples a channel are missing in it")
+
+    def _begin_run(self) -> None:
+        try:
+            self._close()
+        except OSError as error:
+            self._log.error(str(error))
+        self._run += 1
+        self._writer = self._open()
+        for node, values in self.known.items():
+            self._writer.parameters(node, values)
+        if self._resetting and self._state is not None:
+            self._writer.event(self.time_ns, *self._state)
+        else:  # the state of the new run is still to come
+            self.time_ns, self._ticks, self._state = 0, 0, None
+        self._resetting = False

@@ -1,0 +1,107 @@
+"""Knows the parameters of other nodes, and hears of their changes."""
+
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.client import Client
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import qos_profile_parameter_events
+from rclpy.task import Future
+
+_ANSWER_TIME = 5.0
+"""Wall time within which a node answers the parameter services, or has none [s]."""
+
+
+def full_name(name: str, namespace: str) -> str:
+    """Full name of a node."""
+    return f"{namespace.rstrip('/')}/{name}"
+
+
+class ParameterWatch:
+    """Parameters of the nodes of one namespace, and of others that are asked for.
+
+    Parameters
+    ----------
+    node : the node that watches; it is not watched itself
+    known : called with a node's full name and its values, once for each node
+    changed : called with a node's full name, the name of a parameter, its old and its new value
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        known: Callable[[str, dict[str, Any]], None],
+        changed: Callable[[str, str, object, object], None],
+    ) -> None:
+        self.values: dict[str, dict[str, Any]] = {}
+        self._node = node
+        self._known = known
+        self._changed = changed
+        self._clients: dict[str, tuple[Client, Client]] = {}
+        self._asked: set[str] = set()
+        self._missed_since: dict[str, float] = {}
+        node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events)
+
+    def look(self, others: Iterable[str] = ()) -> None:
+        """Ask the nodes that are there now and were not at the last look; to be called from time to time.
+
+        Parameters
+        ----------
+        others : full names of nodes outside the namespace
+        """
+        namespace = self._node.get_namespace()
+        there = {full_name(name, at): at for name, at in self._node.get_node_names_and_namespaces()}
+        wanted = {name for name, at in there.items() if at == namespace or name in others}
+        wanted.discard(self._node.get_fully_qualified_name())
+        self._asked &= wanted  # a node that has gone is asked again when it comes back
+        for name in wanted - self._asked:
+            list_names, get_values = self._clients_of(name)
+            if list_names.service_is_ready() and get_values.service_is_ready():
+                self._asked.add(name)
+                listed = list_names.call_async(ListParameters.Request())
+                listed.add_done_callback(lambda future, name=name: self._on_names(name, future))
+
+    def settled(self, names: Iterable[str]) -> bool:
+        """Whether the parameters of these nodes are known; of one that does not answer, whether it had its time."""
+        now = time.monotonic()
+        waits = [now - self._missed_since.setdefault(name, now) for name in names if name not in self.values]
+        return all(wait > _ANSWER_TIME for wait in waits)
+
+    def _clients_of(self, name: str) -> tuple[Client, Client]:
+        if name not in self._clients:
+            self._clients[name] = (
+                self._node.create_client(ListParameters, f"{name}/list_parameters"),
+                self._node.create_client(GetParameters, f"{name}/get_parameters"),
+            )
+        return self._clients[name]
+
+    def _on_names(self, node: str, listed: Future) -> None:
+        names = sorted(listed.result().result.names)
+        values = self._clients[node][1].call_async(GetParameters.Request(names=names))
+        values.add_done_callback(lambda future: self._on_values(node, names, future))
+
+    def _on_values(self, node: str, names: list[str], answered: Future) -> None:
+        values = [parameter_value_to_python(value) for value in answered.result().values]
+        found = {name: value for name, value in zip(names, values, strict=False) if value is not None}
+        if node in self.values:
+            self._take(node, found)
+        else:
+            self.values[node] = found
+            self._known(node, found)
+
+    def _on_event(self, event: ParameterEvent) -> None:
+        if event.node in self.values:
+            parameters = (*event.new_parameters, *event.changed_parameters)
+            self._take(event.node, {p.name: parameter_value_to_python(p.value) for p in parameters})
+
+    def _take(self, node: str, values: dict[str, Any]) -> None:
+        known = self.values[node]
+        for name, new in values.items():
+            old = known.get(name)
+            known[name] = new
+            if old is not None and old != new:
+                self._changed(node, name, old, new)
