@@ -1,0 +1,98 @@
+"""The session's view of the running instrument: status, score, and the start signal."""
+
+import time
+from collections.abc import Callable
+
+import rclpy
+from afm_msgs.msg import InstrumentStatus, RecorderStatus, Score
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
+
+from afm_node_common import topics
+from afm_node_common.shared_memory import left_tidy
+
+
+class Monitor:
+    """A node that watches one instrument. Use as a context manager."""
+
+    def __init__(self) -> None:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node("session", namespace=topics.NAMESPACE)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self.status: InstrumentStatus | None = None
+        self.recorder: RecorderStatus | None = None
+        self.score: Score | None = None
+        subscribe = self._node.create_subscription
+        subscribe(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        subscribe(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
+        subscribe(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
+        self._play = self._node.create_client(Trigger, topics.PLAY)
+
+    def __enter__(self) -> "Monitor":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with left_tidy():
+            self._node.destroy_node()
+            rclpy.try_shutdown()
+
+    def _on_status(self, message: InstrumentStatus) -> None:
+        self.status = message
+
+    def _on_recorder(self, message: RecorderStatus) -> None:
+        self.recorder = message
+
+    def _on_score(self, message: Score) -> None:
+        self.score = message
+
+    def spin_until(self, predicate: Callable[[], bool], timeout: float) -> bool:
+        """Serve callbacks until `predicate` holds; False if it does not within `timeout` seconds of wall time."""
+        limit = time.monotonic() + timeout
+        while not predicate():
+            left = limit - time.monotonic()
+            if left <= 0.0:
+                return False
+            self._executor.spin_once(timeout_sec=min(left, 0.1))
+        return True
+
+    def play(self, timeout: float) -> bool:
+        """Start the run; False if the simulator does not answer within `timeout`."""
+        if not self.spin_until(self._play.service_is_ready, timeout):
+            return False
+        future = self._play.call_async(Trigger.Request())
+        return self.spin_until(future.done, timeout)
+
+    @property
+    def simulators(self) -> int:
+        """How many nodes publish measurements."""
+        return int(self._node.count_publishers(topics.MEASUREMENT))
+
+    @property
+    def controllers(self) -> int:
+        """How many nodes publish drives."""
+        return int(self._node.count_publishers(topics.PIEZO_DRIVE))
+
+    @property
+    def ready(self) -> bool:
+        """Whether simulator, controller and recorder see each other, both ways."""
+        status, recorder = self.status, self.recorder
+        return (
+            status is not None
+            and recorder is not None
+            and bool(status.controller)
+            and status.recorders > 0
+            and recorder.ready
+        )
+
+    @property
+    def missing(self) -> str:
+        """What is not there yet, in words."""
+        status, recorder = self.status, self.recorder
+        if status is None:
+            return "the simulator"
+        if not status.controller:
+            return "a controller (a node that publishes piezo_drive)" + (f"; {status.detail}" if status.detail else "")
+        return "the recorder" if recorder is None or not recorder.ready or not status.recorders else "nothing"

@@ -1,0 +1,31 @@
+"""Build of the ROS package afm_bringup."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "afm_bringup"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", sorted(glob("launch/*.launch.py"))),
+        (f"share/{NAME}/scenarios", sorted(glob("scenarios/*.yaml"))),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="The AFM developers",
+    maintainer_email="afm@example.org",
+    description="Scenarios, launch files and the session runner of the virtual atomic force microscope.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "composed = afm_bringup.__main__:composed",
+            "session = afm_bringup.__main__:session",
+        ]
+    },
+)
