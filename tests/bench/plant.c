@@ -1,0 +1,183 @@
+/* The compliant plant of afm_model/afm_model/plant/compliant.py in C, operation for operation: the floor of `make bench`.
+
+   State, constants and equations have the names and the order of afm_model/plant/state.py and plant/constants.py. */
+
+#include <math.h>
+#include <stdbool.h>
+
+enum { X, V_X, Y, V_Y, Z, V_Z, Q, V_Q, CONTACT, N, F_X, F_Y, F_MAX };
+
+typedef struct {
+    double h, eta_x, eta_y, eta_z, eta_c, xi_x, xi_y, xi_z, xi_c, mu, w, a, beta, k_x, k_y, r, L_s, delta_0, f_s, zeta_n;
+} Constants;
+
+/* (1/6)^(1/3) and its indentation, to the last bit as Python computes them. */
+#define U_FIXED_GRIPS 0.5503212081491045
+#define INDENTATION_FIXED_GRIPS (-0.2751606040745522)
+/* 4^(2/3) */
+#define AREA 2.5198420997897464
+
+static double larger(double a, double b) { return b > a ? b : a; }
+
+/* contact/jkr.py */
+
+static double u_of_indentation(double d)
+{
+    if (d <= INDENTATION_FIXED_GRIPS)
+        return U_FIXED_GRIPS;
+    if (d > 1e4) {
+        double u = sqrt(sqrt(d));
+        for (int i = 0; i < 4; i++)
+            u -= (u * (u * u * u - 2.0 / 3.0) - d) / (4.0 * u * u * u - 2.0 / 3.0);
+        return u;
+    }
+    double discriminant = larger(1.0 / 1296.0 + d * d * d / 27.0, 0.0);
+    double c = pow(1.0 / 36.0 + sqrt(discriminant), 1.0 / 3.0);
+    double m = c - d / (3.0 * c);
+    double root = sqrt(2.0 * m);
+    double u = 0.5 * (root + sqrt(larger(4.0 / (3.0 * root) - 2.0 * m, 0.0)));
+    double slope = 4.0 * u * u * u - 2.0 / 3.0;
+    if (slope > 1e-6)
+        u -= (u * (u * u * u - 2.0 / 3.0) - d) / slope;
+    return u;
+}
+
+static double load_of_u(double u)
+{
+    double u3 = u * u * u;
+    return 4.0 * (u3 * u3 - u3);
+}
+
+static double stiffness_of_u(double u)
+{
+    double u3 = u * u * u;
+    return 18.0 * u * u * (2.0 * u3 - 1.0) / (6.0 * u3 - 1.0);
+}
+
+/* contact/surface.py */
+
+static void surface(double x, double y, double beta, double k_x, double k_y, double *H, double *H_X, double *H_Y)
+{
+    double sin_x = sin(k_x * x), sin_y = sin(k_y * y);
+    *H = beta * sin_x * sin_y;
+    *H_X = beta * k_x * cos(k_x * x) * sin_y;
+    *H_Y = beta * k_y * sin_x * cos(k_y * y);
+}
+
+static double effective_radius_ratio(double H, double k_x, double k_y, double r)
+{
+    return 1.0 / (1.0 + 0.5 * (k_x * k_x + k_y * k_y) * H * r);
+}
+
+/* friction/disc.py */
+
+static bool project_disc(double x, double y, double radius, double *j_x, double *j_y)
+{
+    double size2 = x * x + y * y;
+    *j_x = x;
+    *j_y = y;
+    if (size2 <= radius * radius)
+        return true;
+    double scale = radius / sqrt(size2);
+    *j_x *= scale;
+    *j_y *= scale;
+    return false;
+}
+
+static bool friction_impulse(double p_x, double p_y, double v_x, double v_y, double m_x, double m_y, double radius,
+                             double *j_x, double *j_y)
+{
+    if (project_disc(p_x, p_y, radius, j_x, j_y))
+        return true;
+    double w_x = v_x + (p_x - *j_x) / m_x;
+    double w_y = v_y + (p_y - *j_y) / m_y;
+    double mid2 = w_x * w_x + w_y * w_y;
+    double along = v_x * p_x + v_y * p_y;
+    if (along > 0.0 && mid2 > 16.0 * radius * radius) {
+        double size = sqrt(mid2);
+        if (w_x * p_x + w_y * p_y >= radius * size) {
+            *j_x = w_x * radius / size;
+            *j_y = w_y * radius / size;
+        }
+    }
+    return false;
+}
+
+/* plant/lateral.py */
+
+static void kick_lateral(const double *s, const Constants *p, double u_x, double u_y, double f, double *v_x, double *v_y,
+                         double *f_x, double *f_y)
+{
+    double h = p->h;
+    double d_x = h * p->xi_x * p->eta_x;
+    double d_y = h * p->xi_y * p->eta_y;
+    double p_x = (1.0 - d_x) * s[V_X] + h * (u_x - p->eta_x * p->eta_x * s[X]);
+    double p_y = (1.0 - d_y) * s[V_Y] + h * (u_y - p->eta_y * p->eta_y * s[Y]);
+    double j_x, j_y;
+    bool stick = friction_impulse(p_x, p_y, s[V_X], s[V_Y], 1.0 + d_x, 1.0 + d_y, h * f, &j_x, &j_y);
+    *v_x = stick ? 0.0 : (p_x - j_x) / (1.0 + d_x);
+    *v_y = stick ? 0.0 : (p_y - j_y) / (1.0 + d_y);
+    *f_x = j_x / h;
+    *f_y = j_y / h;
+}
+
+/* plant/compliant.py */
+
+static void step_compliant(double *restrict s, const Constants *restrict p, double u_x, double u_y, double u_z)
+{
+    double h = p->h;
+    double half = 0.5 * h;
+    s[X] += half * s[V_X];
+    s[Y] += half * s[V_Y];
+    s[Z] += half * s[V_Z];
+    s[Q] += half * s[V_Q];
+
+    double H, H_X, H_Y;
+    surface(s[X], s[Y], p->beta, p->k_x, p->k_y, &H, &H_X, &H_Y);
+    double rho = effective_radius_ratio(H, p->k_x, p->k_y, p->r);
+    double rho_third = pow(rho, 1.0 / 3.0);
+    double delta = s[Z] + H - s[Q];
+    double d = delta / (p->delta_0 * rho_third);
+    bool touching = delta >= 0.0 || (s[CONTACT] != 0.0 && d > INDENTATION_FIXED_GRIPS);
+    s[CONTACT] = touching ? 1.0 : 0.0;
+    double n_elastic = 0.0, dashpot = 0.0, f = 0.0;
+    if (touching) {
+        double u = u_of_indentation(d);
+        n_elastic = p->L_s * rho * load_of_u(u);
+        double stiffness = p->L_s * rho * stiffness_of_u(u) / (p->delta_0 * rho_third);
+        dashpot = 2.0 * p->zeta_n * sqrt(larger(stiffness, 0.0));
+        double u2 = u * u;
+        f = p->f_s * AREA * rho * rho_third * u2 * u2;
+    }
+
+    double v_x, v_y;
+    kick_lateral(s, p, u_x, u_y, f, &v_x, &v_y, &s[F_X], &s[F_Y]);
+    s[F_MAX] = f;
+    double d_z = h * p->xi_z * p->eta_z;
+    double d_c = h * p->xi_c * p->eta_c;
+    double v_z = ((1.0 - d_z) * s[V_Z] + h * (u_z - p->eta_z * p->eta_z * s[Z] - n_elastic / p->mu)) / (1.0 + d_z);
+    double v_q = ((1.0 - d_c) * s[V_Q] + h * (n_elastic - p->w - p->eta_c * p->eta_c * (s[Q] - p->a))) / (1.0 + d_c);
+    double g_z = h * dashpot / (p->mu * (1.0 + d_z));
+    double g_q = h * dashpot / (1.0 + d_c);
+    double H_rate = 0.5 * (H_X * (s[V_X] + v_x) + H_Y * (s[V_Y] + v_y));
+    double delta_rate = (0.5 * (s[V_Z] + v_z - s[V_Q] - v_q) + H_rate) / (1.0 + 0.5 * (g_z + g_q));
+    s[V_X] = v_x;
+    s[V_Y] = v_y;
+    s[V_Z] = v_z - g_z * delta_rate;
+    s[V_Q] = v_q + g_q * delta_rate;
+    s[N] = n_elastic + dashpot * delta_rate;
+
+    s[X] += half * s[V_X];
+    s[Y] += half * s[V_Y];
+    s[Z] += half * s[V_Z];
+    s[Q] += half * s[V_Q];
+}
+
+/* Advance `s` by `ticks` x `hold` steps; row i of `u` is the drive (x, y, z) held over the steps of tick i. */
+void advance(double *restrict s, const double *restrict constants, const double *restrict u, long ticks, long hold)
+{
+    const Constants *p = (const Constants *)constants;
+    for (long i = 0; i < ticks; i++)
+        for (long j = 0; j < hold; j++)
+            step_compliant(s, p, u[3 * i], u[3 * i + 1], u[3 * i + 2]);
+}

@@ -1,0 +1,70 @@
+"""Settings of all tests. The environment is set here, before anything of ROS is imported."""
+
+import os
+import signal
+import socket
+import sys
+import uuid
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import settings
+
+
+def _claim_domain() -> tuple[int, socket.socket]:
+    """A ROS domain for this run alone: two clones, or two users, may test at the same time on one machine.
+
+    Holding the socket claims the number; the process id spreads the first guess.
+    """
+    for offset in range(100):
+        domain = 1 + (os.getpid() + offset) % 100
+        claim = socket.socket(socket.AF_UNIX)
+        try:
+            claim.bind(f"\0afm-tests-domain-{domain}")
+        except OSError:
+            claim.close()
+        else:
+            return domain, claim
+    raise RuntimeError("a hundred test runs at once: no ROS domain is left")
+
+
+_domain, _claim = _claim_domain()
+os.environ |= {
+    "AFM_TEST_RUN": uuid.uuid4().hex,
+    "ROS_DOMAIN_ID": str(_domain),
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "ROS_PYTHON_CHECK_FIELDS": "1",
+    # The tests judge what is printed: wide, without colours.
+    "COLUMNS": "200",
+    "NO_COLOR": "1",
+}
+
+# A shell has what it runs in the background ignore SIGINT, and processes inherit that: those that tests start as well.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
+pytest.register_assert_rewrite("support")
+
+# Reproducible: the same examples on every machine, no deadline on a shared one.
+settings.register_profile("reproducible", derandomize=True, deadline=None, max_examples=100, database=None)
+settings.load_profile("reproducible")
+
+
+@pytest.fixture(autouse=True)
+def _no_process_outlives_its_test() -> Iterator[None]:
+    """What a test leaves running is its failure and is ended, so that the next one finds an empty graph."""
+    yield
+    if "rclpy" in sys.modules:  # the tests of the model need no ROS
+        import support
+
+        assert support.end_all_processes() == {}
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_shared_memory_outlives_the_run() -> Iterator[None]:
+    """Files of the middleware that nobody uses any more break or stall later runs."""
+    yield
+    if "rclpy" in sys.modules:
+        import support
+
+        support.note_shared_memory()
+        assert support.shared_memory_left() == []

@@ -1,0 +1,136 @@
+"""Claims about a run in process."""
+
+import contextlib
+import json
+import os
+import pty
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from afm_model import (
+    Controller,
+    ControllerParameters,
+    DriveError,
+    ParameterError,
+    SimParameters,
+    build,
+    flatten,
+    signals,
+    simulate,
+)
+
+from . import session
+
+VALUES = {"plant.control_period": 4e-6, "detector.sample_period": 2e-6, "score.start": 0.0}
+
+
+def simulator(duration: float) -> SimParameters:
+    """Parameters of a run of `duration` seconds."""
+    return build(SimParameters, VALUES | {"run.duration": duration})
+
+
+def test_simulation_is_the_instrument_and_the_law_tick_by_tick():
+    done = simulate(simulator(2e-3), ControllerParameters())
+    scope = session.instrument(VALUES, 100)
+    measurements, drives, samples = session.joined(session.run(scope, session.controller({}), 2e-3))
+    np.testing.assert_array_equal(done.measurements, measurements)
+    np.testing.assert_array_equal(done.drives, drives)
+    np.testing.assert_array_equal(done.samples, samples)
+    assert done.trajectory_sha256 == scope.trajectory_sha256()
+    np.testing.assert_array_equal(done.score.rms, scope.score().rms)
+
+
+def test_simulation_names_its_columns():
+    done = simulate(simulator(1e-3), ControllerParameters())
+    assert done.time == pytest.approx(np.arange(250) * 4e-6, rel=1e-15)
+    assert done.time_samples == pytest.approx(np.arange(500) * 2e-6, rel=1e-15)
+    np.testing.assert_array_equal(done.deflection, done.measurements[:, signals.DEFLECTION])
+    np.testing.assert_array_equal(done.lateral_force, done.measurements[:, signals.LATERAL_FORCE])
+    for values, first in (
+        (done.position, signals.POSITION),
+        (done.velocity, signals.VELOCITY),
+        (done.reference, signals.REFERENCE_POSITION),
+    ):
+        np.testing.assert_array_equal(values, done.measurements[:, first : first + 3])
+
+
+def test_any_object_that_answers_can_close_the_loop():
+    class Hold:
+        def answer(self, measurement: np.ndarray) -> np.ndarray:
+            return measurement[signals.DRIVE : signals.DRIVE + 3].copy()
+
+    done = simulate(simulator(1e-4), Hold())
+    assert (done.drives == done.drives[0]).all()
+    own = simulate(simulator(1e-4), Controller(ControllerParameters()))
+    assert own.trajectory_sha256 == simulate(simulator(1e-4), ControllerParameters()).trajectory_sha256
+
+
+def test_law_that_answers_with_nan_ends_the_run():
+    class Broken:
+        def answer(self, measurement: np.ndarray) -> np.ndarray:
+            return np.full(3, np.nan)
+
+    with pytest.raises(DriveError, match="x = nan V"):
+        simulate(simulator(1e-4), Broken())
+
+
+def test_endless_run_is_refused():
+    with pytest.raises(ParameterError, match=r"run\.duration = 0 s"):
+        simulate(SimParameters(), ControllerParameters())
+
+
+@pytest.mark.parametrize(("duration", "ticks"), [(4e-6, 1), (4.1e-6, 2), (0.3, 75_000), (0.0, 0)])
+def test_run_covers_its_duration_with_no_tick_too_many(duration, ticks):
+    assert simulator(duration).total_ticks == ticks
+
+
+def test_progress_ends_at_the_last_tick():
+    calls: list[tuple[int, int]] = []
+    simulate(simulator(1e-3), ControllerParameters(), progress=lambda done, total: calls.append((done, total)))
+    assert calls[-1] == (250, 250)
+
+
+def test_parameters_of_the_run_keep_those_of_the_instrument():
+    flat = flatten(SimParameters())
+    assert {"run.duration", "run.mode", "plant.dt"} <= set(flat)
+
+
+LONG = """
+/**/afm_sim_node:
+  ros__parameters: {run: {duration: 0.2}, plant: {control_period: 1.0e-6}, score: {start: 0.0}}
+"""
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_command_line_shows_the_progress_of_a_long_run_on_a_terminal_and_only_there(tmp_path, terminal):
+    scenario = tmp_path / "long.yaml"
+    scenario.write_text(LONG if terminal else LONG.replace("0.2", "0.01"))
+    ours, theirs = pty.openpty() if terminal else os.pipe()
+    try:
+        done = subprocess.Popen(
+            [sys.executable, "-m", "afm_model", scenario],
+            stdout=subprocess.PIPE,
+            stderr=theirs,
+            env=os.environ | {"TERM": "xterm", "COLUMNS": "80"},
+        )
+        os.close(theirs)
+        shown = b""
+        # A terminal whose other end is closed answers with an error.
+        with contextlib.suppress(OSError):
+            while part := os.read(ours, 4096):
+                shown += part
+        answer, _ = done.communicate(timeout=120)
+    finally:
+        os.close(ours)
+    assert done.returncode == 0
+    assert len(json.loads(answer)["trajectory_sha256"]) == 64
+    shares = {int(n) for n in re.findall(rb"(\d+)%", shown)}
+    if terminal:
+        assert b"simulating" in shown
+        assert any(0 < share < 100 for share in shares)
+    else:
+        assert shown.strip() == b""

@@ -1,0 +1,147 @@
+"""The codec and rclpy's own serializer write the same bytes and understand each other."""
+
+import functools
+import struct
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from afm_msgs.msg import Measurement, PiezoDrive
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.serialization import deserialize_message, serialize_message
+
+from afm_model import signals
+from afm_node_common import topics
+from afm_node_common.codec import Codec, body, drive_codec, fill, measurement_codec
+
+HEADER = struct.calcsize("<4siII")
+"""Encapsulation, stamp, length of frame_id."""
+# One codec for all examples: what a message leaves behind in it must not matter to the next.
+KINDS = [
+    pytest.param(Measurement, signals.MEASUREMENT_SIZE, functools.cache(measurement_codec), id="measurement"),
+    pytest.param(PiezoDrive, 3, functools.cache(drive_codec), id="drive"),
+]
+Make = Callable[..., Codec]
+
+sequences = st.integers(0, 2**64 - 1)
+# The message's seconds are an int32; a stamp before 0 is a negative number of seconds and a positive rest.
+stamps = st.integers(-(2**31) * 10**9, 2**31 * 10**9 - 1)
+doubles = st.floats(width=64)  # NaN, infinities and subnormal numbers too
+frames = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=40)
+
+
+def drawn(data: st.DataObject, size: int) -> np.ndarray:
+    return np.array(data.draw(st.lists(doubles, min_size=size, max_size=size)))
+
+
+def same(a: np.ndarray, b: np.ndarray) -> bool:
+    return np.array_equal(a, b, equal_nan=True)
+
+
+def without_padding(data: bytes) -> bytes:
+    """A message without the bytes between frame_id and sequence, which rclpy's serializer does not set."""
+    end = HEADER + struct.unpack_from("<I", data, HEADER - 4)[0]
+    return data[:end] + data[4 + -(-(end - 4) // 8) * 8 :]
+
+
+@pytest.mark.parametrize(("kind", "size", "make"), KINDS)
+@given(data=st.data(), sequence=sequences, stamp=stamps)
+def test_rclpy_reads_what_the_codec_writes(
+    kind: type, size: int, make: Make, data: st.DataObject, sequence: int, stamp: int
+) -> None:
+    values = drawn(data, size)
+    message = deserialize_message(make().encode(sequence, stamp, values), kind)
+    assert message.sequence == sequence
+    assert message.header.frame_id == topics.FRAME
+    assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp
+    assert same(np.array(body(message)), values)
+
+
+@pytest.mark.parametrize(("kind", "size", "make"), KINDS)
+@given(data=st.data(), sequence=sequences, stamp=stamps, frame=frames)
+def test_codec_reads_what_rclpy_writes_whatever_the_frame(
+    kind: type, size: int, make: Make, data: st.DataObject, sequence: int, stamp: int, frame: str
+) -> None:
+    values = drawn(data, size)
+    message = kind()
+    fill(message, sequence, stamp, values)
+    message.header.frame_id = frame
+    got = make().decode(serialize_message(message))
+    assert got[:2] == (sequence, stamp)
+    assert same(got[2], values)
+
+
+@pytest.mark.parametrize(("kind", "size", "make"), KINDS)
+@given(data=st.data(), sequence=sequences, stamp=stamps)
+def test_fast_and_slow_codec_write_the_same_bytes(
+    kind: type, size: int, make: Make, data: st.DataObject, sequence: int, stamp: int
+) -> None:
+    fast, slow = make(fast=True), make(fast=False)
+    assert (fast.fast, slow.fast) == (True, False)
+    values = drawn(data, size)
+    written = [codec.encode(sequence, stamp, values) for codec in (fast, slow)]
+    assert len(written[0]) == len(written[1])
+    assert without_padding(written[0]) == without_padding(written[1])
+    for codec, other in ((fast, written[1]), (slow, written[0])):
+        got = codec.decode(other)
+        assert got[:2] == (sequence, stamp)
+        assert same(got[2], values)
+
+
+def test_fields_of_a_measurement_stand_in_the_order_of_the_signals() -> None:
+    values = np.arange(float(signals.MEASUREMENT_SIZE))
+    message = deserialize_message(measurement_codec().encode(0, 0, values), Measurement)
+
+    def triple(name: str) -> list[float]:
+        vector = getattr(message, name)
+        return [vector.x, vector.y, vector.z]
+
+    for name, at in (
+        ("deflection", signals.DEFLECTION),
+        ("deflection_rate", signals.DEFLECTION_RATE),
+        ("lateral_force", signals.LATERAL_FORCE),
+        ("deflection_voltage", signals.DEFLECTION_VOLTAGE),
+        ("lateral_voltage", signals.LATERAL_VOLTAGE),
+    ):
+        assert getattr(message, name) == values[at]
+    for name, at in (
+        ("position", signals.POSITION),
+        ("velocity", signals.VELOCITY),
+        ("reference_position", signals.REFERENCE_POSITION),
+        ("reference_velocity", signals.REFERENCE_VELOCITY),
+        ("reference_acceleration", signals.REFERENCE_ACCELERATION),
+        ("drive", signals.DRIVE),
+    ):
+        assert triple(name) == list(values[at : at + 3])
+
+
+@pytest.mark.parametrize(("kind", "size", "make"), KINDS)
+def test_message_of_a_big_endian_machine_is_understood(kind: type, size: int, make: Make) -> None:
+    values = np.linspace(-1.0, 1.0, size)
+    frame = b"elsewhere\0"
+    data = b"\x00\x00\x00\x00" + struct.pack(">iII", 3, 21, len(frame)) + frame
+    data += bytes(-(len(data) - 4) % 8) + struct.pack(">Q", 2**40 + 7) + values.astype(">f8").tobytes()
+    got = make().decode(data)
+    assert got[:2] == (2**40 + 7, 3 * 10**9 + 21)
+    assert same(got[2], values)
+
+
+@pytest.mark.parametrize("fast", [True, False])
+@pytest.mark.parametrize(("kind", "size", "make"), KINDS)
+def test_message_that_breaks_off_is_an_error_and_never_numbers(kind: type, size: int, make: Make, fast: bool) -> None:
+    codec = make(fast=fast)
+    whole = codec.encode(7, 11, np.arange(1.0, size + 1.0))
+    for length in range(len(whole)):
+        # rclpy raises its own error of the middleware, a subclass of RuntimeError.
+        with pytest.raises((RuntimeError, struct.error)):
+            codec.decode(whole[:length])
+    assert codec.decode(whole)[0] == 7
+
+
+@pytest.mark.parametrize(("kind", "size", "make"), KINDS)
+def test_length_of_a_frame_beyond_the_message_is_an_error(kind: type, size: int, make: Make) -> None:
+    data = bytearray(make().encode(7, 11, np.arange(1.0, size + 1.0)))
+    struct.pack_into("<I", data, HEADER - 4, 2**32 - 1)
+    with pytest.raises(RuntimeError):
+        make().decode(bytes(data))

@@ -1,0 +1,202 @@
+"""Parameters of a node are those of the model: declared with unit and range, checked at start and at every change."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from support import Graph
+
+from afm_model import ControllerParameters, ParameterError, SimParameters, flatten, specifications
+from afm_model.parameters import Group
+from afm_node_common.parameters import declare
+
+TUNABLE = ("law.",)
+
+
+@pytest.fixture
+def graph() -> Iterator[Graph]:
+    with Graph() as graph:
+        yield graph
+
+
+@pytest.fixture
+def make(graph: Graph) -> Callable[..., Node]:
+    """Makes a node with values given at start."""
+
+    def make(**given: object) -> Node:
+        overrides = [Parameter(name.replace("__", "."), value=value) for name, value in given.items()]
+        return graph.add(Node("owner", parameter_overrides=overrides))
+
+    return make
+
+
+class Remote:
+    """What `ros2 param` does: another node's view through the ordinary services."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self._client = AsyncParameterClient(graph.add(Node("other")), "owner")
+        graph.spin_until(self._client.services_are_ready)
+
+    def names(self) -> set[str]:
+        return set(self._graph.result(self._client.list_parameters()).result.names)
+
+    def describe(self, *names: str) -> list[ParameterDescriptor]:
+        return list(self._graph.result(self._client.describe_parameters(list(names))).descriptors)
+
+    def get(self, *names: str) -> list[object]:
+        return [
+            parameter_value_to_python(value)
+            for value in self._graph.result(self._client.get_parameters(list(names))).values
+        ]
+
+    def set(self, **values: object) -> list[SetParametersResult]:
+        return list(self._graph.result(self._client.set_parameters(self._parameters(values))).results)
+
+    def set_at_once(self, **values: object) -> SetParametersResult:
+        return self._graph.result(self._client.set_parameters_atomically(self._parameters(values))).result
+
+    @staticmethod
+    def _parameters(values: dict[str, object]) -> list[Any]:
+        return [Parameter(name.replace("__", "."), value=value).to_parameter_msg() for name, value in values.items()]
+
+
+# At start.
+
+
+@pytest.mark.parametrize("model", [SimParameters, ControllerParameters])
+def test_every_parameter_is_declared_with_its_default_description_and_unit(
+    graph: Graph, make: Callable[..., Node], model: type[Group]
+) -> None:
+    node = make()
+    parameters = declare(node, model)
+    assert parameters == model()
+    remote = Remote(graph)
+    specs = list(specifications(model))
+    names = [spec.name for spec in specs]
+    assert remote.names() >= set(names)
+    assert remote.get(*names) == [spec.default for spec in specs]
+    for spec, told in zip(specs, remote.describe(*names), strict=True):
+        unit = "" if spec.unit == "1" else f"[{spec.unit}]"
+        assert spec.description in told.description
+        assert unit in told.description
+        assert told.additional_constraints == spec.allowed
+        assert told.read_only
+
+
+def test_range_is_that_of_the_model_with_open_ends_left_out(graph: Graph, make: Callable[..., Node]) -> None:
+    declare(make(), SimParameters)
+    damping, bits, speed = Remote(graph).describe("scanner.xi_x", "detector.adc_bits", "scanner.f_x")
+    assert damping.type == ParameterType.PARAMETER_DOUBLE
+    (range_,) = damping.floating_point_range
+    assert (range_.from_value, range_.to_value) == (0.0, math.nextafter(1.0, 0.0))
+    assert bits.type == ParameterType.PARAMETER_INTEGER
+    (range_,) = bits.integer_range
+    assert (range_.from_value, range_.to_value, range_.step) == (0, 32, 1)
+    # Bounded on one side only: ROS cannot say it, so it stands in words.
+    assert list(speed.floating_point_range) == []
+    assert speed.additional_constraints == "a finite number > 0"
+
+
+def test_values_given_at_start_are_taken_and_a_whole_number_will_do(make: Callable[..., Node]) -> None:
+    node = make(law__alpha=7, law__kind="sgn", cantilever__a=1e-9)
+    parameters = declare(node, ControllerParameters)
+    assert (parameters.law.alpha, parameters.law.kind, parameters.cantilever.a) == (7.0, "sgn", 1e-9)
+    value = node.get_parameter("law.alpha").value
+    assert (value, type(value)) == (7.0, float)
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"law__alfa": 3.0}, "unknown parameter law.alfa: did you mean law.alpha?"),
+        ({"law__alpha": -3.0}, "law.alpha = -3.0 is not allowed: it must be a finite number > 0"),
+        ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number > 0"),
+        ({"law__alpha": "steep"}, "law.alpha = steep is not allowed: it must be a finite number > 0"),
+        ({"law__kind": "pid"}, "law.kind = pid is not allowed: it must be one of open_loop, sgn, tanh"),
+        ({"cantilever__a": math.inf}, "cantilever.a = inf m is not allowed: it must be a finite number"),
+        ({"law__alpha": True}, "law.alpha = True is not allowed: it must be a finite number > 0"),
+    ],
+)
+def test_what_is_not_allowed_at_start_is_refused_in_a_sentence_and_nothing_is_declared(
+    make: Callable[..., Node], given: dict[str, object], sentence: str
+) -> None:
+    node = make(**given)
+    before = set(node.get_parameters_by_prefix(""))
+    with pytest.raises(ParameterError) as refused:
+        declare(node, ControllerParameters)
+    assert str(refused.value) == sentence
+    assert set(node.get_parameters_by_prefix("")) == before
+    with pytest.raises(ParameterNotDeclaredException):
+        node.get_parameter("law.kind")
+
+
+# While the node runs.
+
+
+def test_change_of_a_tunable_parameter_arrives_checked(graph: Graph, make: Callable[..., Node]) -> None:
+    arrived: list[ControllerParameters] = []
+    declare(make(law__c_x=2.0), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    remote = Remote(graph)
+    assert [result.successful for result in remote.set(law__alpha=5.0)] == [True]
+    assert [result.successful for result in remote.set(law__kind="sgn")] == [True]
+    expected = {**flatten(ControllerParameters()), "law.c_x": 2.0, "law.alpha": 5.0}
+    assert [flatten(parameters) for parameters in arrived] == [expected, {**expected, "law.kind": "sgn"}]
+    assert remote.get("law.alpha", "law.kind") == [5.0, "sgn"]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"law__alpha": 0.0}, "law.alpha = 0.0 is not allowed: it must be a finite number > 0"),
+        ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number > 0"),
+        ({"law__kind": "pid"}, "law.kind = pid is not allowed: it must be one of open_loop, sgn, tanh"),
+    ],
+)
+def test_change_that_is_not_allowed_is_refused_with_a_reason_and_the_old_value_stays(
+    graph: Graph, make: Callable[..., Node], change: dict[str, object], reason: str
+) -> None:
+    arrived: list[ControllerParameters] = []
+    declare(make(), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    remote = Remote(graph)
+    (result,) = remote.set(**change)
+    assert (result.successful, result.reason) == (False, reason)
+    assert remote.get("law.alpha", "law.kind") == [20.0, "tanh"]
+    assert arrived == []
+
+
+def test_what_cannot_change_is_refused_with_a_reason(graph: Graph, make: Callable[..., Node]) -> None:
+    arrived: list[ControllerParameters] = []
+    declare(make(), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    remote = Remote(graph)
+    (result,) = remote.set(scanner__mu=50.0)
+    assert not result.successful
+    assert "read-only" in result.reason
+    assert "scanner.mu" in result.reason
+    assert remote.get("scanner.mu") == [100.0]
+    assert arrived == []
+
+
+def test_of_changes_made_at_once_all_are_taken_or_none(graph: Graph, make: Callable[..., Node]) -> None:
+    arrived: list[ControllerParameters] = []
+    declare(make(), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    remote = Remote(graph)
+    result = remote.set_at_once(law__c_x=3.0, law__alpha=-1.0)
+    assert (result.successful, "law.alpha = -1.0" in result.reason) == (False, True)
+    assert remote.get("law.c_x", "law.alpha") == [1.0, 20.0]
+    assert remote.set_at_once(law__c_x=3.0, law__alpha=1.0).successful
+    assert [(parameters.law.c_x, parameters.law.alpha) for parameters in arrived] == [(3.0, 1.0)]
+
+
+def test_only_what_is_tunable_can_be_set_on_the_instrument(graph: Graph, make: Callable[..., Node]) -> None:
+    tunable = ("run.real_time_factor",)
+    declare(make(), SimParameters, tunable=tunable)
+    names = [spec.name for spec in specifications(SimParameters)]
+    writable = {told.name for told in Remote(graph).describe(*names) if not told.read_only}
+    assert writable == set(tunable)

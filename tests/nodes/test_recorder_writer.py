@@ -1,0 +1,388 @@
+"""A recording holds what was put in: every number, at its exact time, in SI units again when it is read."""
+
+import itertools
+import socket
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from afm_recorder_node import layout
+from afm_recorder_node.intake import HOLD_LIMIT, Intake
+from afm_recorder_node.layout import instants
+from afm_recorder_node.reader import ParameterChange, Recording, RecordingError, read_recording
+from afm_recorder_node.writer import RecordingWriter
+
+PERIOD, CONTROL_PERIOD = 1e-6, 2e-6
+SIGNALS = {
+    "ticks": ("position", "reference", "error", "drive", "round_trip"),
+    "samples": ("deflection", "lateral_force", "lateral_force_y", "normal_force"),
+}
+# One multiplication and one division lie between what goes in and what comes out.
+ROUND_OFF = 4 * np.finfo(np.float64).eps
+
+
+def close_enough(got: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(got, expected, rtol=ROUND_OFF, atol=0.0, equal_nan=True)
+
+
+class Run:
+    """Signals of a run, in volts and SI units."""
+
+    def __init__(self, ticks: int, seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        self.ticks = ticks
+        self.samples = rng.normal(0.0, 1.0, (4, 2 * ticks))
+        self.scales = (10e-9, 50e-9, 1.0, 1.0)
+        self.position, self.reference = rng.normal(0.0, 5e-9, (2, ticks, 3))
+        self.deflection = rng.normal(0.0, 1e-9, ticks)
+        self.drive = rng.normal(0.0, 1.0, (ticks, 3))
+        self.round_trip = rng.gamma(4.0, 1e-5, ticks).astype(np.float32)
+
+    def write(self, writer: RecordingWriter, start: int, stop: int) -> None:
+        at = slice(start, stop)
+        for channel, samples, scale in zip(layout.CHANNELS, self.samples, self.scales, strict=True):
+            writer.channel(channel, 2 * start, PERIOD, samples[2 * start : 2 * stop], scale)
+        writer.control(
+            start,
+            CONTROL_PERIOD,
+            position=self.position[at],
+            reference=self.reference[at],
+            deflection=self.deflection[at],
+            drive=self.drive[at],
+            round_trip=self.round_trip[at],
+            cantilever_height=3e-9,
+        )
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def record(path: Path, run: Run, edges: list[int]) -> Recording:
+    with closing(RecordingWriter(path)) as writer:
+        for start, stop in itertools.pairwise(edges):
+            run.write(writer, start, stop)
+    return read_recording(path)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run, Recording]:
+    """As many numbers as a period of the demo has."""
+    path = tmp_path_factory.mktemp("demo") / "demo.rrd"
+    run = Run(62_832)
+    return path, run, record(path, run, [*range(0, run.ticks, 500), run.ticks])
+
+
+def test_every_number_comes_back(demo: tuple[Path, Run, Recording]) -> None:
+    _, run, recording = demo
+    close_enough(recording.position, run.position)
+    close_enough(recording.reference, run.reference)
+    close_enough(recording.deflection, run.samples[0] * 10e-9)
+    close_enough(recording.lateral_force, run.samples[1] * 50e-9)
+    close_enough(recording.lateral_force_y, run.samples[2])
+    close_enough(recording.normal_force, run.samples[3])
+    close_enough(recording.round_trip, run.round_trip.astype(np.float64))
+    assert np.array_equal(recording.drive, run.drive)
+
+
+def test_photodetector_voltages_can_be_recovered(demo: tuple[Path, Run, Recording]) -> None:
+    _, run, recording = demo
+    close_enough(recording.deflection / recording.deflection_scale, run.samples[0])
+    close_enough(recording.lateral_force / recording.lateral_scale, run.samples[1])
+
+
+def test_error_is_of_the_scanner_along_x_y_and_of_the_tip_along_z(demo: tuple[Path, Run, Recording]) -> None:
+    _, run, recording = demo
+    close_enough(recording.error[:, :2], (run.position - run.reference)[:, :2])
+    close_enough(recording.error[:, 2], 3e-9 + run.deflection - run.reference[:, 2])
+
+
+def test_thinned_recording_holds_one_in_so_many_of_everything(demo: tuple[Path, Run, Recording]) -> None:
+    path, _, whole = demo
+    thin = read_recording(path, every=10)
+    for name in ("ticks", "samples"):
+        times, all_times = (getattr(recording, f"time_{name}") for recording in (thin, whole))
+        assert 0.1 <= len(times) / len(all_times) < 0.11
+        kept = np.isin(all_times, times)
+        for signal in SIGNALS[name]:
+            np.testing.assert_array_equal(getattr(thin, signal), getattr(whole, signal)[kept])
+    assert thin.events == whole.events
+    assert thin.parameters == whole.parameters
+
+
+def test_times_are_exact_multiples_of_the_period(demo: tuple[Path, Run, Recording]) -> None:
+    _, run, recording = demo
+    assert np.array_equal(recording.time_ticks, np.arange(run.ticks) * 2_000 / 1e9)
+    assert np.array_equal(recording.time_samples, np.arange(2 * run.ticks) * 1_000 / 1e9)
+
+
+def test_demo_recording_is_valid_and_small(demo: tuple[Path, Run, Recording]) -> None:
+    path, _, _ = demo
+    # The numbers themselves are 11 MB, and noise does not compress.
+    assert path.stat().st_size < 25e6
+    program = Path(sys.executable).with_name("rerun")
+    result = subprocess.run([program, "rrd", "verify", path], capture_output=True, text=True, timeout=60)
+    assert result.returncode == 0, result.stderr
+
+
+@settings(max_examples=10, deadline=None)
+@given(cuts=st.lists(st.integers(0, 300), max_size=6), flushed=st.booleans())
+def test_recording_does_not_depend_on_the_blocks(
+    tmp_path_factory: pytest.TempPathFactory, cuts: list[int], flushed: bool
+) -> None:
+    path, run = tmp_path_factory.mktemp("blocks") / "run.rrd", Run(300)
+    with closing(RecordingWriter(path)) as writer:
+        edges = sorted([0, *cuts, run.ticks])
+        for start, stop in itertools.pairwise(edges):
+            run.write(writer, start, stop)
+            if flushed:
+                writer.flush()
+    recording = read_recording(path)
+    assert np.array_equal(recording.time_samples, np.arange(600) * 1_000 / 1e9)
+    close_enough(recording.position, run.position)
+    close_enough(recording.normal_force, run.samples[3])
+
+
+def test_blocks_in_any_order_come_out_sorted(tmp_path: Path) -> None:
+    run = Run(300)
+    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
+        for start in (200, 0, 100):
+            run.write(writer, start, start + 100)
+    recording = read_recording(tmp_path / "run.rrd")
+    assert np.array_equal(recording.time_ticks, np.arange(300) * 2_000 / 1e9)
+    close_enough(recording.position, run.position)
+
+
+def test_a_missing_block_of_one_channel_reads_as_nan(tmp_path: Path) -> None:
+    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
+        writer.channel(layout.DEFLECTION, 0, PERIOD, np.ones(30))
+        writer.channel(layout.NORMAL_FORCE, 0, PERIOD, np.ones(10))
+        writer.channel(layout.NORMAL_FORCE, 20, PERIOD, np.ones(10))
+    recording = read_recording(tmp_path / "run.rrd")
+    assert len(recording.time_samples) == 30
+    assert np.array_equal(np.isnan(recording.normal_force), np.arange(30) // 10 == 1)
+    assert np.isnan(recording.lateral_force).all()
+    assert recording.position.shape == (0, 3)
+
+
+def test_round_trip_without_an_answer_stays_nan(tmp_path: Path) -> None:
+    run = Run(10)
+    run.round_trip[4] = np.nan
+    recording = record(tmp_path / "run.rrd", run, [0, 10])
+    assert np.flatnonzero(np.isnan(recording.round_trip)).tolist() == [4]
+
+
+@given(
+    first=st.integers(0, 10**10), cut=st.integers(0, 50), period=st.sampled_from([1e-6, 2e-6, 1e-3, 1 / 3e6, 12.5e-9])
+)
+def test_times_of_two_blocks_are_those_of_one(first: int, cut: int, period: float) -> None:
+    whole = instants(first, 50, period)
+    assert np.array_equal(
+        whole, np.concatenate([instants(first, cut, period), instants(first + cut, 50 - cut, period)])
+    )
+    # Half a nanosecond from rounding; the rest is what a float64 holds of the product.
+    assert abs(whole[0] - first * period * 1e9) <= 0.5 + 1e-15 * first * period * 1e9
+    assert (np.diff(whole) > 0).all()
+
+
+def test_times_of_whole_nanoseconds_never_drift() -> None:
+    # 2e-6 * 1e9 is 2000.0000000000002; after 10^15 ticks that would be 200 ns.
+    assert instants(10**15, 1, 2e-6)[0] == 2_000 * 10**15
+
+
+def test_nothing_stands_under_the_name_before_close(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "run.rrd"
+    writer = RecordingWriter(path)
+    Run(10).write(writer, 0, 10)
+    assert not path.exists()
+    assert writer.partial.exists()
+    assert writer.close() == path
+    assert path.exists()
+    assert not writer.partial.exists()
+    assert writer.close() is None
+
+
+def test_older_recording_stands_until_the_new_one_is_complete(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    record(path, Run(10, seed=1), [0, 10])
+    writer = RecordingWriter(path)
+    Run(20).write(writer, 0, 20)
+    assert len(read_recording(path).time_ticks) == 10
+    writer.close()
+    assert len(read_recording(path).time_ticks) == 20
+
+
+def test_recording_without_samples_leaves_no_file_and_no_older_one_is_lost(tmp_path: Path) -> None:
+    record(tmp_path / "run.rrd", Run(10), [0, 10])
+    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
+        writer.event(0, "WAITING")
+    assert [file.name for file in tmp_path.iterdir()] == ["run.rrd"]
+    assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 10
+
+
+def test_parameters_and_their_changes_come_back(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    with closing(RecordingWriter(path)) as writer:
+        writer.parameters("afm_sim_node", {"plant.kind": "compliant", "plant.dt": 1e-6})
+        writer.parameters("afm_controller_node", {"law.alpha": 20.0, "law.kind": "tanh"})
+        Run(100).write(writer, 0, 100)
+        writer.event(1_000, "STALLED: no answer", "WARN")
+        writer.parameter_change(60_000, "afm_controller_node", "law.alpha", 20.0, 5.0)
+        writer.parameter_change(80_000, "afm_controller_node", "law.kind", "tanh", "sgn")
+    recording = read_recording(path)
+    assert recording.parameters == {
+        "afm_sim_node": {"plant.kind": "compliant", "plant.dt": 1e-6},
+        "afm_controller_node": {"law.alpha": 20.0, "law.kind": "tanh"},
+    }
+    assert recording.parameter_changes == [
+        ParameterChange(6e-5, "afm_controller_node", "law.alpha", 20.0, 5.0),
+        ParameterChange(8e-5, "afm_controller_node", "law.kind", "tanh", "sgn"),
+    ]
+    assert recording.events == [
+        (1e-6, "STALLED: no answer"),
+        (6e-5, "afm_controller_node: law.alpha changed from 20.0 to 5.0"),
+        (8e-5, "afm_controller_node: law.kind changed from tanh to sgn"),
+    ]
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+@pytest.mark.parametrize(
+    ("name", "content"), [("absent.rrd", None), ("empty.rrd", b""), ("text.rrd", b"hello"), ("cut.rrd", b"cut")]
+)
+def test_file_that_is_no_recording_is_named(tmp_path: Path, name: str, content: bytes | None) -> None:
+    path = tmp_path / name
+    if content == b"cut":
+        record(path, Run(1000), [0, 1000])
+        content = path.read_bytes()[:40_000]
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(RecordingError, match=name):
+        read_recording(path)
+
+
+def test_wrong_shape_is_refused(tmp_path: Path) -> None:
+    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
+        run = Run(10)
+        run.position = run.position[:9]
+        with pytest.raises(ValueError, match="shape"):
+            run.write(writer, 0, 10)
+
+
+def test_path_and_port_that_cannot_be_used_are_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="file"):
+        RecordingWriter(tmp_path / "file" / "run.rrd")
+    port = free_port()
+    with (
+        closing(RecordingWriter(tmp_path / "one.rrd", live_port=port)),
+        pytest.raises(OSError, match=f"live_port {port}"),
+    ):
+        RecordingWriter(tmp_path / "two.rrd", live_port=port)
+
+
+def test_live_server_listens_while_the_recording_grows_and_does_not_change_it(tmp_path: Path) -> None:
+    port = free_port()
+    with closing(RecordingWriter(tmp_path / "run.rrd", live_port=port)) as writer:
+        socket.create_connection(("127.0.0.1", port), timeout=10).close()
+        Run(10).write(writer, 0, 10)
+        writer.flush()
+    assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 10
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port), timeout=10)
+
+
+WRITE_BEYOND_A_LIMIT = """
+import resource, signal, sys
+import numpy as np
+from afm_recorder_node import layout
+from afm_recorder_node import writer as module
+module._FLUSH_LIMIT = 2.0
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+writer = module.RecordingWriter(sys.argv[1])
+writer.channel(layout.DEFLECTION, 0, 1e-6, np.random.default_rng(0).random(100_000))
+try:
+    writer.close()
+except OSError as error:
+    print(error)
+"""
+
+
+def test_recording_that_could_not_be_written_completely_gets_no_name_and_the_process_ends(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", WRITE_BEYOND_A_LIMIT, str(tmp_path / "run.rrd")]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert "incomplete" in result.stdout, result.stderr
+    assert not (tmp_path / "run.rrd").exists()
+
+
+class Tape:
+    """Writes of an intake, one list for each run."""
+
+    def __init__(self) -> None:
+        self.runs: list[list[tuple[str, int]]] = [[]]
+        self.intake = Intake("ab", lambda: self.runs.append([]))
+
+    def put(self, stream: str, first: int, count: int = 10) -> None:
+        self.intake.put(stream, first, count, lambda: self.runs[-1].append((stream, first)))
+
+
+def test_blocks_wait_until_the_intake_is_open() -> None:
+    tape = Tape()
+    tape.put("a", 0)
+    assert tape.runs == [[]]
+    tape.intake.open()
+    tape.put("a", 10)
+    assert tape.runs == [[("a", 0), ("a", 10)]]
+
+
+def test_memory_stays_flat_if_the_intake_is_never_opened() -> None:
+    tape = Tape()
+    for k in range(HOLD_LIMIT + 1):
+        tape.put("a", 10 * k)
+    assert len(tape.runs[0]) == HOLD_LIMIT + 1
+
+
+def test_gaps_between_blocks_are_counted_and_a_late_start_is_none() -> None:
+    tape = Tape()
+    tape.intake.open()
+    for first in (50, 60, 90):
+        tape.put("a", first)
+    stream = tape.intake.streams["a"]
+    assert (stream.received, stream.lost, stream.expected) == (30, 20, 100)
+
+
+@st.composite
+def interleaved(draw: st.DrawFn) -> list[tuple[str, int, int]]:
+    """Blocks (stream, run, first) of two streams over up to four runs, in any order that keeps each stream's own."""
+    lengths = draw(st.lists(st.tuples(st.integers(1, 4), st.integers(1, 4)), min_size=1, max_size=4))
+    queues = {
+        name: [(name, run, 10 * k) for run, pair in enumerate(lengths) for k in range(pair[column])]
+        for column, name in enumerate("ab")
+    }
+    first = draw(st.permutations("ab"))
+    # Both streams have begun before any of them can begin again.
+    blocks = [queues[name].pop(0) for name in first]
+    while queues["a"] or queues["b"]:
+        name = draw(st.sampled_from([name for name in "ab" if queues[name]]))
+        blocks.append(queues[name].pop(0))
+    return blocks
+
+
+@given(blocks=interleaved())
+def test_each_block_is_written_once_and_in_its_run(blocks: list[tuple[str, int, int]]) -> None:
+    tape = Tape()
+    tape.intake.open()
+    for stream, _, first in blocks:
+        tape.put(stream, first)
+    tape.intake.finish()
+    for run, written in enumerate(tape.runs):
+        for name in "ab":
+            assert [b for b in written if b[0] == name] == [(s, f) for s, r, f in blocks if (s, r) == (name, run)]

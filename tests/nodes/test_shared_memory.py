@@ -1,0 +1,40 @@
+"""Shared memory of the middleware: kept while somebody uses it, removed when its user was killed."""
+
+from pathlib import Path
+
+from support import Command, Graph, Observer, executable, wait_for_the_end_of
+
+from afm_node_common import topics
+from afm_node_common.shared_memory import remove_unused, unused, used_by
+
+
+def test_what_a_killed_node_leaves_is_removed_and_nothing_before(tmp_path: Path) -> None:
+    with Graph() as graph, Command(executable("afm_sim_node", "afm_sim_node"), folder=tmp_path) as node:
+        observer = graph.add(Observer())
+        topic = observer.resolve_topic_name(topics.MEASUREMENT)
+        node.wait_until(lambda: observer.count_publishers(topic), graph)
+        files = used_by(node.process.pid)
+        assert any("port" in path for path, _ in files)
+        remove_unused(files)
+        assert unused(files) == set()
+        assert all(Path(path).exists() for path, _ in files)
+        node.process.kill()
+        wait_for_the_end_of([node.process.pid])
+        left = unused(files)
+        assert left
+        remove_unused(files)
+        assert unused(files) == set()
+    for path, _ in left:
+        assert not list(Path("/dev/shm").glob(f"*{Path(path).name}*"))
+
+
+def test_a_file_made_again_under_the_same_name_is_another_one(tmp_path: Path) -> None:
+    path = Path("/dev/shm/fastrtps_0123456789abcdef")
+    path.touch()
+    try:
+        file = (str(path), path.stat().st_ino + 1)
+        assert unused({file}) == set()
+        remove_unused({file})
+        assert path.exists()
+    finally:
+        path.unlink()

@@ -1,0 +1,251 @@
+"""Realtime over real topics: ticks follow the clock, the last drive holds, a silent controller costs no sample."""
+
+import math
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from support import Graph, HandController, Observer, answer, ros_arguments
+
+from afm_node_common import topics
+from afm_sim_node.node import SimNode
+
+PERIOD = 1e-3
+LONG = 1000.0
+"""A watchdog that never barks [s]."""
+
+
+class Bench:
+    """A simulator paced by the clock, a hand-made controller, and the control trace."""
+
+    def __init__(self, graph: Graph, law: Callable[[Measurement], Sequence[PiezoDrive]]) -> None:
+        self.graph = graph
+        self.observer = graph.add(Observer())
+        self.traces: list[ControlTrace] = []
+        self.observer.create_subscription(ControlTrace, topics.CONTROL_TRACE, self.traces.append, topics.STREAM_QOS)
+        self.controller = graph.add(HandController(law))
+        self.simulator = graph.add(SimNode())
+
+    @property
+    def drives(self) -> np.ndarray:
+        """Drives applied [V], (n, 3), as far as the trace has come."""
+        return np.concatenate([np.zeros(0), *(trace.drive for trace in self.traces)]).reshape(-1, 3)
+
+    @property
+    def round_trips(self) -> np.ndarray:
+        return np.concatenate([np.zeros(0), *(trace.round_trip for trace in self.traces)])
+
+    def run_until(self, state: int) -> InstrumentStatus:
+        self.graph.spin_until(lambda: self.observer.status.state == state)
+        return self.observer.status
+
+    def run_to_the_end(self) -> InstrumentStatus:
+        self.graph.spin_until(lambda: self.observer.scores)
+        status = self.run_until(InstrumentStatus.FINISHED)
+        self.graph.spin_until(lambda: len(self.drives) == status.ticks)
+        return status
+
+
+@contextmanager
+def bench(
+    law: Callable[[Measurement], Sequence[PiezoDrive]], *, ticks: int = 0, factor: float = 0.2, watchdog: float = LONG
+) -> Iterator[Bench]:
+    parameters = {
+        "plant.control_period": PERIOD,
+        "detector.sample_period": 1e-4,
+        "run.mode": "realtime",
+        "run.duration": ticks * PERIOD,
+        "run.real_time_factor": factor,
+        "run.watchdog_timeout": watchdog,
+    }
+    with Graph(ros_arguments(parameters)) as graph:
+        yield Bench(graph, law)
+
+
+def gentle(measurement: Measurement) -> list[PiezoDrive]:
+    return [answer(measurement, 1e-3 * (measurement.sequence % 5), 0.0)]
+
+
+def test_last_drive_is_held_while_none_arrives_and_every_such_tick_is_counted() -> None:
+    def stops(measurement: Measurement) -> list[PiezoDrive]:
+        return [answer(measurement, 0.05, -0.02)] if measurement.sequence < 10 else []
+
+    with bench(stops, ticks=40) as b:
+        status = b.run_to_the_end()
+        arrived = np.flatnonzero(np.isfinite(b.round_trips))
+        held = b.drives[arrived[-1] :]
+        assert np.array_equal(held, np.broadcast_to(held[0], held.shape))
+        assert tuple(held[0][:2]) == (0.05, -0.02)
+        # There were ten answers; one that came late may be older than another.
+        assert status.drives_lost == 40 - len(arrived) >= 30
+        assert (status.ticks, status.state, status.mode) == (40, InstrumentStatus.FINISHED, "realtime")
+
+
+def test_drive_of_an_answer_is_in_force_from_the_next_tick_on() -> None:
+    with bench(gentle, ticks=40, factor=0.02) as b:
+        status = b.run_to_the_end()
+        # Measurement k goes out when tick k begins to be waited for; its answer is there 50 ms later.
+        arrived = np.isfinite(b.round_trips)
+        assert np.array_equal(b.drives[arrived, 0], 1e-3 * (np.arange(40)[arrived] % 5))
+        assert arrived.sum() == 40 - status.drives_lost > 0
+        assert np.all(b.round_trips[arrived] > 0.0)
+
+
+def test_lateness_and_age_of_the_command_are_scored() -> None:
+    with bench(gentle, ticks=40) as b:
+        b.run_to_the_end()
+        score = b.observer.scores[-1]
+        for times in (score.lateness, score.command_age, score.round_trip):
+            assert 0.0 < times[0] <= times[1] <= times[2] <= times[3] < 60.0
+        # A drive is in force a period after its measurement at the soonest.
+        assert score.command_age[0] > score.round_trip[0] * 0.98
+        assert (score.late_ticks, score.periods_missed) == (b.simulator.late_ticks, b.simulator.periods_missed)
+
+
+def test_late_ticks_are_counted_and_periods_left_out_are_never_made_up() -> None:
+    with bench(gentle, factor=0.05) as b:
+        instrument, simulator = b.simulator.instrument, b.simulator
+        b.graph.spin_until(lambda: instrument.ticks > 5)
+        late, missed = simulator.late_ticks, simulator.periods_missed
+        # The simulator gets no time for twenty of its periods of 20 ms.
+        end = time.monotonic() + 0.4
+        while time.monotonic() < end:
+            b.graph.executor.spin_once(timeout_sec=0.01)
+        before = instrument.ticks
+        assert simulator.step()
+        assert instrument.ticks == before + 1
+        assert simulator.late_ticks == late + 1
+        assert simulator.periods_missed >= missed + 18
+        # Nothing is due now but the next tick on the old grid.
+        assert sum(simulator.step() for _ in range(20)) < 10
+        b.graph.spin_until(lambda: b.observer.status.periods_missed >= missed + 18)
+        assert b.observer.status.late_ticks >= late + 1
+
+
+def test_silent_controller_has_the_sample_retracted_and_its_next_drive_brings_it_back() -> None:
+    silent = False
+    contact: list[PiezoDrive] = []
+
+    def moody(measurement: Measurement) -> list[PiezoDrive]:
+        if not contact:
+            contact.append(answer(measurement, 0.0, 0.0))
+        return [] if silent else [answer(measurement, 0.0, 0.0, contact[0].voltage.z)]
+
+    with bench(moody, factor=1.0, watchdog=1.0) as b:
+        b.graph.spin_until(lambda: b.observer.status.ticks > 5)
+        b.run_until(InstrumentStatus.RUNNING)
+        assert b.observer.status.in_contact
+        silent = True
+        status = b.run_until(InstrumentStatus.RETRACTED)
+        assert status.detail == (
+            "no valid drive from /afm/hand_made for 1 s (run.watchdog_timeout; 0 refused as NaN or infinite): "
+            "the sample is retracted"
+        )
+        b.graph.spin_until(lambda: not b.observer.status.in_contact and b.drives[-1, 2] == -12.0)
+        # It went down in run.retract_time = 10 ms, not at once: 10 ticks of a tenth of the way.
+        z = b.drives[:, 2]
+        way = np.diff(z[np.flatnonzero(z == z[0])[-1] :])
+        way = way[way < 0.0]
+        assert np.allclose(way, (-12.0 - z[0]) / 10.0, rtol=1e-6)
+        assert len(way) in (10, 11)  # round-off may leave a rest
+        # A change of a parameter is no drive.
+        client = AsyncParameterClient(b.observer, b.simulator.get_fully_qualified_name())
+        b.graph.spin_until(client.services_are_ready)
+        change = Parameter("run.lockstep_timeout", value=7.0).to_parameter_msg()
+        (result,) = b.graph.result(client.set_parameters([change])).results
+        assert result.successful, result.reason
+        ticks = b.simulator.instrument.ticks
+        b.graph.spin_until(lambda: b.simulator.instrument.ticks > ticks + 2)
+        assert b.simulator.state == InstrumentStatus.RETRACTED
+        silent = False
+        b.run_until(InstrumentStatus.RUNNING)
+        b.graph.spin_until(lambda: b.drives[-1, 2] == contact[0].voltage.z)
+
+
+@pytest.mark.parametrize("bad", [(math.nan, 0.0, 0.0), (0.0, 0.0, math.inf)], ids=["nan", "inf"])
+def test_drive_that_no_piezo_can_follow_is_refused_and_counted_and_the_last_one_held(
+    bad: tuple[float, float, float],
+) -> None:
+    sent = []
+
+    def broken(measurement: Measurement) -> list[PiezoDrive]:
+        if measurement.sequence < 5 or measurement.sequence > 20:
+            return [answer(measurement, 0.05, 0.0)]
+        sent.append(measurement.sequence)
+        return [answer(measurement, *bad)]
+
+    with bench(broken, ticks=40) as b:
+        status = b.run_to_the_end()
+        assert status.drives_refused == len(sent) > 0
+        assert np.isfinite(b.drives).all()
+        x = b.drives[:, 0]
+        assert set(x[np.argmax(x == 0.05) :]) == {0.05}
+        assert status.in_contact
+
+
+def test_controller_that_is_too_slow_is_a_warning_of_the_diagnostics() -> None:
+    def slow(measurement: Measurement) -> list[PiezoDrive]:
+        return gentle(measurement) if measurement.sequence % 10 == 0 else []
+
+    with bench(slow) as b:
+        reports: list[DiagnosticArray] = []
+        b.observer.create_subscription(DiagnosticArray, "/diagnostics", reports.append, 10)
+        b.graph.spin_until(lambda: reports and reports[-1].status[0].level == DiagnosticStatus.WARN)
+        assert re.fullmatch(
+            r"running; \d+ of the last \d+ ticks had no new drive and held an older one", reports[-1].status[0].message
+        )
+
+
+def test_motion_beyond_all_numbers_is_told_in_realtime_too() -> None:
+    with bench(lambda measurement: [answer(measurement, 1.7e308, 1.7e308)]) as b:
+        assert "diverged" in b.run_until(InstrumentStatus.FAULT).detail
+
+
+def test_real_time_factor_changes_while_running() -> None:
+    # At the first factor a tick takes ten minutes.
+    with bench(gentle, factor=PERIOD / 600.0) as b:
+        b.run_until(InstrumentStatus.RUNNING)
+        client = AsyncParameterClient(b.observer, b.simulator.get_fully_qualified_name())
+        b.graph.spin_until(client.services_are_ready)
+        change = Parameter("run.real_time_factor", value=0.5).to_parameter_msg()
+        (result,) = b.graph.result(client.set_parameters([change])).results
+        assert result.successful, result.reason
+        b.graph.spin_until(lambda: b.observer.status.ticks > 50)
+        refused = Parameter("run.mode", value="lockstep").to_parameter_msg()
+        (result,) = b.graph.result(client.set_parameters([refused])).results
+        assert not result.successful
+        assert "run.mode" in result.reason
+
+
+def test_pause_stops_the_clock_and_is_no_lateness() -> None:
+    with bench(gentle, factor=0.5) as b:
+        b.graph.spin_until(lambda: b.observer.status.ticks > 5)
+        assert b.observer.call(b.graph, topics.PAUSE).success
+        paused = b.run_until(InstrumentStatus.PAUSED)
+        missed = b.simulator.periods_missed
+        count = len(b.observer.statuses)
+        b.graph.spin_until(lambda: len(b.observer.statuses) > count + 10)
+        assert b.observer.status.ticks == paused.ticks
+        assert b.observer.call(b.graph, topics.PLAY).success
+        # Ten reports are 2 s: a thousand periods that a wrong deadline would count as missed.
+        b.graph.spin_until(lambda: b.simulator.instrument.ticks > paused.ticks)
+        assert b.simulator.periods_missed < missed + 500
+
+
+def test_reset_goes_back_to_the_start_in_realtime_too() -> None:
+    with bench(gentle, factor=0.5) as b:
+        b.graph.spin_until(lambda: b.observer.status.ticks > 20)
+        b.controller.seen.clear()
+        assert b.observer.call(b.graph, topics.RESET).success
+        b.graph.spin_until(lambda: any(measurement.sequence == 0 for measurement in b.controller.seen))
+        b.run_until(InstrumentStatus.RUNNING)
+        sequences = [measurement.sequence for measurement in b.controller.seen]
+        start = sequences.index(0)
+        assert sequences[start:] == list(range(len(sequences) - start))

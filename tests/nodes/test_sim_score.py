@@ -1,0 +1,92 @@
+"""The score of a run over topics is that of the same run without any, field by field."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import Graph, Observer, run_in_process, write_scenario
+
+from afm_controller_node.node import ControllerNode
+from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
+from afm_sim_node.node import SimNode
+
+PERIOD = 2e-6
+
+
+@contextmanager
+def two_nodes(folder: Path, law: str, ticks: int, **parameters: object) -> Iterator[tuple[Graph, Observer]]:
+    """The project's own simulator and controller, each with its own loop."""
+    given = {"run.duration": ticks * PERIOD, "score.start": 0.0, "plant.control_period": PERIOD} | parameters
+    file = write_scenario(folder / "nodes.yaml", afm_sim_node=given, afm_controller_node={"law.kind": law})
+    with Graph(["--ros-args", "--params-file", str(file)]) as graph:
+        observer = graph.add(Observer())
+        graph.add(ControllerNode())
+        graph.add(SimNode())
+        yield graph, observer
+
+
+def in_process(law: str, ticks: int, **parameters: object) -> Instrument:
+    values = {"score.start": 0.0, "plant.control_period": PERIOD} | parameters
+    instrument = Instrument(build(SimParameters, values))
+    return run_in_process(instrument, Controller(build(ControllerParameters, {"law.kind": law})), ticks)
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [
+        ("tanh", {}),
+        ("sgn", {"plant.kind": "paper", "plant.z": "uniform", "plant.seed": 3}),
+        ("open_loop", {"detector.noise": 1e-3, "detector.position_noise": 1e-12, "detector.adc_bits": 16}),
+    ],
+)
+def test_score_over_topics_is_that_of_the_loop_in_process(
+    tmp_path: Path, law: str, parameters: dict[str, object]
+) -> None:
+    ticks = 2000
+    expected = in_process(law, ticks, **parameters)
+    summary = expected.score()
+    with two_nodes(tmp_path, law, ticks, **parameters) as (graph, observer):
+        graph.spin_until(lambda: observer.scores)
+        score = observer.scores[0]
+    assert score.trajectory_sha256 == expected.trajectory_sha256()
+    assert (score.ticks, score.start, score.simulated) == (ticks, 0.0, expected.time)
+    np.testing.assert_array_equal(score.rms, summary.rms)
+    np.testing.assert_array_equal(score.max, summary.largest)
+    np.testing.assert_array_equal(score.max_percent, summary.percent)
+    np.testing.assert_array_equal(score.drive_total_variation, summary.variation)
+    np.testing.assert_array_equal(score.extent, summary.extent)
+    np.testing.assert_array_equal(score.friction, summary.friction)
+    np.testing.assert_array_equal(score.normal_force, summary.normal_force)
+    assert score.stick_phases == summary.stick_phases
+    assert score.stick_fraction == summary.stick_fraction
+    assert score.contact_fraction == summary.contact_fraction
+    p50, p99, p99_9, largest = score.round_trip
+    assert np.isnan([*score.lateness, *score.command_age]).all()
+    assert 0.0 < p50 <= p99 <= p99_9 <= largest <= score.wall
+
+
+def test_slow_codec_gives_the_same_trajectory(tmp_path: Path) -> None:
+    with two_nodes(tmp_path, "tanh", 500, **{"run.fast_codec": False}) as (graph, observer):
+        graph.spin_until(lambda: observer.scores)
+        assert observer.scores[0].trajectory_sha256 == in_process("tanh", 500).trajectory_sha256()
+
+
+def test_score_of_a_run_that_ends_before_scoring_is_nan_throughout(tmp_path: Path) -> None:
+    with two_nodes(tmp_path, "tanh", 10, **{"score.start": 1.0}) as (graph, observer):
+        graph.spin_until(lambda: observer.scores)
+        score = observer.scores[0]
+    assert (score.ticks, score.stick_phases) == (0, 0)
+    for name in (
+        "rms",
+        "max",
+        "max_percent",
+        "drive_total_variation",
+        "extent",
+        "friction",
+        "normal_force",
+        "stick_fraction",
+        "contact_fraction",
+    ):
+        assert np.isnan(getattr(score, name)).all(), f"{name} = {getattr(score, name)}"

@@ -1,0 +1,388 @@
+"""What the tests of nodes and of sessions share: nodes in this process, processes of their own, and waiting for either.
+
+Nothing here imitates the product: nodes talk over real topics, waiting means spinning until a predicate holds.
+"""
+
+import os
+import re
+import select
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import rclpy
+import yaml
+from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive, Score
+from ament_index_python.packages import get_package_prefix
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from afm_model import Controller, Instrument
+from afm_node_common import topics
+from afm_node_common.shared_memory import File, left_tidy, remove_unused, unused, used_by
+
+ROOT = Path(__file__).resolve().parent.parent
+TIMEOUT = 60.0
+"""Wall time that anything may take on a busy machine [s]; no test waits so long unless it fails."""
+MARK = "AFM_TEST_RUN"
+"""Environment variable by which every process of this test run is known."""
+
+# What a process leaves behind.
+
+_PORTS = re.compile(r"fast(?:dds|rtps)_port(\d+)")
+_seen: set[File] = set()
+_looked_at = 0.0
+
+
+def processes() -> dict[int, str]:
+    """Living processes of this test run but this one: id and command line."""
+    mark = f"{MARK}={os.environ[MARK]}".encode()
+    found = {}
+    for entry in filter(str.isdigit, os.listdir("/proc")):
+        with suppress(OSError):
+            if int(entry) != os.getpid() and mark in Path(f"/proc/{entry}/environ").read_bytes().split(b"\0"):
+                found[int(entry)] = Path(f"/proc/{entry}/cmdline").read_bytes().replace(b"\0", b" ").decode().strip()
+    return found
+
+
+def note_shared_memory(*, at_once: bool = True) -> None:
+    """Remember the shared memory that this run uses now; not more often than five times a second unless `at_once`."""
+    global _looked_at
+    if not at_once and time.monotonic() < _looked_at + 0.2:
+        return
+    _looked_at = time.monotonic()
+    for pid in (os.getpid(), *processes()):
+        _seen.update(used_by(pid))
+
+
+def shared_memory_left() -> list[str]:
+    """Files that this run has made and that nobody uses any more; call it with no graph of one's own."""
+    first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
+    for file in Path("/dev/shm").iterdir():
+        port = _PORTS.search(file.name)
+        if port and first <= int(port[1]) < first + 250:
+            with suppress(OSError):
+                _seen.add((str(file), file.stat().st_ino))
+    return sorted(path for path, _ in unused(_seen))
+
+
+def remove_shared_memory_left() -> None:
+    """For a test that kills a process with SIGKILL, which nobody can clean up after."""
+    shared_memory_left()  # also finds what was made anew under an old name: peers go on writing to a dead one
+    remove_unused(_seen)
+
+
+# Waiting.
+
+
+def wait_until(predicate: Callable[[], object], told: Callable[[], object], spin: Callable[[], object]) -> None:
+    """Spin until `predicate` holds; raise with what `told` says if it does not within TIMEOUT."""
+    limit = time.monotonic() + TIMEOUT
+    while not predicate():
+        if time.monotonic() > limit:
+            raise TimeoutError(f"still waiting after {TIMEOUT:g} s; last state: {told()}")
+        note_shared_memory(at_once=False)
+        spin()
+
+
+def wait_for_the_end_of(pids: Iterable[int]) -> None:
+    """Wait until these processes have ended, children of this one or not."""
+    for pid in pids:
+        with suppress(ProcessLookupError):
+            handle = os.pidfd_open(pid)
+            try:
+                if not select.select([handle], [], [], TIMEOUT)[0]:
+                    raise TimeoutError(f"still running after {TIMEOUT:g} s: {processes().get(pid, pid)}")
+            finally:
+                os.close(handle)
+
+
+def end_all_processes() -> dict[int, str]:
+    """End what is left running, with its shared memory; what that was."""
+    left = processes()
+    if left:
+        note_shared_memory()
+        for pid in left:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        wait_for_the_end_of(left)
+        remove_shared_memory_left()
+    return left
+
+
+# Nodes in this process.
+
+
+def ros_arguments(parameters: Mapping[str, object]) -> list[str]:
+    """Command-line arguments that set parameters."""
+    arguments = ["--ros-args"]
+    for name, value in parameters.items():
+        arguments += ["-p", f"{name}:={yaml.safe_dump(value, default_flow_style=True).splitlines()[0]}"]
+    return arguments
+
+
+def write_scenario(path: Path, **sections: Mapping[str, object]) -> Path:
+    """Write a parameter file: for each node its parameters, with dotted names."""
+    content = {
+        name if name == "scenario" else f"/**/{name}": {"ros__parameters": dict(parameters)}
+        for name, parameters in sections.items()
+    }
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+class Graph:
+    """Nodes of this process, served in turn by one thread. Use as a context manager.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        For every node made in here, as on a command line; see `ros_arguments`.
+    """
+
+    def __init__(self, arguments: Sequence[str] = ()) -> None:
+        rclpy.init(args=list(arguments))
+        self.executor = SingleThreadedExecutor()
+        self.nodes: list[Any] = []
+
+    def __enter__(self) -> "Graph":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        note_shared_memory()
+        with left_tidy():
+            self.executor.shutdown()
+            for node in self.nodes:
+                node.destroy_node()
+            rclpy.shutdown()
+
+    def add(self, node: Any) -> Any:
+        """Serve a node from now on."""
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def remove(self, node: Any) -> None:
+        """End a node."""
+        self.nodes.remove(node)
+        self.executor.remove_node(node)
+        node.destroy_node()
+
+    def spin(self) -> None:
+        """One turn: a step of every node that has a loop of its own, and what the executor has."""
+        looping = [node for node in self.nodes if hasattr(node, "step")]
+        busy = [node.step() for node in looping]
+        for node in looping:
+            node.look_after()
+        self.executor.spin_once(timeout_sec=0.0 if any(busy) else 0.002)
+
+    def spin_until(self, predicate: Callable[[], object]) -> None:
+        """Spin until `predicate` holds."""
+        wait_until(predicate, lambda: [getattr(node, "told", node.get_name()) for node in self.nodes], self.spin)
+
+    def result(self, future: Any) -> Any:
+        """Spin until an answer is there."""
+        self.spin_until(future.done)
+        return future.result()
+
+
+class Observer(Node):
+    """Listens to an instrument and calls its services."""
+
+    def __init__(self, name: str = "observer", namespace: str = topics.NAMESPACE) -> None:
+        super().__init__(name, namespace=namespace)
+        self.status = InstrumentStatus()
+        self.statuses: list[InstrumentStatus] = []
+        self.scores: list[Score] = []
+        self.create_subscription(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        self.create_subscription(Score, topics.SCORE, self.scores.append, topics.LATCHED_QOS)
+        self._clients_of_services = {
+            name: self.create_client(Trigger, name) for name in (topics.PLAY, topics.PAUSE, topics.RESET)
+        }
+
+    @property
+    def told(self) -> object:
+        """For messages of tests that fail."""
+        return self.status
+
+    def _on_status(self, message: InstrumentStatus) -> None:
+        self.status = message
+        self.statuses.append(message)
+
+    def call(self, graph: Graph, service: str) -> Trigger.Response:
+        """Call play, pause or reset."""
+        client = self._clients_of_services[service]
+        graph.spin_until(client.service_is_ready)
+        return graph.result(client.call_async(Trigger.Request()))
+
+
+class HandController(Node):
+    """A controller as a user writes it: typed messages, one subscription, one publisher.
+
+    Parameters
+    ----------
+    law : callable
+        Answers a measurement with drives to publish, in order.
+    """
+
+    def __init__(
+        self, law: Callable[[Measurement], Sequence[PiezoDrive]], name: str = "hand_made", record: bool = True
+    ) -> None:
+        super().__init__(name, namespace=topics.NAMESPACE)
+        self.law = law
+        self.seen: list[Measurement] = []
+        self._record = record
+        self._publisher = self.create_publisher(PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
+        self.create_subscription(Measurement, topics.MEASUREMENT, self._on_measurement, topics.CONTROL_QOS)
+
+    @property
+    def told(self) -> str:
+        """For messages of tests that fail."""
+        return f"controller has seen measurements up to {self.seen[-1].sequence if self.seen else None}"
+
+    def _on_measurement(self, measurement: Measurement) -> None:
+        if self._record:
+            self.seen.append(measurement)
+        for drive in self.law(measurement):
+            self._publisher.publish(drive)
+
+
+def answer(measurement: Measurement, x: float, y: float, z: float | None = None, ahead: int = 0) -> PiezoDrive:
+    """A drive for a measurement, or for one `ahead` of it; without `z` the z drive stays what it is."""
+    drive = PiezoDrive(header=measurement.header, sequence=measurement.sequence + ahead)
+    drive.voltage.x, drive.voltage.y = x, y
+    drive.voltage.z = measurement.drive.z if z is None else z
+    return drive
+
+
+def run_in_process(instrument: Instrument, law: Callable[[Any], Any] | Controller, ticks: int) -> Instrument:
+    """The loop of instrument and law without anything between them."""
+    answer_to = law.answer if isinstance(law, Controller) else law
+    for _ in range(ticks):
+        if instrument.block_full:
+            instrument.take_block()
+        instrument.tick(answer_to(instrument.measurement))
+    return instrument
+
+
+# Processes.
+
+
+def executable(package: str, name: str) -> str:
+    """An installed executable, as `ros2 run` finds it."""
+    return str(Path(get_package_prefix(package)) / "lib" / package / name)
+
+
+class Command:
+    """A process of this test run, in a process group of its own as in a terminal. Use as a context manager.
+
+    Parameters
+    ----------
+    command : program and arguments
+    folder : where its output is kept
+    """
+
+    def __init__(self, *command: str | Path, folder: Path) -> None:
+        self._output = folder / f"{Path(command[0]).name}.{time.monotonic_ns()}.output"
+        with self._output.open("wb") as file:
+            self.process = subprocess.Popen(
+                [str(part) for part in command],
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+
+    def __enter__(self) -> "Command":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Whatever a test left running, it does not outlive it."""
+        if not self.ended:
+            note_shared_memory()
+            tree = [self.process.pid, *self.descendants]
+            for pid in tree:
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            self.process.wait()
+            wait_for_the_end_of(tree)
+            remove_shared_memory_left()
+
+    @property
+    def text(self) -> str:
+        """What it has printed."""
+        return self._output.read_text(errors="replace")
+
+    @property
+    def told(self) -> str:
+        """For messages of tests that fail."""
+        return f"code {self.process.poll()}, printed: {self.text}"
+
+    @property
+    def ended(self) -> bool:
+        """Whether the process has ended."""
+        return self.process.poll() is not None
+
+    @property
+    def descendants(self) -> dict[int, str]:
+        """Living processes that it has started, and those that these have started: id and command line."""
+        family, alive = {self.process.pid}, processes()
+        for pid in sorted(alive):
+            with suppress(OSError):
+                if int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1]) in family:
+                    family.add(pid)
+        return {pid: alive[pid] for pid in family & set(alive) if pid != self.process.pid}
+
+    def interrupt(self) -> None:
+        """What Ctrl-C in a terminal does: SIGINT to the process group."""
+        note_shared_memory()
+        os.killpg(self.process.pid, signal.SIGINT)
+
+    def interrupt_again_and_again(self, graph: Graph | None = None) -> int:
+        """What somebody does who has no patience: Ctrl-C until it has ended. Exit code."""
+
+        def insist() -> None:
+            os.killpg(self.process.pid, signal.SIGINT)
+            self._wait_a_moment()
+            if graph:
+                graph.spin()
+
+        self.interrupt()
+        wait_until(lambda: self.ended, lambda: self.told, insist)
+        return int(self.process.returncode)
+
+    def wait_until(self, predicate: Callable[[], object], graph: Graph | None = None) -> None:
+        """Wait until `predicate` holds; fail at once if the process ends before."""
+
+        def holds() -> bool:
+            if predicate():
+                return True
+            assert not self.ended, f"it has ended: {self.told}"
+            return False
+
+        wait_until(holds, lambda: self.told, graph.spin if graph else self._wait_a_moment)
+
+    def wait(self, graph: Graph | None = None) -> int:
+        """Exit code, once it has ended."""
+        wait_until(lambda: self.ended, lambda: self.told, graph.spin if graph else self._wait_a_moment)
+        return int(self.process.returncode)
+
+    def _wait_a_moment(self) -> None:
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(0.02)
+
+
+def session(scenario: str | Path, out: Path, *options: str, folder: Path) -> Command:
+    """`ros2 run afm_bringup session SCENARIO --out OUT`."""
+    return Command(executable("afm_bringup", "session"), scenario, "--out", out, *options, folder=folder)
+
+
+def assert_nothing_left() -> None:
+    """Neither a process nor shared memory of one that has ended cleanly."""
+    assert processes() == {}
+    assert shared_memory_left() == []

@@ -1,0 +1,192 @@
+"""What a session refuses, it refuses in one sentence with the value and what is allowed, before anything is written."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from support import assert_nothing_left, session
+
+from afm_bringup.scenario import read_scenario
+from afm_model import ScenarioError
+
+SIMULATOR = "/**/afm_sim_node"
+CONTROLLER = "/**/afm_controller_node"
+
+
+def section(name: str, *lines: str) -> str:
+    """Text of a scenario with one section."""
+    return f"{name}:\n  ros__parameters:\n" + "".join(f"    {line}\n" for line in lines)
+
+
+# Files, as they are read.
+
+NOT_ALLOWED = {
+    "unknown section": (
+        section("/**/afm_simulator", "run.duration: 1.0"),
+        ("unknown section /**/afm_simulator", "afm_sim_node, afm_controller_node"),
+    ),
+    "section of another instrument's node": (
+        section("/elsewhere/afm_sim_node", "run.duration: 1.0"),
+        ("section /elsewhere/afm_sim_node",),
+    ),
+    "section that no node reads because the namespace is missing": (
+        section("afm_sim_node", "run.duration: 1.0"),
+        ("section afm_sim_node", "/**/afm_sim_node"),
+    ),
+    "section without ros__parameters": (
+        f"{SIMULATOR}:\n  run.duration: 1.0\n",
+        (f"section {SIMULATOR} must hold ros__parameters",),
+    ),
+    "unknown parameter": (
+        section(CONTROLLER, "law.alfa: 3.0"),
+        ("unknown parameter law.alfa: did you mean law.alpha?",),
+    ),
+    "parameter out of range": (
+        section(CONTROLLER, "law: {alpha: -1.0}"),
+        ("law.alpha = -1.0 is not allowed: it must be a finite number > 0",),
+    ),
+    "parameter that is no number": (
+        section(CONTROLLER, "law.alpha: .nan"),
+        ("law.alpha = nan is not allowed: it must be a finite number > 0",),
+    ),
+    "yes for a number": (
+        section(CONTROLLER, "law.alpha: yes"),
+        ("law.alpha = True is not allowed: it must be a finite number > 0",),
+    ),
+    "parameter that is no choice": (
+        section(CONTROLLER, "law.kind: pid"),
+        ("law.kind = pid is not allowed: it must be one of open_loop, sgn, tanh",),
+    ),
+    "parameter of the recorder": (
+        section("/**/afm_recorder_node", "live_port: 70000"),
+        ("live_port = 70000 is not allowed: it must be a whole number >= 0 and < 65536",),
+    ),
+    "negative duration": (section(SIMULATOR, "run.duration: -1.0"), ("run.duration = -1.0 s is not allowed",)),
+    "step that does not divide the period": (
+        section(SIMULATOR, "plant.control_period: 2.5e-6"),
+        ("plant.control_period = 2.5e-06 s is not allowed: it must be a multiple of detector.sample_period = 1e-06 s",),
+    ),
+    "sample that the tip cannot touch in one point": (
+        section(SIMULATOR, "contact.R: 1.0e-5"),
+        ("the tip cannot touch the sample in one point", "contact.R = 1e-05 m", "must be > 0"),
+    ),
+    "no YAML": (f"{SIMULATOR}: [1, 2", ("is no readable YAML file",)),
+    "no parameter file": ("- 1\n- 2\n", ("is no parameter file",)),
+    "no text": ("\udcff\udcfe", ("is no readable YAML file",)),
+}
+
+
+@pytest.mark.parametrize("name", NOT_ALLOWED)
+def test_scenario_that_is_not_allowed_is_refused_with_the_file_the_value_and_what_is_allowed(
+    name: str, tmp_path: Path
+) -> None:
+    text, told = NOT_ALLOWED[name]
+    path = tmp_path / "scenario.yaml"
+    path.write_bytes(text.encode(errors="surrogateescape"))
+    with pytest.raises(ScenarioError) as refused:
+        read_scenario(str(path))
+    sentence = str(refused.value)
+    assert "\n" not in sentence
+    for part in (str(path), *told):
+        assert part in sentence
+
+
+# Sessions, as they are started.
+
+
+@dataclass(frozen=True)
+class Case:
+    """A session that must be refused; `told` are parts of its sentence."""
+
+    told: tuple[str, ...]
+    text: str | None = None
+    name: str = "closed_loop_tanh"
+    out: str = "out"
+    controller: str | None = None
+    code: int = 2
+
+
+CASES = {
+    "unknown scenario": Case(
+        ("unknown scenario closed_loop_tahn", "closed_loop_sgn, closed_loop_tanh, open_loop"), name="closed_loop_tahn"
+    ),
+    "folder as scenario": Case(("unknown scenario /tmp", "it must be one of", "or a file"), name="/tmp"),
+    "parameter out of range": Case(
+        ("law.alpha = -1.0 is not allowed: it must be a finite number > 0",), section(CONTROLLER, "law.alpha: -1.0")
+    ),
+    "no duration": Case(("run.duration = 0", "it must be > 0 s"), section(CONTROLLER, "law.alpha: 3.0")),
+    "sample that the tip does not reach": Case(
+        ("the tip does not touch the sample at rest", "cantilever.a", "must be >"),
+        section(SIMULATOR, "run.duration: 0.001", "cantilever.W: -1.0e-6"),
+    ),
+    "out below a file": Case(("--out", "a_file/out", "must be a folder"), out="a_file/out", code=1),
+    "out is a file": Case(("--out", "a_file", "must be a folder"), out="a_file", code=1),
+    "controller that does not exist": Case(
+        ("controller could not be started: no_such_program", "No such file"), controller="no_such_program", code=1
+    ),
+    "controller that ends by itself": Case(
+        ("controller ended with code 1: nothing to say",), controller="sh -c 'echo nothing to say; exit 1'", code=1
+    ),
+    "controller that is no command": Case(("--controller", "'unbalanced"), controller="python 'unbalanced"),
+    "controller of blanks": Case(("--controller",), controller="  "),
+}
+
+
+@dataclass(frozen=True)
+class End:
+    code: int
+    printed: str
+    folder: Path
+    before: set[str]
+
+
+def listing(folder: Path) -> set[str]:
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+@pytest.fixture(scope="module")
+def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, End]:
+    """All cases, some at a time: what takes long is only that python starts."""
+    base = tmp_path_factory.mktemp("bad_input")
+
+    def run(item: tuple[str, Case]) -> tuple[str, End]:
+        name, case = item
+        folder, printed = base / name, base / f"printed: {name}"
+        folder.mkdir()
+        printed.mkdir()
+        (folder / "a_file").write_text("")
+        scenario = case.name
+        if case.text is not None:
+            (folder / "scenario.yaml").write_text(case.text)
+            scenario = str(folder / "scenario.yaml")
+        before = listing(folder)
+        options = [] if case.controller is None else ["--controller", case.controller]
+        with session(scenario, folder / case.out, *options, folder=printed) as command:
+            try:
+                code = command.wait()
+            except TimeoutError:  # taken for good: one test has to fail, not all
+                code = -1
+        return name, End(code, command.text, folder, before)
+
+    with ThreadPoolExecutor(3) as pool:
+        return dict(pool.map(run, CASES.items()))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_session_is_refused_in_one_sentence_and_nothing_is_written(ends: dict[str, End], name: str) -> None:
+    case, end = CASES[name], ends[name]
+    lines = end.printed.strip().splitlines()
+    assert [line for line in lines if not line.startswith("error: ")] == [], end.printed
+    assert len(lines) == 1, end.printed
+    for part in case.told:
+        assert part in lines[0]
+    assert end.code == case.code
+    written = {path for path in listing(end.folder) - end.before if "/logs" not in path}
+    # Where nodes had been started, the folder and their logs may stay, to look at.
+    assert written <= ({"out"} if case.code == 1 else set())
+
+
+def test_no_refused_session_leaves_anything_running(ends: dict[str, End]) -> None:
+    assert len(ends) == len(CASES)
+    assert_nothing_left()
