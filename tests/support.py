@@ -62,13 +62,22 @@ def note_shared_memory(*, at_once: bool = True) -> None:
 
 def shared_memory_left() -> list[str]:
     """Files that this run has made and that nobody uses any more; call it with no graph of one's own."""
-    first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
     for file in Path("/dev/shm").iterdir():
-        port = _PORTS.search(file.name)
-        if port and first <= int(port[1]) < first + 250:
+        if _PORTS.search(file.name) and of_this_run(str(file)):
             with suppress(OSError):
                 _seen.add((str(file), file.stat().st_ino))
-    return sorted(path for path, _ in unused(_seen))
+    return sorted(path for path, _ in unused(_seen) if of_this_run(path))
+
+
+def of_this_run(path: str) -> bool:
+    """Whether nobody else takes this file of the shared memory: a segment, or a port of this run's domain.
+
+    Ports below 7400 belong to no domain: any node that starts tries them one after the other, and for that moment one
+    that was left looks used, or has been made again.
+    """
+    port = _PORTS.search(path)
+    first = 7400 + 250 * int(os.environ["ROS_DOMAIN_ID"])
+    return not port or first <= int(port[1]) < first + 250
 
 
 def remove_shared_memory_left() -> None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from support import Command, Graph, Observer, executable, wait_for_the_end_of
+from support import Command, Graph, Observer, executable, of_this_run, wait_for_the_end_of
 
 from afm_node_common import topics
 from afm_node_common.shared_memory import remove_unused, unused, used_by
@@ -13,7 +13,7 @@ def test_what_a_killed_node_leaves_is_removed_and_nothing_before(tmp_path: Path)
         observer = graph.add(Observer())
         topic = observer.resolve_topic_name(topics.MEASUREMENT)
         node.wait_until(lambda: observer.count_publishers(topic), graph)
-        files = used_by(node.process.pid)
+        files = {file for file in used_by(node.process.pid) if of_this_run(file[0])}
         assert any("port" in path for path, _ in files)
         remove_unused(files)
         assert unused(files) == set()
