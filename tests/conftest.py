@@ -49,16 +49,6 @@ settings.register_profile("reproducible", derandomize=True, deadline=None, max_e
 settings.load_profile("reproducible")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Tests over a middleware, on a machine that may stand still for seconds, get a second chance, which is reported.
-
-    As in the continuous integration of ROS 2 itself. Tests of the model are exact: they get none.
-    """
-    for item in items:
-        if item.path.parent.name in ("nodes", "system"):
-            item.add_marker(pytest.mark.flaky(reruns=1))
-
-
 @pytest.fixture(autouse=True)
 def _no_process_outlives_its_test() -> Iterator[None]:
     """What a test leaves running is its failure and is ended, so that the next one finds an empty graph."""

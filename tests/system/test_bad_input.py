@@ -97,7 +97,10 @@ def test_scenario_that_is_not_allowed_is_refused_with_the_file_the_value_and_wha
 
 @dataclass(frozen=True)
 class Case:
-    """A session that must be refused; `told` are parts of its sentence."""
+    """A session that must be refused; `told` are parts of its sentence.
+
+    One that gets as far as `starts_nodes` must be alone in its ROS domain.
+    """
 
     told: tuple[str, ...]
     text: str | None = None
@@ -105,6 +108,7 @@ class Case:
     out: str = "out"
     controller: str | None = None
     code: int = 2
+    starts_nodes: bool = False
 
 
 CASES = {
@@ -123,10 +127,16 @@ CASES = {
     "out below a file": Case(("--out", "a_file/out", "must be a folder"), out="a_file/out", code=1),
     "out is a file": Case(("--out", "a_file", "must be a folder"), out="a_file", code=1),
     "controller that does not exist": Case(
-        ("controller could not be started: no_such_program", "No such file"), controller="no_such_program", code=1
+        ("controller could not be started: no_such_program", "No such file"),
+        controller="no_such_program",
+        code=1,
+        starts_nodes=True,
     ),
     "controller that ends by itself": Case(
-        ("controller ended with code 1: nothing to say",), controller="sh -c 'echo nothing to say; exit 1'", code=1
+        ("controller ended with code 1: nothing to say",),
+        controller="sh -c 'echo nothing to say; exit 1'",
+        code=1,
+        starts_nodes=True,
     ),
     "controller that is no command": Case(("--controller", "'unbalanced"), controller="python 'unbalanced"),
     "controller of blanks": Case(("--controller",), controller="  "),
@@ -147,7 +157,7 @@ def listing(folder: Path) -> set[str]:
 
 @pytest.fixture(scope="module")
 def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, End]:
-    """All cases, some at a time: what takes long is only that python starts."""
+    """All cases; those that end before any node starts some at a time: what takes long is only that python starts."""
     base = tmp_path_factory.mktemp("bad_input")
 
     def run(item: tuple[str, Case]) -> tuple[str, End]:
@@ -169,8 +179,11 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, End]:
                 code = -1
         return name, End(code, command.text, folder, before)
 
-    with ThreadPoolExecutor(3) as pool:
-        return dict(pool.map(run, CASES.items()))
+    found = {}
+    for starts_nodes, at_once in ((False, 3), (True, 1)):
+        with ThreadPoolExecutor(at_once) as pool:
+            found |= dict(pool.map(run, [item for item in CASES.items() if item[1].starts_nodes == starts_nodes]))
+    return found
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -183,8 +196,8 @@ def test_session_is_refused_in_one_sentence_and_nothing_is_written(ends: dict[st
         assert part in lines[0]
     assert end.code == case.code
     written = {path for path in listing(end.folder) - end.before if "/logs" not in path}
-    # Where nodes had been started, the folder and their logs may stay, to look at.
-    assert written <= ({"out"} if case.code == 1 else set())
+    # The folder and the logs of the nodes may stay, to look at.
+    assert written <= ({"out"} if case.starts_nodes else set())
 
 
 def test_no_refused_session_leaves_anything_running(ends: dict[str, End]) -> None:
