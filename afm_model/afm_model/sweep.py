@@ -254,7 +254,9 @@ def _client(distributed: Any, scheduler: str | None, workers: int | None) -> Ite
                 n_workers=processors,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                # Without an address it would still serve at 8787, and complain where that is taken.
+                dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
                 memory_limit=0,
                 silence_logs=logging.CRITICAL,
             )
