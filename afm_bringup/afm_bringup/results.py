@@ -68,6 +68,7 @@ def scorecard(scenario: Scenario, controller: str, score: Score, status: Instrum
         "realtime": {
             "late_ticks": score.late_ticks,
             "periods_missed": score.periods_missed,
+            "ticks_retracted": score.ticks_retracted,
             "lateness_us": _microseconds(score.lateness),
             "command_age_us": _microseconds(score.command_age),
         }
@@ -140,7 +141,10 @@ def _realtime_facts(realtime: dict[str, Any] | None) -> list[tuple[str, str]]:
     if realtime is None:
         return []
     return [
-        ("late ticks, periods missed", f"{realtime['late_ticks']}, {realtime['periods_missed']}"),
+        (
+            "late ticks, periods missed, ticks retracted",
+            ", ".join(str(realtime[key]) for key in ("late_ticks", "periods_missed", "ticks_retracted")),
+        ),
         *(
             (f"{name} p50, p99, p99.9, max [us]", ", ".join(map(_show, realtime[key].values())))
             for name, key in (("lateness", "lateness_us"), ("command age", "command_age_us"))

@@ -211,7 +211,8 @@ class SimNode(Node):
         self.command_ages = Histogram()
         self._late: list[float] = []
         self._ages: list[float] = []
-        self.drives_lost = self.drives_refused = self.late_ticks = self.periods_missed = 0
+        self.drives_lost = self.drives_refused = 0
+        self.late_ticks = self.periods_missed = self.ticks_retracted = 0
 
     def _start_when_ready(self) -> bool:
         if self._held or not self.inbox.publishers or not self._outbox.subscribers:

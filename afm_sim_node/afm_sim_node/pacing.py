@@ -181,6 +181,7 @@ class Realtime:
         elif not silent and node.state == InstrumentStatus.RETRACTED:
             node.set_state(InstrumentStatus.RUNNING)
         if node.state == InstrumentStatus.RETRACTED:
+            node.ticks_retracted += 1
             rate = (run.retract_voltage - self._retract_from) / run.retract_time
             moved = self._drive[2] + rate * node.parameters.plant.control_period
             self._drive[2] = max(moved, run.retract_voltage) if rate < 0.0 else min(moved, run.retract_voltage)

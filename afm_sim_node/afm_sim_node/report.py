@@ -162,6 +162,7 @@ class Reporter:
             "drives refused": node.drives_refused,
             "late ticks": node.late_ticks,
             "periods missed": node.periods_missed,
+            "ticks retracted": node.ticks_retracted,
             **node.fast_path,
         }
         entry.values = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
@@ -197,6 +198,7 @@ class Reporter:
             command_age=node.command_ages.summary,
             late_ticks=node.late_ticks,
             periods_missed=node.periods_missed,
+            ticks_retracted=node.ticks_retracted,
             trajectory_sha256=instrument.trajectory_sha256(),
         )
         score.header.frame_id = topics.FRAME

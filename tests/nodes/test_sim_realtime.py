@@ -169,6 +169,16 @@ def test_silent_controller_has_the_sample_retracted_and_its_next_drive_brings_it
         b.graph.spin_until(lambda: b.drives[-1, 2] == contact[0].voltage.z)
 
 
+def test_ticks_with_the_sample_retracted_are_counted_in_the_score() -> None:
+    def leaving(measurement: Measurement) -> list[PiezoDrive]:
+        return [answer(measurement, 0.0, 0.0)] if measurement.sequence < 5 else []
+
+    with bench(leaving, ticks=100, watchdog=0.1) as b:
+        b.run_to_the_end()
+        z = b.drives[:, 2]
+        assert b.observer.scores[-1].ticks_retracted == np.count_nonzero(z < z[0]) > 0
+
+
 @pytest.mark.parametrize("bad", [(math.nan, 0.0, 0.0), (0.0, 0.0, math.inf)], ids=["nan", "inf"])
 def test_drive_that_no_piezo_can_follow_is_refused_and_counted_and_the_last_one_held(
     bad: tuple[float, float, float],
