@@ -191,7 +191,7 @@ def draw_overview(recording: Recording, title: str, path: Path) -> None:
     force = np.interp(recording.time_ticks, recording.time_samples, recording.lateral_force)
     low_right.plot(recording.position[:, 0] * nm, force * nm, "C3", lw=0.8)
     low_right.set_title("friction loop", loc="left")
-    low_right.set(xlabel="scanner position x [nm]", ylabel="lateral force [nN]")
+    low_right.set(xlabel="scanner position x [nm]", ylabel="lateral force, x component [nN]")
     for axes in (top_left, top_right, low_left, low_right):
         axes.grid(alpha=0.3)
     figure.savefig(path, dpi=120)

@@ -143,7 +143,7 @@ class SimNode(Node):
             raise
         except DivergenceError as error:
             self.flush()
-            self.set_state(InstrumentStatus.FAULT, str(error))
+            self.set_state(InstrumentStatus.FAULT, self.pacing.explain(str(error)))
             return False
         if instrument.block_full:
             self.flush()

@@ -39,6 +39,10 @@ class Lockstep:
     def adapt(self) -> None:
         """Nothing depends on what may change while running."""
 
+    def explain(self, divergence: str) -> str:
+        """Nothing to add: the drive that was applied had seen the last measurement."""
+        return divergence
+
     def step(self) -> bool:
         """Take one answer if there is one."""
         taken = self._take()
@@ -117,6 +121,14 @@ class Realtime:
             self._period = period
             self._deadline = monotonic() + period
 
+    def explain(self, divergence: str) -> str:
+        """Add how old the drives were, which makes a loop unstable that is not in lockstep."""
+        oldest = self._node.command_ages.largest / self._period
+        return (
+            f"{divergence}, or the drives are too late: they were up to {oldest:.3g} control periods old (lower "
+            f"run.real_time_factor = {self._node.parameters.run.real_time_factor:g} to give the controller time)"
+        )
+
     def _publish(self) -> None:
         self._published_at[self._node.instrument.ticks % _RING] = monotonic()
         self._node.publish_measurement()
@@ -182,9 +194,10 @@ class Realtime:
             node.set_state(InstrumentStatus.RUNNING)
         if node.state == InstrumentStatus.RETRACTED:
             node.ticks_retracted += 1
-            rate = (run.retract_voltage - self._retract_from) / run.retract_time
+            down = -run.retract_distance / node.parameters.piezo.sensitivity_z
+            rate = (down - self._retract_from) / run.retract_time
             moved = self._drive[2] + rate * node.parameters.plant.control_period
-            self._drive[2] = max(moved, run.retract_voltage) if rate < 0.0 else min(moved, run.retract_voltage)
+            self._drive[2] = max(moved, down) if rate < 0.0 else min(moved, down)
 
     def wait(self, timeout: float) -> None:
         """Sleep until the deadline."""

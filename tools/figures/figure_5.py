@@ -48,9 +48,9 @@ def draw_motion(runs: Runs) -> Figure:
     _close_up(right, t, rise, CLOSE_UP, label=r"$\dot z_c$")
     for left, right in axes[2:]:
         left.set_ylabel("$z_c$ [pm]")
-        style.opposite(left, y=("$Z$ [$10^{-6} z_0$]", 1e-3 * unit.height))
+        style.opposite(left, y=("$Q$ [$10^{-6} z_0$]", 1e-3 * unit.height))
         right.set_ylabel(r"$\dot z_c$ [nm/s]")
-        style.opposite(right, y=(r"$\dot Z$ [$10^{-6} z_0\omega_0$]", 1e-3 * unit.rise))
+        style.opposite(right, y=(r"$\dot Q$ [$10^{-6} z_0\omega_0$]", 1e-3 * unit.rise))
     names = "$x$", "velocity along $x$", "$y$", "velocity along $y$", "tip height", "its rate"
     for ax, letter, name in zip(axes.flat, "abcdef", names, strict=False):
         ax.set_title(f"({letter}) {name}", loc="left")

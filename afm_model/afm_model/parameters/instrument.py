@@ -65,11 +65,11 @@ class Detector(Group):
         10e-9, description="deflection per volt (inverse optical lever sensitivity)"
     )
     lateral_sensitivity: Annotated[float, Gt(0), Unit("N/V")] = Field(50e-9, description="lateral force per volt")
-    noise: Annotated[NonNegative, Unit("V")] = Field(0.0, description="rms white noise of a photodetector sample")
+    noise: Annotated[NonNegative, Unit("V")] = Field(0.0, description="rms white noise of a photodetector sample; the deflection rate has none")
     adc_bits: Annotated[int, Ge(0), Lt(33)] = Field(0, description="resolution over +-adc_limit; 0: continuous")
-    adc_limit: Annotated[Positive, Unit("V")] = Field(10.0, description="the ADC saturates at +-adc_limit")
+    adc_limit: Annotated[Positive, Unit("V")] = Field(10.0, description="with adc_bits > 0 the ADC saturates at +-adc_limit")
     position_noise: Annotated[NonNegative, Unit("m")] = Field(
-        0.0, description="rms white noise of a scanner position sample"
+        0.0, description="rms white noise of a scanner position sample; the velocity has none"
     )
 
 

@@ -33,7 +33,10 @@ class Run(Group):
     watchdog_timeout: Annotated[Positive, Unit("s")] = Field(
         0.2, description="realtime: wall time without a drive after which the sample is retracted"
     )
-    retract_voltage: Annotated[float, Unit("V")] = Field(-12.0, description="realtime: z drive of the retracted sample")
+    retract_distance: Annotated[Positive, Unit("m")] = Field(
+        240e-9,
+        description="realtime: how far below its rest the sample is retracted; pull-off takes some 126 nm by default",
+    )
     retract_time: Annotated[Positive, Unit("s")] = Field(0.01, description="realtime: simulated time of the retract")
     fast_codec: bool = Field(True, description="read and write messages in place; false: by rclpy, same bytes")
 
