@@ -19,7 +19,7 @@ class ControllerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("afm_controller_node", namespace=topics.NAMESPACE)
-        parameters = declare(self, ControllerParameters, tunable=TUNABLE, on_change=self._on_change)
+        parameters = declare(self, ControllerParameters, tunable=TUNABLE, accepts=Controller, on_change=self._on_change)
         self.process = parameters.process
         self._controller = Controller(parameters)
         # Compile or load the law before any measurement can come.

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from . import DivergenceError, ParameterError, ScenarioError, load_scenario, simulate
+from . import DivergenceError, DriveError, ParameterError, ScenarioError, load_scenario, simulate
 
 
 def main() -> int:
@@ -21,7 +21,7 @@ def main() -> int:
     try:
         scenario = load_scenario(arguments.scenario)
         run = simulate(scenario.sim, scenario.controller, progress=True)
-    except (ScenarioError, ParameterError, DivergenceError) as error:
+    except (ScenarioError, ParameterError, DriveError, DivergenceError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     score = dataclasses.asdict(run.score)

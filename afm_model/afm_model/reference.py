@@ -1,4 +1,4 @@
-"""Reference waveforms, started at zero with a positive slope."""
+"""Reference waveforms: sine and triangle start at zero, a constant is there at once."""
 
 import math
 

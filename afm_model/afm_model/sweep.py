@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from . import jit
 from .control import Controller
 from .errors import ParameterError
@@ -137,7 +139,12 @@ def _columns(parameters: Mapping[str, Sequence[Value]] | pd.DataFrame, grid: boo
         if isinstance(values, str | bytes) or not hasattr(values, "__len__"):
             raise ParameterError(f"{name} = {values} is not allowed in a sweep: it must be a list of values")
         # Plain Python numbers: those of numpy are not what the parameters are declared as.
-        given[name] = [value.item() if hasattr(value, "item") else value for value in values]
+        given[name] = [value.item() if isinstance(value, np.generic) else value for value in values]
+        for value in given[name]:
+            if not isinstance(value, bool | int | float | str):
+                raise ParameterError(
+                    f"{name} = {value} is not allowed in a sweep: a value is a number, a truth or a word"
+                )
     _require_known(list(given))
     if not isinstance(parameters, Mapping):
         return given

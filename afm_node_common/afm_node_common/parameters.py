@@ -44,6 +44,7 @@ def declare(
     model: type[G],
     *,
     tunable: tuple[str, ...] = (),
+    accepts: Callable[[G], object] | None = None,
     on_change: Callable[[G], None] | None = None,
 ) -> G:
     """Declare every parameter of `model` on `node`, with the values given at start.
@@ -54,6 +55,8 @@ def declare(
     model : type[Group]
     tunable : tuple of str
         Names, or prefixes that end in a dot, of what may change while the node runs; the rest is read-only.
+    accepts : callable, optional
+        Called with validated parameters, at start and before a change; refuses them by raising ParameterError.
     on_change : callable, optional
         Called with the new, validated parameters after a change.
 
@@ -65,11 +68,13 @@ def declare(
     Raises
     ------
     ParameterError
-        If a name given at start does not exist or a value is not allowed. Nothing is declared then.
+        If a name given at start does not exist, or a value is not allowed or not accepted. Nothing is declared then.
     """
     # rclpy offers no public way to see values given for names that nobody declares.
     given = {name: p.value for name, p in node._parameter_overrides.items() if not _foreign(name)}
     current = build(model, given)
+    if accepts is not None:
+        accepts(current)
     values = flatten(current)
     for spec in specifications(model):
         free = any(spec.name == name or (name.endswith(".") and spec.name.startswith(name)) for name in tunable)
@@ -80,7 +85,9 @@ def declare(
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         try:
-            changed({p.name: p.value for p in parameters if not _foreign(p.name)})
+            wanted = changed({p.name: p.value for p in parameters if not _foreign(p.name)})
+            if accepts is not None:
+                accepts(wanted)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -91,6 +91,12 @@ def test_bad_sets_cost_none_of_the_others_and_change_no_type(cluster):
     assert table["rms_x"].isna().tolist() == table["ticks"].isna().tolist() == [False, True, True, True]
 
 
+def test_set_that_cannot_be_computed_with_is_a_row_too(cluster):
+    table = sweep(scenario(), {"afm_controller_node.scanner.f_x": [669.07, 1e-200]}, scheduler=cluster, progress=False)
+    assert table["error"].isna().tolist() == [True, False]
+    assert "too large or too small" in table["error"][1]
+
+
 def test_tip_that_does_not_touch_and_endless_run_are_rows_too(cluster):
     values = {"afm_sim_node.cantilever.a": [1.0], "afm_sim_node.run.duration": [1e-3, 0.0]}
     table = sweep(scenario(), values, scheduler=cluster, progress=False)
@@ -119,6 +125,7 @@ def test_unknown_name_is_refused_with_the_nearest(name, near):
     [
         ({ALPHA: 10.0}, {}, "must be a list of values"),
         ({"afm_controller_node.law.kind": "tanh"}, {}, "must be a list of values"),
+        ({SEED: [[1], 2]}, {}, "a value is a number"),
         ({ALPHA: [1.0, 2.0], SEED: [1]}, {"grid": False}, "the same number of values"),
         ({ALPHA: [1.0]}, {"workers": 0}, "workers = 0 is not allowed"),
         ({ALPHA: [1.0]}, {"workers": 2, "scheduler": "tcp://localhost:1"}, "not given with a scheduler"),

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from support import Graph
 
-from afm_model import ControllerParameters, ParameterError, SimParameters, flatten, specifications
+from afm_model import Controller, ControllerParameters, ParameterError, SimParameters, flatten, specifications
 from afm_model.parameters import Group
 from afm_node_common.parameters import declare
 
@@ -167,8 +167,21 @@ def test_change_that_is_not_allowed_is_refused_with_a_reason_and_the_old_value_s
     remote = Remote(graph)
     (result,) = remote.set(**change)
     assert (result.successful, result.reason) == (False, reason)
-    assert remote.get("law.alpha", "law.kind") == [20.0, "tanh"]
+    assert remote.get("law.alpha", "law.kind") == [10.0, "tanh"]
     assert arrived == []
+
+
+def test_change_that_the_node_cannot_work_with_is_refused_with_its_reason(
+    graph: Graph, make: Callable[..., Node]
+) -> None:
+    arrived: list[ControllerParameters] = []
+    declare(make(), ControllerParameters, tunable=TUNABLE, accepts=Controller, on_change=arrived.append)
+    (result,) = Remote(graph).set(law__c_x=1e-20)
+    assert not result.successful
+    assert result.reason.startswith("some parameter of the law is too large or too small (c = 1e-20 and cdot = 1 are")
+    assert arrived == []
+    with pytest.raises(ParameterError, match="some parameter of the law is too large or too small"):
+        declare(make(law__c_x=1e-20), ControllerParameters, accepts=Controller)
 
 
 def test_what_cannot_change_is_refused_with_a_reason(graph: Graph, make: Callable[..., Node]) -> None:
@@ -189,7 +202,7 @@ def test_of_changes_made_at_once_all_are_taken_or_none(graph: Graph, make: Calla
     remote = Remote(graph)
     result = remote.set_at_once(law__c_x=3.0, law__alpha=-1.0)
     assert (result.successful, "law.alpha = -1.0" in result.reason) == (False, True)
-    assert remote.get("law.c_x", "law.alpha") == [1.0, 20.0]
+    assert remote.get("law.c_x", "law.alpha") == [1.0, 10.0]
     assert remote.set_at_once(law__c_x=3.0, law__alpha=1.0).successful
     assert [(parameters.law.c_x, parameters.law.alpha) for parameters in arrived] == [(3.0, 1.0)]
 

@@ -149,7 +149,7 @@ def test_silent_controller_has_the_sample_retracted_and_its_next_drive_brings_it
             "the sample is retracted"
         )
         b.graph.spin_until(lambda: not b.observer.status.in_contact and b.drives[-1, 2] == pytest.approx(-12.0))
-        # run.retract_distance is 240 nm, 12 V here. It went down in run.retract_time = 10 ms, not at once: 10 ticks of a tenth of the way.
+        # run.retract_distance is 240 nm, 12 V here, gone in run.retract_time = 10 ms: 10 ticks of a tenth of the way.
         z = b.drives[:, 2]
         way = np.diff(z[np.flatnonzero(z == z[0])[-1] :])
         way = way[way < 0.0]

@@ -113,7 +113,8 @@ class Case:
 
 CASES = {
     "unknown scenario": Case(
-        ("unknown scenario closed_loop_tahn", "closed_loop_realtime, closed_loop_sgn, closed_loop_tanh, open_loop"), name="closed_loop_tahn"
+        ("unknown scenario closed_loop_tahn", "closed_loop_realtime, closed_loop_sgn, closed_loop_tanh, open_loop"),
+        name="closed_loop_tahn",
     ),
     "folder as scenario": Case(("unknown scenario /tmp", "it must be one of", "or a file"), name="/tmp"),
     "parameter out of range": Case(

@@ -139,7 +139,7 @@ def test_ctrl_c_in_the_middle_leaves_the_recording_up_to_there_with_every_change
     assert len(recording.time_ticks) >= seen
     assert len(recording.time_samples) == 2 * len(recording.time_ticks)
     (change_,) = recording.parameter_changes
-    assert (change_.node, change_.name, change_.old, change_.new) == ("afm_controller_node", "law.alpha", 20.0, 5.0)
+    assert (change_.node, change_.name, change_.old, change_.new) == ("afm_controller_node", "law.alpha", 10.0, 5.0)
     assert before * CONTROL_PERIOD <= change_.time <= recording.time_ticks[-1]
     assert_nothing_left()
 

@@ -133,5 +133,13 @@ def radius_at_zero_load(R_e: float, K: float, gamma: float) -> float:
 
 
 def hertz_radius(load: float, R_e: float, K: float) -> float:
-    """Hertz contact radius (R_e L / K)^(1/3) [m] of a load [N] >= 0, docs/theory.md (12): no adhesion."""
+    """Hertz contact radius (R_e L / K)^(1/3) [m] of a load [N] >= 0, docs/theory.md (12): no adhesion.
+
+    Raises
+    ------
+    ValueError
+        If the load is negative.
+    """
+    if load < 0.0:
+        raise ValueError(f"load = {load:g} N pulls: without adhesion there is no contact")
     return (R_e * load / K) ** (1.0 / 3.0)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import signals
+from ..errors import ParameterError
 from ..jit import kernel
 from ..parameters import ControllerParameters
 from .lyapunov import lyapunov_matrix
@@ -151,6 +152,11 @@ class Controller:
     ----------
     constants : ndarray
         What the kernel `control` takes; another array after the parameters have changed.
+
+    Raises
+    ------
+    ParameterError
+        If parameters are so large or small that the law cannot be computed, here or when they are assigned.
     """
 
     constants: _Vector
@@ -166,7 +172,10 @@ class Controller:
 
     @parameters.setter
     def parameters(self, parameters: ControllerParameters) -> None:
-        self.constants = law_constants(parameters)
+        try:
+            self.constants = law_constants(parameters)
+        except (ArithmeticError, ValueError) as error:
+            raise ParameterError(f"some parameter of the law is too large or too small ({error})") from None
         self._parameters = parameters
 
     def answer(self, measurement: _Vector) -> _Vector:

@@ -1,6 +1,7 @@
 """Lyapunov function of the error dynamics of the paper's section 3 and what it gives, docs/theory.md (29) to (35)."""
 
 import math
+import warnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,24 @@ def lyapunov_matrix(c: float, cdot: float, Q: NDArray[np.float64] | None = None)
     Raises
     ------
     ValueError
-        If a gain is not positive: A is then not Hurwitz and no such P exists.
+        If a gain is not positive: A is then not Hurwitz and no such P exists. If Q is not symmetric positive definite,
+        or the gains are so far from 1 that P has no digits.
     """
     if not (c > 0.0 and cdot > 0.0):
         raise ValueError(f"c = {c:g} and cdot = {cdot:g} must both be > 0 for the error dynamics to be stable")
-    P = solve_continuous_lyapunov(error_matrix(c, cdot).T, -(np.eye(2) if Q is None else Q))
-    return np.asarray(0.5 * (P + P.T))
+    weight = np.eye(2) if Q is None else np.asarray(Q, float)
+    if weight.shape != (2, 2) or not np.array_equal(weight, weight.T) or np.linalg.eigvalsh(weight)[0] <= 0.0:
+        raise ValueError(f"Q = {weight.tolist()} must be symmetric and positive definite")
+    A = error_matrix(c, cdot)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # the solver's doubts are settled below
+        P = solve_continuous_lyapunov(A.T, -weight)
+    P = np.asarray(0.5 * (P + P.T))
+    rest = P @ A + A.T @ P + weight
+    # Gains of very different size leave the solver no digits.
+    if not np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(weight) or np.linalg.eigvalsh(P)[0] <= 0.0:
+        raise ValueError(f"c = {c:g} and cdot = {cdot:g} are too far from 1 to solve for P")
+    return P
 
 
 def ultimate_bound(P: NDArray[np.float64], alpha: float, M: float, lambda_min_Q: float = 1.0) -> float:
@@ -60,7 +73,16 @@ def ultimate_bound(P: NDArray[np.float64], alpha: float, M: float, lambda_min_Q:
     -------
     float
         Bound on ||(e, e')||, nondimensional.
+
+    Raises
+    ------
+    ValueError
+        If P is not positive definite, alpha or lambda_min_Q not > 0, or M negative.
     """
+    if not (alpha > 0.0 and lambda_min_Q > 0.0 and M >= 0.0):
+        raise ValueError(f"alpha = {alpha:g} and lambda_min_Q = {lambda_min_Q:g} must be > 0, M = {M:g} must be >= 0")
     eigenvalues = np.linalg.eigvalsh(P)
+    if not eigenvalues[0] > 0.0:
+        raise ValueError(f"P = {np.asarray(P).tolist()} must be positive definite")
     ball = math.sqrt(2.0 * TANH_GAP * M / (alpha * lambda_min_Q))
     return ball * math.sqrt(float(eigenvalues[-1] / eigenvalues[0]))

@@ -72,7 +72,7 @@ class Instrument:
     Raises
     ------
     ParameterError
-        If the tip does not touch the sample at rest.
+        If the tip does not touch the sample at rest, or the piezo's range does not reach to there.
     """
 
     def __init__(self, parameters: InstrumentParameters, block_ticks: int = 500, *, hashed: bool = True) -> None:
@@ -98,17 +98,31 @@ class Instrument:
     def reset(self) -> None:
         """Return to the start: at rest, in contact, tick 0, the same random numbers again."""
         parameters = self.parameters
-        self._rng = np.random.default_rng(parameters.plant.seed)
+        # One stream for each source: to switch one on changes no other.
+        seeds = np.random.SeedSequence(parameters.plant.seed).spawn(3)
+        self._disturbance, self._noise, self._position_noise = map(np.random.default_rng, seeds)
         self._registers[:] = 0.0
-        self._state[:], u_z = rest(self._plant, parameters.reference.z_r / parameters.scales.z0)
+        z_r = parameters.reference.z_r / parameters.scales.z0
+        self._state[:], u_z = rest(self._plant, z_r, drawn=self._drawn_at_random)
         applied = self._registers[APPLIED : APPLIED + 3]
         applied[2] = u_z / self._instrument.view(RECORD)[0].gain_z
+        limit = parameters.piezo.limit
+        if 0.0 < limit < abs(applied[2]):
+            raise ParameterError(
+                f"piezo.limit = {limit:g} V is not allowed: to hold the tip at reference.z_r = "
+                f"{parameters.reference.z_r:g} m takes {applied[2]:.4g} V"
+            )
         self._registers[PENDING:].reshape(-1, 3)[:] = applied
         self._hash = hashlib.sha256()
         self.ticks = self._drawn = 0
         self._row = 0
-        noise, position_noise = self._rng.standard_normal(2), self._rng.standard_normal(3)
+        noise, position_noise = self._noise.standard_normal(2), self._position_noise.standard_normal(3)
         measure(self._state, self._instrument, 0, applied, noise, position_noise, self.measurement)
+
+    @property
+    def _drawn_at_random(self) -> bool:
+        """Whether f_z is drawn, section 4.2 of the paper."""
+        return self.parameters.plant.kind == "paper" and self.parameters.plant.z == "uniform"
 
     @property
     def time(self) -> float:
@@ -138,13 +152,15 @@ class Instrument:
         Raises
         ------
         DriveError
-            If a component is NaN or infinite; nothing has moved then.
+            If it is not three numbers, or a component is NaN or infinite; nothing has moved then.
         DivergenceError
             If the position is beyond RANGE: the loop is unstable, or the step is too coarse for this contact.
         RuntimeError
             If the block is full.
         """
         self._prepare()
+        if getattr(drive, "shape", None) != (3,) and np.shape(drive) != (3,):
+            raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
         # Whatever kind of array came, the kernel always gets the same one: another kind would compile it anew.
         self._commanded[:] = drive
         outcome = tick(
@@ -245,13 +261,13 @@ class Instrument:
     def _draw(self) -> None:
         """Random numbers for the next ticks. What is off is not drawn and stays zero."""
         parameters = self.parameters
-        uniform = parameters.plant.kind == "paper" and parameters.plant.z == "uniform"
+        uniform = self._drawn_at_random
         if uniform:
-            self._random[:, 0] = self._rng.uniform(-parameters.plant.M_z, parameters.plant.M_z, _DRAW_TICKS)
+            self._random[:, 0] = self._disturbance.uniform(-parameters.plant.M_z, parameters.plant.M_z, _DRAW_TICKS)
         if parameters.detector.noise > 0.0:
-            self._random[:, RANDOM:] = self._rng.standard_normal((_DRAW_TICKS, 2 * self.samples_per_tick))
+            self._random[:, RANDOM:] = self._noise.standard_normal((_DRAW_TICKS, 2 * self.samples_per_tick))
         if parameters.detector.position_noise > 0.0:
-            self._random[:, 1:RANDOM] = self._rng.standard_normal((_DRAW_TICKS, 3))
+            self._random[:, 1:RANDOM] = self._position_noise.standard_normal((_DRAW_TICKS, 3))
         anything = uniform or parameters.detector.noise > 0.0 or parameters.detector.position_noise > 0.0
         # Zeros last for ever.
         self._drawn = self._drawn + _DRAW_TICKS if anything else sys.maxsize

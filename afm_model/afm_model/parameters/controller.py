@@ -25,8 +25,9 @@ class Law(Group):
     M_y: NonNegative = Field(15.0, description="switching gain along y, a bound on |f_y|")
     M_z: NonNegative = Field(0.05, description="switching gain along z, a bound on |f_z|")
     alpha: Positive = Field(
-        20.0,
-        description="steepness of tanh along x and y; beyond 0.2 / (w0 plant.control_period) it chatters as sgn does",
+        10.0,
+        description="steepness of tanh along x and y; with the other gains as they are it chatters beyond "
+        "0.2 / (w0 plant.control_period), see docs/theory.md C17",
     )
     alpha_z: Positive = Field(10.0, description="steepness of tanh along z")
     z_rate: Literal["sample", "tip"] = Field(

@@ -65,9 +65,13 @@ class Detector(Group):
         10e-9, description="deflection per volt (inverse optical lever sensitivity)"
     )
     lateral_sensitivity: Annotated[float, Gt(0), Unit("N/V")] = Field(50e-9, description="lateral force per volt")
-    noise: Annotated[NonNegative, Unit("V")] = Field(0.0, description="rms white noise of a photodetector sample; the deflection rate has none")
+    noise: Annotated[NonNegative, Unit("V")] = Field(
+        0.0, description="rms white noise of a photodetector sample; the deflection rate has none"
+    )
     adc_bits: Annotated[int, Ge(0), Lt(33)] = Field(0, description="resolution over +-adc_limit; 0: continuous")
-    adc_limit: Annotated[Positive, Unit("V")] = Field(10.0, description="with adc_bits > 0 the ADC saturates at +-adc_limit")
+    adc_limit: Annotated[Positive, Unit("V")] = Field(
+        10.0, description="with adc_bits > 0 the ADC saturates at +-adc_limit"
+    )
     position_noise: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="rms white noise of a scanner position sample; the velocity has none"
     )
@@ -121,22 +125,27 @@ class InstrumentParameters(Physics):
 
     @model_validator(mode="after")
     def _step_resolves_the_contact(self) -> "InstrumentParameters":
-        # The paper's plant has no contact spring.
-        limit = stable_step(self) if self.plant.kind == "compliant" else math.inf
+        limit = stable_step(self)
         if self.plant.dt > limit:
             raise ValueError(
                 f"plant.dt = {self.plant.dt:g} s is not allowed: it must be <= {limit:.3g} s, where the explicit step "
-                f"still resolves the contact resonance"
+                f"still resolves the fastest resonance of scanner, cantilever and contact"
             )
         return self
 
 
 def stable_step(parameters: InstrumentParameters) -> float:
-    """Largest stable step of the compliant plant [s]: 2 / omega of the contact resonance, docs/theory.md (42).
+    """Largest stable step [s]: 2 / omega of the fastest resonance of the scanner and, compliant, of the contact.
 
-    Taken at the static load of the setpoint (zero load if it pulls), where the sample makes the contact stiffest. A run
-    that presses much harder than at rest needs a smaller step.
+    That of the contact, docs/theory.md (42), is taken at the static load of the setpoint (zero load if it pulls), where
+    the sample makes the contact stiffest. A run that presses much harder than at rest needs a smaller step.
     """
+    scanner = parameters.scanner
+    scanning = 2.0 * math.pi * max(scanner.f_x, scanner.f_y, scanner.f_z)
+    if parameters.plant.kind == "paper":
+        # It has no contact spring: tip and sample move as one mass, on both springs.
+        tip = 2.0 * math.pi * math.hypot(scanner.f_z, parameters.cantilever.f_c / math.sqrt(scanner.mu))
+        return 2.0 / max(scanning, tip)
     contact, cantilever, sample = parameters.contact, parameters.cantilever, parameters.sample
     omega_c = 2.0 * math.pi * cantilever.f_c
     u3 = 0.5 * (1.0 + math.sqrt(1.0 + max(parameters.static_load, 0.0) / contact.pull_off_force))
@@ -146,7 +155,9 @@ def stable_step(parameters: InstrumentParameters) -> float:
     rho = 1.0 / (1.0 - parameters.curvature_ratio) if sample.beta != 0.0 else 1.0
     stiffness = stiffness_of_u * contact.pull_off_force * contact.R / a0_squared * rho ** (2.0 / 3.0)
     mass = cantilever.m_c / (1.0 + 1.0 / parameters.scanner.mu)
-    return 2.0 / math.sqrt(stiffness / mass + omega_c**2)
+    # The sum bounds the larger eigenvalue of sample and tip from above.
+    vertical = math.sqrt(stiffness / mass + max(omega_c, 2.0 * math.pi * scanner.f_z) ** 2)
+    return 2.0 / max(vertical, scanning)
 
 
 def _require_multiple(name: str, value: float, of_name: str, of: float) -> None:

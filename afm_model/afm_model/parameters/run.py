@@ -63,4 +63,6 @@ class SimParameters(InstrumentParameters):
     def total_ticks(self) -> int:
         """Control ticks of the whole run; 0: endless."""
         # The last tick covers the end of the duration; round-off must not add one.
-        return math.ceil(self.run.duration / self.plant.control_period - 1e-6) if self.run.duration > 0.0 else 0
+        if self.run.duration == 0.0:
+            return 0
+        return max(1, math.ceil(self.run.duration / self.plant.control_period - 1e-6))

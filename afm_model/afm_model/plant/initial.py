@@ -9,7 +9,7 @@ from .constants import RECORD
 from .paper import friction_of_load, place_sample, static_load
 
 
-def rest(constants: NDArray[np.float64], z_r: float) -> tuple[NDArray[np.float64], float]:
+def rest(constants: NDArray[np.float64], z_r: float, *, drawn: bool = False) -> tuple[NDArray[np.float64], float]:
     """Static contact at X = Y = 0 with the tip at height `z_r`, as after an approach to the setpoint.
 
     Parameters
@@ -18,11 +18,13 @@ def rest(constants: NDArray[np.float64], z_r: float) -> tuple[NDArray[np.float64
         From `plant_constants`.
     z_r : float [z0]
         Tip height.
+    drawn : bool
+        For the paper's plant with f_z drawn at random, whose mean is zero.
 
     Returns
     -------
     (s, u_z) : ndarray (SIZE,), float [w0^2 z0]
-        State, and the drive that holds it: U_z = eta_z^2 Z + N/mu.
+        State, and the drive that holds it: U_z = eta_z^2 Z + N/mu; drawn, (eta_z^2 + eta_c^2/mu) Q.
 
     Raises
     ------
@@ -43,4 +45,5 @@ def rest(constants: NDArray[np.float64], z_r: float) -> tuple[NDArray[np.float64
     s[state.N] = load
     s[state.F_MAX] = friction_of_load(c, 1.0, load)
     place_sample(s, c)
-    return s, float(c.eta_z**2 * s[state.Z] + load / c.mu)
+    u_z = (c.eta_z**2 + c.eta_c**2 / c.mu) * z_r if drawn else c.eta_z**2 * s[state.Z] + load / c.mu
+    return s, float(u_z)

@@ -7,7 +7,7 @@ CONTACT = 8
 N = 9
 """Normal force of the last step [m_c w0^2 z0]."""
 F_X, F_Y = 10, 11
-"""Friction on the scanner in the last step [m_p w0^2 x0]."""
+"""Friction of the sample on the tip in the last step, minus that on the scanner [m_p w0^2 x0]."""
 F_MAX = 12
 """Largest friction possible in the last step, the radius of the friction disc [m_p w0^2 x0]."""
 SIZE = 13

@@ -133,6 +133,11 @@ def test_stiffness_is_the_slope_of_the_force(d):
     assert slope == pytest.approx(stiffness, rel=1e-5, abs=1e-5)
 
 
+def test_load_that_pulls_has_no_contact_without_adhesion():
+    with pytest.raises(ValueError, match="without adhesion there is no contact"):
+        jkr.hertz_radius(-1e-9, R_E, K)
+
+
 def test_without_adhesion_the_contact_is_that_of_hertz():
     load = 100e-9
     # The correction to the radius is of the order sqrt(|L_s| / L) / 3 * 2.

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 
-from afm_model import ControllerParameters, SimParameters, build, signals, simulate
+from afm_model import Controller, ControllerParameters, ParameterError, SimParameters, build, signals, simulate
 from afm_model.control import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from afm_model.control.laws import SGN, TANH, switching
 
 gains = st.floats(0.05, 50.0)
-M, ALPHA = 15.0, 20.0  # section 4.2 of the paper; the default steepness
+M, ALPHA = 15.0, 20.0  # section 4.2 of the paper; the steepness of its scenarios
 
 
 def test_P_of_the_paper_gains():
@@ -39,6 +39,31 @@ def test_P_solves_the_lyapunov_equation_and_is_positive(c, cdot, q1, skew, q4):
 def test_gains_that_do_not_stabilise_are_refused(c, cdot):
     with pytest.raises(ValueError, match="must both be > 0"):
         lyapunov_matrix(c, cdot)
+
+
+@pytest.mark.parametrize(("c", "cdot"), [(1.0, 1e8), (1e-9, 1e3), (1e-20, 1.0)])
+def test_gains_that_leave_the_solver_no_digits_are_refused(c, cdot):
+    with pytest.raises(ValueError, match="too far from 1"):
+        lyapunov_matrix(c, cdot)
+    with pytest.raises(ParameterError, match="too far from 1"):
+        Controller(build(ControllerParameters, {"law.c_x": c, "law.cdot_x": cdot}))
+
+
+@pytest.mark.parametrize("Q", [np.diag([1.0, -1.0]), np.array([[1.0, 0.5], [0.0, 1.0]]), np.eye(3)])
+def test_weight_that_is_not_symmetric_positive_definite_is_refused(Q):
+    with pytest.raises(ValueError, match="must be symmetric and positive definite"):
+        lyapunov_matrix(1.0, 1.0, Q)
+
+
+@pytest.mark.parametrize(("alpha", "M", "weight"), [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, 0.0)])
+def test_bound_of_what_is_no_law_is_refused(alpha, M, weight):
+    with pytest.raises(ValueError, match="must be > 0"):
+        ultimate_bound(np.eye(2), alpha, M, weight)
+
+
+def test_bound_with_an_indefinite_P_is_refused():
+    with pytest.raises(ValueError, match="must be positive definite"):
+        ultimate_bound(np.diag([1.0, -1.0]), 1.0, 1.0)
 
 
 def test_gap_between_tanh_and_sgn_is_0_2785_over_alpha():

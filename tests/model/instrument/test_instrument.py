@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from afm_model import DivergenceError, DriveError, Instrument, InstrumentParameters, signals
+from afm_model import DivergenceError, DriveError, Instrument, InstrumentParameters, ParameterError, signals
 from afm_model.plant import state
 
 from .. import session
@@ -247,13 +247,41 @@ def test_noise_is_white_normal_and_of_the_given_size():
     assert not np.array_equal(samples, other)
 
 
-def test_noise_of_the_detector_does_not_move_an_open_loop_scanner():
+@pytest.mark.parametrize("plant", [{}, DRAWN])
+def test_noise_of_the_detector_does_not_move_an_open_loop_scanner(plant):
     def end(values: dict[str, object]) -> str:
-        scope = session.instrument(values)
-        session.run(scope, session.controller({"law.kind": "open_loop"}), 1e-3)
+        scope = session.instrument(plant | values)
+        session.run(scope, session.controller({"law.kind": "open_loop"}), 2e-3)
         return scope.trajectory_sha256()
 
     assert end({"detector.noise": 1e-3, "detector.position_noise": 1e-11}) == end({})
+
+
+@pytest.mark.parametrize(
+    "plant", [{}, *({"plant.kind": "paper", "plant.z": z} for z in ("computed", "held", "uniform"))]
+)
+def test_drive_of_the_start_holds_the_tip_where_it_is(plant):
+    scope = session.instrument({"sample.beta": 0.0, "plant.M_z": 0.0, "reference.z_r": 1e-9} | plant)
+    drive = scope.measurement[signals.DRIVE : signals.DRIVE + 3].copy()
+    for _ in range(500):
+        scope.tick(drive)
+        scope.skip_block()
+    assert scope.measurement[signals.DEFLECTION] == pytest.approx(1e-9, rel=1e-6)
+
+
+def test_piezo_whose_range_does_not_reach_the_start_is_refused():
+    with pytest.raises(ParameterError, match=r"piezo\.limit = 0\.01 V is not allowed: to hold .* takes 0\.03"):
+        session.instrument({"piezo.limit": 0.01})
+
+
+@pytest.mark.parametrize("drive", [1.0, np.zeros(1), np.zeros(2), np.zeros((1, 3))])
+def test_drive_that_is_not_three_voltages_is_refused_and_nothing_moves(drive):
+    scope = session.instrument({})
+    before = scope.state
+    with pytest.raises(DriveError, match="it must be three voltages"):
+        scope.tick(drive)
+    assert scope.ticks == 0
+    assert np.array_equal(scope.state, before)
 
 
 def test_default_parameters_start():

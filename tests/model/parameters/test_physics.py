@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afm_model import InstrumentParameters, ParameterError, build
+from afm_model import InstrumentParameters, ParameterError, SimParameters, build
 from afm_model.parameters import stable_step
 
 
@@ -77,7 +77,7 @@ def test_step_that_cannot_resolve_the_loaded_contact_is_refused(load):
     stiffness = ratio * contact.pull_off_force * contact.R / a_0**2
     coarse = 1.02 * 2.0 / math.sqrt(stiffness / (6e-9 / 1.01) + (2.0 * math.pi * 2400.0) ** 2)
     assert coarse < stable_step(InstrumentParameters())  # what an unloaded contact would take
-    with pytest.raises(ParameterError, match="contact resonance"):
+    with pytest.raises(ParameterError, match="resonance of scanner, cantilever and contact"):
         build(
             InstrumentParameters,
             {
@@ -87,6 +87,26 @@ def test_step_that_cannot_resolve_the_loaded_contact_is_refused(load):
                 "plant.control_period": coarse,
             },
         )
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"scanner.f_x": 4e5},
+        {"scanner.f_z": 4e5},
+        {"plant.kind": "paper", "scanner.f_y": 4e5},
+        {"plant.kind": "paper", "cantilever.f_c": 4e6},
+        {"plant.kind": "paper", "plant.dt": 1e-3, "detector.sample_period": 1e-3, "plant.control_period": 1e-3},
+    ],
+)
+def test_step_that_cannot_resolve_scanner_or_cantilever_is_refused(values):
+    with pytest.raises(ParameterError, match="resonance of scanner, cantilever and contact"):
+        build(InstrumentParameters, values)
+
+
+def test_run_of_a_part_of_a_tick_is_one_tick_and_no_endless_one():
+    assert build(SimParameters, {"run.duration": 1e-13}).total_ticks == 1
+    assert build(SimParameters, {"run.duration": 0.0}).total_ticks == 0
 
 
 def test_resolution_of_the_drive_needs_a_range():

@@ -41,6 +41,12 @@ def test_error_over_one_period_is_below_1e_5_x0_at_a_tenth_of_the_default_step(p
     assert error(period, 0.001) < 1e-5
 
 
+def test_scheme_is_of_second_order_where_steps_are_short(period):
+    steps = np.array([0.002, 0.001, 0.0005])
+    slope = np.polyfit(np.log(steps), np.log([error(period, h) for h in steps]), 1)[0]
+    assert slope == pytest.approx(2.0, abs=0.2)
+
+
 def test_scheme_converges_faster_than_first_order_across_stick_and_slip(period):
     steps = np.array([0.02, 0.01, 0.005, 0.002, 0.001])
     errors = np.array([error(period, h) for h in steps])
