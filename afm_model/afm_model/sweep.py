@@ -141,7 +141,7 @@ def _columns(parameters: Mapping[str, Sequence[Value]] | pd.DataFrame, grid: boo
         # Plain Python numbers: those of numpy are not what the parameters are declared as.
         given[name] = [value.item() if isinstance(value, np.generic) else value for value in values]
         for value in given[name]:
-            if not isinstance(value, bool | int | float | str):
+            if not isinstance(value, int | float | str):
                 raise ParameterError(
                     f"{name} = {value} is not allowed in a sweep: a value is a number, a truth or a word"
                 )

@@ -140,24 +140,27 @@ def stable_step(parameters: InstrumentParameters) -> float:
     That of the contact, docs/theory.md (42), is taken at the static load of the setpoint (zero load if it pulls), where
     the sample makes the contact stiffest. A run that presses much harder than at rest needs a smaller step.
     """
-    scanner = parameters.scanner
-    scanning = 2.0 * math.pi * max(scanner.f_x, scanner.f_y, scanner.f_z)
+    scanner, cantilever = parameters.scanner, parameters.cantilever
     if parameters.plant.kind == "paper":
         # It has no contact spring: tip and sample move as one mass, on both springs.
-        tip = 2.0 * math.pi * math.hypot(scanner.f_z, parameters.cantilever.f_c / math.sqrt(scanner.mu))
-        return 2.0 / max(scanning, tip)
-    contact, cantilever, sample = parameters.contact, parameters.cantilever, parameters.sample
-    omega_c = 2.0 * math.pi * cantilever.f_c
+        vertical = 2.0 * math.pi * math.hypot(scanner.f_z, cantilever.f_c / math.sqrt(scanner.mu))
+    else:
+        # The sum bounds the larger eigenvalue of sample and tip from above.
+        mass = cantilever.m_c / (1.0 + 1.0 / scanner.mu)
+        alone = 2.0 * math.pi * max(cantilever.f_c, scanner.f_z)
+        vertical = math.sqrt(_stiffest_contact(parameters) / mass + alone**2)
+    return 2.0 / max(vertical, 2.0 * math.pi * max(scanner.f_x, scanner.f_y))
+
+
+def _stiffest_contact(parameters: InstrumentParameters) -> float:
+    """Contact stiffness [N/m] under the static load of the setpoint, where the sample makes it largest."""
+    contact, sample = parameters.contact, parameters.sample
     u3 = 0.5 * (1.0 + math.sqrt(1.0 + max(parameters.static_load, 0.0) / contact.pull_off_force))
     # contact.jkr.stiffness_of_u, in plain Python: reading parameters compiles nothing.
     stiffness_of_u = 18.0 * u3 ** (2.0 / 3.0) * (2.0 * u3 - 1.0) / (6.0 * u3 - 1.0)
     a0_squared = (12.0 * math.pi * contact.R**2 * contact.surface_energy / contact.K) ** (2.0 / 3.0)
     rho = 1.0 / (1.0 - parameters.curvature_ratio) if sample.beta != 0.0 else 1.0
-    stiffness = stiffness_of_u * contact.pull_off_force * contact.R / a0_squared * rho ** (2.0 / 3.0)
-    mass = cantilever.m_c / (1.0 + 1.0 / parameters.scanner.mu)
-    # The sum bounds the larger eigenvalue of sample and tip from above.
-    vertical = math.sqrt(stiffness / mass + max(omega_c, 2.0 * math.pi * scanner.f_z) ** 2)
-    return 2.0 / max(vertical, scanning)
+    return stiffness_of_u * contact.pull_off_force * contact.R / a0_squared * rho ** (2.0 / 3.0)
 
 
 def _require_multiple(name: str, value: float, of_name: str, of: float) -> None:
