@@ -1,24 +1,30 @@
-"""Write docs/parameters.md from the parameter declarations. `--check`: only tell whether it is current."""
+"""Write what the documentation takes from the code: docs/parameters.md, and parts of other pages between their marks.
 
+`--check`: only tell whether all is current.
+"""
+
+import ast
 import sys
 from pathlib import Path
 
 from afm_controller_node.node import TUNABLE as LAW_TUNABLE
-from afm_model import ControllerParameters, SimParameters
 from afm_model.parameters import Group, specifications
+from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_recorder_node.parameters import RecorderParameters
 from afm_sim_node.node import TUNABLE as SIM_TUNABLE
 
-TARGET = Path(__file__).resolve().parent.parent / "docs" / "parameters.md"
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
 NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
-    ("afm_sim_node", SimParameters, SIM_TUNABLE),
-    ("afm_controller_node", ControllerParameters, LAW_TUNABLE),
+    ("afm_sim_node", SimNodeParameters, SIM_TUNABLE),
+    ("afm_controller_node", ControllerNodeParameters, LAW_TUNABLE),
     ("afm_recorder_node", RecorderParameters, ()),
 )
+EXAMPLES = ("kalman", "patches", "height_map", "creep", "viscous", "bursts")
 
 
-def page() -> str:
-    """The page as text."""
+def parameters() -> str:
+    """The page of the parameters."""
     lines = [
         "# Parameters",
         "",
@@ -35,15 +41,61 @@ def page() -> str:
     return "\n".join(lines) + "\n"
 
 
+def _room(path: Path, package: Path) -> str:
+    """The room that a file of afm_model is in: its folder, or the file itself."""
+    return path.relative_to(package).parts[0].removesuffix(".py")
+
+
+def rooms() -> str:
+    """What imports what inside afm_model, as a diagram; what is used nearly everywhere is left out."""
+    package = ROOT / "afm_model" / "afm_model"
+    everywhere = {"__init__", "__main__", "jit", "errors", "records", "signals", "schema", "registry", "sincos"}
+    arrows: set[tuple[str, str]] = set()
+    for path in sorted(package.rglob("*.py")):
+        source = _room(path, package)
+        depth = len(path.relative_to(package).parts) - 1
+        for node in ast.parse(path.read_text()).body:
+            # Within the package only relative imports are used.
+            if not isinstance(node, ast.ImportFrom) or node.level != depth + 1:
+                continue
+            for target in [node.module.split(".")[0]] if node.module else [name.name for name in node.names]:
+                if target != source and not {source, target} & everywhere:
+                    arrows.add((source, target))
+    lines = [f"  {source} --> {target}" for source, target in sorted(arrows)]
+    return "\n".join(["```mermaid", "flowchart TD", *lines, "```"])
+
+
+def between_marks(page: str, mark: str, text: str) -> str:
+    """`page` with `text` between `<!-- mark -->` and the next `<!-- end -->`."""
+    before, begin, rest = page.partition(f"<!-- {mark} -->\n")
+    _, end, after = rest.partition("<!-- end -->")
+    if not (begin and end):
+        raise ValueError(f"there is no place <!-- {mark} --> ... <!-- end --> in the page")
+    return before + begin + text + "\n" + end + after
+
+
+def pages() -> dict[Path, str]:
+    """Every page with what it takes from the code."""
+    extending = (DOCS / "extending.md").read_text()
+    for name in EXAMPLES:
+        source = (ROOT / "examples" / "parts" / f"{name}.py").read_text().rstrip()
+        extending = between_marks(extending, name, f"```python\n{source}\n```")
+    return {
+        DOCS / "parameters.md": parameters(),
+        DOCS / "extending.md": extending,
+        DOCS / "architecture.md": between_marks((DOCS / "architecture.md").read_text(), "rooms", rooms()),
+    }
+
+
 def main() -> int:
-    """Write or check the page."""
-    text = page()
+    """Write or check the pages."""
+    stale = [path for path, text in pages().items() if not path.exists() or path.read_text() != text]
     if "--check" in sys.argv[1:]:
-        if TARGET.exists() and TARGET.read_text() == text:
-            return 0
-        print("error: docs/parameters.md is not current: run python tools/make_docs.py", file=sys.stderr)
-        return 1
-    TARGET.write_text(text)
+        for path in stale:
+            print(f"error: {path.relative_to(ROOT)} is not current: run python tools/make_docs.py", file=sys.stderr)
+        return 1 if stale else 0
+    for path, text in pages().items():
+        path.write_text(text)
     return 0
 
 

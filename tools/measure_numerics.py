@@ -14,7 +14,7 @@ import numpy as np
 from figures.page import insert
 from numerics import fixed_step as schemes
 from numerics.adaptive import solve
-from numerics.problem import OMEGA, ROOT, Trajectory, constants, error, reference, start
+from numerics.problem import OMEGA, ROOT, Trajectory, error, reference, start
 from numpy.typing import NDArray
 
 PAGE = ROOT / "docs" / "numerics.md"
@@ -44,7 +44,7 @@ Table = list[str]
 def run(scheme: Callable[..., None], h: float, points: int) -> NDArray[np.float64]:
     """Positions at every unit of time."""
     out = np.empty((points, 2))
-    scheme(start(), constants(h), round(1.0 / h), out)
+    scheme(start(h), round(1.0 / h), out)
     return out
 
 

@@ -4,11 +4,11 @@ A message then costs no wake-up of another process, which is what bounds the loo
 """
 
 from afm_controller_node.node import ControllerNode
-from afm_model import ControllerParameters, SimParameters
+from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_node_common.runner import run_together
 from afm_sim_node.node import SimNode
 
 
 def main() -> int:
     """Entry point."""
-    return run_together([(SimNode, SimParameters), (ControllerNode, ControllerParameters)])
+    return run_together([(SimNode, SimNodeParameters), (ControllerNode, ControllerNodeParameters)])

@@ -1,5 +1,6 @@
 """What a session leaves behind: scorecard and overview picture."""
 
+import dataclasses
 import json
 import math
 from collections.abc import Sequence
@@ -17,13 +18,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from afm_model import Scenario
+from afm_model import Scenario, ScoreSummary
+from afm_model.scorecard import AXES, number
+from afm_model.scorecard import scorecard as scored
 from afm_recorder_node.reader import Recording
 
 # A long noisy curve is more than Agg can fill in one piece.
 plt.rcParams["agg.path.chunksize"] = 10_000
 
-_AXES = ("x", "y", "z")
 _ABOVE: dict[str, Any] = {
     "loc": "lower right",
     "bbox_to_anchor": (1.0, 1.0),
@@ -45,25 +47,12 @@ def scorecard(scenario: Scenario, controller: str, score: Score, status: Instrum
         "control_period_s": status.control_period,
         "simulated_s": score.simulated,
         "wall_s": round(score.wall, 3),
-        "real_time_factor": _number(score.simulated / score.wall if score.wall > 0.0 else math.nan),
+        "real_time_factor": number(score.simulated / score.wall if score.wall > 0.0 else math.nan),
         "ticks": status.ticks,
         "drives_lost": status.drives_lost,
         "drives_refused": status.drives_refused,
         "scored_from_s": score.start,
-        "tracking": {
-            axis: {
-                "rms_m": _number(score.rms[i]),
-                "max_m": _number(score.max[i]),
-                "max_percent": _number(score.max_percent[i]),
-            }
-            for i, axis in enumerate(_AXES)
-        },
-        "drive_total_variation_per_s": {axis: _number(score.drive_total_variation[i]) for i, axis in enumerate(_AXES)},
-        "stick": {"phases": score.stick_phases, "time_fraction": _number(score.stick_fraction)},
-        "contact_fraction": _number(score.contact_fraction),
-        "extent_m": {axis: _number(score.extent[i]) for i, axis in enumerate(_AXES)},
-        "friction_n": {"min": _number(score.friction[0]), "max": _number(score.friction[1])},
-        "normal_force_n": {"min": _number(score.normal_force[0]), "max": _number(score.normal_force[1])},
+        **scored(_summary(score)),
         "round_trip_us": _microseconds(score.round_trip),
         "realtime": {
             "late_ticks": score.late_ticks,
@@ -78,14 +67,14 @@ def scorecard(scenario: Scenario, controller: str, score: Score, status: Instrum
     }
 
 
+def _summary(score: Score) -> ScoreSummary:
+    """The scored part of the message."""
+    return ScoreSummary(**{each.name: getattr(score, each.name) for each in dataclasses.fields(ScoreSummary)})
+
+
 def _microseconds(times: Sequence[float]) -> dict[str, float | None]:
     """Median, percentiles and largest of wall times [s]."""
-    return {name: _number(value * 1e6) for name, value in zip(_PERCENTILES, times, strict=True)}
-
-
-def _number(value: float) -> float | None:
-    """JSON knows no NaN."""
-    return float(f"{value:.6g}") if math.isfinite(value) else None
+    return {name: number(value * 1e6) for name, value in zip(_PERCENTILES, times, strict=True)}
 
 
 def write_scorecard(card: dict[str, Any], path: Path) -> None:
@@ -105,12 +94,12 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
         table.add_row(escape(name), *values)
 
     tracking = card["tracking"]
-    add("tracking error, rms [nm]", *(_show(tracking[a]["rms_m"], 1e9) for a in _AXES))
-    add("tracking error, max [nm]", *(_show(tracking[a]["max_m"], 1e9) for a in _AXES))
-    add("  in % of amplitude (z: of the sample's)", *(_show(tracking[a]["max_percent"]) for a in _AXES))
-    add("largest excursion [nm]", *(_show(card["extent_m"][a], 1e9) for a in _AXES))
+    add("tracking error, rms [nm]", *(_show(tracking[a]["rms_m"], 1e9) for a in AXES))
+    add("tracking error, max [nm]", *(_show(tracking[a]["max_m"], 1e9) for a in AXES))
+    add("  in % of amplitude (z: of the sample's)", *(_show(tracking[a]["max_percent"]) for a in AXES))
+    add("largest excursion [nm]", *(_show(card["extent_m"][a], 1e9) for a in AXES))
     variation = card["drive_total_variation_per_s"]
-    add("drive, total variation [V/s]", *(_show(variation[a]) for a in _AXES))
+    add("drive, total variation [V/s]", *(_show(variation[a]) for a in AXES))
     facts = Table(show_header=False, box=None)
     stick, trip = card["stick"], card["round_trip_us"]
     friction, normal = card["friction_n"], card["normal_force_n"]
@@ -183,7 +172,7 @@ def draw_overview(recording: Recording, title: str, path: Path) -> None:
     top_right.set(xlabel="simulated time [ms]", ylabel="x, y [nm]")
     right.set_ylabel("z of the tip [nm]")
     right.legend(handles=[*lines[1:], lines[0]], **_ABOVE)
-    for i, axis in enumerate(_AXES):
+    for i, axis in enumerate(AXES):
         low_left.plot(t, recording.drive[:, i], f"C{i}", lw=0.9, label=axis)
     low_left.set_title("piezo drive", loc="left")
     low_left.set(xlabel="simulated time [ms]", ylabel="drive [V]")

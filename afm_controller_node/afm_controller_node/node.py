@@ -4,11 +4,13 @@ import numpy as np
 from afm_msgs.msg import Measurement, PiezoDrive
 from rclpy.node import Node
 
-from afm_model import Controller, ControllerParameters, signals
+from afm_model import Controller, signals
+from afm_model.records import size
 from afm_node_common import runner, topics
 from afm_node_common.codec import drive_codec, measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.parameters import declare
+from afm_node_common.process import ControllerNodeParameters
 
 TUNABLE = ("law.",)
 """What may change while the controller runs: the law and its gains."""
@@ -19,11 +21,13 @@ class ControllerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("afm_controller_node", namespace=topics.NAMESPACE)
-        parameters = declare(self, ControllerParameters, tunable=TUNABLE, accepts=Controller, on_change=self._on_change)
+        parameters = declare(
+            self, ControllerNodeParameters, tunable=TUNABLE, accepts=Controller, on_change=self._on_change
+        )
         self.process = parameters.process
         self._controller = Controller(parameters)
         # Compile or load the law before any measurement can come.
-        self._controller.answer(np.zeros(signals.MEASUREMENT_SIZE))
+        self._controller.answer(np.zeros(size(signals.MEASUREMENT)))
         self._decode = measurement_codec().decode
         self._encode = drive_codec().encode
         self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
@@ -37,7 +41,7 @@ class ControllerNode(Node):
         if taken is None:
             return False
         sequence, stamp_ns, measurement = self._decode(taken[0])
-        self._publish(self._encode(sequence, stamp_ns, self._controller.answer(measurement)))
+        self._publish(self._encode(sequence, stamp_ns, self._controller.answer(measurement, stamp_ns * 1e-9)))
         return True
 
     def wait(self, timeout: float) -> None:
@@ -53,11 +57,11 @@ class ControllerNode(Node):
         self._outbox.close()
         super().destroy_node()
 
-    def _on_change(self, parameters: ControllerParameters) -> None:
+    def _on_change(self, parameters: ControllerNodeParameters) -> None:
         self._controller.parameters = parameters
         self._log_law(parameters)
 
-    def _log_law(self, parameters: ControllerParameters) -> None:
+    def _log_law(self, parameters: ControllerNodeParameters) -> None:
         law = parameters.law
         gains = f", alpha = {law.alpha:g}, alpha_z = {law.alpha_z:g}" if law.kind == "tanh" else ""
         self.get_logger().info(f"law: {law.kind}{gains}")
@@ -65,4 +69,4 @@ class ControllerNode(Node):
 
 def main() -> int:
     """Entry point of `ros2 run afm_controller_node afm_controller_node`."""
-    return runner.run(ControllerNode, ControllerParameters)
+    return runner.run(ControllerNode, ControllerNodeParameters)

@@ -1,12 +1,19 @@
 """Virtual atomic force microscope: contact, friction, plants, control laws. Needs no ROS."""
 
-from .control import Controller
-from .errors import ParameterError
-from .instrument import Block, DivergenceError, DriveError, Instrument, ScoreSummary
+from importlib.metadata import PackageNotFoundError, version
+
+from .controller import Controller
+from .errors import DivergenceError, DriveError, ParameterError, PartError
+from .instrument import Block, Instrument, ScoreSummary
 from .parameters import ControllerParameters, InstrumentParameters, SimParameters, build, flatten, specifications
 from .scenario import Scenario, ScenarioError, load_scenario
-from .simulate import Simulation, simulate
-from .sweep import SweepError, sweep
+from .simulation import Simulation, simulate
+from .sweeping import SweepError, sweep
+
+try:
+    __version__ = version("afm_model")
+except PackageNotFoundError:  # run from its sources
+    __version__ = "unknown"
 
 __all__ = [
     "Block",
@@ -17,6 +24,7 @@ __all__ = [
     "Instrument",
     "InstrumentParameters",
     "ParameterError",
+    "PartError",
     "Scenario",
     "ScenarioError",
     "ScoreSummary",

@@ -6,3 +6,15 @@ class ParameterError(ValueError):
 
     The message is one sentence that names the parameter, its value and what is allowed.
     """
+
+
+class PartError(RuntimeError):
+    """A part of somebody else's does not work; the message names the part, its function and what went wrong."""
+
+
+class DivergenceError(RuntimeError):
+    """The motion has left every scanner's range; the message tells when and what to change."""
+
+
+class DriveError(ValueError):
+    """A drive that no piezo can follow; the message names the axis, the value and what is allowed."""

@@ -7,7 +7,8 @@ the sources of the whole package, so any edit starts a fresh cache.
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,6 +44,19 @@ def _cache_directory() -> str:
 _CACHE_DIRECTORY = _cache_directory()
 
 
+@contextmanager
+def _cache_here() -> Iterator[None]:
+    """The cache folder is looked up while a decorator runs: set it for that moment only, so that other users of numba
+    in the same process keep their own setting.
+    """
+    previous = config.CACHE_DIR
+    config.CACHE_DIR = _CACHE_DIRECTORY
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = previous
+
+
 def kernel(function: _F) -> _F:
     """Compile `function` in nopython mode, cached on disk, with IEEE division (x/0 is inf, no exception).
 
@@ -53,11 +67,21 @@ def kernel(function: _F) -> _F:
     """
     if config.DISABLE_JIT:
         return function
-    # The cache folder is looked up while the decorator runs: set it for that moment only, so that other users of
-    # numba in the same process keep their own setting.
-    previous = config.CACHE_DIR
-    config.CACHE_DIR = _CACHE_DIRECTORY
-    try:
+    with _cache_here():
         return numba.njit(function, cache=True, error_model="numpy", forceinline=True)
-    finally:
-        config.CACHE_DIR = previous
+
+
+def is_compiled(function: object) -> bool:
+    """Whether `function` was made by numba, to be compiled; not if `NUMBA_DISABLE_JIT` is set."""
+    return isinstance(function, numba.core.dispatcher.Dispatcher)
+
+
+def plain(function: _F) -> _F:
+    """A kernel as the Python function that it was made from: reading parameters compiles nothing."""
+    return getattr(function, "py_func", function)
+
+
+def callback(signature: Any, function: Callable[..., object]) -> Any:
+    """Compile `function` as a C function of `signature`, cached beside the kernels."""
+    with _cache_here():
+        return numba.cfunc(signature, cache=True, error_model="numpy")(function)

@@ -47,7 +47,9 @@ _OWN: dict[str, tuple[str, type[Group]]] = {
 }
 
 
-def load_scenario(path: Path, others: Mapping[str, type[Group]] | None = None) -> Scenario:
+def load_scenario(
+    path: Path, others: Mapping[str, type[Group]] | None = None, process: type[Group] | None = None
+) -> Scenario:
     """Read and check a scenario file.
 
     Parameters
@@ -55,6 +57,9 @@ def load_scenario(path: Path, others: Mapping[str, type[Group]] | None = None) -
     path : Path
     others : mapping, optional
         Sections of further nodes, checked and otherwise left alone: name of the node, its parameters.
+    process : type[Group], optional
+        Parameters of the process that a node runs in, `process.*`, to check them; what happens in a simulation does not
+        depend on them.
 
     Raises
     ------
@@ -87,12 +92,22 @@ def load_scenario(path: Path, others: Mapping[str, type[Group]] | None = None) -
         if not isinstance(values, dict):
             raise ScenarioError(f"{path}: ros__parameters of {key} = {values} is not allowed: it must hold names")
         try:
-            group = build(known[node], _flat(values))
+            group = build(known[node], _without_process(node, _flat(values), process))
         except ParameterError as error:
             raise ScenarioError(f"{path}: {error}") from None
         if node in _OWN:
             parts[_OWN[node][0]] = group
     return Scenario(path.stem, path, **parts)
+
+
+def _without_process(node: str, values: dict[str, Value], process: type[Group] | None) -> dict[str, Value]:
+    """What is for the model; the rest is checked."""
+    if node not in ("afm_sim_node", "afm_controller_node"):
+        return values
+    of_process = {name: value for name, value in values.items() if name.startswith("process.")}
+    if process is not None:
+        build(process, of_process)
+    return {name: value for name, value in values.items() if name not in of_process}
 
 
 def _section(node: str) -> str:

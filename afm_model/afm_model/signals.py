@@ -1,33 +1,61 @@
-"""The order of the numbers that travel between instrument and controller, SI units.
+"""What travels between the parts, as records in SI units. Their order is that of the messages in afm_msgs."""
 
-A measurement is one float64 array in this order, which is also the order of the fields of afm_msgs/Measurement after
-its sequence number; a drive is an array of three voltages (x, y, z).
-"""
+from .records import record
 
-DEFLECTION = 0
-"""Cantilever deflection z_c - a [m], as read from the photodetector."""
-DEFLECTION_RATE = 1
-"""Its rate [m/s]."""
-LATERAL_FORCE = 2
-"""Force of the sample on the tip along x [N], as read from the photodetector."""
-DEFLECTION_VOLTAGE = 3
-"""Photodetector signal of the deflection [V]."""
-LATERAL_VOLTAGE = 4
-"""Photodetector signal of the lateral force [V]."""
-POSITION = 5
-"""Scanner position x, y, z [m]."""
-VELOCITY = 8
-"""Scanner velocity x, y, z [m/s]."""
-REFERENCE_POSITION = 11
-"""Reference to track: scanner x, y; tip height z [m]."""
-REFERENCE_VELOCITY = 14
-"""Its velocity [m/s]."""
-REFERENCE_ACCELERATION = 17
-"""Its acceleration [m/s^2]."""
-DRIVE = 20
-"""Drive applied until this instant [V]."""
-MEASUREMENT_SIZE = 23
+MEASUREMENT = record(
+    "deflection",  # cantilever deflection z_c - a, as read from the photodetector [m]
+    "deflection_rate",  # [m/s]
+    "lateral_force",  # force of the sample on the tip along x, as read from the photodetector [N]
+    "deflection_voltage",  # photodetector signals [V]
+    "lateral_voltage",
+    "position",  # scanner x, y, z, as read from its sensors [m]
+    "velocity",  # [m/s]
+    "reference_position",  # reference to track: scanner x, y; tip height z [m]
+    "reference_velocity",  # [m/s]
+    "reference_acceleration",  # [m/s^2]
+    "drive",  # drive applied until this instant [V]
+    vectors=(
+        "position",
+        "velocity",
+        "reference_position",
+        "reference_velocity",
+        "reference_acceleration",
+        "drive",
+    ),
+)
+"""Everything sampled at one control tick, and the reference to track there: afm_msgs/Measurement after its sequence."""
 
-# Channels of the virtual ADC.
-CHANNEL_DEFLECTION, CHANNEL_LATERAL, CHANNEL_LATERAL_Y, CHANNEL_NORMAL = range(4)
-CHANNELS = 4
+DRIVE = record("voltage", vectors=("voltage",))
+"""Drive of x, y, z [V]: afm_msgs/PiezoDrive after its sequence."""
+
+REFERENCE = record("position", "velocity", "acceleration", vectors=("position", "velocity", "acceleration"))
+"""Reference of a program: scanner x, y; tip height z. [m], [m/s], [m/s^2]."""
+
+SURFACE = record(
+    "height",  # [z0]
+    "slope_x",  # [z0/x0]
+    "slope_y",
+    "curvature",  # signed mean curvature, positive on a hill [z0/x0^2]
+    "curvature_xx",  # second derivatives [z0/x0^2]
+    "curvature_yy",
+    "curvature_xy",
+    "strength",  # friction strength over that of contact.tau [1]
+)
+"""The sample at one place."""
+
+TRUTH = record(
+    "position",  # scanner x, y, z; z is the height of the sample [m]
+    "velocity",  # [m/s]
+    "tip_height",  # z_c [m]
+    "tip_rate",  # [m/s]
+    "friction",  # of the sample on the tip, x and y [N]; z is not used
+    "friction_bound",  # largest friction possible [N]
+    "normal_force",  # [N]
+    "contact",  # 1.0 in contact, 0.0 out of it
+    "stuck",  # 1.0 while the contact does not slide at all
+    vectors=("position", "velocity", "friction"),
+)
+"""What a plant tells of its state, without noise."""
+
+DETECTION = record("deflection_voltage", "lateral_voltage")
+"""One sample of the photodetector [V]."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
 from afm_model import signals
+from afm_model.records import size
 
 from .topics import FRAME
 
@@ -231,8 +232,8 @@ class BlockEncoder:
 
 
 def measurement_codec(*, fast: bool = True) -> Codec:
-    """Codec of Measurement; values in the order of `afm_model.signals`."""
-    return Codec(Measurement, signals.MEASUREMENT_SIZE, fast=fast)
+    """Codec of Measurement; values in the order of `afm_model.signals.MEASUREMENT`."""
+    return Codec(Measurement, size(signals.MEASUREMENT), fast=fast)
 
 
 def drive_codec(*, fast: bool = True) -> Codec:

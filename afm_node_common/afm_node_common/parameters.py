@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter
 
 from afm_model.errors import ParameterError
 from afm_model.parameters import Group, Specification, Value, build, flatten, specifications
+from afm_model.schema import with_parts
 
 G = TypeVar("G", bound=Group)
 
@@ -76,12 +77,20 @@ def declare(
     if accepts is not None:
         accepts(current)
     values = flatten(current)
-    for spec in specifications(model):
+    declared = type(current)  # with the parameters of the parts that were chosen
+    for spec in specifications(declared):
         free = any(spec.name == name or (name.endswith(".") and spec.name.startswith(name)) for name in tunable)
         node.declare_parameter(spec.name, values[spec.name], descriptor(spec, read_only=not free), ignore_override=True)
 
     def changed(values: dict[str, Value]) -> G:
-        return build(model, {**flatten(current), **values})
+        known = {spec.name for spec in specifications(with_parts(declared, values))}
+        for name in values:
+            if name.endswith(".kind") and known != set(flatten(current)):
+                raise ParameterError(
+                    f"{name} = {values[name]} is not allowed while the node runs: it has other parameters than "
+                    f"{flatten(current)[name]}; start the node with it"
+                )
+        return build(declared, {**flatten(current), **values})
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         try:

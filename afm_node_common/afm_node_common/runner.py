@@ -15,10 +15,12 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from afm_model.errors import ParameterError
-from afm_model.parameters import Group, Process, specifications
+from afm_model.parameters import Group, specifications
+from afm_model.schema import with_parts
 
 from . import scheduling
 from .direct import Waiting
+from .process import Process
 from .shared_memory import left_tidy
 
 SERVE_PERIOD = 0.02
@@ -89,6 +91,12 @@ def usage(name: str, model: type[Group]) -> str:
     return "\n".join(lines)
 
 
+def chosen_kinds(arguments: Sequence[str]) -> dict[str, str]:
+    """Parts that a command line chooses (`-p law.kind:=my_package:LAW`): `--help` tells their parameters too."""
+    assigned = (argument.partition(":=") for argument in arguments if ":=" in argument)
+    return {name: value for name, _, value in assigned if name.endswith(".kind")}
+
+
 def run(make_node: Callable[[], Node], model: type[Group], args: Sequence[str] | None = None) -> int:
     """Run one node until SIGINT or SIGTERM; see `run_together`."""
     return run_together([(make_node, model)], args)
@@ -111,7 +119,12 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
     """
     arguments = sys.argv[1:] if args is None else list(args)
     if "--help" in arguments or "-h" in arguments:
-        print("\n\n".join(usage(Path(sys.argv[0]).stem, model) for _, model in nodes))
+        try:
+            models = [with_parts(model, chosen_kinds(arguments)) for _, model in nodes]
+        except ParameterError as error:
+            print(f"error: {error}", file=sys.stderr)
+            return 2
+        print("\n\n".join(usage(Path(sys.argv[0]).stem, model) for model in models))
         return 0
     stop = Stop()
     try:

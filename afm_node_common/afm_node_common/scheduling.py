@@ -5,7 +5,7 @@ import os
 import resource
 from collections.abc import Callable
 
-from afm_model.parameters import Process
+from .process import Process
 
 _PR_SET_TIMERSLACK = 29
 _MCL_CURRENT, _MCL_FUTURE = 1, 2

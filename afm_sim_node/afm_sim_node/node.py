@@ -13,11 +13,12 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
-from afm_model import DivergenceError, DriveError, Instrument, SimParameters
+from afm_model import DivergenceError, DriveError, Instrument
 from afm_node_common import runner, topics
 from afm_node_common.codec import drive_codec, measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.parameters import declare
+from afm_node_common.process import SimNodeParameters
 
 from .pacing import Lockstep, Realtime
 from .report import Reporter
@@ -48,7 +49,7 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__("afm_sim_node", namespace=topics.NAMESPACE)
-        self.parameters = declare(self, SimParameters, tunable=TUNABLE, on_change=self._on_change)
+        self.parameters = declare(self, SimNodeParameters, tunable=TUNABLE, on_change=self._on_change)
         parameters = self.parameters
         self.process = parameters.process
         self.exit_code = 0
@@ -57,7 +58,7 @@ class SimNode(Node):
         self.instrument = Instrument(parameters, block_ticks)
         self.warm_up()
 
-        fast = parameters.run.fast_codec
+        fast = parameters.process.fast_codec
         measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
         self._encode, self.decode = measurements.encode, drives.decode
         self.fast_path = {"direct takes": False, "fast codec": measurements.fast and drives.fast}
@@ -65,7 +66,7 @@ class SimNode(Node):
         self._outbox = Outbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 1)
         self._publish = self._outbox.publish
-        self.streams = Streams(self, parameters)
+        self.streams = Streams(self, parameters, self.instrument.channels)
         self.reporter = Reporter(self)
         self.step: Callable[[], bool] = self._rest
         """One look at the inbox or the clock; True if something was done."""
@@ -197,7 +198,7 @@ class SimNode(Node):
 
     def warm_up(self) -> None:
         """Compile or load the kernels by one tick, then start afresh."""
-        self.instrument.tick(self.instrument.measurement[-3:].copy())
+        self.instrument.tick(self.instrument.drive)
         self.instrument.reset()
 
     # Life of a run.
@@ -276,11 +277,11 @@ class SimNode(Node):
     def _publish_clock(self) -> None:
         self._clock_publisher.publish(ClockMessage(clock=stamp(self.stamp_ns)))
 
-    def _on_change(self, parameters: SimParameters) -> None:
+    def _on_change(self, parameters: SimNodeParameters) -> None:
         self.parameters = parameters
         self.pacing.adapt()
 
 
 def main() -> int:
     """Entry point of `ros2 run afm_sim_node afm_sim_node`."""
-    return runner.run(SimNode, SimParameters)
+    return runner.run(SimNode, SimNodeParameters)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from afm_msgs.msg import InstrumentStatus
 
-from afm_model import DriveError, signals
+from afm_model import DriveError
 
 if TYPE_CHECKING:
     from .node import SimNode
@@ -102,7 +102,7 @@ class Realtime:
 
     def start(self) -> None:
         """Hold the drive of the start; the first deadline is one period from now."""
-        self._drive[:] = self._node.instrument.measurement[signals.DRIVE : signals.DRIVE + 3]
+        self._drive[:] = self._node.instrument.drive
         self._asked_at = math.nan
         self.resume()
         self._publish()

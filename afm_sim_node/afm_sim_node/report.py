@@ -180,17 +180,7 @@ class Reporter:
         summary = instrument.score()
         score = Score(
             start=node.parameters.score_start,
-            ticks=summary.ticks,
-            rms=summary.rms,
-            max=summary.largest,
-            max_percent=summary.percent,
-            drive_total_variation=summary.variation,
-            extent=summary.extent,
-            stick_phases=summary.stick_phases,
-            stick_fraction=summary.stick_fraction,
-            contact_fraction=summary.contact_fraction,
-            friction=summary.friction,
-            normal_force=summary.normal_force,
+            **vars(summary),
             simulated=instrument.time,
             wall=node.watch.elapsed,
             round_trip=node.round_trips.summary,

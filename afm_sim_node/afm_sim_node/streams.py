@@ -1,6 +1,7 @@
 """Blocks of the instrument as Waveform and ControlTrace messages."""
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,11 @@ from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from afm_model import Block, InstrumentParameters, signals
+from afm_model import Block
+from afm_model.parts import Channel
 from afm_node_common import topics
 from afm_node_common.codec import BlockEncoder
+from afm_node_common.process import SimNodeParameters
 
 
 def stamp(nanoseconds: int) -> Time:
@@ -27,24 +30,20 @@ class Streams:
     Parameters
     ----------
     node : Node
-    parameters : InstrumentParameters
+    parameters : SimNodeParameters
+    channels : sequence of Channel
+        Rows of a block's samples.
     """
 
-    def __init__(self, node: Node, parameters: InstrumentParameters) -> None:
-        fast = parameters.run.fast_codec
+    def __init__(self, node: Node, parameters: SimNodeParameters, channels: Sequence[Channel]) -> None:
+        fast = parameters.process.fast_codec
         self._encode_waveform = BlockEncoder(Waveform, fast=fast).encode
         self._encode_trace = BlockEncoder(ControlTrace, fast=fast).encode
         detector = parameters.detector
         self._control_period = parameters.plant.control_period
         self._sample_period = detector.sample_period
         self._channels = [
-            (self._publisher(node, topic), channel, scale, unit)
-            for topic, channel, scale, unit in (
-                (topics.DEFLECTION, signals.CHANNEL_DEFLECTION, detector.deflection_sensitivity, "m"),
-                (topics.LATERAL_FORCE, signals.CHANNEL_LATERAL, detector.lateral_sensitivity, "N"),
-                (topics.TRUTH_LATERAL_FORCE_Y, signals.CHANNEL_LATERAL_Y, 1.0, "N"),
-                (topics.TRUTH_NORMAL_FORCE, signals.CHANNEL_NORMAL, 1.0, "N"),
-            )
+            (self._publisher(node, channel.name), channel.scale(parameters), channel.unit) for channel in channels
         ]
         self._trace = node.create_publisher(ControlTrace, topics.CONTROL_TRACE, topics.STREAM_QOS)
 
@@ -70,14 +69,14 @@ class Streams:
     def publish(self, block: Block, round_trip: NDArray[np.float32]) -> None:
         """Publish a block and the round trips [s] of its ticks, (ticks,)."""
         first = round(block.first_sample * self._sample_period * 1e9)
-        for publisher, channel, scale, unit in self._channels:
+        for samples, (publisher, scale, unit) in zip(block.samples, self._channels, strict=True):
             if publisher.get_subscription_count():
                 publisher.publish(
                     self._encode_waveform(
                         first,
                         first_sample=block.first_sample,
                         sample_period=self._sample_period,
-                        samples=block.samples[channel],
+                        samples=samples,
                         scale=scale,
                         unit=unit,
                     )
@@ -90,10 +89,10 @@ class Streams:
                 round(block.first_tick * self._control_period * 1e9),
                 first_sequence=block.first_tick,
                 control_period=self._control_period,
-                position=rows[:, signals.POSITION : signals.POSITION + 3],
-                velocity=rows[:, signals.VELOCITY : signals.VELOCITY + 3],
-                reference_position=rows[:, signals.REFERENCE_POSITION : signals.REFERENCE_POSITION + 3],
-                deflection=rows[:, signals.DEFLECTION],
+                position=rows["position"],
+                velocity=rows["velocity"],
+                reference_position=rows["reference_position"],
+                deflection=rows["deflection"],
                 drive=block.drives,
                 round_trip=round_trip,
             )

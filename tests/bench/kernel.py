@@ -12,8 +12,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model import InstrumentParameters
-from afm_model.plant import PLANT_RECORD, plant_constants, rest, state, step_compliant
+from afm_model import InstrumentParameters, build
+from afm_model.instrument.block import Layout
+from afm_model.parts.header import HEADER
+from afm_model.plant import CONSTANTS, STATE, compliant
+from afm_model.records import pointer_at, record_at, size
+from afm_model.signals import DRIVE
 
 COMPILER = "cc"
 FLAGS = {
@@ -32,7 +36,7 @@ TOLERANCE = 1e-12
 """Largest relative difference of the end states: both round alike, up to what a compiler may reorder."""
 
 _Array = NDArray[np.float64]
-Advance = Callable[[_Array, _Array, _Array, int], None]
+Advance = Callable[[_Array, _Array, int], None]
 
 
 class CompilerError(RuntimeError):
@@ -41,12 +45,17 @@ class CompilerError(RuntimeError):
 
 # Not cached: the cache remembers by which name a module was imported, and this one has two.
 @numba.njit(error_model="numpy")
-def advance(s: _Array, constants: _Array, u: _Array, hold: int) -> None:
-    """Advance `s` by `hold` steps under each row of `u`, the drive (x, y, z)."""
-    p = constants.view(PLANT_RECORD)[0]
+def advance(m: _Array, u: _Array, hold: int) -> None:
+    """Advance the plant of the block `m` by `hold` steps under each row of `u`, the drive (x, y, z) [V]."""
+    g = record_at(m, 0, HEADER)
+    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
+    v = record_at(m, g.effective, DRIVE)
+    unused = pointer_at(m, 0)
     for i in range(len(u)):
+        for axis in range(3):
+            v.voltage[axis] = u[i, axis]
         for _ in range(hold):
-            step_compliant(s, p, u[i, 0], u[i, 1], u[i, 2])
+            compliant.step(v, unused, p, s, m)
 
 
 def compile_c(folder: Path, name: str) -> Advance:
@@ -60,32 +69,47 @@ def compile_c(folder: Path, name: str) -> Advance:
     if done.returncode != 0:
         raise CompilerError(f"{' '.join(command)}: {done.stderr.strip()}")
     function = ctypes.CDLL(str(library)).advance
-    function.argtypes = [ctypes.c_void_p] * 3 + [ctypes.c_long] * 2
+    function.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_long] * 2
     function.restype = None
 
-    def advance_c(s: _Array, constants: _Array, u: _Array, hold: int) -> None:
-        function(s.ctypes.data, constants.ctypes.data, u.ctypes.data, len(u), hold)
+    def advance_c(m: _Array, u: _Array, hold: int) -> None:
+        g = record_at(m, 0, HEADER)
+        places = (m[place:].ctypes.data for place in (g.plant_state, g.plant_constants, g.sample_constants))
+        function(*places, u.ctypes.data, len(u), hold)
 
     return advance_c
 
 
-def problem() -> tuple[_Array, _Array, _Array]:
-    """State at rest, constants, drives: one period of the open loop, in which the scanner sticks half of the time."""
-    parameters = InstrumentParameters()
-    constants = plant_constants(parameters, DT)
-    s, u_z = rest(constants, parameters.reference.z_r / parameters.scales.z0)
+def problem() -> tuple[_Array, _Array]:
+    """Block at rest, drives [V]: one period of the open loop, in which the scanner sticks half of the time."""
+    parameters = build(InstrumentParameters, {"plant.dt": DT})
+    layout = Layout(parameters)
+    m = layout.make(parameters)
+    p = layout.record(m, "plant_constants")
+    held = compliant.COMPLIANT.rest(parameters, p, layout.record(m, "plant_state"), m)
     omega = 0.005
-    h = constants.view(PLANT_RECORD)[0].h
-    t = np.arange(0.0, 2.0 * np.pi / omega, HOLD * h)
+    t = np.arange(0.0, 2.0 * np.pi / omega, HOLD * p.h)
     u = 20.0 * np.sin(omega * t)
-    return s, constants, np.column_stack([u, u, np.full(len(t), u_z)])
+    return m, np.column_stack([u / p.gain_x, u / p.gain_y, np.full(len(t), held[2])])
+
+
+def gains(m: _Array) -> _Array:
+    """Drive in the units of the equations per volt, along x, y, z."""
+    p = record_at(m, record_at(m, 0, HEADER).plant_constants, CONSTANTS)
+    return np.array([p.gain_x, p.gain_y, p.gain_z])
+
+
+def state(m: _Array) -> Any:
+    """Record of the plant's state in the block `m`."""
+    return record_at(m, record_at(m, 0, HEADER).plant_state, STATE)
 
 
 def difference(one: _Array, other: _Array) -> float:
-    """Largest relative difference of two states, component by component."""
-    assert one.shape == other.shape == (state.SIZE,)
-    larger = np.maximum(np.abs(one), np.abs(other))
-    return float(np.max(np.abs(one - other) / np.where(larger > 0.0, larger, 1.0)))
+    """Largest relative difference of the states in two blocks, component by component."""
+    a, b = (np.array(state(m).tolist()) for m in (one, other))
+    assert a.shape == b.shape == (size(STATE),)
+    larger = np.maximum(np.abs(a), np.abs(b))
+    return float(np.max(np.abs(a - b) / np.where(larger > 0.0, larger, 1.0)))
 
 
 def measure(folder: Path, repeats: int = 15) -> dict[str, Any]:
@@ -113,20 +137,20 @@ def measure(folder: Path, repeats: int = 15) -> dict[str, Any]:
         contestants: dict[str, Advance] = {"numba": advance} | {name: compile_c(folder, name) for name in FLAGS}
     except CompilerError as error:
         return {"reason": str(error)}
-    start, constants, u = problem()
+    start, u = problem()
     steps = len(u) * HOLD
-    advance(start.copy(), constants, u[:1], HOLD)  # Compiles.
+    advance(start.copy(), u[:1], HOLD)  # Compiles.
     stretches = [u[row : row + STRETCH] for row in range(0, len(u), STRETCH)]
     best = {name: np.full(len(stretches), np.inf) for name in contestants}
     for _ in range(repeats):
-        states = {name: start.copy() for name in contestants}
+        blocks = {name: start.copy() for name in contestants}
         for i, stretch in enumerate(stretches):
             for name, contestant in contestants.items():
                 begin = time.perf_counter_ns()
-                contestant(states[name], constants, stretch, HOLD)
+                contestant(blocks[name], stretch, HOLD)
                 best[name][i] = min(best[name][i], time.perf_counter_ns() - begin)
         for name in FLAGS:
-            if not (apart := difference(states["numba"], states[name])) <= TOLERANCE:
+            if not (apart := difference(blocks["numba"], blocks[name])) <= TOLERANCE:
                 raise RuntimeError(f"plant.c ({name}) is not the plant of afm_model: end states differ by {apart:.1e}")
     per_step = {name: float(times.sum()) / steps for name, times in best.items()}
     version = subprocess.run([COMPILER, "--version"], capture_output=True, text=True, check=False, timeout=60).stdout

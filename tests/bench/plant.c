@@ -8,8 +8,17 @@
 enum { X, V_X, Y, V_Y, Z, V_Z, Q, V_Q, CONTACT, N, F_X, F_Y, F_MAX };
 
 typedef struct {
-    double h, eta_x, eta_y, eta_z, eta_c, xi_x, xi_y, xi_z, xi_c, mu, w, a, beta, k_x, k_y, r, L_s, delta_0, f_s, zeta_n;
+    double h, eta_x, eta_y, eta_z, eta_c, xi_x, xi_y, xi_z, xi_c, mu, w, a, r, L_s, delta_0, f_s, zeta_n;
+    double gain_x, gain_y, gain_z, x0, z0, lateral_speed, vertical_speed, lateral_force, normal_force, treatment;
 } Constants;
+
+typedef struct {
+    double beta, k_x, k_y;
+} Sample;
+
+typedef struct {
+    double height, slope_x, slope_y, curvature, curvature_xx, curvature_yy, curvature_xy, strength;
+} Surface;
 
 /* (1/6)^(1/3) and its indentation, to the last bit as Python computes them. */
 #define U_FIXED_GRIPS 0.5503212081491045
@@ -54,19 +63,33 @@ static double stiffness_of_u(double u)
     return 18.0 * u * u * (2.0 * u3 - 1.0) / (6.0 * u3 - 1.0);
 }
 
-/* contact/surface.py */
+/* sample/paper.py */
 
-static void surface(double x, double y, double beta, double k_x, double k_y, double *H, double *H_X, double *H_Y)
+static void surface(double x, double y, Surface *h, const Sample *p)
 {
-    double sin_x = sin(k_x * x), sin_y = sin(k_y * y);
-    *H = beta * sin_x * sin_y;
-    *H_X = beta * k_x * cos(k_x * x) * sin_y;
-    *H_Y = beta * k_y * sin_x * cos(k_y * y);
+    double sin_x = sin(p->k_x * x), cos_x = cos(p->k_x * x);
+    double sin_y = sin(p->k_y * y), cos_y = cos(p->k_y * y);
+    double height = p->beta * sin_x * sin_y;
+    h->height = height;
+    h->slope_x = p->beta * p->k_x * cos_x * sin_y;
+    h->slope_y = p->beta * p->k_y * sin_x * cos_y;
+    h->curvature = 0.5 * (p->k_x * p->k_x + p->k_y * p->k_y) * height;
+    h->curvature_xx = -p->k_x * p->k_x * height;
+    h->curvature_yy = -p->k_y * p->k_y * height;
+    h->curvature_xy = p->beta * p->k_x * p->k_y * cos_x * cos_y;
+    h->strength = 1.0;
 }
 
-static double effective_radius_ratio(double H, double k_x, double k_y, double r)
+/* contact/surface.py */
+
+static double effective_radius_ratio(const Surface *h, double r) { return 1.0 / (1.0 + h->curvature * r); }
+
+/* friction/strength.py */
+
+static double bound_of_area(double f_s, double rho, double rho_third, double u)
 {
-    return 1.0 / (1.0 + 0.5 * (k_x * k_x + k_y * k_y) * H * r);
+    double u2 = u * u;
+    return f_s * AREA * rho * rho_third * u2 * u2;
 }
 
 /* friction/disc.py */
@@ -123,8 +146,11 @@ static void kick_lateral(const double *s, const Constants *p, double u_x, double
 
 /* plant/compliant.py */
 
-static void step_compliant(double *restrict s, const Constants *restrict p, double u_x, double u_y, double u_z)
+static void step(const double *restrict v, const Constants *restrict p, double *restrict s, const Sample *restrict sample)
 {
+    double u_x = p->gain_x * v[0];
+    double u_y = p->gain_y * v[1];
+    double u_z = p->gain_z * v[2];
     double h = p->h;
     double half = 0.5 * h;
     s[X] += half * s[V_X];
@@ -132,11 +158,11 @@ static void step_compliant(double *restrict s, const Constants *restrict p, doub
     s[Z] += half * s[V_Z];
     s[Q] += half * s[V_Q];
 
-    double H, H_X, H_Y;
-    surface(s[X], s[Y], p->beta, p->k_x, p->k_y, &H, &H_X, &H_Y);
-    double rho = effective_radius_ratio(H, p->k_x, p->k_y, p->r);
+    Surface H;
+    surface(s[X], s[Y], &H, sample);
+    double rho = effective_radius_ratio(&H, p->r);
     double rho_third = pow(rho, 1.0 / 3.0);
-    double delta = s[Z] + H - s[Q];
+    double delta = s[Z] + H.height - s[Q];
     double d = delta / (p->delta_0 * rho_third);
     bool touching = delta >= 0.0 || (s[CONTACT] != 0.0 && d > INDENTATION_FIXED_GRIPS);
     s[CONTACT] = touching ? 1.0 : 0.0;
@@ -146,8 +172,7 @@ static void step_compliant(double *restrict s, const Constants *restrict p, doub
         n_elastic = p->L_s * rho * load_of_u(u);
         double stiffness = p->L_s * rho * stiffness_of_u(u) / (p->delta_0 * rho_third);
         dashpot = 2.0 * p->zeta_n * sqrt(larger(stiffness, 0.0));
-        double u2 = u * u;
-        f = p->f_s * AREA * rho * rho_third * u2 * u2;
+        f = bound_of_area(p->f_s, rho, rho_third, u) * H.strength;
     }
 
     double v_x, v_y;
@@ -159,7 +184,7 @@ static void step_compliant(double *restrict s, const Constants *restrict p, doub
     double v_q = ((1.0 - d_c) * s[V_Q] + h * (n_elastic - p->w - p->eta_c * p->eta_c * (s[Q] - p->a))) / (1.0 + d_c);
     double g_z = h * dashpot / (p->mu * (1.0 + d_z));
     double g_q = h * dashpot / (1.0 + d_c);
-    double H_rate = 0.5 * (H_X * (s[V_X] + v_x) + H_Y * (s[V_Y] + v_y));
+    double H_rate = 0.5 * (H.slope_x * (s[V_X] + v_x) + H.slope_y * (s[V_Y] + v_y));
     double delta_rate = (0.5 * (s[V_Z] + v_z - s[V_Q] - v_q) + H_rate) / (1.0 + 0.5 * (g_z + g_q));
     s[V_X] = v_x;
     s[V_Y] = v_y;
@@ -173,11 +198,11 @@ static void step_compliant(double *restrict s, const Constants *restrict p, doub
     s[Q] += half * s[V_Q];
 }
 
-/* Advance `s` by `ticks` x `hold` steps; row i of `u` is the drive (x, y, z) held over the steps of tick i. */
-void advance(double *restrict s, const double *restrict constants, const double *restrict u, long ticks, long hold)
+/* Advance `s` by `ticks` x `hold` steps; row i of `u` is the drive (x, y, z) [V] held over the steps of tick i. */
+void advance(double *restrict s, const double *restrict constants, const double *restrict sample, const double *restrict u,
+             long ticks, long hold)
 {
-    const Constants *p = (const Constants *)constants;
     for (long i = 0; i < ticks; i++)
         for (long j = 0; j < hold; j++)
-            step_compliant(s, p, u[3 * i], u[3 * i + 1], u[3 * i + 2]);
+            step(u + 3 * i, (const Constants *)constants, s, (const Sample *)sample);
 }

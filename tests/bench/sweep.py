@@ -19,7 +19,7 @@ BLOCK_TICKS = 512
 
 def bare(scenario: Scenario, runs: int) -> float:
     """Processor time of `runs` runs spent in the compiled loop [s]."""
-    law = Controller(scenario.controller).constants
+    law = Controller(scenario.controller)
     seconds = 0.0
     for _ in range(runs):
         instrument = Instrument(scenario.sim, BLOCK_TICKS, hashed=False)

@@ -1,11 +1,13 @@
 """A whole run in one process: the instrument, the controller and nothing between them."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from afm_model import Block, Controller, ControllerParameters, Instrument, InstrumentParameters, build
 from afm_model.parameters import Value
+from afm_model.signals import MEASUREMENT
 
 PERIOD = 2.0 * np.pi / 50.0
 """Period of the paper's reference sin(0.005 tau) [s]."""
@@ -35,10 +37,20 @@ def run(scope: Instrument, law: Controller, seconds: float) -> list[Block]:
     return blocks
 
 
-def joined(blocks: list[Block]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Measurements, drives and samples of consecutive blocks."""
+def joined(blocks: list[Block]) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Measurements, by name, drives and samples of consecutive blocks."""
     return (
-        np.concatenate([block.measurements for block in blocks]),
+        np.concatenate([block.measurements for block in blocks]).view(np.recarray),
         np.concatenate([block.drives for block in blocks]),
         np.concatenate([block.samples for block in blocks], axis=1),
     )
+
+
+def measured(scope: Instrument) -> Any:
+    """The instrument's measurement by name; the next tick writes over it."""
+    return scope.measurement.view(MEASUREMENT)[0]
+
+
+def column(scope: Instrument, channel: str) -> int:
+    """Row of `Block.samples` that holds a channel."""
+    return [each.name for each in scope.channels].index(channel)

@@ -16,9 +16,9 @@ from afm_model import (
     simulate,
 )
 from afm_model.contact.jkr import contact_radius, radius_at_zero_load
-from afm_model.control import error_matrix, lyapunov_matrix, ultimate_bound
+from afm_model.law import error_matrix, lyapunov_matrix, ultimate_bound
 
-from .rolling import constants, named
+from .rolling import bench
 from .session import PERIOD
 
 R, K, GAMMA, TAU = 40e-9, 44.80e9, 0.404, 0.91e9
@@ -42,7 +42,7 @@ class Nudged:
 
 def friction_at_zero_load(**values: float) -> float:
     """f at N = 0 on a flat sample, in units of 15 nN."""
-    return float(named(constants(0.01, **values)).f_s * 2.0 ** (4.0 / 3.0))
+    return float(bench(0.01, **values).p.f_s * 2.0 ** (4.0 / 3.0))
 
 
 def test_C1_with_the_printed_shear_strength_nothing_ever_slips():
@@ -138,8 +138,8 @@ def test_C12_in_SI_no_tip_touches_the_test_sample_and_in_scaled_coordinates_it_i
     assert beta * k == pytest.approx(25.0)
     assert 1.0 / (beta * k**2) == pytest.approx(0.02e-9)
     assert 1.0 - beta * k**2 * R < 0.0
-    p = named(constants(0.01))
-    assert p.k_x**2 * p.beta * p.r == pytest.approx(0.0125, rel=1e-12)
+    c = bench(0.01)
+    assert c.sample.k_x**2 * c.sample.beta * c.p.r == pytest.approx(0.0125, rel=1e-12)
 
 
 @pytest.mark.parametrize("values", [{"contact.R": 4e-6}, {"sample.beta": 1.25e-6}, {"sample.k_x": 3e10}])
@@ -149,15 +149,16 @@ def test_sample_too_sharp_for_the_tip_is_refused_by_the_name_of_the_condition(va
 
 
 def test_C13_a_drive_of_20_is_a_static_displacement_of_113_and_306():
-    p = named(constants(0.01))
+    p = bench(0.01).p
     assert [20.0 / p.eta_x**2, 20.0 / p.eta_y**2] == pytest.approx([113.2, 305.7], abs=0.05)
 
 
 def test_C14_the_constant_r_alone_would_break_M_z():
-    p = named(constants(0.01))
+    c = bench(0.01)
+    p = c.p
     inertia = 1.0 + 1.0 / p.mu
     assert p.eta_z**2 * p.r / inertia == pytest.approx(0.0736, abs=5e-5)
-    assert p.eta_z**2 * p.beta / inertia == pytest.approx(0.0230, abs=5e-5)
+    assert p.eta_z**2 * c.sample.beta / inertia == pytest.approx(0.0230, abs=5e-5)
 
 
 def test_C15_contact_holds_at_an_offset_of_80_nm_and_is_lost_at_90_nm():
@@ -185,7 +186,7 @@ def test_C17_computed_f_z_keeps_within_M_z_under_tanh_and_breaks_it_under_sgn(ki
     values = {"plant.kind": "paper", "plant.control_period": step, "run.duration": 0.3 * PERIOD}
     run = simulate(build(SimParameters, values), law)
     e = run.deflection / 1e-7 - 1e-6
-    e_rate = run.measurements[:, 1] / 1e-3
+    e_rate = run.measurements.deflection_rate / 1e-3
     # f_z is what is left of e_z'' = -c e - cdot e' + v + f_z between two ticks.
     s = 0.25 * e + 0.25 * e_rate
     v = -0.05 * (np.sign(s) if kind == "sgn" else np.tanh(10.0 * s))
@@ -222,7 +223,7 @@ def test_C18_the_rate_of_the_tip_needs_a_damped_contact_and_the_rate_of_the_samp
     law = build(ControllerParameters, {"law.z_rate": rate})
     instrument = build(SimParameters, values)
     run = simulate(instrument, Nudged(law))
-    load = run.samples[3] / 60e-9
+    load = run.channel("truth/normal_force") / 60e-9
     ringing = np.ptp(load.reshape(8, -1), axis=1)
     if stable:
         assert ringing[-1] < ringing[1]

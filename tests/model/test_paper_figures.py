@@ -120,13 +120,13 @@ def test_steady_error_under_tanh_is_what_makes_the_switching_term_balance_fricti
     for _ in range(50):
         e = 2.0 / alpha * math.atanh((f - e) / M)
     # Inertia and damping of e are left out: a few percent.
-    assert score.largest[0] / X0 == pytest.approx(e, rel=0.05)
+    assert score.max[0] / X0 == pytest.approx(e, rel=0.05)
 
 
 def test_closed_loop_sticks_only_while_the_reference_turns():
     score = closed_loop({"law.kind": "tanh"}, 1e-6)
     # One turning point in half a period: the error goes from +e to -e at rest while the reference falls back by 2 e.
     assert score.stick_phases == 1
-    retreat = math.acos(1.0 - 2.0 * score.largest[0] / 5e-9) / math.pi
+    retreat = math.acos(1.0 - 2.0 * score.max[0] / 5e-9) / math.pi
     # Friction takes over before the error has quite reached e: a tenth.
     assert score.stick_fraction == pytest.approx(retreat, rel=0.15)

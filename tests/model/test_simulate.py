@@ -19,11 +19,12 @@ from afm_model import (
     SimParameters,
     build,
     flatten,
-    signals,
     simulate,
 )
+from afm_model.signals import MEASUREMENT
 
 from . import session
+from .tables import numbers
 
 VALUES = {"plant.control_period": 4e-6, "detector.sample_period": 2e-6, "score.start": 0.0}
 
@@ -37,7 +38,7 @@ def test_simulation_is_the_instrument_and_the_law_tick_by_tick():
     done = simulate(simulator(2e-3), ControllerParameters())
     scope = session.instrument(VALUES, 100)
     measurements, drives, samples = session.joined(session.run(scope, session.controller({}), 2e-3))
-    np.testing.assert_array_equal(done.measurements, measurements)
+    np.testing.assert_array_equal(numbers(done.measurements), numbers(measurements))
     np.testing.assert_array_equal(done.drives, drives)
     np.testing.assert_array_equal(done.samples, samples)
     assert done.trajectory_sha256 == scope.trajectory_sha256()
@@ -48,20 +49,42 @@ def test_simulation_names_its_columns():
     done = simulate(simulator(1e-3), ControllerParameters())
     assert done.time == pytest.approx(np.arange(250) * 4e-6, rel=1e-15)
     assert done.time_samples == pytest.approx(np.arange(500) * 2e-6, rel=1e-15)
-    np.testing.assert_array_equal(done.deflection, done.measurements[:, signals.DEFLECTION])
-    np.testing.assert_array_equal(done.lateral_force, done.measurements[:, signals.LATERAL_FORCE])
-    for values, first in (
-        (done.position, signals.POSITION),
-        (done.velocity, signals.VELOCITY),
-        (done.reference, signals.REFERENCE_POSITION),
+    for values, name in (
+        (done.deflection, "deflection"),
+        (done.lateral_force, "lateral_force"),
+        (done.position, "position"),
+        (done.velocity, "velocity"),
+        (done.reference, "reference_position"),
     ):
-        np.testing.assert_array_equal(values, done.measurements[:, first : first + 3])
+        np.testing.assert_array_equal(values, done.measurements[name])
+
+
+def test_simulation_tells_the_true_motion_behind_noisy_sensors():
+    noisy = build(SimParameters, VALUES | {"run.duration": 1e-3, "detector.position_noise": 1e-11})
+    done = simulate(noisy, build(ControllerParameters, {"law.kind": "open_loop"}))
+    plain = simulate(simulator(1e-3), build(ControllerParameters, {"law.kind": "open_loop"}))
+    # In open loop the noise of the sensors moves nothing.
+    np.testing.assert_array_equal(done.truth.position, plain.position)
+    np.testing.assert_array_equal(numbers(done.truth), numbers(plain.truth))
+    # By way of a voltage.
+    assert done.truth.tip_height == pytest.approx(plain.deflection, rel=1e-15)
+    assert (done.position != done.truth.position).any(axis=0).all()
+
+
+def test_channel_is_its_samples_in_SI_units_and_an_unknown_one_names_those_there_are():
+    more = build(SimParameters, VALUES | {"run.duration": 1e-3, "detector.channels": "truth/position_x"})
+    done = simulate(more, ControllerParameters())
+    # Two samples a tick; that at the tick is the measurement's.
+    assert done.channel("deflection")[::2] == pytest.approx(done.deflection, rel=1e-15)
+    np.testing.assert_array_equal(done.channel("truth/position_x")[::2], done.position[:, 0])
+    with pytest.raises(KeyError, match=r"no channel truth/position_y was sampled; there are deflection, .*position_x"):
+        done.channel("truth/position_y")
 
 
 def test_any_object_that_answers_can_close_the_loop():
     class Hold:
         def answer(self, measurement: np.ndarray) -> np.ndarray:
-            return measurement[signals.DRIVE : signals.DRIVE + 3].copy()
+            return measurement.view(MEASUREMENT)[0].drive.copy()
 
     done = simulate(simulator(1e-4), Hold())
     assert (done.drives == done.drives[0]).all()

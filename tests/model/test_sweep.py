@@ -59,7 +59,7 @@ def test_row_is_the_single_run_to_the_last_bit(cluster):
         score = single.score
         assert row["trajectory_sha256"] == single.trajectory_sha256
         assert (row["ticks"], row["stick_phases"]) == (score.ticks, score.stick_phases)
-        for name in ("rms", "largest", "percent", "variation", "extent"):
+        for name in ("rms", "max", "max_percent", "drive_total_variation", "extent"):
             np.testing.assert_array_equal([row[f"{name}_{axis}"] for axis in "xyz"], getattr(score, name))
         assert (row["friction_low"], row["friction_high"]) == score.friction
         assert (row["normal_force_low"], row["normal_force_high"]) == score.normal_force
@@ -169,13 +169,13 @@ def test_worker_with_other_sources_is_refused(cluster, monkeypatch):
         answers = iter(["those of the sweep", "those of the worker"])
         FINGERPRINT = property(lambda self: next(self.answers))
 
-    monkeypatch.setattr(sys.modules["afm_model.sweep"], "jit", Sources())
+    monkeypatch.setattr(sys.modules["afm_model.sweeping"], "jit", Sources())
     with pytest.raises(SweepError, match="a worker has other sources"):
         sweep(scenario(), {SEED: [1]}, scheduler=cluster, progress=False)
 
 
 def test_scheduler_that_is_not_there_is_told(monkeypatch):
-    monkeypatch.setattr(sys.modules["afm_model.sweep"], "_TIMEOUT", 0.2)
+    monkeypatch.setattr(sys.modules["afm_model.sweeping"], "_TIMEOUT", 0.2)
     with pytest.raises(SweepError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
         sweep(scenario(), {SEED: [1]}, scheduler="tcp://127.0.0.1:1", progress=False)
 

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from afm_msgs.msg import Measurement, PiezoDrive
+from geometry_msgs.msg import Vector3
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from afm_model import signals
+from afm_model import records, signals
 from afm_node_common import topics
 from afm_node_common.codec import Codec, body, drive_codec, fill, measurement_codec
 
@@ -19,7 +20,7 @@ HEADER = struct.calcsize("<4siII")
 """Encapsulation, stamp, length of frame_id."""
 # One codec for all examples: what a message leaves behind in it must not matter to the next.
 KINDS = [
-    pytest.param(Measurement, signals.MEASUREMENT_SIZE, functools.cache(measurement_codec), id="measurement"),
+    pytest.param(Measurement, records.size(signals.MEASUREMENT), functools.cache(measurement_codec), id="measurement"),
     pytest.param(PiezoDrive, 3, functools.cache(drive_codec), id="drive"),
 ]
 Make = Callable[..., Codec]
@@ -90,30 +91,18 @@ def test_fast_and_slow_codec_write_the_same_bytes(
 
 
 def test_fields_of_a_measurement_stand_in_the_order_of_the_signals() -> None:
-    values = np.arange(float(signals.MEASUREMENT_SIZE))
+    values = np.arange(float(records.size(signals.MEASUREMENT)))
     message = deserialize_message(measurement_codec().encode(0, 0, values), Measurement)
-
-    def triple(name: str) -> list[float]:
-        vector = getattr(message, name)
-        return [vector.x, vector.y, vector.z]
-
-    for name, at in (
-        ("deflection", signals.DEFLECTION),
-        ("deflection_rate", signals.DEFLECTION_RATE),
-        ("lateral_force", signals.LATERAL_FORCE),
-        ("deflection_voltage", signals.DEFLECTION_VOLTAGE),
-        ("lateral_voltage", signals.LATERAL_VOLTAGE),
-    ):
-        assert getattr(message, name) == values[at]
-    for name, at in (
-        ("position", signals.POSITION),
-        ("velocity", signals.VELOCITY),
-        ("reference_position", signals.REFERENCE_POSITION),
-        ("reference_velocity", signals.REFERENCE_VELOCITY),
-        ("reference_acceleration", signals.REFERENCE_ACCELERATION),
-        ("drive", signals.DRIVE),
-    ):
-        assert triple(name) == list(values[at : at + 3])
+    record = records.record_at(values, 0, signals.MEASUREMENT)
+    header, sequence, *fields = Measurement.get_fields_and_field_types()
+    assert (header, sequence) == ("header", "sequence")
+    assert tuple(fields) == signals.MEASUREMENT.names
+    for name in fields:
+        told = getattr(message, name)
+        if isinstance(told, Vector3):
+            assert [told.x, told.y, told.z] == list(record[name])
+        else:
+            assert told == record[name]
 
 
 @pytest.mark.parametrize(("kind", "size", "make"), KINDS)

@@ -12,11 +12,17 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from support import Graph
 
-from afm_model import Controller, ControllerParameters, ParameterError, SimParameters, flatten, specifications
+from afm_model import Controller, ParameterError, flatten, specifications
 from afm_model.parameters import Group
 from afm_node_common.parameters import declare
+from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 
 TUNABLE = ("law.",)
+NO_PID = (
+    "law.kind = pid is not allowed: there is no law pid: it must be one of open_loop, sgn, tanh, "
+    "or module:NAME of a part of your own"
+)
+TOO_SMALL = "some parameter of law tanh is too large or too small to compute with"
 
 
 @pytest.fixture
@@ -70,7 +76,7 @@ class Remote:
 # At start.
 
 
-@pytest.mark.parametrize("model", [SimParameters, ControllerParameters])
+@pytest.mark.parametrize("model", [SimNodeParameters, ControllerNodeParameters])
 def test_every_parameter_is_declared_with_its_default_description_and_unit(
     graph: Graph, make: Callable[..., Node], model: type[Group]
 ) -> None:
@@ -91,7 +97,7 @@ def test_every_parameter_is_declared_with_its_default_description_and_unit(
 
 
 def test_range_is_that_of_the_model_with_open_ends_left_out(graph: Graph, make: Callable[..., Node]) -> None:
-    declare(make(), SimParameters)
+    declare(make(), SimNodeParameters)
     damping, bits, speed = Remote(graph).describe("scanner.xi_x", "detector.adc_bits", "scanner.f_x")
     assert damping.type == ParameterType.PARAMETER_DOUBLE
     (range_,) = damping.floating_point_range
@@ -106,7 +112,7 @@ def test_range_is_that_of_the_model_with_open_ends_left_out(graph: Graph, make: 
 
 def test_values_given_at_start_are_taken_and_a_whole_number_will_do(make: Callable[..., Node]) -> None:
     node = make(law__alpha=7, law__kind="sgn", cantilever__a=1e-9)
-    parameters = declare(node, ControllerParameters)
+    parameters = declare(node, ControllerNodeParameters)
     assert (parameters.law.alpha, parameters.law.kind, parameters.cantilever.a) == (7.0, "sgn", 1e-9)
     value = node.get_parameter("law.alpha").value
     assert (value, type(value)) == (7.0, float)
@@ -119,7 +125,7 @@ def test_values_given_at_start_are_taken_and_a_whole_number_will_do(make: Callab
         ({"law__alpha": -3.0}, "law.alpha = -3.0 is not allowed: it must be a finite number > 0"),
         ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number > 0"),
         ({"law__alpha": "steep"}, "law.alpha = steep is not allowed: it must be a finite number > 0"),
-        ({"law__kind": "pid"}, "law.kind = pid is not allowed: it must be one of open_loop, sgn, tanh"),
+        ({"law__kind": "pid"}, NO_PID),
         ({"cantilever__a": math.inf}, "cantilever.a = inf m is not allowed: it must be a finite number"),
         ({"law__alpha": True}, "law.alpha = True is not allowed: it must be a finite number > 0"),
     ],
@@ -130,7 +136,7 @@ def test_what_is_not_allowed_at_start_is_refused_in_a_sentence_and_nothing_is_de
     node = make(**given)
     before = set(node.get_parameters_by_prefix(""))
     with pytest.raises(ParameterError) as refused:
-        declare(node, ControllerParameters)
+        declare(node, ControllerNodeParameters)
     assert str(refused.value) == sentence
     assert set(node.get_parameters_by_prefix("")) == before
     with pytest.raises(ParameterNotDeclaredException):
@@ -141,12 +147,12 @@ def test_what_is_not_allowed_at_start_is_refused_in_a_sentence_and_nothing_is_de
 
 
 def test_change_of_a_tunable_parameter_arrives_checked(graph: Graph, make: Callable[..., Node]) -> None:
-    arrived: list[ControllerParameters] = []
-    declare(make(law__c_x=2.0), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    arrived: list[ControllerNodeParameters] = []
+    declare(make(law__c_x=2.0), ControllerNodeParameters, tunable=TUNABLE, on_change=arrived.append)
     remote = Remote(graph)
     assert [result.successful for result in remote.set(law__alpha=5.0)] == [True]
     assert [result.successful for result in remote.set(law__kind="sgn")] == [True]
-    expected = {**flatten(ControllerParameters()), "law.c_x": 2.0, "law.alpha": 5.0}
+    expected = {**flatten(ControllerNodeParameters()), "law.c_x": 2.0, "law.alpha": 5.0}
     assert [flatten(parameters) for parameters in arrived] == [expected, {**expected, "law.kind": "sgn"}]
     assert remote.get("law.alpha", "law.kind") == [5.0, "sgn"]
 
@@ -156,14 +162,14 @@ def test_change_of_a_tunable_parameter_arrives_checked(graph: Graph, make: Calla
     [
         ({"law__alpha": 0.0}, "law.alpha = 0.0 is not allowed: it must be a finite number > 0"),
         ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number > 0"),
-        ({"law__kind": "pid"}, "law.kind = pid is not allowed: it must be one of open_loop, sgn, tanh"),
+        ({"law__kind": "pid"}, NO_PID),
     ],
 )
 def test_change_that_is_not_allowed_is_refused_with_a_reason_and_the_old_value_stays(
     graph: Graph, make: Callable[..., Node], change: dict[str, object], reason: str
 ) -> None:
-    arrived: list[ControllerParameters] = []
-    declare(make(), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    arrived: list[ControllerNodeParameters] = []
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE, on_change=arrived.append)
     remote = Remote(graph)
     (result,) = remote.set(**change)
     assert (result.successful, result.reason) == (False, reason)
@@ -174,31 +180,31 @@ def test_change_that_is_not_allowed_is_refused_with_a_reason_and_the_old_value_s
 def test_change_that_the_node_cannot_work_with_is_refused_with_its_reason(
     graph: Graph, make: Callable[..., Node]
 ) -> None:
-    arrived: list[ControllerParameters] = []
-    declare(make(), ControllerParameters, tunable=TUNABLE, accepts=Controller, on_change=arrived.append)
+    arrived: list[ControllerNodeParameters] = []
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE, accepts=Controller, on_change=arrived.append)
     (result,) = Remote(graph).set(law__c_x=1e-20)
     assert not result.successful
-    assert result.reason.startswith("some parameter of the law is too large or too small (c = 1e-20 and cdot = 1 are")
+    assert result.reason.startswith(TOO_SMALL + " (c = 1e-20 and cdot = 1 are")
     assert arrived == []
-    with pytest.raises(ParameterError, match="some parameter of the law is too large or too small"):
-        declare(make(law__c_x=1e-20), ControllerParameters, accepts=Controller)
+    with pytest.raises(ParameterError, match=TOO_SMALL):
+        declare(make(law__c_x=1e-20), ControllerNodeParameters, accepts=Controller)
 
 
 def test_what_cannot_change_is_refused_with_a_reason(graph: Graph, make: Callable[..., Node]) -> None:
-    arrived: list[ControllerParameters] = []
-    declare(make(), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    arrived: list[ControllerNodeParameters] = []
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE, on_change=arrived.append)
     remote = Remote(graph)
-    (result,) = remote.set(scanner__mu=50.0)
+    (result,) = remote.set(scanner__mass_ratio=50.0)
     assert not result.successful
     assert "read-only" in result.reason
-    assert "scanner.mu" in result.reason
-    assert remote.get("scanner.mu") == [100.0]
+    assert "scanner.mass_ratio" in result.reason
+    assert remote.get("scanner.mass_ratio") == [100.0]
     assert arrived == []
 
 
 def test_of_changes_made_at_once_all_are_taken_or_none(graph: Graph, make: Callable[..., Node]) -> None:
-    arrived: list[ControllerParameters] = []
-    declare(make(), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    arrived: list[ControllerNodeParameters] = []
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE, on_change=arrived.append)
     remote = Remote(graph)
     result = remote.set_at_once(law__c_x=3.0, law__alpha=-1.0)
     assert (result.successful, "law.alpha = -1.0" in result.reason) == (False, True)
@@ -209,7 +215,7 @@ def test_of_changes_made_at_once_all_are_taken_or_none(graph: Graph, make: Calla
 
 def test_only_what_is_tunable_can_be_set_on_the_instrument(graph: Graph, make: Callable[..., Node]) -> None:
     tunable = ("run.real_time_factor",)
-    declare(make(), SimParameters, tunable=tunable)
-    names = [spec.name for spec in specifications(SimParameters)]
+    declare(make(), SimNodeParameters, tunable=tunable)
+    names = [spec.name for spec in specifications(SimNodeParameters)]
     writable = {told.name for told in Remote(graph).describe(*names) if not told.read_only}
     assert writable == set(tunable)

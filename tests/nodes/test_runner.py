@@ -7,9 +7,10 @@ from pathlib import Path
 import pytest
 from support import Command, Graph, Observer, executable
 
-from afm_model import ControllerParameters, SimParameters, specifications
+from afm_model import specifications
 from afm_model.parameters import Group
 from afm_node_common import topics
+from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_node_common.runner import usage
 from afm_recorder_node.parameters import RecorderParameters
 
@@ -17,7 +18,7 @@ NODES = {"afm_sim_node": topics.MEASUREMENT, "afm_controller_node": topics.PIEZO
 """What each of them publishes."""
 
 
-@pytest.mark.parametrize("model", [SimParameters, ControllerParameters, RecorderParameters])
+@pytest.mark.parametrize("model", [SimNodeParameters, ControllerNodeParameters, RecorderParameters])
 def test_usage_lists_every_parameter_with_default_unit_and_what_is_allowed(model: type[Group]) -> None:
     text = usage("some_node", model)
     assert text.startswith("usage: some_node ")
@@ -35,7 +36,7 @@ def test_help_is_the_usage() -> None:
     shown = start("afm_controller_node", "--help")
     assert (shown.returncode, shown.stdout.strip(), shown.stderr) == (
         0,
-        usage("afm_controller_node", ControllerParameters),
+        usage("afm_controller_node", ControllerNodeParameters),
         "",
     )
 

@@ -5,8 +5,8 @@ import subprocess
 import sys
 import threading
 
-from afm_model.parameters import Process
 from afm_node_common import scheduling
+from afm_node_common.process import Process
 
 
 def applied(process: Process) -> tuple[list[str], set[int], int]:
@@ -57,7 +57,7 @@ def test_priority_is_granted_or_its_refusal_told() -> None:
 def test_memory_is_locked_or_its_refusal_told() -> None:
     # In a process of its own: what is locked stays so.
     code = (
-        "from afm_model.parameters import Process; from afm_node_common import scheduling; w = []; "
+        "from afm_node_common.process import Process; from afm_node_common import scheduling; w = []; "
         "scheduling.apply(Process(lock_memory=True), w.append); "
         "locked = [line for line in open('/proc/self/status') if line.startswith('VmLck')]; print(len(w), *locked)"
     )

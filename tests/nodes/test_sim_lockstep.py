@@ -26,7 +26,7 @@ from support import (
     wait_until,
 )
 
-from afm_model import Instrument, SimParameters, build, signals
+from afm_model import Instrument, SimParameters, build
 from afm_node_common import topics
 from afm_sim_node.node import SimNode
 
@@ -46,7 +46,7 @@ def honest(measurement: Measurement) -> list[PiezoDrive]:
 def expected_sha(ticks: int = TICKS) -> str:
     """Trajectory of `push`, without any topic between."""
     instrument = Instrument(build(SimParameters, {"plant.control_period": PERIOD}))
-    z = instrument.measurement[signals.DRIVE + 2]
+    z = instrument.drive[2]
 
     def law(_: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.array([*push(instrument.ticks), z])

@@ -53,9 +53,9 @@ def test_score_over_topics_is_that_of_the_loop_in_process(
     assert score.trajectory_sha256 == expected.trajectory_sha256()
     assert (score.ticks, score.start, score.simulated) == (ticks, 0.0, expected.time)
     np.testing.assert_array_equal(score.rms, summary.rms)
-    np.testing.assert_array_equal(score.max, summary.largest)
-    np.testing.assert_array_equal(score.max_percent, summary.percent)
-    np.testing.assert_array_equal(score.drive_total_variation, summary.variation)
+    np.testing.assert_array_equal(score.max, summary.max)
+    np.testing.assert_array_equal(score.max_percent, summary.max_percent)
+    np.testing.assert_array_equal(score.drive_total_variation, summary.drive_total_variation)
     np.testing.assert_array_equal(score.extent, summary.extent)
     np.testing.assert_array_equal(score.friction, summary.friction)
     np.testing.assert_array_equal(score.normal_force, summary.normal_force)
@@ -68,7 +68,7 @@ def test_score_over_topics_is_that_of_the_loop_in_process(
 
 
 def test_slow_codec_gives_the_same_trajectory(tmp_path: Path) -> None:
-    with two_nodes(tmp_path, "tanh", 500, **{"run.fast_codec": False}) as (graph, observer):
+    with two_nodes(tmp_path, "tanh", 500, **{"process.fast_codec": False}) as (graph, observer):
         graph.spin_until(lambda: observer.scores)
         assert observer.scores[0].trajectory_sha256 == in_process("tanh", 500).trajectory_sha256()
 

@@ -56,7 +56,7 @@ NOT_ALLOWED = {
     ),
     "parameter that is no choice": (
         section(CONTROLLER, "law.kind: pid"),
-        ("law.kind = pid is not allowed: it must be one of open_loop, sgn, tanh",),
+        ("law.kind = pid is not allowed: there is no law pid: it must be one of open_loop, sgn, tanh",),
     ),
     "parameter of the recorder": (
         section("/**/afm_recorder_node", "live_port: 70000"),

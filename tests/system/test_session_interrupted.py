@@ -124,7 +124,7 @@ def test_ctrl_c_in_the_middle_leaves_the_recording_up_to_there_with_every_change
         changed, reason = change(controller, "law.alpha", -1.0)
         assert not changed
         assert reason == "law.alpha = -1.0 is not allowed: it must be a finite number > 0"
-        for client, name, value in ((controller, "scanner.mu", 50.0), (simulator, "plant.dt", 1e-7)):
+        for client, name, value in ((controller, "scanner.mass_ratio", 50.0), (simulator, "plant.dt", 1e-7)):
             changed, reason = change(client, name, value)
             assert not changed
             assert name in reason

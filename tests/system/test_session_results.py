@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import imread
 from support import assert_nothing_left, session, write_scenario
 
-from afm_model import ControllerParameters, SimParameters, Simulation, build, signals, simulate
+from afm_model import ControllerParameters, SimParameters, Simulation, build, simulate
 from afm_recorder_node.reader import Recording, read_recording
 
 TICKS, CONTROL_PERIOD, SAMPLE_PERIOD = 2000, 2e-6, 1e-6
@@ -151,9 +151,11 @@ def test_scorecard_is_complete_and_true(first: Finished, second: Finished, expec
         assert card["wall_s"] == pytest.approx(card["simulated_s"] / card["real_time_factor"], abs=0.6e-3)
         for i, axis in enumerate("xyz"):
             assert card[f"tracking.{axis}.rms_m"] == pytest.approx(score.rms[i], **digits)
-            assert card[f"tracking.{axis}.max_m"] == pytest.approx(score.largest[i], **digits)
-            assert card[f"tracking.{axis}.max_percent"] == pytest.approx(score.percent[i], **digits)
-            assert card[f"drive_total_variation_per_s.{axis}"] == pytest.approx(score.variation[i], **digits)
+            assert card[f"tracking.{axis}.max_m"] == pytest.approx(score.max[i], **digits)
+            assert card[f"tracking.{axis}.max_percent"] == pytest.approx(score.max_percent[i], **digits)
+            assert card[f"drive_total_variation_per_s.{axis}"] == pytest.approx(
+                score.drive_total_variation[i], **digits
+            )
         assert card["stick.phases"] == score.stick_phases
         assert card["stick.time_fraction"] == pytest.approx(score.stick_fraction, **digits)
         assert 0.0 < card["round_trip_us.p50"] <= card["round_trip_us.p99"] <= card["round_trip_us.max"]
@@ -179,16 +181,15 @@ def test_recording_holds_the_detector_at_the_full_rate(recording: Recording, exp
     count = TICKS * per_tick
     # Times are whole nanoseconds in the file: exact.
     assert np.array_equal(recording.time_samples, np.arange(count) * 1000 / 1e9)
-    parameters = expected.parameters.detector
-    for got, channel, scale in (
-        (recording.deflection, signals.CHANNEL_DEFLECTION, parameters.deflection_sensitivity),
-        (recording.lateral_force, signals.CHANNEL_LATERAL, parameters.lateral_sensitivity),
-        (recording.lateral_force_y, signals.CHANNEL_LATERAL_Y, 1.0),
-        (recording.normal_force, signals.CHANNEL_NORMAL, 1.0),
+    for got, name in (
+        (recording.deflection, "deflection"),
+        (recording.lateral_force, "lateral_force"),
+        (recording.lateral_force_y, "truth/lateral_force_y"),
+        (recording.normal_force, "truth/normal_force"),
     ):
         assert got.shape == (count,)
         # nm and nN in the file: a multiplication and a division of round-off.
-        np.testing.assert_allclose(got, expected.samples[channel] * scale, rtol=1e-14, atol=0.0)
+        np.testing.assert_allclose(got, expected.channel(name), rtol=1e-14, atol=0.0)
 
 
 def test_recording_holds_every_tick(recording: Recording, expected: Simulation) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from afm_model import ControllerParameters
-from afm_model.control import TANH_GAP, lyapunov_matrix, ultimate_bound
+from afm_model.law import TANH_GAP, lyapunov_matrix, ultimate_bound
 
 from . import style
 from .runs import Runs, errors, units

@@ -12,8 +12,7 @@ from .runs import Runs
 
 def draw(runs: Runs) -> Figure:
     """Contact radius on a flat sample."""
-    physics = runs.scenario("paper_4_1").sim
-    contact = physics.contact
+    contact = runs.scenario("paper_4_1").sim.contact
     K, R, gamma = contact.K, contact.R, contact.surface_energy
     pull_off = contact.pull_off_force
     a_0, a_s = (1e9 * a for a in (radius_at_zero_load(R, K, gamma), contact_radius(-pull_off, R, K, gamma)))

@@ -6,8 +6,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from afm_model import signals as s
-
 from . import style
 from .runs import Runs, control_force, friction, units
 
@@ -29,14 +27,14 @@ def draw_motion(runs: Runs) -> Figure:
         left.plot(*style.envelope(t, 1e9 * run.reference[:, i], 300), label=f"${axis}_r$", **style.THIRD)
         left.set_ylabel(f"${axis}$ [nm]")
         style.opposite(left, y=(f"${'XY'[i]}$ [$x_0$]", unit.length))
-        rate = 1e6 * run.measurements[:, s.REFERENCE_VELOCITY + i]
+        rate = 1e6 * run.measurements.reference_velocity[:, i]
         speed = 1e6 * run.velocity[:, i]
         right.plot(*style.envelope(t, speed), label=f"$\\dot {axis}$", rasterized=True, **style.DENSE)
         right.plot(*style.envelope(t, rate, 300), label=f"$\\dot {axis}_r$", **_BLACK)
         right.set_ylabel(f"$\\dot {axis}$ [µm/s]")
         style.opposite(right, y=(f"$\\dot {'XY'[i]}$ [$x_0\\omega_0$]", unit.speed))
     height = 1e12 * (run.deflection + run.parameters.cantilever.a)
-    rise = 1e9 * run.measurements[:, s.DEFLECTION_RATE]
+    rise = 1e9 * run.measurements.deflection_rate
     setpoint = 1e12 * run.reference[:, 2]
     left, right = axes[2]
     left.plot(*style.envelope(t, height), label="$z_c$", rasterized=True, **style.DENSE)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import ControllerParameters, Scenario, SimParameters, Simulation, build, flatten, load_scenario, simulate
-from afm_model import signals as s
-from afm_model.parameters import Physics, Value
+from afm_model.parameters import Value
+from afm_model.physics import Microscope
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (ROOT / "docs" / "scenarios", ROOT / "afm_bringup" / "scenarios")
@@ -28,17 +28,17 @@ class Units:
     load: float  # m_c w0^2 z0 [nN]
 
 
-def units(physics: Physics) -> Units:
+def units(microscope: Microscope) -> Units:
     """Units of the nondimensional quantities."""
-    scales, m_c = physics.scales, physics.cantilever.m_c
+    scales, force = microscope.scales, microscope.units
     return Units(
         time=1e3 / scales.w0,
         length=1e9 * scales.x0,
         height=1e9 * scales.z0,
         speed=1e6 * scales.x0 * scales.w0,
         rise=1e6 * scales.z0 * scales.w0,
-        force=1e9 * physics.scanner.mu * m_c * scales.w0**2 * scales.x0,
-        load=1e9 * m_c * scales.w0**2 * scales.z0,
+        force=1e9 * force.lateral_force,
+        load=1e9 * force.normal_force,
     )
 
 
@@ -89,14 +89,14 @@ def scored(run: Simulation) -> NDArray[np.bool_]:
 def friction(run: Simulation) -> _Array:
     """Friction on the scanner along x and y at the ticks, (n, 2) [nN]."""
     stride = len(run.time_samples) // len(run.time)
-    y = run.samples[s.CHANNEL_LATERAL_Y, ::stride]
+    y = run.channel("truth/lateral_force_y")[::stride]
     return 1e9 * np.column_stack([run.lateral_force, y])
 
 
 def control_force(run: Simulation) -> _Array:
     """Drive of x and y as the force m_p u on the scanner, (n, 2) [nN]."""
     p = run.parameters
-    mass = p.scanner.mu * p.cantilever.m_c
+    mass = p.scanner.mass_ratio * p.cantilever.m_c
     stiffness = [mass * (2.0 * np.pi * f) ** 2 for f in (p.scanner.f_x, p.scanner.f_y)]
     newton_per_volt = np.array(stiffness) * [p.piezo.sensitivity_x, p.piezo.sensitivity_y]
     return 1e9 * run.drives[:, :2] * newton_per_volt
@@ -107,10 +107,8 @@ def errors(run: Simulation) -> _Array:
     m, p = run.measurements, run.parameters
     x0, z0, w0 = p.scales.x0, p.scales.z0, p.scales.w0
     e = np.empty((len(m), 6))
-    e[:, 0:4:2] = (m[:, s.POSITION : s.POSITION + 2] - m[:, s.REFERENCE_POSITION : s.REFERENCE_POSITION + 2]) / x0
-    e[:, 1:4:2] = (m[:, s.VELOCITY : s.VELOCITY + 2] - m[:, s.REFERENCE_VELOCITY : s.REFERENCE_VELOCITY + 2]) / (
-        x0 * w0
-    )
-    e[:, 4] = (m[:, s.DEFLECTION] + p.cantilever.a - m[:, s.REFERENCE_POSITION + 2]) / z0
-    e[:, 5] = m[:, s.DEFLECTION_RATE] / (z0 * w0)
+    e[:, 0:4:2] = (m.position - m.reference_position)[:, :2] / x0
+    e[:, 1:4:2] = (m.velocity - m.reference_velocity)[:, :2] / (x0 * w0)
+    e[:, 4] = (m.deflection + p.cantilever.a - m.reference_position[:, 2]) / z0
+    e[:, 5] = m.deflection_rate / (z0 * w0)
     return e

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from .fixed_step import PLANT_RECORD, acceleration, compiled
-from .problem import Trajectory, constants, error, load
+from .fixed_step import acceleration, compiled
+from .problem import Trajectory, error, load, start
 
 _Array = NDArray[np.float64]
 
@@ -28,15 +28,14 @@ class Outcome:
 
 
 @compiled
-def _rates(t: float, y: _Array, c: _Array, n: float, v_s: float) -> _Array:
-    p = c.view(PLANT_RECORD)[0]
-    a_x, a_y = acceleration(p, t, y[0], y[1], y[2], y[3], n, v_s, False)
+def _rates(t: float, y: _Array, m: _Array, n: float, v_s: float) -> _Array:
+    a_x, a_y = acceleration(m, t, y[0], y[1], y[2], y[3], n, v_s, False)
     return np.array([y[2], y[3], a_x, a_y])
 
 
 def solve(exact: Trajectory, method: str, rtol: float, v_s: float, most: int = 200_000) -> Outcome:
     """Integrate from rest with at most `most` evaluations; v_s = 0: the set-valued law as an ordinary function."""
-    c, n = constants(0.01), load()
+    m, n = start(0.01), load()
     counted = [0, 0.0]
 
     def rates(t: float, y: _Array) -> _Array:
@@ -44,14 +43,14 @@ def solve(exact: Trajectory, method: str, rtol: float, v_s: float, most: int = 2
         counted[1] = t
         if counted[0] > most:
             raise _TooManyError
-        return np.asarray(_rates(t, y, c, n, v_s))
+        return np.asarray(_rates(t, y, m, n, v_s))
 
     rates(0.0, np.zeros(4))  # compiled before the clock starts
-    start = time.perf_counter()
+    begin = time.perf_counter()
     reached, difference = float(exact.times[-1]), float("nan")
     try:
         found = solve_ivp(rates, (0.0, reached), np.zeros(4), method, t_eval=exact.times, rtol=rtol, atol=1e-3 * rtol)
         difference = error(found.y[:2].T, exact)
     except _TooManyError:
         reached = float(counted[1])
-    return Outcome(difference, reached, int(counted[0]), time.perf_counter() - start)
+    return Outcome(difference, reached, int(counted[0]), time.perf_counter() - begin)

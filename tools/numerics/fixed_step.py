@@ -7,11 +7,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model.contact.surface import effective_radius_ratio, surface
+from afm_model.contact.surface import effective_radius_ratio
 from afm_model.friction.disc import project_disc
-from afm_model.plant import PLANT_RECORD, Z_HELD, state, step_compliant, step_paper
+from afm_model.friction.strength import bound_of_load
+from afm_model.parts.header import HEADER
+from afm_model.plant import CONSTANTS, STATE, compliant, paper
 from afm_model.plant.lateral import kick_lateral
-from afm_model.plant.paper import friction_of_load
+from afm_model.records import pointer_at, record_at
+from afm_model.sample import surface
+from afm_model.signals import DRIVE
 
 from .problem import AMPLITUDE, OMEGA
 
@@ -26,69 +30,87 @@ def drive(t: float) -> float:
 
 
 @compiled
-def friction_bound(p: Any, X: float, Y: float, load: float) -> float:
-    """Radius of the friction disc at (X, Y)."""
-    H = surface(X, Y, p.beta, p.k_x, p.k_y)[0]
-    return friction_of_load(p, effective_radius_ratio(H, p.k_x, p.k_y, p.r), load)
+def constants_of(m: _Array) -> Any:
+    """Record of the plant's constants in the block `m`."""
+    return record_at(m, record_at(m, 0, HEADER).plant_constants, CONSTANTS)
 
 
 @compiled
-def project(s0: _Array, c: _Array, every: int, out: _Array) -> None:
+def state_of(m: _Array) -> Any:
+    """Record of the plant's state in the block `m`."""
+    return record_at(m, record_at(m, 0, HEADER).plant_state, STATE)
+
+
+@compiled
+def drive_of(m: _Array) -> Any:
+    """Record of the drive in the block `m`."""
+    return record_at(m, record_at(m, 0, HEADER).effective, DRIVE)
+
+
+@compiled
+def friction_bound(m: _Array, X: float, Y: float, load: float) -> float:
+    """Radius of the friction disc at (X, Y)."""
+    p = constants_of(m)
+    H = surface(X, Y, m)
+    rho = effective_radius_ratio(H, p.r)
+    return bound_of_load(p.f_s, rho, load / (p.L_s * rho)) * H.strength
+
+
+@compiled
+def project(m: _Array, every: int, out: _Array) -> None:
     """This project: half drift, kick with friction as an impulse of at most h f, half drift."""
-    p = c.view(PLANT_RECORD)[0]
-    s = s0.copy()
+    p, s = constants_of(m), state_of(m)
     half = 0.5 * p.h
     k = 0
     for i in range(len(out)):
-        out[i, 0], out[i, 1] = s[state.X], s[state.Y]
+        out[i, 0], out[i, 1] = s.X, s.Y
         for _ in range(every):
             u = drive((k + 0.5) * p.h)
-            s[state.X] += half * s[state.V_X]
-            s[state.Y] += half * s[state.V_Y]
-            f = friction_bound(p, s[state.X], s[state.Y], s[state.N])
+            s.X += half * s.V_X
+            s.Y += half * s.V_Y
+            f = friction_bound(m, s.X, s.Y, s.N)
             v_x, v_y, _, _ = kick_lateral(s, p, u, u, f)
-            s[state.V_X], s[state.V_Y] = v_x, v_y
-            s[state.X] += half * v_x
-            s[state.Y] += half * v_y
+            s.V_X, s.V_Y = v_x, v_y
+            s.X += half * v_x
+            s.Y += half * v_y
             k += 1
 
 
 @compiled
-def project_paper_plant(s0: _Array, c: _Array, every: int, out: _Array) -> None:
+def project_paper_plant(m: _Array, every: int, out: _Array) -> None:
     """The same step inside the whole of the paper's plant."""
-    p = c.view(PLANT_RECORD)[0]
-    s = s0.copy()
+    p, s, v = constants_of(m), state_of(m), drive_of(m)
+    not_drawn = pointer_at(np.zeros(1), 0)
     k = 0
     for i in range(len(out)):
-        out[i, 0], out[i, 1] = s[state.X], s[state.Y]
+        out[i, 0], out[i, 1] = s.X, s.Y
         for _ in range(every):
-            u = drive((k + 0.5) * p.h)
-            step_paper(s, p, u, u, 0.0, Z_HELD, 0.0)
+            v.voltage[0] = v.voltage[1] = drive((k + 0.5) * p.h)
+            paper.step(v, not_drawn, p, s, m)
             k += 1
 
 
 @compiled
-def project_compliant_plant(s0: _Array, c: _Array, every: int, out: _Array) -> None:
+def project_compliant_plant(m: _Array, every: int, out: _Array) -> None:
     """The step of the compliant plant with its eight states, for its cost; it solves another problem."""
-    p = c.view(PLANT_RECORD)[0]
-    s = s0.copy()
-    u_z = p.eta_z * p.eta_z * s[state.Z] + s[state.N] / p.mu
+    p, s, v = constants_of(m), state_of(m), drive_of(m)
+    unused = pointer_at(m, 0)
+    v.voltage[2] = p.eta_z * p.eta_z * s.Z + s.N / p.mu
     k = 0
     for i in range(len(out)):
-        out[i, 0], out[i, 1] = s[state.X], s[state.Y]
+        out[i, 0], out[i, 1] = s.X, s.Y
         for _ in range(every):
-            u = drive((k + 0.5) * p.h)
-            step_compliant(s, p, u, u, u_z)
+            v.voltage[0] = v.voltage[1] = drive((k + 0.5) * p.h)
+            compliant.step(v, unused, p, s, m)
             k += 1
 
 
 @compiled
-def moreau_jean(s0: _Array, c: _Array, every: int, out: _Array) -> None:
+def moreau_jean(m: _Array, every: int, out: _Array) -> None:
     """Moreau-Jean with theta = 1/2: linear forces by the trapezoidal rule, friction implicit by disc projection."""
-    p = c.view(PLANT_RECORD)[0]
+    p, s = constants_of(m), state_of(m)
     h, theta = p.h, 0.5
-    X, Y, V, W = s0[state.X], s0[state.Y], s0[state.V_X], s0[state.V_Y]
-    load = s0[state.N]
+    X, Y, V, W, load = s.X, s.Y, s.V_X, s.V_Y, s.N
     k_x, k_y = p.eta_x * p.eta_x, p.eta_y * p.eta_y
     c_x, c_y = 2.0 * p.xi_x * p.eta_x, 2.0 * p.xi_y * p.eta_y
     m_x = 1.0 + h * theta * c_x + h * h * theta * theta * k_x
@@ -98,7 +120,7 @@ def moreau_jean(s0: _Array, c: _Array, every: int, out: _Array) -> None:
         out[i, 0], out[i, 1] = X, Y
         for _ in range(every):
             u = drive((step + theta) * h)
-            f = friction_bound(p, X + h * (1.0 - theta) * V, Y + h * (1.0 - theta) * W, load)
+            f = friction_bound(m, X + h * (1.0 - theta) * V, Y + h * (1.0 - theta) * W, load)
             q_x = V + h * (u - k_x * (X + h * theta * (1.0 - theta) * V) - (1.0 - theta) * c_x * V)
             q_y = W + h * (u - k_y * (Y + h * theta * (1.0 - theta) * W) - (1.0 - theta) * c_y * W)
             j_x, j_y, stick = project_disc(q_x, q_y, h * f)
@@ -111,18 +133,17 @@ def moreau_jean(s0: _Array, c: _Array, every: int, out: _Array) -> None:
 
 
 @compiled
-def semi_implicit_euler(s0: _Array, c: _Array, every: int, out: _Array) -> None:
+def semi_implicit_euler(m: _Array, every: int, out: _Array) -> None:
     """Moreau's time stepping: velocity by disc projection with forces at the start of the step, then the position."""
-    p = c.view(PLANT_RECORD)[0]
+    p, s = constants_of(m), state_of(m)
     h = p.h
-    X, Y, V, W = s0[state.X], s0[state.Y], s0[state.V_X], s0[state.V_Y]
-    load = s0[state.N]
+    X, Y, V, W, load = s.X, s.Y, s.V_X, s.V_Y, s.N
     step = 0
     for i in range(len(out)):
         out[i, 0], out[i, 1] = X, Y
         for _ in range(every):
             u = drive(step * h)
-            f = friction_bound(p, X, Y, load)
+            f = friction_bound(m, X, Y, load)
             q_x = V + h * (u - p.eta_x * p.eta_x * X - 2.0 * p.xi_x * p.eta_x * V)
             q_y = W + h * (u - p.eta_y * p.eta_y * Y - 2.0 * p.xi_y * p.eta_y * W)
             j_x, j_y, stick = project_disc(q_x, q_y, h * f)
@@ -135,15 +156,16 @@ def semi_implicit_euler(s0: _Array, c: _Array, every: int, out: _Array) -> None:
 
 @compiled
 def acceleration(
-    p: Any, t: float, X: float, Y: float, V: float, W: float, load: float, v_s: float, by_component: bool
+    m: _Array, t: float, X: float, Y: float, V: float, W: float, load: float, v_s: float, by_component: bool
 ) -> tuple[float, float]:
     """The right-hand side as an ordinary differential equation.
 
     v_s = 0: the printed friction law with its three cases; v_s > 0: f tanh(|v| / v_s) along the velocity.
     `by_component`: f sgn(x'), f sgn(y') in place of the isotropic law, as it is often written.
     """
+    p = constants_of(m)
     u = drive(t)
-    f = friction_bound(p, X, Y, load)
+    f = friction_bound(m, X, Y, load)
     g_x = u - p.eta_x * p.eta_x * X - 2.0 * p.xi_x * p.eta_x * V
     g_y = u - p.eta_y * p.eta_y * Y - 2.0 * p.xi_y * p.eta_y * W
     if by_component:
@@ -161,24 +183,23 @@ def acceleration(
 
 
 @compiled
-def runge_kutta_4(s0: _Array, c: _Array, every: int, out: _Array, v_s: float, by_component: bool) -> None:
+def runge_kutta_4(m: _Array, every: int, out: _Array, v_s: float, by_component: bool) -> None:
     """The classical Runge-Kutta scheme on `acceleration`."""
-    p = c.view(PLANT_RECORD)[0]
+    p, s = constants_of(m), state_of(m)
     h = p.h
-    X, Y, V, W = s0[state.X], s0[state.Y], s0[state.V_X], s0[state.V_Y]
-    load = s0[state.N]
+    X, Y, V, W, load = s.X, s.Y, s.V_X, s.V_Y, s.N
     step = 0
     for i in range(len(out)):
         out[i, 0], out[i, 1] = X, Y
         for _ in range(every):
             t = step * h
-            a1, b1 = acceleration(p, t, X, Y, V, W, load, v_s, by_component)
+            a1, b1 = acceleration(m, t, X, Y, V, W, load, v_s, by_component)
             V2, W2 = V + 0.5 * h * a1, W + 0.5 * h * b1
-            a2, b2 = acceleration(p, t + 0.5 * h, X + 0.5 * h * V, Y + 0.5 * h * W, V2, W2, load, v_s, by_component)
+            a2, b2 = acceleration(m, t + 0.5 * h, X + 0.5 * h * V, Y + 0.5 * h * W, V2, W2, load, v_s, by_component)
             V3, W3 = V + 0.5 * h * a2, W + 0.5 * h * b2
-            a3, b3 = acceleration(p, t + 0.5 * h, X + 0.5 * h * V2, Y + 0.5 * h * W2, V3, W3, load, v_s, by_component)
+            a3, b3 = acceleration(m, t + 0.5 * h, X + 0.5 * h * V2, Y + 0.5 * h * W2, V3, W3, load, v_s, by_component)
             V4, W4 = V + h * a3, W + h * b3
-            a4, b4 = acceleration(p, t + h, X + h * V3, Y + h * W3, V4, W4, load, v_s, by_component)
+            a4, b4 = acceleration(m, t + h, X + h * V3, Y + h * W3, V4, W4, load, v_s, by_component)
             X += h / 6.0 * (V + 2.0 * V2 + 2.0 * V3 + V4)
             Y += h / 6.0 * (W + 2.0 * W2 + 2.0 * W3 + W4)
             V += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)

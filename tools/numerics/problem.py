@@ -2,15 +2,17 @@
 
 import math
 import sys
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import load_scenario
-from afm_model.parameters import SimParameters
-from afm_model.plant import PLANT_RECORD, plant_constants, rest, state
+from afm_model.instrument.block import Layout
+from afm_model.parts.header import HEADER
+from afm_model.plant import CONSTANTS, STATE
+from afm_model.records import record_at
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "model"))
@@ -21,31 +23,29 @@ AMPLITUDE, OMEGA = 20.0, 0.005
 _Array = NDArray[np.float64]
 
 
-def parameters() -> SimParameters:
-    """The scenario of section 4.1."""
-    return load_scenario(ROOT / "docs" / "scenarios" / "paper_4_1.yaml").sim
+@cache
+def _at_rest() -> _Array:
+    """Block of the scenario of section 4.1, its drive in units of U."""
+    parameters = load_scenario(ROOT / "docs" / "scenarios" / "paper_4_1.yaml").sim
+    layout = Layout(parameters)
+    m = layout.make(parameters)
+    p = layout.record(m, "plant_constants")
+    layout.parts["plant"].part.rest(parameters, p, layout.record(m, "plant_state"), m)  # type: ignore[attr-defined]
+    p.gain_x = p.gain_y = p.gain_z = 1.0
+    return m
 
 
-def constants(h: float) -> _Array:
-    """Constants of the plant for a step of `h` units."""
-    p = parameters()
-    return plant_constants(p, h / p.scales.w0)
-
-
-def start() -> _Array:
-    """Rest at the setpoint, all of the state."""
-    p = parameters()
-    return rest(constants(0.01), p.reference.z_r / p.scales.z0)[0]
+def start(h: float) -> _Array:
+    """Rest at the setpoint: block of the instrument for a step of `h` units. The drive is U itself, not volts."""
+    m = _at_rest().copy()
+    record_at(m, record_at(m, 0, HEADER).plant_constants, CONSTANTS).h = h
+    return m
 
 
 def load() -> float:
     """The load, constant because the tip is held [m_c w0^2 z0]."""
-    return float(start()[state.N])
-
-
-def by_name(c: _Array) -> Any:
-    """Constants by name."""
-    return c.view(PLANT_RECORD)[0]
+    m = _at_rest()
+    return float(record_at(m, record_at(m, 0, HEADER).plant_state, STATE).N)
 
 
 def reference(duration: float) -> Trajectory:

@@ -1,6 +1,6 @@
-"""The virtual instrument: plant, detector, reference and score behind measurement and drive."""
+"""The virtual instrument: the parts behind measurement and drive, one loop, the score."""
 
-from .instrument import Block, DivergenceError, DriveError, Instrument
-from .tally import ScoreSummary
+from .instrument import Block, Instrument
+from .score import ScoreSummary
 
-__all__ = ["Block", "DivergenceError", "DriveError", "Instrument", "ScoreSummary"]
+__all__ = ["Block", "Instrument", "ScoreSummary"]

@@ -4,55 +4,36 @@ import hashlib
 import math
 import sys
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import signals
-from ..errors import ParameterError
+from ..controller import Controller, external_law
+from ..errors import DivergenceError, DriveError, ParameterError
 from ..parameters import InstrumentParameters
-from ..plant import plant_constants, rest, state
-from . import tally
-from .constants import RECORD, instrument_constants
-from .tick import (
-    APPLIED,
-    COMMANDED,
-    DIVERGED,
-    MEASUREMENT,
-    PENDING,
-    RANDOM,
-    RANGE,
-    REFUSED,
-    ROW,
-    STATE,
-    TALLY,
-    close_loop,
-    measure,
-    tick,
-)
+from ..parts.part import Channel
+from ..plant import tell
+from ..signals import MEASUREMENT, TRUTH
+from .block import LOOP, Layout
+from .score import ScoreSummary, summarize
+from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
+from .truth import truth_of_rows
 
 _Array = NDArray[np.float64]
-_DRAW_TICKS = 256
-"""Random numbers are drawn for so many ticks at a time, wherever blocks are taken: a run depends on its seed alone."""
-
-
-class DivergenceError(RuntimeError):
-    """The motion has left every scanner's range; the message tells when and what to change."""
-
-
-class DriveError(ValueError):
-    """A drive that no piezo can follow; the message names the axis, the value and what is allowed."""
+_K, _ROW, _DRAW, _DONE = (list(LOOP.names or ()).index(name) for name in ("k", "row", "draw", "done"))
 
 
 @dataclass(frozen=True)
 class Block:
-    """A stretch of consecutive control ticks, as recorded."""
+    """A stretch of consecutive control ticks, as recorded. Fields of records by name: `measurements["position"]`."""
 
     first_tick: int
-    measurements: _Array  # (ticks, MEASUREMENT_SIZE), order of afm_model.signals
+    measurements: NDArray[Any]  # (ticks,) records of afm_model.signals.MEASUREMENT
     drives: _Array  # (ticks, 3) [V], applied from each tick on
     first_sample: int
-    samples: _Array  # (CHANNELS, samples): deflection [V], lateral force [V], lateral force y [N], normal force [N]
+    samples: _Array  # (channels, samples), in the order of Instrument.channels; times Channel.scale in SI units
+    states: _Array  # (ticks, numbers): of the parts, at each tick; see Instrument.truth
 
 
 class Instrument:
@@ -79,50 +60,78 @@ class Instrument:
         self.parameters = parameters
         self._hashed = hashed
         try:
-            self._plant = plant_constants(parameters, parameters.plant.dt)
-            self._instrument = instrument_constants(parameters)
+            self._layout = layout = Layout(parameters)
+            self._block = layout.make(parameters)
         except ArithmeticError as error:
             raise ParameterError(f"some parameter is too large or too small to compute with ({error})") from None
+        self.channels: tuple[Channel, ...] = layout.channels
+        """What the rows of `Block.samples` are."""
         self._block_ticks = block_ticks
         self.samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
-        self._rows = np.zeros((block_ticks, ROW))
-        self._samples = np.zeros((signals.CHANNELS, block_ticks * self.samples_per_tick))
-        self._random = np.zeros((_DRAW_TICKS, RANDOM + 2 * self.samples_per_tick))
-        self._constants = np.concatenate([self._plant, self._instrument])
-        self._registers = np.zeros(PENDING + 3 * parameters.plant.delay_ticks)
-        self._state = self._registers[STATE:MEASUREMENT]
-        self._commanded = self._registers[COMMANDED : COMMANDED + 3]
-        self.measurement = self._registers[MEASUREMENT:COMMANDED]
+        self._random = np.zeros(DRAW_TICKS * layout.draws)
+        self._state_size = layout.places["hashed_end"] - layout.places["hashed"]
+        self._rows = np.zeros((block_ticks, self._state_size + MEASUREMENT.itemsize // 8 + 3))
+        self._samples = np.zeros((len(layout.channels), block_ticks * self.samples_per_tick))
+        self._state = self._block[layout.places["hashed"] : layout.places["hashed_end"]]
+        self._loop = self._block[layout.places["loop"] :].view(np.int64)
+        self._commanded = layout.array(self._block, "commanded")
+        self.measurement = layout.array(self._block, "measurement")
+        self._external = external_law()
+        self._assembled = [each for each in layout.parts.values() if each.functions]
+        self._fill_loop()
         self.reset()
+
+    def _fill_loop(self) -> None:
+        """Constants of the loop itself."""
+        parameters = self.parameters
+        plant, detector, piezo = parameters.plant, parameters.detector, parameters.piezo
+        c = self._layout.record(self._block, "loop")
+        c.substeps = plant.substeps
+        c.stride = round(detector.sample_period / plant.dt)
+        c.delay = plant.delay_ticks
+        # Round-off in start / period must not move the first scored tick.
+        c.score_tick = math.ceil(parameters.score_start / plant.control_period - 1e-6)
+        c.control_period = plant.control_period
+        c.period_ns = plant.control_period * 1e9
+        c.sample_period = detector.sample_period
+        c.drive_lsb = 2.0 * piezo.limit / 2**piezo.dac_bits if piezo.dac_bits > 0 else 0.0
+        c.drive_limit = piezo.limit
+        c.deflection_sensitivity = detector.deflection_sensitivity
+        c.lateral_sensitivity = detector.lateral_sensitivity
+        c.position_noise = detector.position_noise
 
     def reset(self) -> None:
         """Return to the start: at rest, in contact, tick 0, the same random numbers again."""
-        parameters = self.parameters
+        layout, block, parameters = self._layout, self._block, self.parameters
         # One stream for each source: to switch one on changes no other.
-        seeds = np.random.SeedSequence(parameters.plant.seed).spawn(3)
-        self._disturbance, self._noise, self._position_noise = map(np.random.default_rng, seeds)
-        self._registers[:] = 0.0
-        z_r = parameters.reference.z_r / parameters.scales.z0
-        self._state[:], u_z = rest(self._plant, z_r, drawn=self._drawn_at_random)
-        applied = self._registers[APPLIED : APPLIED + 3]
-        applied[2] = u_z / self._instrument.view(RECORD)[0].gain_z
+        seeds = np.random.SeedSequence(parameters.plant.seed).spawn(4)
+        self._disturbance, self._noise, self._position_noise, self._faults = map(np.random.default_rng, seeds)
+        self._loop[[_K, _ROW, _DRAW, _DONE]] = 0
+        for name in ("measurement", "applied", "commanded", "regulated", "effective", "truth", "detection", "score"):
+            layout.array(block, name)[:] = 0.0
+        for family, each in layout.parts.items():
+            each.fill_start(block, layout.places[f"{family}_state"], parameters)
+        plant = layout.parts["plant"].part
+        constants, state = layout.record(block, "plant_constants"), layout.record(block, "plant_state")
+        held = plant.rest(parameters, constants, state, block)  # type: ignore[attr-defined]
         limit = parameters.piezo.limit
-        if 0.0 < limit < abs(applied[2]):
-            raise ParameterError(
-                f"piezo.limit = {limit:g} V is not allowed: to hold the tip at reference.z_r = "
-                f"{parameters.reference.z_r:g} m takes {applied[2]:.4g} V"
-            )
-        self._registers[PENDING:].reshape(-1, 3)[:] = applied
+        for axis, volts in zip("xyz", held, strict=True):
+            if 0.0 < limit < abs(volts):
+                raise ParameterError(
+                    f"piezo.limit = {limit:g} V is not allowed: to hold the tip at reference.z_r = "
+                    f"{parameters.reference.z_r:g} m takes {volts:.4g} V along {axis}"
+                )
+        for name in ("applied", "commanded", "regulated", "effective"):
+            layout.array(block, name)[:] = held
+        line = layout.places["line"]
+        block[line : line + 3 * parameters.plant.delay_ticks].reshape(-1, 3)[:] = held
         self._hash = hashlib.sha256()
         self.ticks = self._drawn = 0
         self._row = 0
         noise, position_noise = self._noise.standard_normal(2), self._position_noise.standard_normal(3)
-        measure(self._state, self._instrument, 0, applied, noise, position_noise, self.measurement)
-
-    @property
-    def _drawn_at_random(self) -> bool:
-        """Whether f_z is drawn, section 4.2 of the paper."""
-        return self.parameters.plant.kind == "paper" and self.parameters.plant.z == "uniform"
+        tell(layout.record(block, "truth"), block)
+        measure(block, 0, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
+        self._raise_errors()
 
     @property
     def time(self) -> float:
@@ -130,14 +139,28 @@ class Instrument:
         return self.ticks * self.parameters.plant.control_period
 
     @property
-    def state(self) -> _Array:
-        """Copy of the state, (SIZE,), in the order of `afm_model.plant.state`."""
-        return self._state.copy()
+    def drive(self) -> _Array:
+        """Copy of the drive applied until now [V], (3,)."""
+        return self._layout.array(self._block, "applied").copy()
+
+    @property
+    def state(self) -> Any:
+        """Copy of the state of the plant, a record."""
+        return self._layout.record(self._block, "plant_state").copy()
+
+    @property
+    def truth(self) -> Any:
+        """Copy of what the plant is doing now, a record of `afm_model.signals.TRUTH`: without noise."""
+        return self._layout.record(self._block, "truth").copy()
+
+    def truth_of(self, states: _Array) -> NDArray[Any]:
+        """What the plant was doing at recorded states (`Block.states`): records (ticks,) of TRUTH."""
+        return truth_of_rows(np.ascontiguousarray(states), self._block.copy()).view(TRUTH)[:, 0].view(np.recarray)
 
     @property
     def in_contact(self) -> bool:
         """Whether the tip touches the sample."""
-        return bool(self._state[state.CONTACT] != 0.0)
+        return bool(self._layout.record(self._block, "truth").contact != 0.0)
 
     @property
     def block_full(self) -> bool:
@@ -163,48 +186,31 @@ class Instrument:
             raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
         # Whatever kind of array came, the kernel always gets the same one: another kind would compile it anew.
         self._commanded[:] = drive
-        outcome = tick(
-            self.ticks,
-            self._row,
-            self.ticks % _DRAW_TICKS,
-            self._constants,
-            self._registers,
-            self._random,
-            self._rows,
-            self._samples,
-        )
+        outcome = advance(self._external, 1, self._block, self._random, self._rows, self._samples)
         self._conclude(outcome, 0 if outcome == REFUSED else 1)
 
-    def close_loop(self, law: _Array, ticks: int) -> None:
-        """Close the loop with `law` for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
+    def close_loop(self, controller: Controller, ticks: int) -> None:
+        """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
 
         Parameters
         ----------
-        law : ndarray
-            Constants of a law, from `afm_model.Controller.constants`.
+        controller : Controller
         ticks : int
 
         Raises
         ------
         DriveError, DivergenceError, RuntimeError
             As `tick` does.
+        PartError
+            If a law in Python has raised something.
         """
         end = self.ticks + min(ticks, max(self._block_ticks - self._row, 1))
         while self.ticks < end:
             self._prepare()
-            outcome, done = close_loop(
-                law,
-                min(end, self._drawn) - self.ticks,
-                self.ticks,
-                self._row,
-                self.ticks % _DRAW_TICKS,
-                self._constants,
-                self._registers,
-                self._random,
-                self._rows,
-                self._samples,
-            )
-            self._conclude(outcome, done)
+            ticks = min(end, self._drawn) - self.ticks
+            outcome = advance(controller.block, ticks, self._block, self._random, self._rows, self._samples)
+            controller.raise_errors()
+            self._conclude(outcome, int(self._loop[_DONE]))
 
     def _prepare(self) -> None:
         """What a tick needs: a row in the block, random numbers."""
@@ -217,6 +223,8 @@ class Instrument:
         """Count the ticks done and report what the last one came to."""
         self.ticks += done
         self._row += done
+        if self._assembled:
+            self._raise_errors()
         if outcome == REFUSED:
             raise DriveError(_describe(self._commanded))
         if outcome == DIVERGED:
@@ -229,12 +237,16 @@ class Instrument:
         """The ticks since the last call, at any time; a block may hold fewer ticks than a full one, or none."""
         rows = self._row
         first = self.ticks - rows
+        recorded = self._rows[:rows].copy()
+        end = recorded.shape[1] - 3
+        measurements = np.ascontiguousarray(recorded[:, self._state_size : end]).view(MEASUREMENT)
         block = Block(
             first_tick=first,
-            measurements=self._rows[:rows, MEASUREMENT:COMMANDED].copy(),
-            drives=self._rows[:rows, COMMANDED:].copy(),
+            measurements=measurements.reshape(rows).view(np.recarray),
+            drives=recorded[:, end:],
             first_sample=first * self.samples_per_tick,
             samples=self._samples[:, : rows * self.samples_per_tick].copy(),
+            states=recorded[:, : self._state_size],
         )
         self.skip_block()
         return block
@@ -242,35 +254,56 @@ class Instrument:
     def skip_block(self) -> None:
         """Forget the ticks since the last block: where nobody wants them, `take_block` without the copies."""
         if self._hashed:
-            self._hash.update(self._rows[: self._row, STATE:MEASUREMENT].tobytes())
-        self._row = 0
+            self._hash.update(self._rows[: self._row, : self._state_size].tobytes())
+        self._row = self._loop[_ROW] = 0
 
     def trajectory_sha256(self) -> str:
-        """SHA-256 over the bytes of the state at every tick up to now, this one included."""
+        """SHA-256 over the bytes of the states of all parts at every tick up to now, this one included.
+
+        The law is no part of the instrument: a trajectory has the same hash wherever its law runs.
+        """
         if not self._hashed:
             raise RuntimeError("this instrument was made with hashed=False")
         digest = self._hash.copy()
-        digest.update(self._rows[: self._row, STATE:MEASUREMENT].tobytes())
+        digest.update(self._rows[: self._row, : self._state_size].tobytes())
         digest.update(self._state.tobytes())
         return digest.hexdigest()
 
-    def score(self) -> tally.ScoreSummary:
+    def score(self) -> ScoreSummary:
         """Score of the run up to now."""
-        return tally.summarize(self._registers[TALLY:PENDING], self.parameters)
+        return summarize(self._block, self._layout.places["score"], self.parameters)
+
+    def _raise_errors(self) -> None:
+        for each in self._assembled:
+            each.raise_errors()
 
     def _draw(self) -> None:
         """Random numbers for the next ticks. What is off is not drawn and stays zero."""
-        parameters = self.parameters
-        uniform = self._drawn_at_random
-        if uniform:
-            self._random[:, 0] = self._disturbance.uniform(-parameters.plant.M_z, parameters.plant.M_z, _DRAW_TICKS)
-        if parameters.detector.noise > 0.0:
-            self._random[:, RANDOM:] = self._noise.standard_normal((_DRAW_TICKS, 2 * self.samples_per_tick))
+        places, parameters = self._layout.places, self.parameters
+        random = self._random.reshape(DRAW_TICKS, -1)
+        anything = False
+        for family, name, generator in (("plant", "disturbance", self._disturbance), ("fault", "faults", self._faults)):
+            part = self._layout.parts[family].part
+            if part.draws == 0:
+                continue
+            drawn = (
+                part.draw(parameters, generator, DRAW_TICKS)
+                if part.draw is not None
+                else generator.standard_normal((DRAW_TICKS, part.draws))
+            )
+            if drawn is not None:
+                random[:, places[name] : places[name] + part.draws] = drawn
+                anything = True
+        noise, position_noise = places["noise"], places["position_noise"]
+        samples = 2 * self.samples_per_tick
+        if getattr(parameters.detector, "noise", 1.0) > 0.0:
+            random[:, noise : noise + samples] = self._noise.standard_normal((DRAW_TICKS, samples))
+            anything = True
         if parameters.detector.position_noise > 0.0:
-            self._random[:, 1:RANDOM] = self._position_noise.standard_normal((_DRAW_TICKS, 3))
-        anything = uniform or parameters.detector.noise > 0.0 or parameters.detector.position_noise > 0.0
+            random[:, position_noise : position_noise + 3] = self._position_noise.standard_normal((DRAW_TICKS, 3))
+            anything = True
         # Zeros last for ever.
-        self._drawn = self._drawn + _DRAW_TICKS if anything else sys.maxsize
+        self._drawn = self._drawn + DRAW_TICKS if anything else sys.maxsize
 
 
 def _describe(drive: _Array) -> str:

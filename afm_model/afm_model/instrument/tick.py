@@ -1,6 +1,8 @@
-"""One control tick in one compiled call: drive in, all substeps, detector samples, score, next measurement.
+"""The one loop: control ticks in compiled code, with a law in it or one tick at a time for a drive from elsewhere.
 
-`close_loop` is many of them in one call, with a law of `afm_model.control` in place of the controller.
+A tick: the drive meets the fault, waits in the line, gets range and resolution; at every sample of the virtual ADC the
+onboard part and the piezo make of it what the plant feels; the plant is stepped, the detector samples it, the score
+counts it; then everything is measured for the next tick.
 """
 
 import math
@@ -9,210 +11,182 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import signals
-from ..control.laws import control
+from ..converter import convert
+from ..detector import detect
+from ..fault import on_drive, on_measurement
 from ..jit import kernel
-from ..plant import PLANT_RECORD, state, step_compliant, step_paper
-from ..reference import waveform
-from . import tally
-from .constants import COMPLIANT, RECORD
+from ..law import control
+from ..onboard import regulate
+from ..parts.header import HEADER
+from ..piezo import actuate
+from ..plant import step, tell
+from ..program import reference
+from ..records import Block, place, pointer_at, record_at
+from ..signals import DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
+from .block import LOOP
+from .score import SUMS, count_step, count_tick
 
 _Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED = 0, 1, 2
 """What became of a tick."""
 RANGE = 1e-3
 """Position beyond which the motion has diverged: hundreds of times the range of any scanner [m]."""
+DRAW_TICKS = 256
+"""Random numbers are drawn for so many ticks at a time, wherever blocks are taken: a run depends on its seed alone."""
 
-STATE = 0
-MEASUREMENT = STATE + state.SIZE
-COMMANDED = MEASUREMENT + signals.MEASUREMENT_SIZE
-APPLIED = COMMANDED + 3
-TALLY = APPLIED + 3
-PENDING = TALLY + tally.SIZE
-ROW = COMMANDED + 3
-RANDOM = 4
-PLANT_SIZE = len(PLANT_RECORD.names or ())
+_REFERENCE_AT = place(MEASUREMENT, "reference_position")
+"""Where in a measurement the reference stands, which is one record there."""
 
 
 @kernel
-def convert(volts: float, lsb: float, limit: float) -> float:
-    """A converter of resolution `lsb` and range +-`limit` [V]; 0 switches either off."""
-    # Range first: what is far beyond it has no whole number of steps.
-    if limit > 0.0:
-        volts = min(max(volts, -limit), limit - lsb)
-    if lsb > 0.0:
-        volts = lsb * math.floor(volts / lsb + 0.5)
-    return volts
-
-
-@kernel
-def detect(s: _Array, q: Any, noise: _Array) -> tuple[float, float]:
-    """Photodetector voltages of deflection and lateral force, after noise and ADC."""
-    deflection = (s[state.Q] * q.z0 - q.a) / q.deflection_sensitivity + q.noise * noise[0]
-    lateral = s[state.F_X] * q.lateral_force / q.lateral_sensitivity + q.noise * noise[1]
-    return convert(deflection, q.adc_lsb, q.adc_limit), convert(lateral, q.adc_lsb, q.adc_limit)
-
-
-@kernel
-def measure(
-    s: _Array, instrument: _Array, k: int, drive: _Array, noise: _Array, position_noise: _Array, y: _Array
-) -> None:
-    """Write the measurement of control tick k into `y`, in the order of `afm_model.signals`."""
-    q = instrument.view(RECORD)[0]
-    y[signals.DEFLECTION_VOLTAGE], y[signals.LATERAL_VOLTAGE] = detect(s, q, noise)
-    y[signals.DEFLECTION] = y[signals.DEFLECTION_VOLTAGE] * q.deflection_sensitivity
-    y[signals.DEFLECTION_RATE] = s[state.V_Q] * q.vertical_speed
-    y[signals.LATERAL_FORCE] = y[signals.LATERAL_VOLTAGE] * q.lateral_sensitivity
-    y[signals.POSITION] = s[state.X] * q.x0 + q.position_noise * position_noise[0]
-    y[signals.POSITION + 1] = s[state.Y] * q.x0 + q.position_noise * position_noise[1]
-    y[signals.POSITION + 2] = s[state.Z] * q.z0 + q.position_noise * position_noise[2]
-    y[signals.VELOCITY] = s[state.V_X] * q.lateral_speed
-    y[signals.VELOCITY + 1] = s[state.V_Y] * q.lateral_speed
-    y[signals.VELOCITY + 2] = s[state.V_Z] * q.vertical_speed
-    t = k * q.control_period
-    for axis in range(2):
-        if axis == 0:
-            r, v, a = waveform(q.shape_x, q.amplitude_x, q.omega_x, t)
-        else:
-            r, v, a = waveform(q.shape_y, q.amplitude_y, q.omega_y, t)
-        y[signals.REFERENCE_POSITION + axis] = r
-        y[signals.REFERENCE_VELOCITY + axis] = v
-        y[signals.REFERENCE_ACCELERATION + axis] = a
-    y[signals.REFERENCE_POSITION + 2] = q.z_r
-    y[signals.REFERENCE_VELOCITY + 2] = 0.0
-    y[signals.REFERENCE_ACCELERATION + 2] = 0.0
+def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> None:
+    """Write the measurement of control tick k; noise and faults are its random numbers."""
+    g = record_at(m, 0, HEADER)
+    c = record_at(m, g.loop, LOOP)
+    y = record_at(m, g.measurement, MEASUREMENT)
+    o = record_at(m, g.truth, TRUTH)
+    d = record_at(m, g.detection, DETECTION)
+    a = record_at(m, g.applied, DRIVE)
+    detect(o, d, noise, m)
+    y.deflection_voltage = d.deflection_voltage
+    y.lateral_voltage = d.lateral_voltage
+    y.deflection = y.deflection_voltage * c.deflection_sensitivity
+    y.deflection_rate = o.tip_rate
+    y.lateral_force = y.lateral_voltage * c.lateral_sensitivity
     for axis in range(3):
-        y[signals.DRIVE + axis] = drive[axis]
+        y.position[axis] = o.position[axis] + c.position_noise * position_noise[axis]
+        y.velocity[axis] = o.velocity[axis]
+        y.drive[axis] = a.voltage[axis]
+    t = k * c.control_period
+    reference(t, record_at(m, g.measurement + _REFERENCE_AT, REFERENCE), m)
+    on_measurement(t, y, faults, m)
 
 
 @kernel
-def tick(
-    k: int, row: int, draw: int, constants: _Array, registers: _Array, random: _Array, rows: _Array, samples: _Array
-) -> int:
-    """Apply a drive from control tick k to k + 1 and measure there.
+def sample_channels(m: Block, samples: _Array, j: int) -> None:
+    """Sample every channel into column j."""
+    g = record_at(m, 0, HEADER)
+    for channel in range(g.channel_count):
+        samples[channel, j] = m[int(m[g.channels + channel])]
+
+
+@kernel
+def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
+    """Apply the commanded drive for one control tick and measure at its end.
 
     Returns MOVED; REFUSED if the drive is not finite, with nothing changed; DIVERGED if the motion is not, any more.
     Few arrays with much in each: handing one over costs more than a step of the plant.
 
     Parameters
     ----------
-    k, row, draw : int
-        Control tick since the start; its row in the block; its row in the random numbers.
-    constants : ndarray
-        `plant_constants`, then `instrument_constants`.
-    registers : ndarray (PENDING + 3 delay,)
-        From STATE on: the state, advanced in place. From MEASUREMENT on: in, measurement k; out, measurement k + 1.
-        From COMMANDED on: in, the drive asked for; out, the one that is due at this tick [V]. From APPLIED on: in,
-        drive of the last tick; out, drive of this tick, after range and resolution [V]. From TALLY on: the score,
-        updated from the first scored tick on. From PENDING on: a ring of the drives on their way to the piezo.
-    random : ndarray (draws, RANDOM + 2 samples per tick)
-        Of each tick: f_z [w0^2 z0], noise of x, y, z, then of the two detector channels at each sample (unit variance).
-    rows : ndarray (rows, ROW)
-        The block: state and measurement at tick k, drive applied from it on.
-    samples : ndarray (CHANNELS, rows * samples per tick)
-        The block's detector samples.
+    m : ndarray
+        Block of the instrument.
+    random : ndarray (DRAW_TICKS * draws,)
+        Random numbers of each tick: of the plant, of the sensors of x, y, z, of the detector at each sample, of the
+        fault.
+    rows : ndarray (rows, ...)
+        What is recorded: states of the parts and measurement at tick k, drive applied from it on.
+    samples : ndarray (channels, rows * samples per tick)
     """
-    commanded = registers[COMMANDED : COMMANDED + 3]
-    if not (math.isfinite(commanded[0]) and math.isfinite(commanded[1]) and math.isfinite(commanded[2])):
+    g = record_at(m, 0, HEADER)
+    c = record_at(m, g.loop, LOOP)
+    u = record_at(m, g.commanded, DRIVE)
+    if not (math.isfinite(u.voltage[0]) and math.isfinite(u.voltage[1]) and math.isfinite(u.voltage[2])):
         return REFUSED
-    s = registers[STATE:MEASUREMENT]
-    y = registers[MEASUREMENT:COMMANDED]
-    applied = registers[APPLIED : APPLIED + 3]
-    t = registers[TALLY:PENDING]
-    f_z = random[draw, 0]
-    noise = random[draw, RANDOM:].reshape(-1, 2)
-    instrument = constants[PLANT_SIZE:]
-    p = constants[:PLANT_SIZE].view(PLANT_RECORD)[0]
-    q = instrument.view(RECORD)[0]
-    substeps = int(q.substeps)
-    stride = int(q.stride)
-    per_tick = substeps // stride
-    j = row * per_tick
-    n = 0
-    scored = k >= q.score_tick
+    y = record_at(m, g.measurement, MEASUREMENT)
+    a = record_at(m, g.applied, DRIVE)
+    w = record_at(m, g.regulated, DRIVE)
+    v = record_at(m, g.effective, DRIVE)
+    o = record_at(m, g.truth, TRUTH)
+    d = record_at(m, g.detection, DETECTION)
+    r = record_at(m, g.measurement + _REFERENCE_AT, REFERENCE)
+    sums = record_at(m, g.score, SUMS)
+    drawn = c.draw * g.draws
+    faults = pointer_at(random, drawn + g.faults)
+    disturbance = pointer_at(random, drawn + g.disturbance)
+    t = c.k * c.control_period
+    stride = c.stride
+    j = c.row * (c.substeps // stride)
+    scored = c.k >= c.score_tick
+    on_drive(t, u, faults, m)
+    due0, due1, due2 = u.voltage[0], u.voltage[1], u.voltage[2]
     # The drive of `delay` ticks ago is due now; this one takes its place on the way.
-    delay = (registers.size - PENDING) // 3
-    if delay > 0:
-        slot = PENDING + 3 * (k % delay)
-        for axis in range(3):
-            commanded[axis], registers[slot + axis] = registers[slot + axis], commanded[axis]
-    u0, u1, u2 = applied[0], applied[1], applied[2]
-    applied[0] = convert(commanded[0], q.drive_lsb, q.drive_limit)
-    applied[1] = convert(commanded[1], q.drive_lsb, q.drive_limit)
-    applied[2] = convert(commanded[2], q.drive_lsb, q.drive_limit)
+    if c.delay > 0:
+        slot = g.line + 3 * (c.k % c.delay)
+        due0, m[slot] = m[slot], due0
+        due1, m[slot + 1] = m[slot + 1], due1
+        due2, m[slot + 2] = m[slot + 2], due2
+    u0, u1, u2 = a.voltage[0], a.voltage[1], a.voltage[2]
+    a.voltage[0] = convert(due0, c.drive_lsb, c.drive_limit)
+    a.voltage[1] = convert(due1, c.drive_lsb, c.drive_limit)
+    a.voltage[2] = convert(due2, c.drive_lsb, c.drive_limit)
     if scored:
-        tally.tally_tick(t, s, y, q, applied[0] - u0, applied[1] - u1, applied[2] - u2)
+        count_tick(sums, o, y, a.voltage[0] - u0, a.voltage[1] - u1, a.voltage[2] - u2)
 
-    # Tick k in the block; its first detector sample is the one in measurement k.
-    rows[row, STATE:COMMANDED] = registers[STATE:COMMANDED]
-    rows[row, COMMANDED:ROW] = applied
-    samples[signals.CHANNEL_DEFLECTION, j] = y[signals.DEFLECTION_VOLTAGE]
-    samples[signals.CHANNEL_LATERAL, j] = y[signals.LATERAL_VOLTAGE]
-    samples[signals.CHANNEL_LATERAL_Y, j] = s[state.F_Y] * q.lateral_force
-    samples[signals.CHANNEL_NORMAL, j] = s[state.N] * q.normal_force
+    # Tick k as it is recorded; its first sample is the one in its measurement.
+    width = rows.shape[1]
+    for i in range(width):
+        rows[c.row, i] = m[g.hashed + i]
+    sample_channels(m, samples, j)
 
-    u_x = q.gain_x * applied[0]
-    u_y = q.gain_y * applied[1]
-    u_z = q.gain_z * applied[2]
-    for i in range(substeps):
-        if i > 0 and i % stride == 0:
-            volts = detect(s, q, noise[n])
-            j += 1
-            n += 1
-            samples[signals.CHANNEL_DEFLECTION, j] = volts[0]
-            samples[signals.CHANNEL_LATERAL, j] = volts[1]
-            samples[signals.CHANNEL_LATERAL_Y, j] = s[state.F_Y] * q.lateral_force
-            samples[signals.CHANNEL_NORMAL, j] = s[state.N] * q.normal_force
-        if q.plant == COMPLIANT:
-            step_compliant(s, p, u_x, u_y, u_z)
-        else:
-            step_paper(s, p, u_x, u_y, u_z, q.treatment, f_z)
+    noise = drawn + g.noise
+    for i in range(c.substeps):
+        if i % stride == 0:
+            if i > 0:
+                detect(o, d, pointer_at(random, noise), m)
+                noise += 2
+                j += 1
+                sample_channels(m, samples, j)
+            w.voltage[0] = a.voltage[0]
+            w.voltage[1] = a.voltage[1]
+            w.voltage[2] = a.voltage[2]
+            now = t + (i // stride) * c.sample_period
+            regulate(now, d, r, w, m)
+            actuate(now, w, v, m)
+        step(v, disturbance, m)
+        tell(o, m)
         if scored:
-            tally.tally_step(t, s)
-    measure(s, instrument, k + 1, applied, noise[n], random[draw, 1:RANDOM], y)
+            count_step(sums, o)
+    position_noise = pointer_at(random, drawn + g.position_noise)
+    c.k += 1
+    c.row += 1
+    c.draw = (c.draw + 1) % DRAW_TICKS
+    measure(m, c.k, pointer_at(random, noise), position_noise, faults)
     # NaN is within no range either.
     for axis in range(3):
-        if not abs(y[signals.POSITION + axis]) < RANGE:
+        if not abs(y.position[axis]) < RANGE:
             return DIVERGED
     return MOVED
 
 
 @kernel
-def close_loop(
-    law: _Array,
-    ticks: int,
-    k: int,
-    row: int,
-    draw: int,
-    constants: _Array,
-    registers: _Array,
-    random: _Array,
-    rows: _Array,
-    samples: _Array,
-) -> tuple[int, int]:
-    """Close the loop for `ticks` control ticks: at each, the law's answer to the measurement is the drive.
+def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
+    """Up to `ticks` control ticks: at each, the law's answer to the measurement is the drive.
 
     Parameters
     ----------
     law : ndarray
-        From `afm_model.control.laws.law_constants`.
+        Block of a law; of the law EXTERNAL for a drive that has been commanded from elsewhere.
     ticks : int
-        No more than there are rows left in the block. Random numbers are taken round and round.
-    k, row, draw, constants, registers, random, rows, samples
-        Of the first tick, as in `tick`.
+        No more than there are rows left.
+    m, random, rows, samples
+        As in `tick`.
 
     Returns
     -------
-    outcome, ticks done : int
-        Of the last tick tried; how many moved, one that diverged included.
+    int
+        Outcome of the last tick tried. The loop's record tells how many were done, one that diverged included.
     """
-    y = registers[MEASUREMENT:COMMANDED]
-    u = registers[COMMANDED:APPLIED]
-    for i in range(ticks):
-        control(law, y, u)
-        outcome = tick(k + i, row + i, (draw + i) % len(random), constants, registers, random, rows, samples)
-        if outcome == REFUSED:
-            return outcome, i
-        if outcome == DIVERGED:
-            return outcome, i + 1
-    return MOVED, ticks
+    g = record_at(m, 0, HEADER)
+    c = record_at(m, g.loop, LOOP)
+    y = record_at(m, g.measurement, MEASUREMENT)
+    u = record_at(m, g.commanded, DRIVE)
+    c.done = 0
+    outcome = MOVED
+    while c.done < ticks and outcome == MOVED:
+        # The time that a message carries, whole nanoseconds: a law sees the same here and over topics.
+        control(round(c.k * c.period_ns) * 1e-9, y, u, law)
+        outcome = tick(m, random, rows, samples)
+        if outcome != REFUSED:
+            c.done += 1
+    return outcome

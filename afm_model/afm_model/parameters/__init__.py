@@ -1,10 +1,11 @@
-"""Parameters of the model, declared once with unit, bounds, default and description."""
+"""Parameters, declared once with unit, bounds, default and description: the trees of instrument, run and controller.
 
-from .controller import ControllerParameters, Law
-from .instrument import Detector, InstrumentParameters, Plant, Reference, Score, stable_step
-from .physics import Cantilever, Contact, Physics, Piezo, Sample, Scales, Scanner
-from .run import Process, Run, SimParameters
-from .schema import (
+The parameters of a part stand in its own file; the trees here hold those of the parts that are chosen by default.
+"""
+
+from ..physics import Cantilever, Contact, Microscope, Scales, Scanner, Units
+from ..plant import stable_step
+from ..schema import (
     Group,
     NonNegative,
     Positive,
@@ -16,30 +17,27 @@ from .schema import (
     specifications,
     unknown_name_message,
 )
+from .controller import ControllerParameters
+from .instrument import InstrumentParameters, Score
+from .run import Run, SimParameters
 
 __all__ = [
     "Cantilever",
     "Contact",
     "ControllerParameters",
-    "Detector",
     "Group",
     "InstrumentParameters",
-    "Law",
+    "Microscope",
     "NonNegative",
-    "Physics",
-    "Piezo",
-    "Plant",
     "Positive",
-    "Process",
-    "Reference",
     "Run",
-    "Sample",
     "Scales",
     "Scanner",
     "Score",
     "SimParameters",
     "Specification",
     "Unit",
+    "Units",
     "Value",
     "build",
     "flatten",

@@ -3,11 +3,10 @@
 import math
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Lt
 from pydantic import Field
 
+from ..schema import Group, NonNegative, Positive, Unit
 from .instrument import InstrumentParameters
-from .schema import Group, NonNegative, Positive, Unit
 
 
 class Run(Group):
@@ -38,26 +37,12 @@ class Run(Group):
         description="realtime: how far below its rest the sample is retracted; pull-off takes some 126 nm by default",
     )
     retract_time: Annotated[Positive, Unit("s")] = Field(0.01, description="realtime: simulated time of the retract")
-    fast_codec: bool = Field(True, description="read and write messages in place; false: by rclpy, same bytes")
-
-
-class Process(Group):
-    """What a node asks of the operating system for its control loop. What is not granted costs a warning."""
-
-    fifo_priority: Annotated[int, Ge(0), Lt(100)] = Field(
-        0, description="priority of the control loop's thread under SCHED_FIFO; 0: ordinary scheduling"
-    )
-    cpu: Annotated[int, Ge(-1), Lt(4096)] = Field(
-        -1, description="processor to which the control loop's thread is bound; -1: any"
-    )
-    lock_memory: bool = Field(False, description="keep all memory of the process from being paged out")
 
 
 class SimParameters(InstrumentParameters):
     """The instrument and how it runs: all parameters of the simulator."""
 
     run: Run = Run()
-    process: Process = Process()
 
     @property
     def total_ticks(self) -> int:

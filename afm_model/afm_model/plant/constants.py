@@ -1,66 +1,65 @@
-"""Nondimensional constants of the equations of motion, derived once from the SI parameters.
+"""Constants of the equations of motion, derived once from the SI parameters, and what both plants tell of their state.
 
 Units: time 1/w0, lateral length x0, vertical length z0, lateral acceleration w0^2 x0, normal force m_c w0^2 z0;
 docs/theory.md (22), (23), and (2), (3), (13) for the contact.
 """
 
 import math
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from ..contact.jkr import radius_at_zero_load
-from ..parameters import Physics
+from ..jit import kernel
+from ..parts.part import Numbers
+from ..records import record
 
-FIELDS = (
+if TYPE_CHECKING:
+    from ..parameters import InstrumentParameters
+
+CONSTANTS = record(
     "h",  # integration step [1/w0]
-    "eta_x",
+    "eta_x",  # resonances [w0]
     "eta_y",
     "eta_z",
-    "eta_c",  # resonances [w0]
-    "xi_x",
+    "eta_c",
+    "xi_x",  # damping ratios [1]
     "xi_y",
     "xi_z",
-    "xi_c",  # damping ratios [1]
+    "xi_c",
     "mu",  # m_p / m_c [1]
     "w",  # load [m_c w0^2 z0]
     "a",  # height of the cantilever's rest position [z0]
-    "beta",  # sample height amplitude [z0]
-    "k_x",
-    "k_y",  # sample wave numbers [1/x0]
     "r",  # tip radius [z0]
     "L_s",  # |L_s| on a flat sample [m_c w0^2 z0]
     "delta_0",  # a_0^2 / R on a flat sample [z0]
     "f_s",  # friction at pull-off on a flat sample [m_p w0^2 x0]
     "zeta_n",  # damping ratio of the normal contact [1]
+    "gain_x",  # U per volt: a static displacement of one sensitivity
+    "gain_y",
+    "gain_z",
+    "x0",  # [m]
+    "z0",
+    "lateral_speed",  # [m/s]
+    "vertical_speed",
+    "lateral_force",  # [N]
+    "normal_force",
+    "treatment",  # of z, by the paper's plant alone
 )
 
-RECORD = np.dtype((np.record, [(name, np.float64) for name in FIELDS]))
-"""How a kernel reads the constants by name: `p = constants.view(RECORD)[0]`. They travel as a plain float64 array,
-which numba takes ten times faster than an array of records."""
 
+def plant_constants(parameters: "InstrumentParameters", treatment: int = 0) -> Numbers:
+    """Values of CONSTANTS.
 
-def plant_constants(physics: Physics, dt: float) -> NDArray[np.float64]:
-    """Constants for a step of `dt` seconds, in the order of `FIELDS`.
-
-    Parameters
-    ----------
-    physics : Physics
-    dt : float [s]
-        Integration step.
-
-    Returns
-    -------
-    ndarray (len(FIELDS),)
+    Raises
+    ------
+    ArithmeticError
+        If a parameter is too large or too small to compute with.
     """
-    contact, sample, cantilever = physics.contact, physics.sample, physics.cantilever
-    scanner, scales = physics.scanner, physics.scales
+    contact, cantilever, piezo = parameters.contact, parameters.cantilever, parameters.piezo
+    scanner, scales, units = parameters.scanner, parameters.scales, parameters.units
     w0, x0, z0 = scales.w0, scales.x0, scales.z0
-    normal_force = cantilever.m_c * w0**2 * z0
-    lateral_force = scanner.mu * cantilever.m_c * w0**2 * x0
     gamma = contact.surface_energy
-    values = {
-        "h": dt * w0,
+    return {
+        "h": parameters.plant.dt * w0,
         "eta_x": 2.0 * math.pi * scanner.f_x / w0,
         "eta_y": 2.0 * math.pi * scanner.f_y / w0,
         "eta_z": 2.0 * math.pi * scanner.f_z / w0,
@@ -69,16 +68,41 @@ def plant_constants(physics: Physics, dt: float) -> NDArray[np.float64]:
         "xi_y": scanner.xi_y,
         "xi_z": scanner.xi_z,
         "xi_c": cantilever.xi_c,
-        "mu": scanner.mu,
-        "w": cantilever.W / normal_force,
+        "mu": scanner.mass_ratio,
+        "w": cantilever.W / units.normal_force,
         "a": cantilever.a / z0,
-        "beta": sample.beta / z0,
-        "k_x": sample.k_x * x0,
-        "k_y": sample.k_y * x0,
         "r": contact.R / z0,
-        "L_s": contact.pull_off_force / normal_force,
+        "L_s": contact.pull_off_force / units.normal_force,
         "delta_0": radius_at_zero_load(contact.R, contact.K, gamma) ** 2 / contact.R / z0,
-        "f_s": contact.friction_at_pull_off / lateral_force,
+        "f_s": contact.friction_at_pull_off / units.lateral_force,
         "zeta_n": contact.zeta_n,
+        "gain_x": (2.0 * math.pi * scanner.f_x / w0) ** 2 * piezo.sensitivity_x / x0,
+        "gain_y": (2.0 * math.pi * scanner.f_y / w0) ** 2 * piezo.sensitivity_y / x0,
+        "gain_z": (2.0 * math.pi * scanner.f_z / w0) ** 2 * piezo.sensitivity_z / z0,
+        "x0": x0,
+        "z0": z0,
+        "lateral_speed": x0 * w0,
+        "vertical_speed": z0 * w0,
+        "lateral_force": units.lateral_force,
+        "normal_force": units.normal_force,
+        "treatment": treatment,
     }
-    return np.array([values[name] for name in FIELDS])
+
+
+@kernel
+def observe(p: Any, s: Any, o: Any) -> None:
+    """See `afm_model.parts.Plant`. Nothing but the scanner moves laterally: at rest, the contact does not slide."""
+    o.position[0] = s.X * p.x0
+    o.position[1] = s.Y * p.x0
+    o.position[2] = s.Z * p.z0
+    o.velocity[0] = s.V_X * p.lateral_speed
+    o.velocity[1] = s.V_Y * p.lateral_speed
+    o.velocity[2] = s.V_Z * p.vertical_speed
+    o.tip_height = s.Q * p.z0
+    o.tip_rate = s.V_Q * p.vertical_speed
+    o.friction[0] = s.F_x * p.lateral_force
+    o.friction[1] = s.F_y * p.lateral_force
+    o.friction_bound = s.F_max * p.lateral_force
+    o.normal_force = s.N * p.normal_force
+    o.contact = s.contact
+    o.stuck = 1.0 if s.V_X == 0.0 and s.V_Y == 0.0 and s.contact != 0.0 else 0.0

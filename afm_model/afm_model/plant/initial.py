@@ -1,49 +1,56 @@
-"""Initial state of both plants: at rest, in static contact, the tip at its setpoint; docs/theory.md (21), (27)."""
+"""State at the start: at rest, in static contact with the tip at its setpoint, or free; docs/theory.md (21), (27)."""
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from ..errors import ParameterError
-from . import state
-from .constants import RECORD
-from .paper import friction_of_load, place_sample, static_load
+from ..friction.strength import bound_of_load
+from ..sample import surface
+from .statics import place_sample, static_load
+
+Voltage = tuple[float, float, float]
 
 
-def rest(constants: NDArray[np.float64], z_r: float, *, drawn: bool = False) -> tuple[NDArray[np.float64], float]:
-    """Static contact at X = Y = 0 with the tip at height `z_r`, as after an approach to the setpoint.
+def rest(parameters: Any, p: Any, s: Any, m: Any) -> Voltage:
+    """Static contact at X = Y = 0 with the tip at its setpoint, as after an approach.
 
     Parameters
     ----------
-    constants : ndarray
-        From `plant_constants`.
-    z_r : float [z0]
-        Tip height.
-    drawn : bool
-        For the paper's plant with f_z drawn at random, whose mean is zero.
+    parameters : InstrumentParameters
+    p, s : records of CONSTANTS and STATE
+        s is zero, and written.
+    m : block of the instrument
 
     Returns
     -------
-    (s, u_z) : ndarray (SIZE,), float [w0^2 z0]
-        State, and the drive that holds it: U_z = eta_z^2 Z + N/mu; drawn, (eta_z^2 + eta_c^2/mu) Q.
+    (x, y, z) : floats [V]
+        Drive that holds it: U_z = eta_z^2 Z + N/mu; with f_z drawn at random (paper's plant), whose mean is zero,
+        (eta_z^2 + eta_c^2/mu) Q.
 
     Raises
     ------
     ParameterError
         If the cantilever would have to pull harder than adhesion holds.
     """
-    c = constants.view(RECORD)[0]
-    load = static_load(c, z_r)
-    if load <= -c.L_s:
+    z_r = parameters.reference.z_r / parameters.scales.z0
+    load = static_load(p, z_r)
+    if load <= -p.L_s:
         raise ParameterError(
             f"the tip does not touch the sample at rest: at the setpoint z_r = {z_r:g} z0 the static load is "
-            f"{load:.4g} m_c w0^2 z0 (cantilever.a = {c.a:g} z0) and must be > {-c.L_s:.4g}, the pull-off load: "
+            f"{load:.4g} m_c w0^2 z0 (cantilever.a = {p.a:g} z0) and must be > {-p.L_s:.4g}, the pull-off load: "
             f"lower cantilever.a, or raise cantilever.W or reference.z_r"
         )
-    s = np.zeros(state.SIZE)
-    s[state.Q] = z_r
-    s[state.CONTACT] = 1.0
-    s[state.N] = load
-    s[state.F_MAX] = friction_of_load(c, 1.0, load)
-    place_sample(s, c)
-    u_z = (c.eta_z**2 + c.eta_c**2 / c.mu) * z_r if drawn else c.eta_z**2 * s[state.Z] + load / c.mu
-    return s, float(u_z)
+    s.Q = z_r
+    s.contact = 1.0
+    s.N = load
+    s.F_max = bound_of_load(p.f_s, 1.0, load / p.L_s)
+    place_sample(s, p, m)
+    drawn = parameters.plant.kind == "paper" and parameters.plant.z == "uniform"
+    u_z = (p.eta_z**2 + p.eta_c**2 / p.mu) * z_r if drawn else p.eta_z**2 * s.Z + load / p.mu
+    return 0.0, 0.0, float(u_z) / p.gain_z
+
+
+def start_free(parameters: Any, p: Any, s: Any, m: Any) -> Voltage:
+    """The cantilever at rest, the sample plant.gap below it; arguments as in `rest`."""
+    s.Q = p.a - p.w / p.eta_c**2
+    s.Z = s.Q - surface(0.0, 0.0, m).height - parameters.plant.gap / p.z0
+    return 0.0, 0.0, float(p.eta_z**2 * s.Z) / p.gain_z

@@ -2,18 +2,12 @@
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..friction.disc import friction_impulse
 from ..jit import kernel
-from .state import F_MAX, F_X, F_Y, V_X, V_Y, X, Y
-
-State = NDArray[np.float64]
 
 
 @kernel
-def kick_lateral(s: State, p: Any, u_x: float, u_y: float, f: float) -> tuple[float, float, float, float]:
+def kick_lateral(s: Any, p: Any, u_x: float, u_y: float, f: float) -> tuple[float, float, float, float]:
     """Velocities after the forces of one step of length h, positions being those at mid-step.
 
     X'' = U_x - eta_x^2 X - 2 xi_x eta_x X' - f d_x and Y alike, docs/theory.md (22), by (38) to (40): damping by the
@@ -21,7 +15,7 @@ def kick_lateral(s: State, p: Any, u_x: float, u_y: float, f: float) -> tuple[fl
 
     Parameters
     ----------
-    s : ndarray (SIZE,)
+    s : record of STATE
         Positions at mid-step, velocities at the start of the step.
     p : record of plant constants
     u_x, u_y : float [w0^2 x0]
@@ -37,17 +31,17 @@ def kick_lateral(s: State, p: Any, u_x: float, u_y: float, f: float) -> tuple[fl
     h = p.h
     d_x = h * p.xi_x * p.eta_x
     d_y = h * p.xi_y * p.eta_y
-    p_x = (1.0 - d_x) * s[V_X] + h * (u_x - p.eta_x * p.eta_x * s[X])
-    p_y = (1.0 - d_y) * s[V_Y] + h * (u_y - p.eta_y * p.eta_y * s[Y])
-    j_x, j_y, stick = friction_impulse(p_x, p_y, s[V_X], s[V_Y], 1.0 + d_x, 1.0 + d_y, h * f)
+    p_x = (1.0 - d_x) * s.V_X + h * (u_x - p.eta_x * p.eta_x * s.X)
+    p_y = (1.0 - d_y) * s.V_Y + h * (u_y - p.eta_y * p.eta_y * s.Y)
+    j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, 1.0 + d_x, 1.0 + d_y, h * f)
     if stick:
         return 0.0, 0.0, j_x / h, j_y / h
     return (p_x - j_x) / (1.0 + d_x), (p_y - j_y) / (1.0 + d_y), j_x / h, j_y / h
 
 
 @kernel
-def store_friction(s: State, f_x: float, f_y: float, f_max: float) -> None:
+def store_friction(s: Any, f_x: float, f_y: float, f_max: float) -> None:
     """Keep the friction of the step in the state, for the detector and the score."""
-    s[F_X] = f_x
-    s[F_Y] = f_y
-    s[F_MAX] = f_max
+    s.F_x = f_x
+    s.F_y = f_y
+    s.F_max = f_max

@@ -1,13 +1,19 @@
-"""State of a plant: one float64 array, the same layout for both plants, so that every byte of it can be compared."""
+"""State of the plants of this package: one layout for both, so that every byte of it can be compared."""
 
-# Positions and rates, nondimensional: X, Y in x0; Z (sample height), Q (tip apex height, z_c) in z0; rates in w0.
-X, V_X, Y, V_Y, Z, V_Z, Q, V_Q = range(8)
-CONTACT = 8
-"""1.0 in contact, 0.0 out of it."""
-N = 9
-"""Normal force of the last step [m_c w0^2 z0]."""
-F_X, F_Y = 10, 11
-"""Friction of the sample on the tip in the last step, minus that on the scanner [m_p w0^2 x0]."""
-F_MAX = 12
-"""Largest friction possible in the last step, the radius of the friction disc [m_p w0^2 x0]."""
-SIZE = 13
+from ..records import record
+
+STATE = record(
+    "X",  # scanner position and rate, x and y [x0], [x0 w0]
+    "V_X",
+    "Y",
+    "V_Y",
+    "Z",  # height of the sample [z0]
+    "V_Z",
+    "Q",  # height of the tip apex, z_c of the paper [z0]
+    "V_Q",
+    "contact",  # 1.0 in contact, 0.0 out of it
+    "N",  # normal force of the last step [m_c w0^2 z0]
+    "F_x",  # friction of the sample on the tip in the last step, minus that on the scanner [m_p w0^2 x0]
+    "F_y",
+    "F_max",  # largest friction possible in the last step, the radius of the friction disc [m_p w0^2 x0]
+)

@@ -5,13 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from afm_model import DivergenceError, DriveError, Instrument, signals
-from afm_model.instrument.instrument import _DRAW_TICKS
+from afm_model import DivergenceError, DriveError, Instrument
+from afm_model.instrument.tick import DRAW_TICKS
 from afm_model.parameters import Value
+from afm_model.parts.header import LAW_HEADER
+from afm_model.records import size
 
 from .. import session
+from ..tables import numbers
 
-DRIVE = slice(signals.DRIVE, signals.DRIVE + 3)
 NOISY: dict[str, Value] = {
     "detector.noise": 2e-3,
     "detector.position_noise": 1e-11,
@@ -39,10 +41,10 @@ def both(values: dict[str, Value], kind: str, block_ticks: int, ticks: int, at_o
         while one.ticks < ticks and not one.block_full:
             one.tick(law.answer(one.measurement))
         while many.ticks < ticks and not many.block_full:
-            many.close_loop(law.constants, min(at_once, ticks - many.ticks))
+            many.close_loop(law, min(at_once, ticks - many.ticks))
         a, b = one.take_block(), many.take_block()
         assert a.first_tick == b.first_tick == first
-        np.testing.assert_array_equal(a.measurements, b.measurements)
+        np.testing.assert_array_equal(numbers(a.measurements), numbers(b.measurements))
         np.testing.assert_array_equal(a.drives, b.drives)
         np.testing.assert_array_equal(a.samples, b.samples)
     return one, many
@@ -57,7 +59,7 @@ def test_compiled_loop_gives_the_bytes_of_the_loop_tick_by_tick(values, kind):
     np.testing.assert_array_equal(one.score().rms, many.score().rms)
 
 
-@pytest.mark.parametrize("block_ticks", [1, _DRAW_TICKS - 1, _DRAW_TICKS, 2 * _DRAW_TICKS + 1])
+@pytest.mark.parametrize("block_ticks", [1, DRAW_TICKS - 1, DRAW_TICKS, 2 * DRAW_TICKS + 1])
 @pytest.mark.parametrize("at_once", [1, 7, 10_000])
 @pytest.mark.parametrize("values", [{}, NOISY | {"plant.delay_ticks": 2}])
 def test_compiled_loop_does_not_depend_on_where_it_is_interrupted(values, block_ticks, at_once):
@@ -68,12 +70,12 @@ def test_compiled_loop_does_not_depend_on_where_it_is_interrupted(values, block_
 def test_compiled_loop_stops_at_the_end_of_the_block_and_does_not_start_in_a_full_one():
     scope = session.instrument({}, 50)
     law = session.controller({})
-    scope.close_loop(law.constants, 80)
+    scope.close_loop(law, 80)
     assert scope.ticks == 50 and scope.block_full
     with pytest.raises(RuntimeError, match="the block is full"):
-        scope.close_loop(law.constants, 1)
+        scope.close_loop(law, 1)
     scope.skip_block()
-    scope.close_loop(law.constants, 0)
+    scope.close_loop(law, 0)
     assert scope.ticks == 50
 
 
@@ -81,7 +83,7 @@ def test_skipped_blocks_still_count_in_the_hash():
     skipped, taken = session.instrument({}, 50), session.instrument({}, 50)
     for scope, leave in ((skipped, skipped.skip_block), (taken, taken.take_block)):
         for _ in range(3):
-            scope.close_loop(session.controller({}).constants, 50)
+            scope.close_loop(session.controller({}), 50)
             leave()
     assert skipped.trajectory_sha256() == taken.trajectory_sha256()
 
@@ -90,11 +92,11 @@ def test_skipped_blocks_still_count_in_the_hash():
 def test_compiled_loop_ends_with_the_sentence_and_at_the_tick_of_the_loop_tick_by_tick(error):
     law = session.controller({})
     # No parameter makes our law answer so: spoil its constants.
-    law.constants[:] *= np.nan if error is DriveError else -1e3
+    law.block[size(LAW_HEADER) :] *= np.nan if error is DriveError else -1e3
     ends = []
     for step in (
         lambda scope: scope.tick(law.answer(scope.measurement)),
-        lambda scope: scope.close_loop(law.constants, 5000),
+        lambda scope: scope.close_loop(law, 5000),
     ):
         scope = session.instrument({}, 5000)
         with pytest.raises(error) as caught:
@@ -106,7 +108,7 @@ def test_compiled_loop_ends_with_the_sentence_and_at_the_tick_of_the_loop_tick_b
 @pytest.mark.parametrize("delay", [0, 1, 5])
 def test_drive_applied_at_tick_k_answers_measurement_k_minus_delay(delay):
     scope = session.instrument({"plant.delay_ticks": delay}, 100)
-    rest = scope.measurement[DRIVE].copy()
+    rest = scope.drive
     law = session.controller({})
     answers = []
     for _ in range(100):
@@ -121,11 +123,11 @@ def test_delay_is_a_controller_that_answers_late():
     scope = session.instrument({"plant.delay_ticks": 4, "plant.control_period": 4e-6}, 400)
     twin = session.instrument({"plant.control_period": 4e-6}, 400)
     law = session.controller({})
-    line = [twin.measurement[DRIVE].copy() for _ in range(4)]
+    line = [twin.drive for _ in range(4)]
     late = SimpleNamespace(answer=lambda y: (line.append(law.answer(y).copy()), line.pop(0))[1])
     for _ in range(400):
         twin.tick(late.answer(twin.measurement))
-    scope.close_loop(law.constants, 400)
+    scope.close_loop(law, 400)
     assert scope.trajectory_sha256() == twin.trajectory_sha256()
 
 
@@ -134,7 +136,7 @@ def test_reset_empties_the_delay_line():
     law = session.controller({})
     digests = []
     for _ in range(2):
-        scope.close_loop(law.constants, 101)
+        scope.close_loop(law, 101)
         digests.append(scope.trajectory_sha256())
         scope.reset()
     assert digests[0] == digests[1]

@@ -1,91 +1,41 @@
-"""Claims about the converters and the detector."""
+"""Claims about what a tick measures of the motion."""
 
 import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
-
-from afm_model.instrument.tick import convert
 
 from .. import session
-
-LIMIT = 10.0
-bits = st.integers(1, 32)
-volts = st.floats(-30.0, 30.0)
-
-
-@given(volts, bits)
-def test_converter_is_idempotent(v, n):
-    lsb = 2.0 * LIMIT / 2**n
-    once = convert(v, lsb, LIMIT)
-    assert convert(once, lsb, LIMIT) == once
-
-
-@given(volts, bits)
-def test_converter_stays_within_its_range(v, n):
-    lsb = 2.0 * LIMIT / 2**n
-    assert -LIMIT <= convert(v, lsb, LIMIT) <= LIMIT - lsb
-
-
-@given(volts, bits)
-def test_converter_gives_the_nearest_level(v, n):
-    lsb = 2.0 * LIMIT / 2**n
-    out = convert(v, lsb, LIMIT)
-    level = round(out / lsb)
-    assert out == pytest.approx(level * lsb, abs=1e-15)
-    assert -(2 ** (n - 1)) <= level <= 2 ** (n - 1) - 1
-    if -LIMIT <= v <= LIMIT - lsb:
-        # Half a level, and the round-off of v / lsb.
-        assert abs(out - v) <= 0.5 * lsb + 1e-14
-
-
-@given(volts, volts, bits)
-def test_converter_keeps_the_order(v, w, n):
-    lsb = 2.0 * LIMIT / 2**n
-    low, high = sorted((v, w))
-    assert convert(low, lsb, LIMIT) <= convert(high, lsb, LIMIT)
-
-
-@given(volts)
-def test_converter_that_is_off_changes_nothing(v):
-    assert convert(v, 0.0, 0.0) == v
-
-
-@given(volts)
-def test_limit_without_resolution_only_saturates(v):
-    assert convert(v, 0.0, LIMIT) == min(max(v, -LIMIT), LIMIT)
-
-
-@given(st.floats(1.0, 300.0), st.sampled_from([-1.0, 1.0]))
-@example(30.0, 1.0)
-def test_converter_saturates_at_the_end_on_the_side_of_its_input(exponent, sign):
-    lsb = 2.0 * LIMIT / 2**16
-    expected = LIMIT - lsb if sign > 0.0 else -LIMIT
-    assert convert(sign * 10.0**exponent * 1.01, lsb, LIMIT) == expected
 
 
 def test_detector_reads_deflection_and_lateral_force_in_volts():
     values = {"sample.beta": 0.0, "cantilever.a": 3e-9, "reference.z_r": 1e-9, "plant.control_period": 5e-6}
     scope = session.instrument(values)
+    y = session.measured(scope)
     # -2 nm at 10 nm/V.
-    assert scope.measurement[3] == pytest.approx(-0.2, rel=1e-9)
-    drive = scope.measurement[20:23].copy()
+    assert y.deflection_voltage == pytest.approx(-0.2, rel=1e-9)
+    drive = scope.drive
     drive[0] = 12.0 / (2.0 * math.pi * 669.07 / 1e4) ** 2 * session.X0 / 20e-9
     scope.tick(drive)
     # A push of U = 12 along x, held by friction: 12 units of 15 nN on the tip along x, at 50 nN/V.
-    assert scope.measurement[4] == pytest.approx(12.0 * 15.0 / 50.0, rel=1e-9)
-    assert scope.measurement[2] == pytest.approx(12.0 * session.LATERAL, rel=1e-9)
-    assert scope.measurement[8] == 0.0
+    assert y.lateral_voltage == pytest.approx(12.0 * 15.0 / 50.0, rel=1e-9)
+    assert y.lateral_force == pytest.approx(12.0 * session.LATERAL, rel=1e-9)
+    assert y.velocity[0] == 0.0
 
 
-def test_lateral_force_on_the_tip_points_along_the_motion_of_the_sample():
+@pytest.mark.parametrize("push", [1.5, -1.5])
+def test_lateral_force_on_the_tip_is_all_the_friction_there_is_along_the_motion_of_the_sample(push):
     scope = session.instrument({"plant.control_period": 5e-6})
-    for push in (1.5, -1.5):
-        drive = scope.measurement[20:23].copy()
-        drive[0] = push
-        for _ in range(400):
-            scope.tick(drive)
-            if scope.measurement[8] != 0.0:
-                assert np.sign(scope.measurement[2]) == np.sign(scope.measurement[8])
+    drive = np.add(scope.drive, [push, 0.0, 0.0])
+    for _ in range(400):
+        scope.tick(drive)
+    block = scope.take_block()
+    y, truth = block.measurements, scope.truth_of(block.states)
+    velocity = y.velocity[:, 0]
+    moved = velocity != 0.0
+    # The push moves it its own way, for half a period at 669 Hz, and it rests where it stops.
+    assert np.count_nonzero(moved) * 5e-6 == pytest.approx(0.5 / 669.07, rel=0.02)
+    assert (np.sign(velocity[moved]) == np.sign(push)).all()
+    # Across the push there is no motion, so that friction has no other component.
+    assert y.lateral_force[moved] == pytest.approx(np.sign(push) * truth.friction_bound[moved], rel=1e-12)
+    assert abs(y.lateral_force[-1]) < truth.friction_bound[-1]

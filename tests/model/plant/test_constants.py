@@ -9,26 +9,28 @@ from hypothesis import strategies as st
 
 from afm_model import InstrumentParameters, build, flatten
 from afm_model.plant import plant_constants
-from afm_model.plant.constants import FIELDS
+from afm_model.sample import PAPER
 
 from .. import session
-from ..rolling import constants, named
+from ..rolling import bench
 
 
 def test_constants_of_the_paper():
-    p = named(constants(0.01))
+    c = bench(0.01)
+    p = c.p
     # Each as many digits as given in the derivation from section 4 of the paper.
     assert [p.eta_x, p.eta_y, p.eta_z, p.eta_c] == pytest.approx([0.4204, 0.2558, 0.4311, 1.5080], abs=5e-5)
     assert p.L_s == pytest.approx(2.538, abs=5e-4)
     assert p.f_s == pytest.approx(5.04, abs=5e-3)
     assert p.f_s * 2.0 ** (4.0 / 3.0) == pytest.approx(12.70, abs=5e-3)
-    assert (p.w, p.a, p.beta, p.k_x, p.k_y, p.r) == pytest.approx((0.01, 0.0, 0.125, 0.5, 0.5, 0.4), rel=1e-14)
+    assert (p.w, p.a, p.r) == pytest.approx((0.01, 0.0, 0.4), rel=1e-14)
+    assert (c.sample.beta, c.sample.k_x, c.sample.k_y) == pytest.approx((0.125, 0.5, 0.5), rel=1e-14)
     assert p.h == pytest.approx(0.01, rel=1e-14)
 
 
 def test_force_units_are_15_nN_lateral_and_60_nN_normal():
     values = InstrumentParameters()
-    p = named(constants(0.01))
+    p = bench(0.01).p
     assert values.contact.pull_off_force == pytest.approx(p.L_s * session.NORMAL, rel=1e-13)
     assert values.contact.friction_at_pull_off == pytest.approx(p.f_s * session.LATERAL, rel=1e-13)
     assert values.contact.friction_at_pull_off == pytest.approx(75.6e-9, abs=0.05e-9)  # three digits are given
@@ -41,7 +43,7 @@ def test_spring_constant_of_the_cantilever_is_1_364_N_per_m():
 
 
 def test_M_15_bounds_the_friction_up_to_a_load_of_92_nN():
-    p = named(constants(0.01))
+    p = bench(0.01).p
     load = 92e-9 / session.NORMAL
     assert p.f_s * (1.0 + math.sqrt(1.0 + load / p.L_s)) ** (4.0 / 3.0) == pytest.approx(
         15.0, abs=0.02
@@ -49,9 +51,8 @@ def test_M_15_bounds_the_friction_up_to_a_load_of_92_nN():
 
 
 def test_work_of_adhesion_is_twice_gamma():
-    by_gamma = constants(0.01)
-    by_work = constants(0.01, contact__work_of_adhesion=0.808)
-    assert by_work == pytest.approx(by_gamma, rel=1e-15)
+    by_work = build(InstrumentParameters, {"contact.work_of_adhesion": 0.808})
+    assert plant_constants(by_work) == pytest.approx(plant_constants(InstrumentParameters()), rel=1e-15)
 
 
 BUMPS = {"sample.beta": 2e-9, "sample.k_x": 5e8, "sample.k_y": 5e8}
@@ -67,7 +68,7 @@ def trajectory(values: dict[str, float]) -> np.ndarray:
         swing = math.sin(1000.0 * k * 5e-6)
         scope.tick(np.array([1.3 * swing, 2.6 * swing, 0.5]))
     y = scope.take_block().measurements
-    return np.column_stack([y[:, :3], y[:, 5:11]])
+    return np.column_stack([y.deflection, y.deflection_rate, y.lateral_force, y.position, y.velocity])
 
 
 def difference(values: dict[str, float], changed: dict[str, float]) -> float:
@@ -105,40 +106,66 @@ def test_ratio_of_the_length_scales_sets_the_curvature_of_the_sample():
 
 
 def test_constants_follow_the_parameters_not_the_defaults():
-    doubled = {"contact.R": 20e-9, "cantilever.m_c": 3e-9, "scanner.mu": 50.0}
-    p = named(plant_constants(build(InstrumentParameters, doubled), 1e-6))
+    doubled = {"contact.R": 20e-9, "cantilever.m_c": 3e-9, "scanner.mass_ratio": 50.0}
+    p = bench(0.01, **{name.replace(".", "__"): value for name, value in doubled.items()}).p
     assert p.r == pytest.approx(0.2, rel=1e-14)
     assert p.mu == 50.0
     # L_s ~ R / m_c; f_s ~ (R |L_s|)^(2/3) / m_p = R^(4/3) / m_p.
-    q = named(constants(0.01))
+    q = bench(0.01).p
     assert p.L_s == pytest.approx(q.L_s, rel=1e-13)
     assert p.f_s == pytest.approx(q.f_s * 0.5 ** (4.0 / 3.0) * 4.0, rel=1e-13)
     assert p.delta_0 == pytest.approx(q.delta_0 * 0.5 ** (1.0 / 3.0), rel=1e-13)
 
 
 OWN = {
-    "scanner.f_x": "eta_x",
-    "scanner.f_y": "eta_y",
-    "scanner.f_z": "eta_z",
-    "cantilever.f_c": "eta_c",
-    "scanner.xi_x": "xi_x",
-    "scanner.xi_y": "xi_y",
-    "scanner.xi_z": "xi_z",
-    "cantilever.xi_c": "xi_c",
-    "contact.zeta_n": "zeta_n",
-    "cantilever.a": "a",
-    "cantilever.W": "w",
-    "sample.beta": "beta",
-    "sample.k_x": "k_x",
-    "sample.k_y": "k_y",
+    "plant.dt": {"h": 1},
+    "scanner.f_x": {"eta_x": 1, "gain_x": 2},
+    "scanner.f_y": {"eta_y": 1, "gain_y": 2},
+    "scanner.f_z": {"eta_z": 1, "gain_z": 2},
+    "cantilever.f_c": {"eta_c": 1},
+    "scanner.xi_x": {"xi_x": 1},
+    "scanner.xi_y": {"xi_y": 1},
+    "scanner.xi_z": {"xi_z": 1},
+    "cantilever.xi_c": {"xi_c": 1},
+    "contact.zeta_n": {"zeta_n": 1},
+    "cantilever.a": {"a": 1},
+    "cantilever.W": {"w": 1},
+    "sample.beta": {"beta": 1},
+    "sample.k_x": {"k_x": 1},
+    "sample.k_y": {"k_y": 1},
+    "piezo.sensitivity_x": {"gain_x": 1},
+    "piezo.sensitivity_y": {"gain_y": 1},
+    "piezo.sensitivity_z": {"gain_z": 1},
 }
+"""What each parameter sets, and with which power of it."""
 
 
-@pytest.mark.parametrize(("name", "field"), OWN.items())
-def test_each_constant_comes_from_its_own_parameter(name, field):
+def all_constants(values: dict[str, float]) -> dict[str, float]:
+    """Constants of the plant and of its sample by name."""
+    parameters = build(InstrumentParameters, values)
+    return {**plant_constants(parameters), **PAPER.values(parameters)}
+
+
+@pytest.mark.parametrize(("name", "own"), OWN.items())
+def test_each_constant_comes_from_its_own_parameter(name, own):
     default = flatten(InstrumentParameters())[name]
-    base = plant_constants(InstrumentParameters(), 1e-6)
-    changed = plant_constants(build(InstrumentParameters, {name: 1.1 * default or 1e-8}), 1e-6)
-    assert [n for n, x, y in zip(FIELDS, base, changed, strict=True) if x != y] == [field]
+    new = 1.1 * default or 1e-8
+    together = {"detector.sample_period": new, "plant.control_period": new} if name == "plant.dt" else {}
+    base, changed = all_constants({}), all_constants({name: new} | together)
+    assert {field for field in base if base[field] != changed[field]} == set(own)
     if default:
-        assert getattr(named(changed), field) == pytest.approx(1.1 * getattr(named(base), field), rel=1e-14)
+        for field, power in own.items():
+            assert changed[field] == pytest.approx(1.1**power * base[field], rel=1e-14)
+
+
+def test_a_volt_is_a_static_displacement_of_one_sensitivity():
+    p = all_constants({"piezo.sensitivity_x": 10e-9, "piezo.sensitivity_y": 20e-9, "piezo.sensitivity_z": 30e-9})
+    displaced = [p["gain_x"] / p["eta_x"] ** 2, p["gain_y"] / p["eta_y"] ** 2, p["gain_z"] / p["eta_z"] ** 2]
+    assert np.array(displaced) * [session.X0, session.X0, session.Z0] == pytest.approx([10e-9, 20e-9, 30e-9], rel=1e-14)
+
+
+def test_constants_in_SI_are_the_units_of_what_a_plant_tells():
+    p = all_constants({})
+    assert (p["x0"], p["z0"]) == (session.X0, session.Z0)
+    assert (p["lateral_speed"], p["vertical_speed"]) == pytest.approx((2.5e-6, 1e-3), rel=1e-14)
+    assert (p["lateral_force"], p["normal_force"]) == pytest.approx((session.LATERAL, session.NORMAL), rel=1e-14)

@@ -1,33 +1,33 @@
 """Claims about the lateral motion with friction, against an event-driven reference and closed forms."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afm_model.plant import rest, state
-
 from .. import oracle
 from ..oracle import Trajectory, event_driven, paper_lateral
-from ..rolling import constants, held, held_under_sine, named
+from ..rolling import Bench, bench, held, held_under_sine
+from ..tables import columns
 
 AMPLITUDE, OMEGA = 20.0, 0.005  # section 4.1 of the paper
 PERIOD = 2.0 * math.pi / OMEGA
 Z_R = 0.01
 
 
-def load(c: np.ndarray) -> float:
+def load(c: Bench) -> float:
     """Static load at the setpoint of section 4.1."""
-    p = named(c)
+    p = c.p
     return float(p.eta_c**2 * (Z_R - p.a) + p.w)
 
 
 def error(period: Trajectory, h: float) -> float:
     """Largest distance from the reference over one period [x0]."""
-    c = constants(h)
-    s, _ = rest(c, Z_R)
+    c = bench(h)
+    s, _ = c.rest(Z_R)
     positions = held_under_sine(s, c, AMPLITUDE, OMEGA, round(1.0 / h), len(period.times))
     return float(np.abs(positions - period.positions).max())
 
@@ -61,48 +61,48 @@ def test_scheme_is_of_second_order_in_smooth_slip():
     start = (0.0, 0.0, 30.0, 20.0)
     times = np.arange(5.0) * 0.5  # it slips throughout and stops at 2.3
     smooth = event_driven(
-        paper_lateral(load(constants(0.01))), lambda t: (3.0, -2.0), lambda t: (0.0, 0.0), times, initial=start
+        paper_lateral(load(bench(0.01))), lambda t: (3.0, -2.0), lambda t: (0.0, 0.0), times, initial=start
     )
     assert smooth.stick_phases == []
     steps = [0.02, 0.01, 0.005, 0.0025]
     errors = []
     for h in steps:
-        c = constants(h)
-        s, _ = rest(c, Z_R)
-        s[[state.V_X, state.V_Y]] = start[2:]
+        c = bench(h)
+        s, _ = c.rest(Z_R)
+        s.V_X, s.V_Y = start[2:]
         every = round(0.5 / h)
         drives = np.tile([3.0, -2.0], (every * 4, 1))
-        positions = held(s, c, drives)[::every, [state.X, state.Y]]
+        positions = columns(held(s, c, drives)[::every], "X", "Y")
         errors.append(np.abs(positions - smooth.positions).max())
     # Three halvings: the next order of the error shifts the slope by less than this.
     assert order(steps, errors) == pytest.approx(2.0, abs=0.2)
 
 
 def test_reference_and_scheme_stick_at_the_same_times(period):
-    c = constants(0.01)
-    s, _ = rest(c, Z_R)
+    c = bench(0.01)
+    s, _ = c.rest(Z_R)
     t = (np.arange(round(period.times[-1] / 0.01)) + 0.5) * 0.01
     drive = AMPLITUDE * np.sin(OMEGA * t)
     states = held(s, c, np.column_stack([drive, drive]))
-    stuck = np.concatenate([[False], (states[1:, state.V_X] == 0.0) & (states[1:, state.V_Y] == 0.0), [False]])
+    stuck = np.concatenate([[False], (states.V_X[1:] == 0.0) & (states.V_Y[1:] == 0.0), [False]])
     edges = np.flatnonzero(stuck[1:] != stuck[:-1]).reshape(-1, 2) * 0.01
     assert len(edges) == len(period.stick_phases)
     # A phase starts and ends on a step, and the motion before it is right to 1e-3 x0 at 1 x0 per unit or less.
     assert edges == pytest.approx(np.array(period.stick_phases), abs=0.03)
 
 
-def slip_once(push: float, h: float, duration: float) -> tuple[np.ndarray, np.ndarray]:
-    """One axis of a flat sample: states from rest under a constant drive of `push` along x, and the constants."""
-    c = constants(h, sample__beta=0.0)
-    s, _ = rest(c, Z_R)
+def slip_once(push: float, h: float, duration: float) -> tuple[Any, Bench]:
+    """One axis of a flat sample: states from rest under a constant drive of `push` along x, and the plant."""
+    c = bench(h, sample__beta=0.0)
+    s, _ = c.rest(Z_R)
     return held(s, c, np.tile([push, 0.0], (round(duration / h), 1))), c
 
 
 def test_a_slip_under_constant_drive_lasts_half_a_damped_period():
     h = 0.001
     states, c = slip_once(16.0, h, 20.0)
-    p = named(c)
-    slipping = np.flatnonzero(states[:, state.V_X] != 0.0)
+    p = c.p
+    slipping = np.flatnonzero(states.V_X != 0.0)
     duration = (slipping[-1] - slipping[0] + 1) * h
     # It starts within the first and stops within the last step.
     assert duration == pytest.approx(math.pi / (p.eta_x * math.sqrt(1.0 - p.xi_x**2)), abs=2.0 * h)
@@ -111,19 +111,19 @@ def test_a_slip_under_constant_drive_lasts_half_a_damped_period():
 def test_a_slip_under_constant_drive_overshoots_by_the_damping_of_half_a_period():
     push = 16.0
     states, c = slip_once(push, 0.01, 20.0)
-    p = named(c)
-    f = states[1, state.F_MAX]
+    p = c.p
+    f = states.F_max[1]
     overshoot = math.exp(-math.pi * p.xi_x / math.sqrt(1.0 - p.xi_x**2))
     # Second order in the step: (eta h)^2 / 24 = 7e-7 in the period, less in the distance.
-    assert states[-1, state.X] == pytest.approx((push - f) / p.eta_x**2 * (1.0 + overshoot), rel=1e-6)
+    assert states.X[-1] == pytest.approx((push - f) / p.eta_x**2 * (1.0 + overshoot), rel=1e-6)
 
 
 def test_a_square_drive_gives_stick_slip_of_the_closed_form_swing():
     h, half, swings = 0.01, 12.0, 80
-    c = constants(h, sample__beta=0.0)
-    p = named(c)
-    s, _ = rest(c, Z_R)
-    f = s[state.F_MAX]
+    c = bench(h, sample__beta=0.0)
+    p = c.p
+    s, _ = c.rest(Z_R)
+    f = s.F_max
     push = 1.05 * f
     n = round(half / h)
     drives = np.zeros((2 * swings * n, 2))
@@ -132,41 +132,41 @@ def test_a_square_drive_gives_stick_slip_of_the_closed_form_swing():
     # Every slip from -A ends at A: A = E + e (E + A), E = (push - f) / eta^2, e the damping of half a period.
     e = math.exp(-math.pi * p.xi_x / math.sqrt(1.0 - p.xi_x**2))
     swing = (push - f) / p.eta_x**2 * (1.0 + e) / (1.0 - e)
-    ends = states[n::n, state.X]
+    ends = states.X[n::n]
     # Left of the start after 160 slips: e^160 = 1e-8; second order of a slip's distance, 1e-6, over 1 - e = 0.11.
     assert np.abs(ends[-4:]) == pytest.approx(swing, rel=3e-5)
     assert np.sign(ends[-4:]).tolist() == [1.0, -1.0, 1.0, -1.0]
     # One slip of half a damped period per half period of the drive, exact rest for the remainder.
-    slipping = np.count_nonzero(states[-2 * n :, state.V_X]) * h
+    slipping = np.count_nonzero(states.V_X[-2 * n :]) * h
     assert slipping == pytest.approx(2.0 * math.pi / (p.eta_x * math.sqrt(1.0 - p.xi_x**2)), abs=4.0 * h)
 
 
 def test_below_friction_the_scanner_rests_exactly():
-    c = constants(0.01)
-    s, _ = rest(c, Z_R)
-    f = s[state.F_MAX]
+    c = bench(0.01)
+    s, _ = c.rest(Z_R)
+    f = s.F_max
     angle = np.linspace(0.0, 2.0 * np.pi, 5000)
     states = held(s, c, 0.999 * f * np.column_stack([np.cos(angle), np.sin(angle)]))
     # Rest is a velocity of exactly zero, not a creep: not one bit of the position changes.
-    assert not states[:, [state.V_X, state.V_Y]].any()
-    assert not states[:, [state.X, state.Y]].any()
+    assert not columns(states, "V_X", "V_Y").any()
+    assert not columns(states, "X", "Y").any()
     # Static friction is what the drive needs.
-    assert states[1:, state.F_X] == pytest.approx(0.999 * f * np.cos(angle), abs=1e-12)
+    assert states.F_x[1:] == pytest.approx(0.999 * f * np.cos(angle), abs=1e-12)
 
 
 def test_just_above_friction_the_scanner_slips():
-    c = constants(0.01)
-    s, _ = rest(c, Z_R)
-    states = held(s, c, np.tile([1.001 * s[state.F_MAX], 0.0], (2, 1)))
-    assert states[1, state.V_X] > 0.0
+    c = bench(0.01)
+    s, _ = c.rest(Z_R)
+    states = held(s, c, np.tile([1.001 * s.F_max, 0.0], (2, 1)))
+    assert states.V_X[1] > 0.0
 
 
-def one_step(angle: float, ratio: float, X: float, Y: float) -> tuple[np.ndarray, np.ndarray, float]:
+def one_step(angle: float, ratio: float, X: float, Y: float) -> tuple[Any, np.ndarray, float]:
     """State after a step from rest at (X, Y) under a force of `ratio` times friction; that force; friction's bound."""
-    c = constants(0.001)
-    p = named(c)
-    s, _ = rest(c, Z_R)
-    s[[state.X, state.Y]] = X, Y
+    c = bench(0.001)
+    p = c.p
+    s, _ = c.rest(Z_R)
+    s.X, s.Y = X, Y
     f = paper_lateral(load(c)).friction(X, Y)
     force = ratio * f * np.array([math.cos(angle), math.sin(angle)])
     # Unequal axes: the springs take a different part of the drive on each.
@@ -181,8 +181,8 @@ angles, places = st.floats(0.0, 2.0 * math.pi), st.floats(-100.0, 100.0)
 def test_at_rest_within_the_disc_friction_is_the_applied_force_and_nothing_moves(angle, ratio, X, Y):
     after, force, f = one_step(angle, ratio, X, Y)
     # Case (ii) of the paper. Forces of up to 30 units cancel.
-    assert after[[state.F_X, state.F_Y]] == pytest.approx(force, abs=1e-13 * f + 1e-12)
-    assert after[[state.X, state.Y, state.V_X, state.V_Y]].tolist() == [X, Y, 0.0, 0.0]
+    assert columns(after, "F_x", "F_y") == pytest.approx(force, abs=1e-13 * f + 1e-12)
+    assert columns(after, "X", "Y", "V_X", "V_Y").tolist() == [X, Y, 0.0, 0.0]
 
 
 @given(angles, st.floats(1.0 + 1e-9, 2.0), places, places)
@@ -190,9 +190,9 @@ def test_where_slip_begins_friction_lies_along_the_applied_force_in_two_dimensio
     after, force, f = one_step(angle, ratio, X, Y)
     direction = force / (ratio * f)
     # Case (iii) of the paper: size f along F_a, and the motion starts along it too, as both components of what is left.
-    assert after[[state.F_X, state.F_Y]] == pytest.approx(f * direction, abs=1e-11)
-    p = named(constants(0.001))
-    gained = after[[state.V_X, state.V_Y]] * [1.0 + p.h * p.xi_x * p.eta_x, 1.0 + p.h * p.xi_y * p.eta_y] / p.h
+    assert columns(after, "F_x", "F_y") == pytest.approx(f * direction, abs=1e-11)
+    p = bench(0.001).p
+    gained = columns(after, "V_X", "V_Y") * [1.0 + p.h * p.xi_x * p.eta_x, 1.0 + p.h * p.xi_y * p.eta_y] / p.h
     assert gained == pytest.approx((ratio - 1.0) * f * direction, abs=1e-11)
 
 
@@ -208,7 +208,7 @@ def test_the_reference_agrees_with_itself_under_other_settings(period, monkeypat
     for name, value in settings.items():
         monkeypatch.setattr(oracle, name, value)
     again = event_driven(
-        paper_lateral(load(constants(0.01))),
+        paper_lateral(load(bench(0.01))),
         lambda t: (AMPLITUDE * math.sin(OMEGA * t),) * 2,
         lambda t: (AMPLITUDE * OMEGA * math.cos(OMEGA * t),) * 2,
         np.arange(141.0),  # three rests and three slips

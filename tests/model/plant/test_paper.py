@@ -1,72 +1,71 @@
 """Claims about the paper's six-state plant and its three treatments of z."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from afm_model.plant import Z_COMPUTED, Z_UNIFORM, rest, state, step_paper
-
 from .. import session
-from ..rolling import constants, held, named
+from ..rolling import bench, computed, drawn, held
 
 SETPOINT = {"reference.z_r": 1e-9, "plant.control_period": 5e-6}
 OPEN_LOOP = {"law.kind": "open_loop"}
 
 
-def states_of(values: dict[str, object], seconds: float, law: dict[str, object]) -> np.ndarray:
+def measurements_of(values: dict[str, object], seconds: float, law: dict[str, object]) -> Any:
     """Measurements of a short run."""
     return session.joined(session.run(session.instrument(values), session.controller(law), seconds))[0]
 
 
 def test_held_tip_stays_at_the_setpoint_and_its_load_is_static():
-    c = constants(0.01)
-    p = named(c)
-    s, _ = rest(c, 0.01)
+    c = bench(0.01)
+    p = c.p
+    s, _ = c.rest(0.01)
     states = held(s, c, np.tile([20.0, 15.0], (2000, 1)))
-    assert (states[:, state.Q] == 0.01).all()
-    assert not states[:, state.V_Q].any()
-    assert states[1:, state.N] == pytest.approx(p.eta_c**2 * 0.01 + p.w, rel=1e-14)
-    assert np.ptp(states[:, state.X]) > 10.0
+    assert (states.Q == 0.01).all()
+    assert not states.V_Q.any()
+    assert states.N[1:] == pytest.approx(p.eta_c**2 * 0.01 + p.w, rel=1e-14)
+    assert np.ptp(states.X) > 10.0
 
 
 def test_held_friction_is_the_printed_law_at_the_curvature_of_the_place():
-    c = constants(0.01)
-    p = named(c)
-    s, _ = rest(c, 0.01)
+    c = bench(0.01)
+    p = c.p
+    s, _ = c.rest(0.01)
     states = held(s, c, np.tile([20.0, 15.0], (500, 1)))
     # The step takes the sample at its middle.
-    X, Y = (0.5 * (states[:-1, i] + states[1:, i]) for i in (state.X, state.Y))
-    rho = 1.0 / (1.0 + 0.25 * p.beta * np.sin(0.5 * X) * np.sin(0.5 * Y) * p.r)
+    X, Y = (0.5 * (states[name][:-1] + states[name][1:]) for name in "XY")
+    rho = 1.0 / (1.0 + 0.25 * c.sample.beta * np.sin(0.5 * X) * np.sin(0.5 * Y) * p.r)
     load = p.eta_c**2 * 0.01 + p.w
     law = p.f_s * rho ** (4.0 / 3.0) * (1.0 + np.sqrt(1.0 + load / (p.L_s * rho))) ** (4.0 / 3.0)
     # Half drift, kick, half drift: the middle is the mean of a motion that the kick bends by h^2 f / 4 = 3e-4 x0.
-    assert states[1:, state.F_MAX] == pytest.approx(law, rel=1e-4)
+    assert states.F_max[1:] == pytest.approx(law, rel=1e-4)
 
 
 def test_sample_height_follows_equation_3_of_the_paper():
-    c = constants(0.001)
-    p = named(c)
-    s, _ = rest(c, 0.01)
+    c = bench(0.001)
+    p = c.p
+    s, _ = c.rest(0.01)
     states = held(s, c, np.tile([20.0, 15.0], (5000, 1)))
-    H = p.beta * np.sin(0.5 * states[:, state.X]) * np.sin(0.5 * states[:, state.Y])
+    H = c.sample.beta * np.sin(0.5 * states.X) * np.sin(0.5 * states.Y)
     rho = 1.0 / (1.0 + 0.25 * H * p.r)
     # delta = (a^2 / R_e) (1 - (2/3) (a_0 / a)^(3/2)) of section 1, a/a_0 = ((1 + sqrt(1 + L)) / 2)^(2/3).
     ratio = (0.5 * (1.0 + np.sqrt(1.0 + (p.eta_c**2 * 0.01 + p.w) / (p.L_s * rho)))) ** (2.0 / 3.0)
     delta = p.delta_0 * rho ** (1.0 / 3.0) * ratio**2 * (1.0 - 2.0 / 3.0 * ratio**-1.5)
-    assert states[:, state.Z] == pytest.approx(0.01 - H + delta, abs=1e-14)
+    assert states.Z == pytest.approx(0.01 - H + delta, abs=1e-14)
     # Its rate is that of the sample's slope alone, delta' dropped; central differences err by (k v h)^2 / 6 = 7e-5.
-    assert np.gradient(0.01 - H, p.h)[1:-1] == pytest.approx(states[1:-1, state.V_Z], abs=3e-4)
+    assert np.gradient(0.01 - H, p.h)[1:-1] == pytest.approx(states.V_Z[1:-1], abs=3e-4)
 
 
 def test_over_a_flat_sample_both_plants_move_alike():
     flat = SETPOINT | {"sample.beta": 0.0}
-    compliant = states_of(flat, 0.05, OPEN_LOOP)
+    compliant = measurements_of(flat, 0.05, OPEN_LOOP)
     for z in ("held", "computed"):
-        paper = states_of(flat | {"plant.kind": "paper", "plant.z": z}, 0.05, OPEN_LOOP)
+        paper = measurements_of(flat | {"plant.kind": "paper", "plant.z": z}, 0.05, OPEN_LOOP)
         # Scanner and deflection [m] over 25 nm; the friction bound differs by round-off of two different formulas.
-        assert paper[:, 5:8] == pytest.approx(compliant[:, 5:8], abs=1e-19)
-        assert np.ptp(compliant[:, 5]) > 10e-9
+        assert paper.position == pytest.approx(compliant.position, abs=1e-19)
+        assert np.ptp(compliant.position[:, 0]) > 10e-9
 
 
 def gap_between_plants(stiffer: float, dt: float) -> np.ndarray:
@@ -82,10 +81,10 @@ def gap_between_plants(stiffer: float, dt: float) -> np.ndarray:
         "reference.omega_y": 500.0,
     }
     law = {"law.alpha": 5.0}
-    compliant = states_of(values, 3e-3, law)
-    paper = states_of(values | {"plant.kind": "paper"}, 3e-3, law)
-    gap = np.abs(compliant - paper).max(axis=0)
-    return gap[[5, 6, 0]] / [session.X0, session.X0, session.Z0]
+    compliant = measurements_of(values, 3e-3, law)
+    paper = measurements_of(values | {"plant.kind": "paper"}, 3e-3, law)
+    lateral = np.abs(compliant.position - paper.position).max(axis=0)[:2] / session.X0
+    return np.append(lateral, np.abs(compliant.deflection - paper.deflection).max() / session.Z0)
 
 
 def test_both_plants_agree_over_bumps_in_the_limit_of_a_stiff_contact():
@@ -98,22 +97,15 @@ def test_both_plants_agree_over_bumps_in_the_limit_of_a_stiff_contact():
 
 def test_computed_treatment_obeys_equations_2_and_5_of_the_paper():
     h = 1e-3
-    c = constants(h)
-    p = named(c)
-    record = p
-    s, u_z = rest(c, 0.01)
-    s[[state.V_X, state.V_Y]] = 3.0, 2.0
-    rows = [s.copy()]
-    for _ in range(400):
-        step_paper(s, record, 5.0, 4.0, u_z, Z_COMPUTED, 0.0)
-        rows.append(s.copy())
-    t = np.array(rows)
+    c = bench(h)
+    p = c.p
+    s, u_z = c.rest(0.01)
+    s.V_X, s.V_Y = 3.0, 2.0
+    t = computed(s, c, np.tile([5.0, 4.0, u_z], (400, 1)))
     # Accelerations by differences of the rates, everything else at the middle of the steps.
-    Q, V_Q, X, Y, V_X, V_Y = (
-        0.5 * (t[:-1, i] + t[1:, i]) for i in (state.Q, state.V_Q, state.X, state.Y, state.V_X, state.V_Y)
-    )
-    Q2, X2, Y2 = (np.diff(t[:, i]) / h for i in (state.V_Q, state.V_X, state.V_Y))
-    k, b = 0.5, p.beta
+    Q, V_Q, X, Y, V_X, V_Y = (0.5 * (t[name][:-1] + t[name][1:]) for name in ("Q", "V_Q", "X", "Y", "V_X", "V_Y"))
+    Q2, X2, Y2 = (np.diff(t[name]) / h for name in ("V_Q", "V_X", "V_Y"))
+    k, b = 0.5, c.sample.beta
     sx, cx, sy, cy = np.sin(k * X), np.cos(k * X), np.sin(k * Y), np.cos(k * Y)
     H = b * sx * sy
     H1 = b * k * (cx * sy * V_X + sx * cy * V_Y)
@@ -127,30 +119,26 @@ def test_computed_treatment_obeys_equations_2_and_5_of_the_paper():
     # Midpoint against midpoint: second order in h = 1e-3, times second derivatives of up to 10.
     assert left == pytest.approx(right, abs=1e-5)
     assert np.abs(right).max() > 0.1
-    assert t[1:, state.N] == pytest.approx(Q2 + load, abs=1e-5)
+    assert t.N[1:] == pytest.approx(Q2 + load, abs=1e-5)
 
 
 def test_drawn_treatment_is_the_error_dynamics_of_section_3():
     h = 1e-3
-    c = constants(h)
-    p = named(c)
-    s, _ = rest(c, 0.01)
+    c = bench(h)
+    p = c.p
+    s, _ = c.rest(0.01)
     f_z, u_z = 0.03, 0.02
-    rows = [s.copy()]
-    for _ in range(400):
-        step_paper(s, p, 0.0, 0.0, u_z, Z_UNIFORM, f_z)
-        rows.append(s.copy())
-    t = np.array(rows)
-    Q, V_Q = (0.5 * (t[:-1, i] + t[1:, i]) for i in (state.Q, state.V_Q))
+    t = drawn(s, c, np.tile([0.0, 0.0, u_z], (400, 1)), f_z)
+    Q, V_Q = (0.5 * (t[name][:-1] + t[name][1:]) for name in ("Q", "V_Q"))
     inertia = 1.0 + 1.0 / p.mu
     control = (u_z - (p.eta_z**2 + p.eta_c**2 / p.mu) * Q - 2.0 * p.xi_z * p.eta_z * V_Q) / inertia
-    assert np.diff(t[:, state.V_Q]) / h == pytest.approx(control + f_z, abs=1e-7)  # second order in h
+    assert np.diff(t.V_Q) / h == pytest.approx(control + f_z, abs=1e-7)  # second order in h
 
 
 def test_drawn_f_z_is_uniform_within_its_bound_and_repeats_with_the_seed():
     def heights(seed: int) -> np.ndarray:
         values = {"plant.kind": "paper", "plant.z": "uniform", "plant.seed": seed, "sample.beta": 0.0}
-        return states_of(values, 4e-3, {})[:, 1] / (session.Z0 * 1e4)
+        return measurements_of(values, 4e-3, {}).deflection_rate / (session.Z0 * 1e4)
 
     rates = heights(1)
     np.testing.assert_array_equal(rates, heights(1))
@@ -160,11 +148,10 @@ def test_drawn_f_z_is_uniform_within_its_bound_and_repeats_with_the_seed():
 
 
 def test_paper_plant_never_loses_contact():
-    c = constants(0.01)
-    p = named(c)
-    s, _ = rest(c, 0.0)
-    for _ in range(3000):
-        step_paper(s, p, 0.0, 0.0, -2.0, Z_COMPUTED, 0.0)
-    assert s[state.CONTACT] == 1.0
-    assert s[state.N] < -p.L_s  # adhesion would have failed: this plant has no such state
-    assert math.isfinite(s[state.Q])
+    c = bench(0.01)
+    p = c.p
+    s, _ = c.rest(0.0)
+    s = computed(s, c, np.tile([0.0, 0.0, -2.0], (3000, 1)))[-1]
+    assert s.contact == 1.0
+    assert s.N < -p.L_s  # adhesion would have failed: this plant has no such state
+    assert math.isfinite(s.Q)

@@ -1,0 +1,186 @@
+"""The instrument's memory: one float64 array, laid out from the records of the chosen parts.
+
+In order: the header, which tells where everything else stands; the loop's own record; constants of the parts; what is
+recorded of a tick (states of the parts, measurement, applied drive); what travels inside a tick; sums of the score;
+places of the channels; the line of drives on their way; the map of the sample.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import detector, fault, onboard, piezo, plant, program, sample
+from ..errors import ParameterError, PartError
+from ..parameters import InstrumentParameters
+from ..parts.assembly import Assembled, assembled
+from ..parts.header import HEADER
+from ..parts.part import Channel, Part
+from ..records import place, record, record_at, size
+from ..signals import DETECTION, DRIVE, MEASUREMENT, SURFACE, TRUTH
+from .score import SUMS
+
+FAMILIES: dict[str, tuple[Part, ...]] = {
+    "plant": plant.PARTS,
+    "detector": detector.PARTS,
+    "piezo": piezo.PARTS,
+    "onboard": onboard.PARTS,
+    "sample": sample.PARTS,
+    "program": program.PARTS,
+    "fault": fault.PARTS,
+}
+"""Families inside the instrument, in the order of their states in the hash: that of the plant comes first."""
+GROUPS = {family: "reference" if family == "program" else family for family in FAMILIES}
+"""Group of parameters in which a part is chosen."""
+
+LOOP = record(
+    "k",  # control tick since the start
+    "row",  # its row in the block that is recorded
+    "draw",  # its row in the random numbers
+    "done",  # ticks done in the last call
+    "substeps",  # integration steps in a control period
+    "stride",  # integration steps in a period of the virtual ADC
+    "delay",  # control periods from a command to the piezo
+    "score_tick",  # first tick that is scored
+    "control_period",  # [s]
+    "period_ns",  # the same [ns]
+    "sample_period",  # of the virtual ADC [s]
+    "drive_lsb",  # [V]
+    "drive_limit",
+    "deflection_sensitivity",  # [m/V]
+    "lateral_sensitivity",  # [N/V]
+    "position_noise",  # [m]
+    integers=("k", "row", "draw", "done", "substeps", "stride", "delay", "score_tick"),
+)
+
+_STANDARD = (
+    Channel("deflection", "m", "detection.deflection_voltage", lambda p: float(p.detector.deflection_sensitivity)),
+    Channel("lateral_force", "N", "detection.lateral_voltage", lambda p: float(p.detector.lateral_sensitivity)),
+    Channel("truth/lateral_force_y", "N", "truth.friction.y"),
+    Channel("truth/normal_force", "N", "truth.normal_force"),
+)
+"""Sampled in every run."""
+_MORE = (
+    *(Channel(f"truth/position_{axis}", "m", f"truth.position.{axis}") for axis in "xyz"),
+    *(Channel(f"truth/velocity_{axis}", "m/s", f"truth.velocity.{axis}") for axis in "xyz"),
+    Channel("truth/tip_height", "m", "truth.tip_height"),
+    Channel("truth/tip_rate", "m/s", "truth.tip_rate"),
+    Channel("truth/lateral_force_x", "N", "truth.friction.x"),
+    Channel("truth/friction_bound", "N", "truth.friction_bound"),
+    Channel("truth/contact", "1", "truth.contact"),
+    Channel("truth/stuck", "1", "truth.stuck"),
+    *(Channel(f"truth/piezo_{axis}", "V", f"effective.voltage.{axis}") for axis in "xyz"),
+)
+"""What can be sampled besides, by detector.channels."""
+
+
+class Layout:
+    """Where everything stands in the block of an instrument with these parameters.
+
+    Raises
+    ------
+    ParameterError
+        If a part is not known, or a channel.
+    PartError
+        If a part cannot be compiled.
+    """
+
+    def __init__(self, parameters: InstrumentParameters) -> None:
+        self.parts: dict[str, Assembled] = {
+            family: assembled(family, getattr(parameters, GROUPS[family]).kind, FAMILIES) for family in FAMILIES
+        }
+        self.places: dict[str, int] = {}
+        self._records: dict[str, tuple[int, np.dtype[Any]]] = {}
+        self._end = size(HEADER)
+        self._add("loop", LOOP)
+        for family, each in self.parts.items():
+            self.places |= each.places
+            self._add(f"{family}_constants", each.part.constants)
+        self.places["hashed"] = self._end
+        for family, each in self.parts.items():
+            self._add(f"{family}_state", each.part.state)
+        self.places["hashed_end"] = self._end
+        self._add("measurement", MEASUREMENT)
+        for name in ("applied", "commanded", "regulated", "effective"):
+            self._add(name, DRIVE)
+        self._add("truth", TRUTH)
+        self._add("detection", DETECTION)
+        self._add("surface", SURFACE)
+        self._add("score", SUMS)
+        self.channels = self._channels(parameters)
+        self.places["channel_count"] = len(self.channels)
+        self.places["channels"] = self._reserve(len(self.channels))
+        self.places["line"] = self._reserve(3 * parameters.plant.delay_ticks)
+        self._map = _map_of(self.parts["sample"], parameters)
+        self.places["sample_map"] = self._reserve(self._map.size)
+        self.size = self._end
+        # A row of the random numbers.
+        draws = {family: each.part.draws for family, each in self.parts.items()}
+        samples = round(parameters.plant.control_period / parameters.detector.sample_period)
+        widths = {"disturbance": draws["plant"], "position_noise": 3, "noise": 2 * samples, "faults": draws["fault"]}
+        self.draws = 0
+        for name, width in widths.items():
+            self.places[name] = self.draws
+            self.draws += width
+        self.places["draws"] = self.draws
+
+    def _reserve(self, count: int) -> int:
+        index, self._end = self._end, self._end + count
+        return index
+
+    def _add(self, name: str, dtype: np.dtype[Any]) -> None:
+        self.places[name] = self._reserve(size(dtype))
+        self._records[name] = (self.places[name], dtype)
+
+    def _channels(self, parameters: InstrumentParameters) -> tuple[Channel, ...]:
+        known = {channel.name: channel for channel in _MORE}
+        for family, each in self.parts.items():
+            known |= {
+                channel.name: Channel(channel.name, channel.unit, f"{family}_state.{channel.field}", channel.scale)
+                for channel in each.part.channels
+            }
+        wanted = [name.strip() for name in parameters.detector.channels.split(",") if name.strip()]
+        if unknown := [name for name in wanted if name not in known]:
+            raise ParameterError(
+                f"detector.channels = {parameters.detector.channels} is not allowed: there is no channel "
+                f"{', '.join(unknown)}; there are {', '.join(known)}"
+            )
+        return (*_STANDARD, *(known[name] for name in dict.fromkeys(wanted)))
+
+    def place(self, field: str) -> int:
+        """Where the number `record.field`, or `record.vector.x`, stands."""
+        name, *path = field.split(".")
+        start, dtype = self._records[name]
+        if path[0] not in (dtype.names or ()):
+            raise PartError(f"{name} has no field {path[0]}: it has {', '.join(dtype.names or ())}")
+        return start + place(dtype, path[0]) + ("xyz".index(path[1]) if len(path) > 1 else 0)
+
+    def make(self, parameters: InstrumentParameters) -> NDArray[np.float64]:
+        """A block with header, constants and map; everything else is zero."""
+        block = np.zeros(self.size)
+        header = record_at(block, 0, HEADER)
+        for name in HEADER.names or ():
+            header[name] = self.places[name]
+        for family, each in self.parts.items():
+            each.fill_constants(block, self.places[f"{family}_constants"], parameters)
+        for number, channel in enumerate(self.channels):
+            block[self.places["channels"] + number] = self.place(channel.field)
+        block[self.places["sample_map"] : self.places["sample_map"] + self._map.size] = self._map
+        return block
+
+    def record(self, block: NDArray[np.float64], name: str) -> Any:
+        """A record of the block by name."""
+        return record_at(block, *self._records[name])
+
+    def array(self, block: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+        """The numbers of a record."""
+        start, dtype = self._records[name]
+        return block[start : start + size(dtype)]
+
+
+def _map_of(each: Assembled, parameters: InstrumentParameters) -> NDArray[np.float64]:
+    """Map of the sample, or none."""
+    make = getattr(each.part, "map", None)
+    if make is None:
+        return np.zeros(0)
+    return np.ascontiguousarray(make(parameters), np.float64).reshape(-1)

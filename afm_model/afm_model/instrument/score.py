@@ -1,0 +1,150 @@
+"""The score of a run: running sums kept by the compiled loop, and the one list of what a score holds."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import registry
+from ..jit import kernel
+from ..parameters import InstrumentParameters
+from ..records import Block, record, record_at
+
+_Array = NDArray[np.float64]
+
+SUMS = record(
+    "ticks",
+    "steps",
+    "stuck_steps",
+    "phases",
+    "was_stuck",
+    "lost_steps",
+    "square",  # sum of squared errors [m^2]
+    "largest",  # largest error [m]
+    "variation",  # total variation of the drive [V]
+    "extent",  # largest position [m]
+    "friction_low",  # [N]
+    "friction_high",
+    "normal_low",
+    "normal_high",
+    vectors=("square", "largest", "variation", "extent"),
+)
+
+
+@kernel
+def count_tick(t: Any, o: Any, y: Any, du_x: float, du_y: float, du_z: float) -> None:
+    """Count a control tick into the sums t: true tracking errors at its measurement y, change of the drive [V]."""
+    for axis in range(3):
+        if axis == 0:
+            position, du = o.position[0], du_x
+        elif axis == 1:
+            position, du = o.position[1], du_y
+        else:
+            position, du = o.tip_height, du_z
+        e = position - y.reference_position[axis]
+        t.square[axis] += e * e
+        t.largest[axis] = max(t.largest[axis], abs(e))
+        t.extent[axis] = max(t.extent[axis], abs(position))
+        # The first scored drive starts the variation.
+        if t.ticks > 0.0:
+            t.variation[axis] += abs(du)
+    t.ticks += 1.0
+
+
+@kernel
+def count_step(t: Any, o: Any) -> None:
+    """Count one integration step into the sums t: stick, contact, ranges of friction and of the normal force."""
+    if o.stuck != 0.0:
+        t.stuck_steps += 1.0
+        if t.was_stuck == 0.0:
+            t.phases += 1.0
+    t.was_stuck = o.stuck
+    if o.contact == 0.0:
+        t.lost_steps += 1.0
+    if t.steps == 0.0:
+        t.friction_low = t.friction_high = o.friction_bound
+        t.normal_low = t.normal_high = o.normal_force
+    t.friction_low = min(t.friction_low, o.friction_bound)
+    t.friction_high = max(t.friction_high, o.friction_bound)
+    t.normal_low = min(t.normal_low, o.normal_force)
+    t.normal_high = max(t.normal_high, o.normal_force)
+    t.steps += 1.0
+
+
+@dataclass(frozen=True)
+class ScoreSummary:
+    """The scored part of a run, SI units. Arrays of three are x, y, z; NaN where there is nothing to tell.
+
+    Names and order are those of afm_msgs/Score.
+    """
+
+    ticks: int
+    rms: _Array  # tracking error [m]
+    max: _Array  # [m]
+    max_percent: _Array  # the same as a percentage of the reference's amplitude, z: of the sample's
+    drive_total_variation: _Array  # [V/s]
+    extent: _Array  # largest |position| of x, y and of the tip height [m]
+    stick_phases: int
+    stick_fraction: float
+    contact_fraction: float
+    friction: tuple[float, float]  # range of the friction bound [N]
+    normal_force: tuple[float, float]  # [N]
+
+
+VECTORS = tuple(each.name for each in fields(ScoreSummary) if each.type in ("_Array", _Array))
+"""Fields that are x, y, z."""
+RANGES = tuple(each.name for each in fields(ScoreSummary) if str(each.type).startswith("tuple"))
+"""Fields that are least and largest."""
+COUNTS = tuple(each.name for each in fields(ScoreSummary) if each.type in ("int", int))
+"""Fields that are whole numbers."""
+
+
+def columns() -> list[str]:
+    """Names of a score's numbers in a flat table: vectors as `rms_x`, ranges as `friction_low`."""
+    names: list[str] = []
+    for each in fields(ScoreSummary):
+        if each.name in VECTORS:
+            names += [f"{each.name}_{axis}" for axis in "xyz"]
+        elif each.name in RANGES:
+            names += [f"{each.name}_{end}" for end in ("low", "high")]
+        else:
+            names.append(each.name)
+    return names
+
+
+def row(score: ScoreSummary) -> dict[str, float | int]:
+    """The numbers of a score by the names of `columns`."""
+    values: list[float | int] = []
+    for each in fields(ScoreSummary):
+        value = getattr(score, each.name)
+        values += [float(number) for number in value] if each.name in (*VECTORS, *RANGES) else [value]
+    return dict(zip(columns(), values, strict=True))
+
+
+def summarize(block: Block, index: int, parameters: InstrumentParameters) -> ScoreSummary:
+    """Score of a run from its running sums, which stand at `block[index]`."""
+    t = record_at(block, index, SUMS).copy()
+    height = registry.find("sample", parameters.sample.kind).height(parameters)
+    amplitude = np.abs([*parameters.reference.amplitude, height])
+    ticks, steps = np.float64(t.ticks), np.float64(t.steps)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # What nothing was counted for is not zero but not known.
+        if not ticks:
+            for name in SUMS.names or ():
+                t[name] = np.nan
+            t.phases = 0.0
+        largest = np.array(t.largest)
+        return ScoreSummary(
+            ticks=int(ticks),
+            rms=np.sqrt(t.square / ticks),
+            max=largest,
+            max_percent=np.where(amplitude > 0.0, 100.0 * largest / amplitude, np.nan),
+            drive_total_variation=t.variation / (ticks * parameters.plant.control_period),
+            extent=np.array(t.extent),
+            stick_phases=int(t.phases),
+            stick_fraction=float(t.stuck_steps / steps),
+            contact_fraction=float(1.0 - t.lost_steps / steps),
+            friction=(float(t.friction_low), float(t.friction_high)),
+            normal_force=(float(t.normal_low), float(t.normal_high)),
+        )

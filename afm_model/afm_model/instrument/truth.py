@@ -1,0 +1,26 @@
+"""What the plant was doing at recorded states."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import kernel
+from ..parts.header import HEADER
+from ..plant import tell
+from ..records import Block, record_at, size
+from ..signals import TRUTH
+
+_SIZE = size(TRUTH)
+
+
+@kernel
+def truth_of_rows(states: NDArray[np.float64], m: Block) -> NDArray[np.float64]:
+    """Truth (rows, numbers of TRUTH) of states (rows, numbers), each put into the block m in turn."""
+    g = record_at(m, 0, HEADER)
+    told = np.zeros((len(states), _SIZE))
+    for row in range(len(states)):
+        for i in range(states.shape[1]):
+            m[g.hashed + i] = states[row, i]
+        tell(record_at(m, g.truth, TRUTH), m)
+        for i in range(_SIZE):
+            told[row, i] = m[g.truth + i]
+    return told

@@ -1,0 +1,39 @@
+"""Control laws and their Lyapunov analysis."""
+
+from typing import Any
+
+from ..jit import kernel
+from ..parts.call import call
+from ..parts.header import LAW_HEADER
+from ..records import Block, pointer_at, record_at
+from ..registry import register
+from . import paper
+from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
+from .paper import PaperLaw
+
+EXTERNAL = -2
+"""Number of the law that is not here: the drive comes from elsewhere."""
+PARTS = paper.PARTS
+register(*PARTS)
+
+
+@kernel
+def control(t: float, y: Any, u: Any, law: Block) -> None:
+    """Write into the record u of DRIVE what the law of the block `law` answers to measurement y of time t [s]."""
+    g = record_at(law, 0, LAW_HEADER)
+    if 0 <= g.law < 3:
+        paper.control(t, y, u, record_at(law, g.law_constants, paper.CONSTANTS), 0)
+    elif g.law != EXTERNAL:
+        call(g.law_control, (t, y, u, pointer_at(law, g.law_constants), pointer_at(law, g.law_state)))
+
+
+__all__ = [
+    "EXTERNAL",
+    "PARTS",
+    "TANH_GAP",
+    "PaperLaw",
+    "control",
+    "error_matrix",
+    "lyapunov_matrix",
+    "ultimate_bound",
+]

@@ -1,0 +1,155 @@
+"""The paper's control laws, docs/theory.md (28), from a measurement in SI to a piezo drive in volts."""
+
+import math
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.groups import LawParameters
+from ..parts.part import Law, Numbers
+from ..records import record
+from ..schema import NonNegative, Positive
+from .lyapunov import lyapunov_matrix
+
+if TYPE_CHECKING:
+    from ..parameters import ControllerParameters
+
+OPEN_LOOP, SGN, TANH = range(3)
+KINDS = {"open_loop": OPEN_LOOP, "sgn": SGN, "tanh": TANH}
+
+
+class PaperLaw(LawParameters):
+    """Law and gains, in the paper's nondimensional units. All may change while the controller runs."""
+
+    kind: str = Field(
+        "tanh", description="open_loop: U = reference; sgn: the paper's (6); tanh: sgn replaced by tanh(alpha s)"
+    )
+    c_x: Positive = Field(1.0, description="position gain along x")
+    cdot_x: Positive = Field(1.0, description="velocity gain along x")
+    c_y: Positive = Field(1.0, description="position gain along y")
+    cdot_y: Positive = Field(1.0, description="velocity gain along y")
+    c_z: Positive = Field(2.0, description="position gain along z")
+    cdot_z: Positive = Field(3.0, description="velocity gain along z")
+    M_x: NonNegative = Field(15.0, description="switching gain along x, a bound on |f_x|")
+    M_y: NonNegative = Field(15.0, description="switching gain along y, a bound on |f_y|")
+    M_z: NonNegative = Field(0.05, description="switching gain along z, a bound on |f_z|")
+    alpha: Positive = Field(
+        10.0,
+        description="steepness of tanh along x and y; with the other gains as they are it chatters beyond "
+        "0.2 / (w0 plant.control_period), see docs/theory.md C17",
+    )
+    alpha_z: Positive = Field(10.0, description="steepness of tanh along z")
+    z_rate: Literal["sample", "tip"] = Field(
+        "sample", description="rate fed back along z: of the sample (piezo sensor) or of the tip (deflection)"
+    )
+
+
+_AXIS = ("c", "cdot", "p2", "p4", "M", "alpha", "eta", "xi", "volts")
+CONSTANTS = record(
+    "kind", "tip_rate", *(f"{name}_{axis}" for axis in "xyz" for name in _AXIS), "eta_c", "mu", "a", "x0", "z0", "w0"
+)
+"""Nondimensional gains; `volts_x` is the drive voltage per unit of U_x."""
+
+
+def _values(parameters: "ControllerParameters") -> Numbers:
+    law: Any = parameters.law
+    scanner, scales = parameters.scanner, parameters.scales
+    values: dict[str, float] = {
+        "kind": KINDS[law.kind],
+        "tip_rate": law.z_rate == "tip",
+        "eta_c": 2.0 * math.pi * parameters.cantilever.f_c / scales.w0,
+        "mu": scanner.mass_ratio,
+        "a": parameters.cantilever.a / scales.z0,
+        "x0": scales.x0,
+        "z0": scales.z0,
+        "w0": scales.w0,
+    }
+    for axis, length in (("x", scales.x0), ("y", scales.x0), ("z", scales.z0)):
+        c, cdot = getattr(law, f"c_{axis}"), getattr(law, f"cdot_{axis}")
+        P = lyapunov_matrix(c, cdot)
+        eta = 2.0 * math.pi * getattr(scanner, f"f_{axis}") / scales.w0
+        of_axis = {
+            "c": c,
+            "cdot": cdot,
+            "p2": P[0, 1],
+            "p4": P[1, 1],
+            "M": getattr(law, f"M_{axis}"),
+            "alpha": law.alpha_z if axis == "z" else law.alpha,
+            "eta": eta,
+            "xi": getattr(scanner, f"xi_{axis}"),
+            # Static displacement is U / eta^2 in units of length.
+            "volts": length / (eta**2 * getattr(parameters.piezo, f"sensitivity_{axis}")),
+        }
+        values |= {f"{name}_{axis}": float(value) for name, value in of_axis.items()}
+    return values
+
+
+@kernel
+def switching(kind: float, s: float, alpha: float) -> float:
+    """sgn(s), or tanh(alpha s) in its place."""
+    if kind == TANH:
+        return math.tanh(alpha * s)
+    if s > 0.0:
+        return 1.0
+    return -1.0 if s < 0.0 else 0.0
+
+
+@kernel
+def control(t: float, y: Any, u: Any, g: Any, s: Any) -> None:
+    """See `afm_model.parts.Law`.
+
+    open_loop: U_x = x_r, U_y = y_r as in section 4.1 of the paper; the z drive stays as it is.
+    sgn, tanh: docs/theory.md (28), (31), with v = -M sgn(s) or -M tanh(alpha s), s = p_2 e + p_4 e'.
+    """
+    x_r = y.reference_position[0] / g.x0
+    y_r = y.reference_position[1] / g.x0
+    if g.kind == OPEN_LOOP:
+        u.voltage[0] = g.volts_x * x_r
+        u.voltage[1] = g.volts_y * y_r
+        u.voltage[2] = y.drive[2]
+        return
+
+    speed = g.x0 * g.w0
+    acceleration = speed * g.w0
+
+    # x
+    x1 = y.position[0] / g.x0
+    x2 = y.velocity[0] / speed
+    e = x1 - x_r
+    e_rate = x2 - y.reference_velocity[0] / speed
+    v = -g.M_x * switching(g.kind, g.p2_x * e + g.p4_x * e_rate, g.alpha_x)
+    feedforward = y.reference_acceleration[0] / acceleration
+    u.voltage[0] = g.volts_x * (
+        -g.c_x * e - g.cdot_x * e_rate + feedforward + g.eta_x * g.eta_x * x1 + 2.0 * g.xi_x * g.eta_x * x2 + v
+    )
+
+    # y
+    x3 = y.position[1] / g.x0
+    x4 = y.velocity[1] / speed
+    e = x3 - y_r
+    e_rate = x4 - y.reference_velocity[1] / speed
+    v = -g.M_y * switching(g.kind, g.p2_y * e + g.p4_y * e_rate, g.alpha_y)
+    feedforward = y.reference_acceleration[1] / acceleration
+    u.voltage[1] = g.volts_y * (
+        -g.c_y * e - g.cdot_y * e_rate + feedforward + g.eta_y * g.eta_y * x3 + 2.0 * g.xi_y * g.eta_y * x4 + v
+    )
+
+    # z: the tip height z_c = a + deflection is driven to the setpoint
+    x5 = g.a + y.deflection / g.z0
+    rate = y.deflection_rate if g.tip_rate else y.velocity[2]
+    x6 = rate / (g.z0 * g.w0)
+    e = x5 - y.reference_position[2] / g.z0
+    v = -g.M_z * switching(g.kind, g.p2_z * e + g.p4_z * x6, g.alpha_z)
+    u.voltage[2] = g.volts_z * (
+        (g.eta_z * g.eta_z + g.eta_c * g.eta_c / g.mu) * x5
+        + 2.0 * g.xi_z * g.eta_z * x6
+        + (1.0 + 1.0 / g.mu) * (-g.c_z * e - g.cdot_z * x6 + v)
+    )
+
+
+def _law(name: str) -> Law:
+    return Law(name=name, parameters=PaperLaw, constants=CONSTANTS, values=_values, control=control)
+
+
+PARTS = tuple(_law(name) for name in KINDS)

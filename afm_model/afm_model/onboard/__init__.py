@@ -1,0 +1,25 @@
+"""Loops inside the instrument, at the rate of the virtual ADC."""
+
+from typing import Any
+
+from ..jit import kernel
+from ..parts.call import call
+from ..parts.groups import OnboardParameters
+from ..parts.header import HEADER
+from ..records import Block, pointer_at, record_at
+from ..registry import register
+from .none import NONE
+
+PARTS = (NONE,)
+register(*PARTS)
+
+
+@kernel
+def regulate(t: float, d: Any, r: Any, u: Any, m: Block) -> None:
+    """Let the onboard part of the block m change drive u; see `afm_model.parts.Onboard`."""
+    g = record_at(m, 0, HEADER)
+    if g.onboard != 0:
+        call(g.onboard_regulate, (t, d, r, u, pointer_at(m, g.onboard_constants), pointer_at(m, g.onboard_state)))
+
+
+__all__ = ["NONE", "PARTS", "OnboardParameters", "regulate"]

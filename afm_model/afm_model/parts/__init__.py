@@ -1,0 +1,41 @@
+"""Parts of the instrument, and what is needed to make one: docs/extending.md."""
+
+from ..jit import kernel
+from ..records import EMPTY, record
+from ..schema import Unit
+from .groups import (
+    DetectorParameters,
+    FaultParameters,
+    LawParameters,
+    OnboardParameters,
+    PiezoParameters,
+    PlantParameters,
+    ProgramParameters,
+    SampleParameters,
+)
+from .part import Channel, Detector, Fault, Law, Onboard, Part, Piezo, Plant, Program, Sample
+
+__all__ = [
+    "EMPTY",
+    "Channel",
+    "Detector",
+    "DetectorParameters",
+    "Fault",
+    "FaultParameters",
+    "Law",
+    "LawParameters",
+    "Onboard",
+    "OnboardParameters",
+    "Part",
+    "Piezo",
+    "PiezoParameters",
+    "Plant",
+    "PlantParameters",
+    "Program",
+    "ProgramParameters",
+    "Sample",
+    "SampleParameters",
+    "Unit",
+    "kernel",
+    "record",
+]

@@ -1,0 +1,125 @@
+"""Parameters that every part of a family has, besides its own.
+
+A part's own group is made from the one of its family: `class Creep(PiezoParameters): ...`.
+"""
+
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import Field, model_validator
+
+from ..schema import Group, NonNegative, Positive, Unit
+
+
+class ProgramParameters(Group):
+    """Reference of the scanner, and the setpoint of the tip height."""
+
+    family = "program"
+
+    kind: str = Field("periodic", description="program of the reference")
+    z_r: Annotated[float, Unit("m")] = Field(
+        1e-13, description="setpoint of the tip height z_c at the start (paper: 1e-6 z0)"
+    )
+
+    @property
+    def period(self) -> float:
+        """Period of x, the fast axis [s]; 0 if x does not move periodically."""
+        return 0.0
+
+    @property
+    def amplitude(self) -> tuple[float, float]:
+        """Amplitude along x and y [m], by which errors are judged; 0 if there is none."""
+        return 0.0, 0.0
+
+
+class LawParameters(Group):
+    """A control law. All its parameters may change while the controller runs."""
+
+    family = "law"
+
+    kind: str = Field("tanh", description="control law")
+
+
+class FaultParameters(Group):
+    """What goes wrong between instrument and controller."""
+
+    family = "fault"
+
+    kind: str = Field("none", description="fault on measurement and drive")
+
+
+class PiezoParameters(Group):
+    """Piezo drive: static displacement per volt, range and resolution."""
+
+    family = "piezo"
+
+    kind: str = Field("linear", description="the piezo ceramic")
+    sensitivity_x: Annotated[float, Gt(0), Unit("m/V")] = Field(20e-9, description="static displacement per volt, x")
+    sensitivity_y: Annotated[float, Gt(0), Unit("m/V")] = Field(20e-9, description="static displacement per volt, y")
+    sensitivity_z: Annotated[float, Gt(0), Unit("m/V")] = Field(20e-9, description="static displacement per volt, z")
+    limit: Annotated[NonNegative, Unit("V")] = Field(0.0, description="drive saturates at +-limit; 0: no limit")
+    dac_bits: Annotated[int, Ge(0), Lt(33)] = Field(0, description="resolution over +-limit; 0: continuous")
+
+    @model_validator(mode="after")
+    def _bits_need_a_range(self) -> "PiezoParameters":
+        if self.dac_bits > 0 and self.limit == 0.0:
+            raise ValueError(
+                f"piezo.dac_bits = {self.dac_bits} needs a range: piezo.limit must be > 0 V, it is {self.limit:g} V"
+            )
+        return self
+
+
+class OnboardParameters(Group):
+    """What runs inside the instrument at the rate of the virtual ADC."""
+
+    family = "onboard"
+
+    kind: str = Field("none", description="loop inside the instrument")
+
+
+class PlantParameters(Group):
+    """How finely the equations of motion are integrated, and how often the controller is asked."""
+
+    family = "plant"
+
+    kind: str = Field("compliant", description="equations of motion")
+    seed: Annotated[int, Ge(0), Le(2**63 - 1)] = Field(0, description="seed of every random number of a run")
+    dt: Annotated[Positive, Unit("s")] = Field(1e-6, description="integration step")
+    control_period: Annotated[Positive, Unit("s")] = Field(2e-6, description="control period, a multiple of dt")
+    delay_ticks: Annotated[int, Ge(0), Le(100_000)] = Field(
+        0, description="control periods from a drive command to the piezo; until the first is there the sample rests"
+    )
+
+    @property
+    def substeps(self) -> int:
+        """Integration steps per control period."""
+        return round(self.control_period / self.dt)
+
+
+class SampleParameters(Group):
+    """The sample."""
+
+    family = "sample"
+
+    kind: str = Field("paper", description="the sample")
+
+
+class DetectorParameters(Group):
+    """Photodetector and position sensors. Noise and resolution are off by default."""
+
+    family = "detector"
+
+    kind: str = Field("photodiode", description="the photodetector")
+    sample_period: Annotated[Positive, Unit("s")] = Field(
+        1e-6, description="period of the virtual ADC; a multiple of plant.dt that divides plant.control_period"
+    )
+    deflection_sensitivity: Annotated[float, Gt(0), Unit("m/V")] = Field(
+        10e-9, description="deflection per volt (inverse optical lever sensitivity)"
+    )
+    lateral_sensitivity: Annotated[float, Gt(0), Unit("N/V")] = Field(50e-9, description="lateral force per volt")
+    position_noise: Annotated[NonNegative, Unit("m")] = Field(
+        0.0, description="rms white noise of a scanner position sample; the velocity has none"
+    )
+    channels: str = Field(
+        "", description="more channels to sample, names separated by commas, such as truth/position_x"
+    )

@@ -1,0 +1,53 @@
+"""The beginning of an instrument's block: which parts were chosen, and where everything stands in it."""
+
+from ..records import record
+from .part import FAMILIES, Law, Part
+
+
+def _places(family: type[Part]) -> list[str]:
+    """What a kernel needs to know of a part: its number, the addresses of its functions, its records."""
+    name = family.family
+    return [name, *(f"{name}_{function}" for function in family.functions), f"{name}_constants", f"{name}_state"]
+
+
+_OF_PARTS = [place for family in FAMILIES if family is not Law for place in _places(family)]
+_OF_THE_LOOP = [
+    "loop",
+    "measurement",
+    "commanded",
+    "applied",
+    "regulated",
+    "effective",
+    "truth",
+    "detection",
+    "surface",
+    "sample_map",
+    "score",
+    "hashed",
+    "hashed_end",
+    "line",
+    "channels",
+    "channel_count",
+    "disturbance",
+    "position_noise",
+    "noise",
+    "faults",
+    "draws",
+]
+HEADER = record(*_OF_PARTS, *_OF_THE_LOOP, integers=(*_OF_PARTS, *_OF_THE_LOOP))
+"""Of each part: its number (OTHER if it is called by address), the addresses of its functions, where its constants and
+its state begin.
+
+Then where the rest begins: the record of the loop; measurement; the drive as commanded, as applied (behind range,
+resolution, delay), as changed by the onboard part, as the piezo makes it; truth, detection, surface; the map of the
+sample; sums of the score; what is hashed; the line of drives on their way; the places of the channels.
+
+Last, where in a row of the random numbers those of the plant, the sensors, the detector and the fault begin, and how
+long a row is.
+"""
+
+LAW_HEADER = record(*_places(Law), integers=tuple(_places(Law)))
+"""The same for the block of a law, which stands apart: it may be in another process."""
+
+OTHER = -1
+"""Number of a part that is called by address."""

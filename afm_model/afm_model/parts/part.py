@@ -1,0 +1,238 @@
+"""What a part is, and what each family of parts has to offer.
+
+A part is one file: parameters, constants made from them once, a state, and kernels with the signature of its family.
+docs/extending.md shows one of each.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..records import EMPTY
+from ..schema import Group
+from ..signals import DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from .call import NUMBER, POINTER, Argument
+
+Numbers = Mapping[str, Any]
+"""Values of a record by the names of its fields."""
+Kernel = Callable[..., None]
+CONSTANTS, STATE = "constants", "state"
+"""In the signature of a family: the part's own records."""
+
+
+def _one(parameters: Any) -> float:
+    return 1.0
+
+
+def _none(parameters: Any) -> Numbers:
+    return {}
+
+
+def _anything(parameters: Any) -> None:
+    """Allowed as it is."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A number of a part's state that can be sampled at the rate of the virtual ADC.
+
+    Parameters
+    ----------
+    name : str
+        Of the topic; what no sensor sees begins with `truth/`.
+    unit : str
+        SI unit of number times scale.
+    field : str
+        Of the part's state; of a vector as `name.x`.
+    scale : callable
+        Parameters of the instrument -> SI units per unit of the number.
+    """
+
+    name: str
+    unit: str
+    field: str
+    scale: Callable[[Any], float] = _one
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """A part of the instrument, or a law.
+
+    Parameters
+    ----------
+    name : str
+        By which a scenario chooses it.
+    parameters : type[Group]
+        Its parameters; the family's own ones must be among them.
+    constants, state : dtype
+        Records, from `afm_model.parts.record`.
+    values : callable
+        Parameters (the whole tree of the instrument, or of the controller) -> values of `constants`. Raises ValueError
+        if the part cannot be made of them.
+    start : callable
+        The same -> values of `state` at the start of a run; zeros if not given.
+    check : callable
+        Raises ValueError for parameters that are not allowed together; called whenever parameters are read.
+    channels : tuple of Channel
+    draws : int
+        Random numbers that it uses in each control tick, by a seed of its own.
+    draw : callable
+        (parameters, generator, ticks) -> (ticks, draws) of them, standard normal if not given; None: they are all zero.
+    """
+
+    family: ClassVar[str]
+    functions: ClassVar[dict[str, tuple[Argument, ...]]]
+    """Kernels of the family and what each is called with, CONSTANTS and STATE standing for the part's records."""
+
+    name: str
+    parameters: type[Group]
+    constants: np.dtype[Any] = field(default_factory=lambda: EMPTY)
+    state: np.dtype[Any] = field(default_factory=lambda: EMPTY)
+    values: Callable[[Any], Numbers] = _none
+    start: Callable[[Any], Numbers] | None = None
+    check: Callable[[Any], None] = _anything
+    channels: tuple[Channel, ...] = ()
+    draws: int = 0
+    draw: Callable[[Any, np.random.Generator, int], NDArray[np.float64] | None] | None = None
+
+    def arguments(self, function: str) -> tuple[Argument, ...]:
+        """What a kernel of this part is called with."""
+        own: dict[Any, Argument] = {CONSTANTS: self.constants, STATE: self.state}
+        return tuple(own.get(kind, kind) if isinstance(kind, str) else kind for kind in self.functions[function])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Program(Part):
+    """Reference and setpoint over time: `reference(t, r, p)` writes the record r of REFERENCE at time t [s].
+
+    It is a function of time alone, so that it can be asked for any time.
+    """
+
+    family = "program"
+    functions: ClassVar = {"reference": (NUMBER, REFERENCE, CONSTANTS)}
+
+    reference: Kernel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law(Part):
+    """A control law: `control(t, y, u, p, s)` writes the drive u that answers measurement y, taken at time t [s].
+
+    `values`, `start` and `check` are given the parameters of the controller. When a parameter changes while the law
+    runs its constants are made again and its state goes on.
+    """
+
+    family = "law"
+    functions: ClassVar = {"control": (NUMBER, MEASUREMENT, DRIVE, CONSTANTS, STATE)}
+
+    control: Kernel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault(Part):
+    """What goes wrong on the way: `on_measurement(t, y, p, s, r)` and `on_drive(t, u, p, s, r)` change what travels.
+
+    r holds the part's `draws` random numbers of one tick, the same for its drive and for the measurement at its end; at
+    the start they are zero.
+    """
+
+    family = "fault"
+    functions: ClassVar = {
+        "on_measurement": (NUMBER, MEASUREMENT, CONSTANTS, STATE, POINTER),
+        "on_drive": (NUMBER, DRIVE, CONSTANTS, STATE, POINTER),
+    }
+
+    on_measurement: Kernel
+    on_drive: Kernel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piezo(Part):
+    """The piezo ceramic: `actuate(t, u, v, p, s)` writes into v what drive u comes to, in volts of an ideal piezo.
+
+    Called at every sample of the virtual ADC, behind range, resolution and delay of the drive.
+    """
+
+    family = "piezo"
+    functions: ClassVar = {"actuate": (NUMBER, DRIVE, DRIVE, CONSTANTS, STATE)}
+
+    actuate: Kernel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Onboard(Part):
+    """What runs inside the instrument at the rate of the virtual ADC: `regulate(t, d, r, u, p, s)` may change drive u.
+
+    d is the photodetector's last sample, r the reference of the control tick.
+    """
+
+    family = "onboard"
+    functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, DRIVE, CONSTANTS, STATE)}
+
+    regulate: Kernel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plant(Part):
+    """Equations of motion: `step(v, r, p, s, m)` advances s by one integration step under drive v [V]; r holds the
+    part's random numbers. `observe(p, s, o)` tells the state as a record o of TRUTH.
+
+    The sample is asked through m: `afm_model.sample.surface(x, y, m)` with x, y in x0.
+
+    Parameters
+    ----------
+    rest : callable
+        (parameters, p, s, m) -> drive (x, y, z) [V] that holds the start; writes the state at the start into s.
+    """
+
+    family = "plant"
+    functions: ClassVar = {
+        "step": (DRIVE, POINTER, CONSTANTS, STATE, POINTER),
+        "observe": (CONSTANTS, STATE, TRUTH),
+    }
+
+    step: Kernel
+    observe: Kernel
+    rest: Callable[[Any, Any, Any, Any], tuple[float, float, float]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sample(Part):
+    """The sample: `surface(x, y, h, p, map)` writes the record h of SURFACE at (x, y), in units of x0 and z0.
+
+    Parameters
+    ----------
+    map : callable, optional
+        Parameters -> array of float64, read-only for the kernel: heights of a map, say.
+    height : callable
+        Parameters -> height amplitude [m], by which the error along z is judged; 0 if there is none.
+    curvature : callable
+        Parameters -> largest |mean curvature| [z0/x0^2], for the longest step and the contact.
+    """
+
+    family = "sample"
+    functions: ClassVar = {"surface": (NUMBER, NUMBER, SURFACE, CONSTANTS, POINTER)}
+
+    surface: Kernel
+    map: Callable[[Any], NDArray[np.float64]] | None = None
+    height: Callable[[Any], float] = lambda parameters: 0.0
+    curvature: Callable[[Any], float] = lambda parameters: 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detector(Part):
+    """The photodetector: `detect(o, d, p, s, r)` writes a sample d of DETECTION from the truth o.
+
+    r holds two standard normal numbers for this sample.
+    """
+
+    family = "detector"
+    functions: ClassVar = {"detect": (TRUTH, DETECTION, CONSTANTS, STATE, POINTER)}
+
+    detect: Kernel
+
+
+FAMILIES: tuple[type[Part], ...] = (Program, Law, Fault, Piezo, Onboard, Plant, Sample, Detector)

@@ -1,0 +1,18 @@
+"""The ideal piezo: no hysteresis, no creep."""
+
+from typing import Any
+
+from ..jit import kernel
+from ..parts.groups import PiezoParameters
+from ..parts.part import Piezo
+
+
+@kernel
+def actuate(t: float, u: Any, v: Any, p: Any, s: Any) -> None:
+    """See `afm_model.parts.Piezo`."""
+    v.voltage[0] = u.voltage[0]
+    v.voltage[1] = u.voltage[1]
+    v.voltage[2] = u.voltage[2]
+
+
+LINEAR = Piezo(name="linear", parameters=PiezoParameters, actuate=actuate)

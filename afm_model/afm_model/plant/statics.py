@@ -1,0 +1,29 @@
+"""Static contact under the load of a resting cantilever."""
+
+from typing import Any
+
+from ..contact.jkr import indentation_of_u, u_of_load
+from ..contact.surface import effective_radius_ratio
+from ..jit import kernel
+from ..sample import surface
+
+
+@kernel
+def static_load(p: Any, q: float) -> float:
+    """Load of a resting cantilever at tip height q [m_c w0^2 z0], docs/theory.md (27)."""
+    return p.eta_c * p.eta_c * (q - p.a) + p.w
+
+
+@kernel
+def static_indentation(p: Any, rho: float, load: float) -> float:
+    """JKR indentation [z0] under `load` at effective radius ratio rho, docs/theory.md (6), (7)."""
+    return p.delta_0 * rho ** (1.0 / 3.0) * indentation_of_u(u_of_load(load / (p.L_s * rho)))
+
+
+@kernel
+def place_sample(s: Any, p: Any, m: Any) -> None:
+    """Sample height from docs/theory.md (21), Z = Q - H + delta, and its rate without that of delta."""
+    H = surface(s.X, s.Y, m)
+    rho = effective_radius_ratio(H, p.r)
+    s.Z = s.Q - H.height + static_indentation(p, rho, static_load(p, s.Q))
+    s.V_Z = s.V_Q - H.slope_x * s.V_X - H.slope_y * s.V_Y

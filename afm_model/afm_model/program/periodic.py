@@ -1,0 +1,90 @@
+"""Periodic reference: sine and triangle start at zero, a constant is there at once. The setpoint stays as it is."""
+
+import math
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.groups import ProgramParameters
+from ..parts.part import Numbers, Program
+from ..records import record
+from ..schema import NonNegative, Unit
+
+if TYPE_CHECKING:
+    from ..parameters import InstrumentParameters
+
+SINE, TRIANGLE, CONSTANT = range(3)
+SHAPES = {"sine": SINE, "triangle": TRIANGLE, "constant": CONSTANT}
+Shape = Literal["sine", "triangle", "constant"]
+
+
+class Reference(ProgramParameters):
+    """Reference trajectory of the scanner, and the setpoint of the tip height."""
+
+    shape_x: Shape = Field("sine", description="waveform along x")
+    shape_y: Shape = Field("sine", description="waveform along y")
+    amplitude_x: Annotated[float, Unit("m")] = Field(5e-9, description="amplitude along x (paper: 20 x0)")
+    amplitude_y: Annotated[float, Unit("m")] = Field(5e-9, description="amplitude along y (paper: 20 y0)")
+    omega_x: Annotated[NonNegative, Unit("rad/s")] = Field(50.0, description="angular frequency along x")
+    omega_y: Annotated[NonNegative, Unit("rad/s")] = Field(50.0, description="angular frequency along y")
+
+    @property
+    def period(self) -> float:
+        """Period of x, the fast axis [s]; 0 if x does not move periodically."""
+        if self.shape_x == "constant" or self.omega_x == 0.0:
+            return 0.0
+        return 2.0 * math.pi / self.omega_x
+
+    @property
+    def amplitude(self) -> tuple[float, float]:
+        """Amplitude along x and y [m]."""
+        return self.amplitude_x, self.amplitude_y
+
+
+CONSTANTS = record("shape_x", "shape_y", "amplitude_x", "amplitude_y", "omega_x", "omega_y", "z_r")
+
+
+def _values(parameters: "InstrumentParameters") -> Numbers:
+    reference: Any = parameters.reference
+    shapes = {"shape_x": SHAPES[reference.shape_x], "shape_y": SHAPES[reference.shape_y]}
+    return shapes | {name: getattr(reference, name) for name in CONSTANTS.names or () if name not in shapes}
+
+
+@kernel
+def waveform(shape: int, amplitude: float, omega: float, t: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration of a reference at time t.
+
+    Parameters
+    ----------
+    shape : SINE, TRIANGLE or CONSTANT
+    amplitude : float [m]
+    omega : float [rad/s]
+    t : float [s]
+
+    Returns
+    -------
+    (position, velocity, acceleration) : floats [m], [m/s], [m/s^2]
+        The acceleration of the triangle is given as 0; at its corners it does not exist.
+    """
+    if shape == CONSTANT:
+        return amplitude, 0.0, 0.0
+    phase = omega * t
+    sine = math.sin(phase)
+    if shape == SINE:
+        return amplitude * sine, amplitude * omega * math.cos(phase), -amplitude * omega * omega * sine
+    slope = amplitude * omega * 2.0 / math.pi
+    return amplitude * 2.0 / math.pi * math.asin(sine), slope if math.cos(phase) >= 0.0 else -slope, 0.0
+
+
+@kernel
+def reference(t: float, r: Any, p: Any) -> None:
+    """See `afm_model.parts.Program`."""
+    r.position[0], r.velocity[0], r.acceleration[0] = waveform(p.shape_x, p.amplitude_x, p.omega_x, t)
+    r.position[1], r.velocity[1], r.acceleration[1] = waveform(p.shape_y, p.amplitude_y, p.omega_y, t)
+    r.position[2] = p.z_r
+    r.velocity[2] = 0.0
+    r.acceleration[2] = 0.0
+
+
+PERIODIC = Program(name="periodic", parameters=Reference, constants=CONSTANTS, values=_values, reference=reference)

@@ -1,0 +1,30 @@
+"""A bar on the terminal for what takes longer than a moment."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import Progress
+
+Report = Callable[[int, int], None]
+"""Is told now and then what is done, and what there is in all."""
+
+
+@contextmanager
+def bar(what: str) -> Iterator[Report]:
+    """A bar with the title `what`, drawn on stderr at every report and gone at the end."""
+    with Progress(console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(what, total=None)
+        yield lambda done, total: shown.update(task, completed=done, total=total, refresh=True)
+
+
+@contextmanager
+def reporting(progress: bool | Report, what: str) -> Iterator[Report]:
+    """What to report to: a callable as it is; True: a bar; False: nobody."""
+    if callable(progress):
+        yield progress
+    elif not progress:
+        yield lambda done, total: None
+    else:
+        with bar(what) as report:
+            yield report

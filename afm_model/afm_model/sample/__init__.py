@@ -1,0 +1,30 @@
+"""Samples: height, slopes, curvatures and friction strength at a place."""
+
+from typing import Any
+
+from ..jit import kernel
+from ..parts.call import call
+from ..parts.header import HEADER
+from ..records import Block, pointer_at, record_at
+from ..registry import register
+from ..signals import SURFACE
+from . import paper
+from .paper import PAPER, PaperSample
+
+PARTS = (PAPER,)
+register(*PARTS)
+
+
+@kernel
+def surface(x: float, y: float, m: Block) -> Any:
+    """The sample of the block m at (x, y) [x0], as a record of SURFACE that the next call writes over."""
+    g = record_at(m, 0, HEADER)
+    h = record_at(m, g.surface, SURFACE)
+    if g.sample == 0:
+        paper.surface(x, y, h, record_at(m, g.sample_constants, paper.CONSTANTS), 0)
+    else:
+        call(g.sample_surface, (x, y, h, pointer_at(m, g.sample_constants), pointer_at(m, g.sample_map)))
+    return h
+
+
+__all__ = ["PAPER", "PARTS", "PaperSample", "surface"]

@@ -1,0 +1,222 @@
+"""Parameters are declared once, as pydantic models; everything else is read off these declarations.
+
+ROS parameter descriptors, scenario files, messages about bad values and the table in docs/parameters.md all come from
+`specifications` and `build`.
+"""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
+
+import annotated_types
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+from pydantic.fields import FieldInfo
+
+from . import registry
+from .errors import ParameterError
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Unit of a parameter, in SI; "1" for a pure number."""
+
+    symbol: str
+
+
+class Group(BaseModel):
+    """A named group of parameters. Immutable; unknown names, NaN and infinities are refused.
+
+    A group of a `family` belongs to a part and has a parameter `kind`, which chooses the part; the other parameters of
+    the group are then those of that part.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
+    family: ClassVar[str] = ""
+    origin: ClassVar[type["Group"] | None] = None
+    """The declared model, for one that `with_parts` has made."""
+
+    def __reduce__(self) -> Any:
+        # A model made by `with_parts` cannot be found by its name: it is made again where it is read.
+        if self.origin is None:
+            return super().__reduce__()
+        return build, (self.origin, flatten(self))
+
+
+G = TypeVar("G", bound=Group)
+
+Positive = Annotated[float, annotated_types.Gt(0.0)]
+NonNegative = Annotated[float, annotated_types.Ge(0.0)]
+
+
+@dataclass(frozen=True)
+class Specification:
+    """One parameter: its dotted name, type, default, bounds (inclusive unless `open`), choices, unit, description."""
+
+    name: str
+    kind: type
+    default: Value
+    unit: str
+    description: str
+    lower: float | None
+    upper: float | None
+    lower_open: bool
+    upper_open: bool
+    choices: tuple[str, ...]
+    family: str = ""
+    """Of the parts that this parameter chooses from, or none."""
+
+    @property
+    def allowed(self) -> str:
+        """What values are allowed, in words."""
+        if self.family:
+            return f"one of {', '.join(registry.names(self.family))}, or module:NAME of a part of your own"
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        if self.kind is bool:
+            return "true or false"
+        noun = {float: "a finite number", int: "a whole number", str: "text"}[self.kind]
+        bounds = []
+        if self.lower is not None:
+            bounds.append(f"{'>' if self.lower_open else '>='} {self.lower:g}")
+        if self.upper is not None:
+            bounds.append(f"{'<' if self.upper_open else '<='} {self.upper:g}")
+        return " ".join([noun, " and ".join(bounds)]).strip()
+
+
+def _specification(name: str, field: FieldInfo, family: str = "") -> Specification:
+    kind: Any = field.annotation
+    choices: tuple[str, ...] = ()
+    if get_origin(kind) is Literal:
+        choices, kind = get_args(kind), str
+    lower = upper = None
+    lower_open = upper_open = False
+    number: Any = int if kind is int else float  # the largest int64 is no float
+    unit = "1"
+    for item in field.metadata:
+        if isinstance(item, Unit):
+            unit = item.symbol
+        elif isinstance(item, annotated_types.Gt | annotated_types.Ge):
+            lower_open = isinstance(item, annotated_types.Gt)
+            lower = number(item.gt if isinstance(item, annotated_types.Gt) else item.ge)
+        elif isinstance(item, annotated_types.Lt | annotated_types.Le):
+            upper_open = isinstance(item, annotated_types.Lt)
+            upper = number(item.lt if isinstance(item, annotated_types.Lt) else item.le)
+    return Specification(
+        name, kind, field.default, unit, field.description or "", lower, upper, lower_open, upper_open, choices, family
+    )
+
+
+def specifications(model: type[Group], prefix: str = "") -> Iterator[Specification]:
+    """Every parameter of `model` and of the groups in it, in order, with dotted names."""
+    for name, field in model.model_fields.items():
+        if isinstance(field.annotation, type) and issubclass(field.annotation, Group):
+            yield from specifications(field.annotation, f"{prefix}{name}.")
+        else:
+            yield _specification(prefix + name, field, model.family if name == "kind" else "")
+
+
+@cache
+def _known(model: type[Group]) -> dict[str, Specification]:
+    """Every parameter of `model` by name; thousands of sets of one model are made in a sweep."""
+    return {spec.name: spec for spec in specifications(model)}
+
+
+def unknown_name_message(name: str, known: list[str]) -> str:
+    """A sentence for a name that does not exist, with the nearest one that does."""
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}."
+    return f"unknown parameter {name}: {hint}"
+
+
+def with_parts(model: type[G], values: Mapping[str, Value]) -> type[G]:
+    """`model` with the groups of the parts that `values` choose by their `kind`.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such part.
+    """
+    chosen = {}
+    for name, field in model.model_fields.items():
+        group: Any = field.annotation
+        if not (isinstance(group, type) and issubclass(group, Group) and group.family):
+            continue
+        kind = values.get(f"{name}.kind", group.model_fields["kind"].default)
+        try:
+            parameters = registry.find(group.family, str(kind)).parameters
+        except ParameterError as error:
+            raise ParameterError(f"{name}.kind = {kind} is not allowed: {error}") from None
+        if parameters is not group:
+            chosen[name] = parameters
+    return _with_groups(model, tuple(chosen.items())) if chosen else model
+
+
+@cache
+def _with_groups(model: type[G], groups: tuple[tuple[str, type[Group]], ...]) -> type[G]:
+    fields: dict[str, Any] = {name: (group, group()) for name, group in groups}
+    made = create_model(model.__name__, __base__=model, **fields)
+    made.origin = model.origin or model
+    return made
+
+
+def build(model: type[G], values: Mapping[str, Value]) -> G:
+    """Make `model` from a flat mapping of dotted names; names not given keep their default.
+
+    Raises
+    ------
+    ParameterError
+        One sentence that names each unknown name, or each value out of its bounds, and what is allowed.
+    """
+    model = with_parts(model, values)
+    known = _known(model)
+    nested: dict[str, Any] = {}
+    for name, value in values.items():
+        if name not in known:
+            raise ParameterError(unknown_name_message(name, list(known)))
+        if isinstance(value, bool) and known[name].kind is not bool:
+            raise ParameterError(f"{name} = {value} is not allowed: it must be {known[name].allowed}")
+        *groups, leaf = name.split(".")
+        place = nested
+        for group in groups:
+            place = place.setdefault(group, {})
+        place[leaf] = value
+    try:
+        return model.model_validate(nested)
+    except ValidationError as error:
+        raise ParameterError(_sentence(error, known)) from None
+    except ArithmeticError as error:
+        # Checks over several parameters compute with them.
+        given = ", ".join(f"{name} = {value}" for name, value in values.items())
+        raise ParameterError(
+            f"not allowed together, too large or too small to compute with ({error}): {given}"
+        ) from None
+
+
+def _sentence(error: ValidationError, known: Mapping[str, Specification]) -> str:
+    parts = []
+    for item in error.errors():
+        name = ".".join(str(part) for part in item["loc"])
+        if name in known:
+            spec = known[name]
+            unit = "" if spec.unit == "1" else f" {spec.unit}"
+            parts.append(f"{name} = {item['input']}{unit} is not allowed: it must be {spec.allowed}")
+        else:
+            # Raised by a validator that looks at several parameters and names them itself.
+            parts.append(str(item["msg"]).removeprefix("Value error, "))
+    return "; ".join(parts)
+
+
+def flatten(values: Group, prefix: str = "") -> dict[str, Value]:
+    """The inverse of `build`: dotted name to value."""
+    flat: dict[str, Value] = {}
+    for name in type(values).model_fields:
+        value = getattr(values, name)
+        if isinstance(value, Group):
+            flat.update(flatten(value, f"{prefix}{name}."))
+        else:
+            flat[prefix + name] = value
+    return flat

@@ -1,0 +1,185 @@
+"""A scenario in process, without ROS: the same instrument and law, the same bytes as the lockstep run over topics."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .controller import Controller
+from .errors import ParameterError
+from .instrument import Block, Instrument, ScoreSummary
+from .parameters import ControllerParameters, SimParameters
+from .parts.part import Channel
+
+_BLOCK_SAMPLES = 65536
+_Array = NDArray[np.float64]
+
+
+class Law(Protocol):
+    """Anything that answers measurements."""
+
+    def answer(self, measurement: _Array, /) -> Any:
+        """Drive [V], (3,), for a measurement in the order of `afm_model.signals.MEASUREMENT`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A finished run: n control ticks, m detector samples, SI units. Records have their fields by name."""
+
+    parameters: SimParameters
+    time: _Array  # (n,) simulated time of the ticks [s]
+    measurements: NDArray[Any]  # (n,) records of afm_model.signals.MEASUREMENT
+    truth: NDArray[Any]  # (n,) records of afm_model.signals.TRUTH: what no sensor sees, at the ticks
+    drives: _Array  # (n, 3) drive applied from each tick on [V]
+    time_samples: _Array  # (m,) [s]
+    samples: _Array  # (channels, m)
+    channels: tuple[Channel, ...]
+    score: ScoreSummary
+    trajectory_sha256: str
+
+    @property
+    def position(self) -> _Array:
+        """Scanner position (n, 3) [m] as its sensors read it; `truth.position` is the true one."""
+        return self.measurements["position"]
+
+    @property
+    def velocity(self) -> _Array:
+        """Scanner velocity (n, 3) [m/s]."""
+        return self.measurements["velocity"]
+
+    @property
+    def reference(self) -> _Array:
+        """Reference: x, y of the scanner, z of the tip (n, 3) [m]."""
+        return self.measurements["reference_position"]
+
+    @property
+    def deflection(self) -> _Array:
+        """Cantilever deflection at the ticks (n,) [m]."""
+        return self.measurements["deflection"]
+
+    @property
+    def lateral_force(self) -> _Array:
+        """Lateral force x at the ticks (n,) [N]."""
+        return self.measurements["lateral_force"]
+
+    def channel(self, name: str) -> _Array:
+        """Samples (m,) of a channel in SI units.
+
+        Raises
+        ------
+        KeyError
+            If it was not sampled.
+        """
+        for number, channel in enumerate(self.channels):
+            if channel.name == name:
+                return self.samples[number] * channel.scale(self.parameters)
+        raise KeyError(f"no channel {name} was sampled; there are {', '.join(each.name for each in self.channels)}")
+
+
+def simulate(
+    parameters: SimParameters,
+    controller: ControllerParameters | Law,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Simulation:
+    """Run the instrument with a law for `parameters.run.duration`, in lockstep.
+
+    Parameters
+    ----------
+    parameters : SimParameters
+    controller : ControllerParameters or an object with `answer(measurement) -> drive`
+    progress : callable, optional
+        Called now and then with ticks done and ticks in all; see `afm_model.progress.bar`.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    ParameterError
+        If the duration is not positive, or the tip does not touch the sample at rest.
+    DriveError
+        If the law answers with a NaN or an infinity.
+    DivergenceError
+        If the motion leaves every scanner's range.
+    PartError
+        If a part of somebody else's does not work.
+    """
+    blocks: list[Block] = []
+    instrument = run(parameters, controller, blocks.append, progress=progress)
+    samples = np.concatenate([block.samples for block in blocks], axis=1)
+    measurements = np.concatenate([block.measurements for block in blocks]).view(np.recarray)
+    return Simulation(
+        parameters=parameters,
+        time=np.arange(len(measurements), dtype=np.float64) * parameters.plant.control_period,
+        measurements=measurements,
+        truth=instrument.truth_of(np.concatenate([block.states for block in blocks])),
+        drives=np.concatenate([block.drives for block in blocks]),
+        time_samples=np.arange(samples.shape[1], dtype=np.float64) * parameters.detector.sample_period,
+        samples=samples,
+        channels=instrument.channels,
+        score=instrument.score(),
+        trajectory_sha256=instrument.trajectory_sha256(),
+    )
+
+
+def run(
+    parameters: SimParameters,
+    controller: ControllerParameters | Law,
+    take: Callable[[Block], object] | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    block_ticks: int | None = None,
+    hashed: bool = True,
+) -> Instrument:
+    """As `simulate`, with every block handed to `take` and not kept: memory stays flat however long the run is.
+
+    Parameters
+    ----------
+    parameters, controller, progress
+        As in `simulate`.
+    take : callable, optional
+        Called with every block; without it nothing is recorded.
+    block_ticks : int, optional
+        Control ticks in a block.
+    hashed : bool
+        False: no `trajectory_sha256`, which takes a tenth of the time of a tick of two steps.
+
+    Returns
+    -------
+    Instrument
+        At the end of the run.
+    """
+    total = ticks_to_simulate(parameters)
+    law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
+    # A law of ours is compiled, or called from compiled code; whoever answers otherwise is asked tick by tick.
+    compiled = isinstance(law, Controller) and type(law).answer is Controller.answer
+    samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
+    instrument = Instrument(
+        parameters, block_ticks or max(1, min(total, _BLOCK_SAMPLES // samples_per_tick)), hashed=hashed
+    )
+    while instrument.ticks < total:
+        if compiled:
+            assert isinstance(law, Controller)
+            instrument.close_loop(law, total - instrument.ticks)
+        else:
+            instrument.tick(law.answer(instrument.measurement))
+        if instrument.block_full or instrument.ticks == total:
+            if take is None:
+                instrument.skip_block()
+            else:
+                take(instrument.take_block())
+            if progress is not None:
+                progress(instrument.ticks, total)
+    return instrument
+
+
+def ticks_to_simulate(parameters: SimParameters) -> int:
+    """Control ticks of a run; ParameterError if it is endless."""
+    if parameters.total_ticks == 0:
+        raise ParameterError("run.duration = 0 s is not allowed in a simulation: it must be > 0 s")
+    return parameters.total_ticks

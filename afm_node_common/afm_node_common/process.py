@@ -1,0 +1,39 @@
+"""Parameters of the process that a node runs in; the physics does not depend on them."""
+
+from typing import Annotated
+
+from annotated_types import Ge, Lt
+from pydantic import Field
+
+from afm_model.parameters import ControllerParameters, Group, SimParameters
+
+
+class Process(Group):
+    """What a node asks of the operating system for its control loop. What is not granted costs a warning."""
+
+    fifo_priority: Annotated[int, Ge(0), Lt(100)] = Field(
+        0, description="priority of the control loop's thread under SCHED_FIFO; 0: ordinary scheduling"
+    )
+    cpu: Annotated[int, Ge(-1), Lt(4096)] = Field(
+        -1, description="processor to which the control loop's thread is bound; -1: any"
+    )
+    lock_memory: bool = Field(False, description="keep all memory of the process from being paged out")
+    fast_codec: bool = Field(True, description="read and write messages in place; false: by rclpy, same bytes")
+
+
+class InProcess(Group):
+    """The group as it stands in the parameters of a node."""
+
+    process: Process = Process()
+
+
+class SimNodeParameters(SimParameters):
+    """All parameters of the simulator node."""
+
+    process: Process = Process()
+
+
+class ControllerNodeParameters(ControllerParameters):
+    """All parameters of the controller node."""
+
+    process: Process = Process()

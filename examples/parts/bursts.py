@@ -1,0 +1,54 @@
+"""A fault of one's own, by seed, fault.kind bursts:BURSTS: bursts of noise on the deflection, drives that get lost."""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from afm_model.parts import Fault, FaultParameters, Unit, kernel, record
+
+
+class Bursts(FaultParameters):
+    rate: Annotated[float, Unit("Hz")] = Field(100.0, ge=0, description="bursts per second of simulated time")
+    length: Annotated[float, Unit("s")] = Field(1e-3, gt=0, description="how long a burst lasts")
+    noise: Annotated[float, Unit("m")] = Field(1e-9, ge=0, description="rms noise of the deflection in a burst")
+    loss: float = Field(0.1, ge=0, le=1, description="part of the drives that get lost, the last one holds")
+
+
+CONSTANTS = record("probability", "length", "noise", "loss")
+STATE = record("until", "last", vectors=("last",))
+
+
+def values(parameters):
+    fault = parameters.fault
+    return {
+        "probability": fault.rate * parameters.plant.control_period,
+        "length": fault.length,
+        "noise": fault.noise,
+        "loss": fault.loss,
+    }
+
+
+def draw(parameters, generator, ticks):
+    """Of each tick: whether a burst begins, its noise, whether the drive gets lost."""
+    return np.column_stack([generator.random(ticks), generator.standard_normal(ticks), generator.random(ticks)])
+
+
+@kernel
+def on_measurement(t, y, p, s, r):
+    if r[0] < p.probability:
+        s.until = t + p.length
+    if t < s.until:
+        y.deflection += p.noise * r[1]
+
+
+@kernel
+def on_drive(t, u, p, s, r):
+    for axis in range(3):
+        if r[2] < p.loss and t > 0.0:
+            u.voltage[axis] = s.last[axis]
+        s.last[axis] = u.voltage[axis]
+
+
+_functions = {"draw": draw, "on_measurement": on_measurement, "on_drive": on_drive}
+BURSTS = Fault(name="bursts", parameters=Bursts, constants=CONSTANTS, state=STATE, values=values, draws=3, **_functions)

@@ -1,0 +1,353 @@
+"""Claims about parts of somebody else's: from a package outside this tree, by name, with parameters and state."""
+
+import importlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from afm_model import (
+    Controller,
+    ControllerParameters,
+    Instrument,
+    ParameterError,
+    PartError,
+    Scenario,
+    SimParameters,
+    Simulation,
+    build,
+    registry,
+    simulate,
+    specifications,
+    sweep,
+)
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
+LIMIT = 60
+"""Lines that an own part may take."""
+SHORT = {"run.duration": 2e-3, "score.start": 0.0}
+IN_PYTHON = """
+import dataclasses
+from own_parts import bursts, creep, kalman, patches
+
+def plain(part, **functions):
+    return dataclasses.replace(part, **{name: function.py_func for name, function in functions.items()})
+
+KALMAN = plain(kalman.KALMAN, control=kalman.control)
+PATCHES = plain(patches.PATCHES, surface=patches.surface)
+CREEP = plain(creep.CREEP, actuate=creep.actuate)
+BURSTS = plain(bursts.BURSTS, on_measurement=bursts.on_measurement, on_drive=bursts.on_drive)
+"""
+BROKEN = """
+import dataclasses
+from afm_model.parts import kernel
+from own_parts import kalman
+
+def fails(t, y, u, p, s):
+    raise LookupError("no such gain")
+
+@kernel
+def misspelt(t, y, u, p, s):
+    u.voltage[0] = y.nothing_of_that_name
+
+RAISES = dataclasses.replace(kalman.KALMAN, control=fails)
+MISSPELT = dataclasses.replace(kalman.KALMAN, control=misspelt)
+WRONG_CONSTANTS = dataclasses.replace(kalman.KALMAN, values=lambda parameters: {"period": 1.0})
+NO_PART = 3
+"""
+
+
+@pytest.fixture(scope="module")
+def outside(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder outside the tree with a package `own_parts`, installed with entry points as pip would install it."""
+    folder = tmp_path_factory.mktemp("outside")
+    shutil.copytree(EXAMPLES, folder / "own_parts")
+    (folder / "own_parts" / "__init__.py").touch()
+    (folder / "own_parts" / "in_python.py").write_text(IN_PYTHON)
+    (folder / "own_parts" / "broken.py").write_text(BROKEN)
+    metadata = folder / "own_parts-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: own_parts\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text("[afm_model.law]\nkalman = own_parts.kalman:KALMAN\n")
+    return folder
+
+
+@pytest.fixture
+def own(outside: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same, found by this process."""
+    monkeypatch.syspath_prepend(str(outside))
+    importlib.invalidate_caches()
+    registry._offered.cache_clear()
+    yield outside
+    registry._offered.cache_clear()
+
+
+def run(sim: dict[str, object], law: dict[str, object] | None = None) -> Simulation:
+    """A short run."""
+    return simulate(build(SimParameters, SHORT | sim), build(ControllerParameters, law or {}))
+
+
+@pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.py")), ids=lambda file: file.stem)
+def test_an_own_part_takes_no_more_than_a_page(file):
+    assert len(file.read_text().splitlines()) <= LIMIT
+
+
+@pytest.mark.parametrize("kind", ["own_parts.kalman:KALMAN", "kalman"])
+def test_a_law_with_a_filter_knows_the_position_better_than_its_sensor(own, kind):
+    controller = Controller(build(ControllerParameters, {"law.kind": kind}))
+    scope = Instrument(build(SimParameters, SHORT | {"detector.position_noise": 5e-11}), 1000)
+    estimated = []
+    for _ in range(900):
+        true = scope.truth.position[:2]
+        scope.tick(controller.answer(scope.measurement))
+        estimated.append(controller.state.position[:2] - true)
+    seen = scope.take_block()
+    sensor = seen.measurements["position"][:, :2] - scope.truth_of(seen.states).position[:, :2]
+    assert np.std(sensor) == pytest.approx(5e-11, rel=0.1)
+    assert np.std(estimated[300:]) < 0.5 * np.std(sensor)
+
+
+def test_the_parameters_of_an_own_law_are_checked_and_described_as_ours(own):
+    model = type(build(ControllerParameters, {"law.kind": "kalman"}))
+    described = {spec.name: spec for spec in specifications(model)}
+    assert described["law.bandwidth"].unit == "rad/s"
+    assert "law.alpha" not in described
+    with pytest.raises(
+        ParameterError, match=r"law.bandwidth = -1.0 rad/s is not allowed: it must be a finite number > 0"
+    ):
+        build(ControllerParameters, {"law.kind": "kalman", "law.bandwidth": -1.0})
+    with pytest.raises(ParameterError, match=r"unknown parameter law.bandwith: did you mean law.bandwidth"):
+        build(ControllerParameters, {"law.kind": "kalman", "law.bandwith": 1.0})
+    with pytest.raises(ParameterError, match=r"unknown parameter law.alpha"):
+        build(ControllerParameters, {"law.kind": "kalman", "law.alpha": 1.0})
+
+
+def test_reset_starts_the_state_of_a_law_and_a_change_of_gains_does_not(own):
+    controller = Controller(build(ControllerParameters, {"law.kind": "kalman"}))
+    scope = Instrument(build(SimParameters, SHORT | {"detector.position_noise": 5e-11}))
+    scope.close_loop(controller, 100)
+    state = controller.state.copy()
+    assert state.started == 1.0
+    assert state.velocity[0] != 0.0
+    controller.parameters = build(ControllerParameters, {"law.kind": "kalman", "law.bandwidth": 5e3})
+    assert controller.state == state
+    controller.reset()
+    assert controller.state.started == 0.0
+    assert not controller.state.velocity.any()
+
+
+@pytest.mark.parametrize(
+    ("sim", "law", "name"),
+    [
+        ({"detector.position_noise": 5e-11}, {"law.kind": "own_parts.{}:KALMAN"}, "kalman"),
+        ({"sample.kind": "own_parts.{}:PATCHES"}, {}, "patches"),
+        ({"piezo.kind": "own_parts.{}:CREEP"}, {}, "creep"),
+        ({"fault.kind": "own_parts.{}:BURSTS"}, {}, "bursts"),
+    ],
+    ids=["law", "sample", "piezo", "fault"],
+)
+def test_a_part_in_plain_python_gives_the_bytes_of_the_compiled_one(own, sim, law, name):
+    both = [
+        run(
+            {"run.duration": 2e-4}
+            | {key: value.format(each) if key.endswith("kind") else value for key, value in sim.items()},
+            {key: value.format(each) for key, value in law.items()},
+        )
+        for each in (name, "in_python")
+    ]
+    assert both[0].trajectory_sha256 == both[1].trajectory_sha256
+    np.testing.assert_array_equal(both[0].measurements, both[1].measurements)
+
+
+def test_a_sample_of_two_materials_has_friction_in_their_ratio(own):
+    flat = {
+        "sample.kind": "own_parts.patches:PATCHES",
+        "sample.ratio": 0.25,
+        "sample.width": 2e-9,
+        "run.duration": 0.02,
+    }
+    result = run(flat)
+    x = result.truth.position[:, 0]
+    bound = result.truth.friction_bound
+    # Well inside a stripe, where the step before was on the same one.
+    inside = np.abs((x / 2e-9) % 1.0 - 0.5) < 0.4
+    second = inside & ((x / 2e-9) % 2.0 > 1.0)
+    first = inside & ((x / 2e-9) % 2.0 < 1.0)
+    assert first.sum() > 100
+    assert second.sum() > 100
+    assert np.median(bound[second]) / np.median(bound[first]) == pytest.approx(0.25, rel=0.01)
+
+
+def test_a_map_of_the_papers_sample_is_the_papers_sample(own, tmp_path):
+    n, beta, k = 128, 12.5e-9, 2e9
+    phase = 2.0 * np.pi * np.arange(n) / n
+    np.save(tmp_path / "map.npy", beta * np.outer(np.sin(phase), np.sin(phase)))
+    mapped = {
+        "sample.kind": "own_parts.height_map:HEIGHT_MAP",
+        "sample.file": str(tmp_path / "map.npy"),
+        "sample.size": 2.0 * np.pi / k,
+    }
+    a, b = run(mapped | {"run.duration": 0.02}), run({"run.duration": 0.02})
+    # A cubic spline of 128 points a period is right to its fourth order, 1e-7 of the height, its curvature to 1e-3.
+    assert np.abs(a.truth.tip_height - b.truth.tip_height).max() < 1e-3 * beta
+    assert np.abs(a.truth.position[:, :2] - b.truth.position[:, :2]).max() < 1e-3 * 5e-9
+    # Without a map there is nothing to see.
+    assert (
+        np.abs(run({"sample.beta": 0.0, "run.duration": 0.02}).truth.tip_height - b.truth.tip_height).max()
+        > 0.05 * beta
+    )
+
+
+def test_a_piezo_creeps_by_the_log_law(own):
+    creep = 0.015
+    parameters = build(
+        SimParameters,
+        {
+            "piezo.kind": "own_parts.creep:CREEP",
+            "piezo.creep": creep,
+            "plant.control_period": 1e-3,
+            "detector.sample_period": 1e-3,
+            "plant.dt": 5e-6,
+            "detector.channels": "truth/piezo_x",
+            "run.duration": 10.0,
+        },
+    )
+    scope = Instrument(parameters, 10_000)
+    drive = scope.drive
+    drive[0] = 1e-3  # far below what friction holds: the piezo alone moves
+    while not scope.block_full:
+        scope.tick(drive)
+    volts = scope.take_block().samples[[channel.name for channel in scope.channels].index("truth/piezo_x")] / 1e-3
+    # From 0.1 s on, by `creep` a decade.
+    expected = [volts[100] + creep * decades for decades in (1.0, 1.9)]
+    assert [volts[1000], volts[int(100 * 10**1.9)]] == pytest.approx(expected, abs=0.1 * creep)
+
+
+def test_a_plant_in_a_viscous_film_answers_a_step_by_the_closed_form(own):
+    film = 3e3
+    scope = Instrument(
+        build(
+            SimParameters,
+            {
+                "plant.kind": "own_parts.viscous:VISCOUS",
+                "plant.film": film,
+                "plant.dt": 1e-7,
+                "detector.sample_period": 1e-6,
+                "plant.control_period": 2e-6,
+            },
+        ),
+        1000,
+    )
+    while not scope.block_full:
+        scope.tick(np.array([0.1, 0.0, 0.0]))
+    block = scope.take_block()
+    scanner = scope.parameters.scanner
+    w = 2.0 * np.pi * scanner.f_x
+    decay = scanner.xi_x * w + 0.5 * film
+    t = 2e-6 * np.arange(1000)
+    damped = np.sqrt(w**2 - decay**2)
+    expected = 2e-9 * (1.0 - np.exp(-decay * t) * (np.cos(damped * t) + decay / damped * np.sin(damped * t)))
+    # Semi-implicit Euler is of first order: half a step of 0.1 us at the top speed.
+    assert block.measurements["position"][:, 0] == pytest.approx(expected, abs=1e-3 * 2e-9)
+    truth = scope.truth_of(block.states)
+    mass = scanner.mass_ratio * scope.parameters.cantilever.m_c
+    assert truth.friction[:, 0] == pytest.approx(-film * mass * truth.velocity[:, 0], rel=1e-12)
+    # The tip is on the sample.
+    sample = scope.parameters.sample
+    height = sample.beta * np.sin(sample.k_x * truth.position[:, 0]) * np.sin(sample.k_y * truth.position[:, 1])
+    assert truth.tip_height == pytest.approx(height + truth.position[:, 2], abs=1e-15)
+
+
+def test_a_fault_is_the_same_by_its_seed_and_another_by_another(own):
+    fault = {"fault.kind": "own_parts.bursts:BURSTS", "fault.rate": 2000.0}
+    once, again, other = (run(fault | {"plant.seed": seed}) for seed in (1, 1, 2))
+    assert once.trajectory_sha256 == again.trajectory_sha256
+    assert once.trajectory_sha256 != other.trajectory_sha256
+    # The burst is in what is measured, not in what is there.
+    noise = once.deflection - once.truth.tip_height
+    assert 0.0 < (noise != 0.0).mean() < 1.0
+    # A drive that got lost: the one before holds.
+    held = (np.diff(once.drives[:, 0]) == 0.0).mean()
+    assert held == pytest.approx(0.1, abs=0.04)
+
+
+def test_a_channel_of_an_own_part_is_sampled_by_name(own):
+    result = run({"piezo.kind": "own_parts.creep:CREEP", "detector.channels": "truth/creep_x, truth/position_x"})
+    assert [channel.name for channel in result.channels[4:]] == ["truth/creep_x", "truth/position_x"]
+    assert result.channel("truth/creep_x").any()
+    every = round(result.parameters.plant.control_period / result.parameters.detector.sample_period)
+    np.testing.assert_array_equal(result.channel("truth/position_x")[::every], result.truth.position[:, 0])
+    with pytest.raises(
+        ParameterError, match=r"detector.channels = truth/nowhere is not allowed: .* there are truth/pos"
+    ):
+        Instrument(build(SimParameters, {"detector.channels": "truth/nowhere"}))
+
+
+def test_a_broken_part_is_reported_by_its_name(own):
+    def law(name: str) -> dict[str, object]:
+        return {"law.kind": f"own_parts.broken:{name}"}
+
+    with pytest.raises(PartError, match=r"^law own_parts.broken:RAISES: control: LookupError: .*no such gain"):
+        run({}, law("RAISES"))
+    with pytest.raises(
+        PartError, match=r"^law own_parts.broken:MISSPELT: control: it cannot be compiled: .*nothing_of"
+    ):
+        run({}, law("MISSPELT"))
+    with pytest.raises(PartError, match=r"^law own_parts.broken:WRONG_CONSTANTS: the values of its constants"):
+        run({}, law("WRONG_CONSTANTS"))
+    with pytest.raises(
+        ParameterError, match=r"law.kind = own_parts.broken:NO_PART is not allowed: .* is no law but a int"
+    ):
+        run({}, law("NO_PART"))
+    with pytest.raises(ParameterError, match=r"law.kind = nowhere:LAW is not allowed: .* ModuleNotFoundError"):
+        run({}, {"law.kind": "nowhere:LAW"})
+    with pytest.raises(ParameterError, match=r"it must be one of open_loop, sgn, tanh, kalman, or module:NAME"):
+        run({}, {"law.kind": "kalmann"})
+
+
+def test_own_parts_run_in_a_sweep(own, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(own) + os.pathsep + os.environ.get("PYTHONPATH", ""))
+    scenario = Scenario(
+        "own",
+        Path("own.yaml"),
+        sim=build(SimParameters, SHORT | {"run.duration": 2e-4, "sample.kind": "own_parts.patches:PATCHES"}),
+        controller=build(ControllerParameters, {"law.kind": "own_parts.kalman:KALMAN"}),
+    )
+    grid = {"afm_controller_node.law.bandwidth": [5e3, 1e4], "afm_sim_node.sample.ratio": [0.3]}
+    table = sweep(scenario, grid, workers=1, fingerprint=True, progress=False)
+    assert table["error"].isna().all()
+    sim = build(
+        SimParameters, SHORT | {"run.duration": 2e-4, "sample.kind": "own_parts.patches:PATCHES", "sample.ratio": 0.3}
+    )
+    law = build(ControllerParameters, {"law.kind": "own_parts.kalman:KALMAN", "law.bandwidth": 5e3})
+    assert table["trajectory_sha256"][0] == simulate(sim, law).trajectory_sha256
+
+
+def test_a_scenario_file_chooses_own_parts_and_gives_their_parameters(own, tmp_path):
+    scenario = tmp_path / "own.yaml"
+    scenario.write_text(
+        """
+/**/afm_sim_node:
+  ros__parameters:
+    run: {duration: 1.0e-3}
+    score: {start: 0.0}
+    sample: {kind: own_parts.patches:PATCHES, ratio: 0.3}
+/**/afm_controller_node:
+  ros__parameters:
+    law: {kind: kalman, bandwidth: 2.0e4}
+"""
+    )
+    environment = os.environ | {"PYTHONPATH": str(own) + os.pathsep + os.environ.get("PYTHONPATH", "")}
+    done = subprocess.run(
+        [sys.executable, "-m", "afm_model", scenario], env=environment, capture_output=True, text=True, check=True
+    )
+    inside = run(
+        {"run.duration": 1e-3, "sample.kind": "own_parts.patches:PATCHES", "sample.ratio": 0.3},
+        {"law.kind": "kalman", "law.bandwidth": 2e4},
+    )
+    assert json.loads(done.stdout)["trajectory_sha256"] == inside.trajectory_sha256
