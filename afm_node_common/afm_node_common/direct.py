@@ -10,7 +10,7 @@ both say so in `direct`.
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 
-class _Unscheduled(CallbackGroup):
+class Unscheduled(CallbackGroup):
     """A group whose entities no executor ever runs: they are taken by hand."""
 
     def can_execute(self, entity: Any) -> bool:
@@ -51,7 +51,7 @@ class Inbox:
         self._wait_set = self._make_wait_set(node)
         self.direct = self._wait_set is not None
         """Whether messages are taken directly; False: through an executor, slower."""
-        group = _Unscheduled() if self.direct else None
+        group = Unscheduled() if self.direct else None
         self.subscription = node.create_subscription(
             message_type, topic, self._arrived, qos, raw=True, callback_group=group
         )
@@ -144,51 +144,3 @@ class Outbox:
         """Let the node destroy the publisher; nothing can be published any more."""
         if self.direct:
             self._handle.__exit__(None, None, None)
-
-
-class Waiting:
-    """Tells whether an executor would find anything to do, at a tenth of the price of asking it.
-
-    Parameters
-    ----------
-    nodes : sequence of Node
-        Their services, clients, timers and subscriptions count, inboxes left out. All must exist already.
-    """
-
-    def __init__(self, nodes: Sequence[Node]) -> None:
-        subscriptions = [
-            entity
-            for node in nodes
-            for entity in node.subscriptions
-            if not isinstance(entity.callback_group, _Unscheduled)
-        ]
-        entities = {
-            "subscription": subscriptions,
-            "timer": [entity for node in nodes for entity in node.timers],
-            "client": [entity for node in nodes for entity in node.clients],
-            "service": [entity for node in nodes for entity in node.services],
-        }
-        sizes = {kind: len(some) for kind, some in entities.items()}
-        try:
-            from rclpy.impl.implementation_singleton import rclpy_implementation
-
-            self._set = rclpy_implementation.WaitSet(
-                sizes["subscription"], 0, sizes["timer"], sizes["client"], sizes["service"], 0, nodes[0].context.handle
-            )
-            self._add = [
-                (getattr(self._set, f"add_{kind}"), entity.handle) for kind, some in entities.items() for entity in some
-            ]
-            self._kinds = [kind for kind, size in sizes.items() if size]
-            self()
-        except (ImportError, AttributeError, TypeError):
-            self._add = []
-
-    def __call__(self) -> bool:
-        """Whether anything is ready; always true where rclpy has no wait set of its own."""
-        if not self._add:
-            return True
-        self._set.clear_entities()
-        for add, handle in self._add:
-            add(handle)
-        self._set.wait(0)
-        return any(self._set.get_ready_entities(kind) for kind in self._kinds)

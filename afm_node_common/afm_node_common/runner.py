@@ -19,12 +19,14 @@ from afm_model.parameters import Group, specifications
 from afm_model.schema import with_parts
 
 from . import scheduling
-from .direct import Waiting
 from .process import Process
 from .shared_memory import left_tidy
+from .waiting import Waiting
 
 SERVE_PERIOD = 0.02
-"""Wall time between two looks at timers, parameters and services while the loop is busy [s]."""
+"""Wall time between two looks at timers, parameters, services and actions while the loop is busy [s]."""
+SERVE_AGAIN = 0.005
+"""The same after something was found: a goal is answered in three steps, and one look serves one of them [s]."""
 
 
 @runtime_checkable
@@ -181,22 +183,26 @@ def _loop(nodes: Sequence[Looping], spin_once: Callable[[float], None], stop: St
         while not stop.requested:
             spin_once(0.1)
         return
-    anything = Waiting(nodes)
+    waiting = Waiting(nodes)
     # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
     patience = SERVE_PERIOD if len(nodes) == 1 else 0.001
-    serve_at = 0.0
+    look_at, serve_at, period = 0.0, 0.0, SERVE_PERIOD
     while not stop.requested:
         busy = False
         for node in nodes:
             if node.step():
                 busy = True
         if not busy:
-            nodes[0].wait(patience)
+            nodes[0].wait(min(patience, period))
         now = time.monotonic()
         # Right after a tick there is time for it, right before the next one there may not be.
-        if now >= serve_at and (busy or now >= serve_at + SERVE_PERIOD):
-            for node in nodes:
-                node.look_after()
-            if anything():
+        if now >= serve_at and (busy or now >= serve_at + period):
+            if now >= look_at:
+                for node in nodes:
+                    node.look_after()
+                look_at = now + SERVE_PERIOD
+            ready = waiting()
+            if ready or waiting.unfinished:
                 spin_once(0.0)
-            serve_at = now + SERVE_PERIOD
+            period = SERVE_AGAIN if ready else SERVE_PERIOD
+            serve_at = now + period

@@ -1,0 +1,35 @@
+"""Run by test_action_server: simulator and controller in one process, with an action server that comes later."""
+
+import sys
+
+from rclpy.action import ActionServer
+from rclpy.action.server import ServerGoalHandle
+from test_msgs.action import Fibonacci
+
+from afm_controller_node.node import ControllerNode
+from afm_model import ControllerParameters, SimParameters
+from afm_node_common.runner import run_together
+from afm_sim_node.node import SimNode
+
+
+class ServingSimNode(SimNode):
+    """Answers a goal with the number of ticks made until then."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._later = self.create_timer(0.2, self._begin_to_serve)
+        self.served = 0
+
+    def _begin_to_serve(self) -> None:
+        # The loop has long begun.
+        self.destroy_timer(self._later)
+        ActionServer(self, Fibonacci, "count", self._execute)
+
+    async def _execute(self, goal: ServerGoalHandle) -> Fibonacci.Result:
+        self.served += 1
+        goal.succeed()
+        return Fibonacci.Result(sequence=[self.instrument.ticks, self.served])
+
+
+if __name__ == "__main__":
+    sys.exit(run_together([(ServingSimNode, SimParameters), (ControllerNode, ControllerParameters)]))
