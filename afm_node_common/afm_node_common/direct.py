@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
@@ -60,7 +60,9 @@ class Inbox:
             self.direct = False
             self.subscription = node.create_subscription(message_type, topic, self._arrived, qos, raw=True)
         self._node = node
-        self._executor: SingleThreadedExecutor | None = None  # a node does not keep its executor alive
+        self._executor: Executor | None = None  # a node does not keep its executor alive
+        self.take: Callable[[], tuple[bytes, Any] | None] = self._take_from_queue
+        """take(): the oldest message not yet taken, its bytes first; or None."""
         if self.direct:
             self._handle = self.subscription.handle
             self._handle.__enter__()
@@ -79,18 +81,18 @@ class Inbox:
         except (ImportError, AttributeError, TypeError):
             return None
 
-    def take(self) -> tuple[bytes, Any] | None:
-        """The oldest message not yet taken, its bytes first; or None."""
+    def _take_from_queue(self) -> tuple[bytes, Any] | None:
         return (self._queue.popleft(), None) if self._queue else None
 
     def wait(self, timeout: float) -> None:
         """Sleep until a message may be there, or for `timeout` seconds of wall time."""
         if not self.direct:
             # The executor that serves the node's other entities brings the message too.
-            if self._node.executor is None:
-                self._executor = SingleThreadedExecutor()
-                self._executor.add_node(self._node)
-            self._node.executor.spin_once(timeout_sec=timeout)
+            executor = self._node.executor
+            if executor is None:
+                executor = self._executor = SingleThreadedExecutor()
+                executor.add_node(self._node)
+            executor.spin_once(timeout_sec=timeout)
             return
         self._wait_set.clear_entities()
         self._wait_set.add_subscription(self._handle)

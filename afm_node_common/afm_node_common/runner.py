@@ -130,7 +130,7 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
         return 0
     stop = Stop()
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=None if args is None else arguments, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, ValueError) as error:
         # A parameter file that does not exist, a rule that cannot be parsed: rcl tells it in its first line.
         print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
@@ -157,7 +157,7 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
         for node in made:
             if isinstance(node, Scheduled):
                 scheduling.apply(node.process, node.get_logger().warning)
-        _loop([node for node in made if isinstance(node, Looping)], spin_once, stop)
+        _loop(made, spin_once, stop)
         for node in made:
             if isinstance(node, Finishing):
                 node.finish(spin_once)
@@ -177,13 +177,14 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
             signal.signal(number, signal.SIG_IGN)
 
 
-def _loop(nodes: Sequence[Looping], spin_once: Callable[[float], None], stop: Stop) -> None:
+def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) -> None:
     """Step as fast as there is something to do; look after the rest every SERVE_PERIOD."""
+    nodes = [node for node in made if isinstance(node, Looping)]
     if not nodes:
         while not stop.requested:
             spin_once(0.1)
         return
-    waiting = Waiting(nodes)
+    waiting = Waiting(made)
     # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
     patience = SERVE_PERIOD if len(nodes) == 1 else 0.001
     look_at, serve_at, period = 0.0, 0.0, SERVE_PERIOD

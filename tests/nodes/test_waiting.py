@@ -143,9 +143,7 @@ MAKERS = [
 
 @pytest.mark.parametrize("late", [False, True], ids=["there before", "created later"])
 @pytest.mark.parametrize("make", MAKERS)
-def test_work_is_found_until_it_is_served(
-    pair: Pair, make: Callable[[Pair], Callable[[], object]], late: bool
-) -> None:
+def test_work_is_found_until_it_is_served(pair: Pair, make: Callable[[Pair], Callable[[], object]], late: bool) -> None:
     let_it_have_work = make(pair)
     if not late:
         pair.waiting = Waiting([pair.node])
