@@ -162,7 +162,9 @@ def test_page_without_a_place_for_the_table_is_refused(tmp_path):
 
 def test_links_of_the_pages_lead_to_files():
     for name in ("paper.md", "theory.md", "numerics.md"):
-        for target in re.findall(r"\]\(([^)#]+)\)", (DOCS / name).read_text()):
+        targets = re.findall(r"\]\(([^)#]+)\)", (DOCS / name).read_text())
+        assert targets, name
+        for target in targets:
             if not target.startswith("http"):
                 assert (DOCS / target).exists(), f"{name}: {target}"
 

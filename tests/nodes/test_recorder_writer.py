@@ -383,6 +383,7 @@ def test_each_block_is_written_once_and_in_its_run(blocks: list[tuple[str, int, 
     for stream, _, first in blocks:
         tape.put(stream, first)
     tape.intake.finish()
+    assert len(tape.runs) == 1 + max(run for _, run, _ in blocks)
     for run, written in enumerate(tape.runs):
         for name in "ab":
             assert [b for b in written if b[0] == name] == [(s, f) for s, r, f in blocks if (s, r) == (name, run)]
