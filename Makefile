@@ -2,17 +2,18 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test build setup lint figures bench clean
+.PHONY: help demo test test-long build setup lint figures bench clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
-PACKAGES := afm_model msgs afm_node_common afm_sim_node afm_controller_node afm_recorder_node afm_bringup
+PACKAGES := afm_model msgs afm_node_common afm_sim_node afm_controller_node afm_recorder_node afm_bringup tests
 MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/launch/* $(p)/scenarios/*))
 BUILT := ros2_ws/install/.built
 
 help:
 	@echo "make demo    close the paper's loop over ROS 2 topics; results in out/demo"
 	@echo "make test    run all tests"
+	@echo "make test-long  what the tests do by examples, with many more at random, and the long tests"
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
 	@echo "make figures draw the figures of docs/paper.md again"
@@ -28,11 +29,15 @@ build: setup
 demo: build
 	@. ./env.sh && ros2 run afm_bringup session closed_loop_tanh --out out/demo
 
-# On a machine that stands still for seconds a test over the middleware may fail for that: what failed is tried once
-# more, alone. Both reports are printed.
 test: build
-	@. ./env.sh && { python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile || \
-	  { [ $$? -eq 1 ] && echo "Once more, alone: what has failed." && python -m pytest --last-failed --last-failed-no-failures none; }; }
+	@. ./env.sh && tools/test.sh
+
+# Examples that no run has tried before: ten times as many, from a seed that is printed.
+SEED ?= $(shell date +%s)
+test-long: build
+	@echo "The seed is $(SEED); the same examples again: make test-long SEED=$(SEED)"
+	@. ./env.sh && python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile -m "hypothesis or long" \
+	  --timeout 0 --hypothesis-profile random --hypothesis-seed $(SEED)
 
 lint: build
 	@. ./env.sh && python -m pip install --quiet --disable-pip-version-check -r requirements/lint.txt && tools/lint.sh

@@ -19,6 +19,6 @@ setup(
     zip_safe=False,
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",
-    description="Records the topics of the virtual atomic force microscope with rerun.",
+    description="Records the topics of the virtual atomic force microscope with rerun, to a file and to a live viewer.",
     license="Apache-2.0",
 )

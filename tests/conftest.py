@@ -44,8 +44,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 pytest.register_assert_rewrite("support")
 
-# Reproducible: the same examples on every machine, no deadline on a shared one.
+# Reproducible: the same examples on every machine, no deadline on a shared one. `make test-long` takes the other one.
 settings.register_profile("reproducible", derandomize=True, deadline=None, max_examples=100, database=None)
+settings.register_profile("random", deadline=None, max_examples=1000, database=None, print_blob=True)
 settings.load_profile("reproducible")
 
 

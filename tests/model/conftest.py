@@ -4,13 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import settings
 
 from .oracle import Trajectory, event_driven, paper_lateral
-
-# Reproducible: the same examples on every machine, no deadline on a shared one.
-settings.register_profile("model", derandomize=True, deadline=None, max_examples=100, database=None)
-settings.load_profile("model")
 
 
 @pytest.fixture

@@ -1,0 +1,73 @@
+"""The packages agree with one another, and `colcon test` runs the tests."""
+
+import os
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+import yaml
+from support import ROOT
+
+PACKAGES = sorted(path.parent for path in ROOT.glob("*/package.xml"))
+IN_PYTHON = [package for package in PACKAGES if (package / package.name / "__init__.py").exists()]
+
+
+def test_all_packages_are_here() -> None:
+    assert len(PACKAGES) == 8
+    assert len(IN_PYTHON) == 6
+
+
+@pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
+def test_manifests_of_a_package_say_the_same(package: Path) -> None:
+    """One version and one maintainer for all: they are released together, with one CHANGELOG.md."""
+    root = ElementTree.parse(package / "package.xml").getroot()
+    said = {name: root.findtext(name) for name in ("version", "maintainer", "license", "description")}
+    first = ElementTree.parse(PACKAGES[0] / "package.xml").getroot()
+    assert [said[name] for name in ("version", "maintainer", "license")] == [
+        first.findtext(name) for name in ("version", "maintainer", "license")
+    ]
+    if (package / "setup.py").exists():
+        setup = (package / "setup.py").read_text()
+        assert dict(re.findall(r'^ {4}(version|maintainer|license|description)="(.*)",$', setup, re.MULTILINE)) == said
+
+
+@pytest.mark.parametrize("package", IN_PYTHON, ids=lambda path: path.name)
+def test_types_of_an_installed_package_are_found(package: Path) -> None:
+    spec = find_spec(package.name)
+    assert spec
+    assert spec.origin
+    assert Path(spec.origin).with_name("py.typed").exists()
+    assert 'package_data={NAME: ["py.typed"' in (package / "setup.py").read_text()  # what a wheel takes along
+
+
+def test_colcon_test_runs_the_tests(tmp_path: Path) -> None:
+    # One module, so that it does not run itself.
+    command = [sys.executable, "-m", "colcon", "--log-base", tmp_path / "log", "test"]
+    command += ["--test-result-base", tmp_path, "--pytest-args", "-k", "test_scheduling"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    done = subprocess.run(command, cwd=ROOT / "ros2_ws", env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (result,) = tmp_path.rglob("pytest.xml")
+    suite = ElementTree.parse(result).getroot().find("testsuite")
+    assert suite is not None
+    assert (suite.get("failures"), suite.get("errors")) == ("0", "0")
+    assert int(suite.get("tests", "0")) >= 4
+
+
+def test_workflow_runs_what_continuous_integration_runs_on_every_python_promised() -> None:
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "test.yml").read_text())["jobs"]
+    assert jobs["wheels"]["strategy"]["matrix"]["python"] == ["3.11", "3.12", "3.13"]
+    for job in jobs.values():
+        assert any(".ci/run" in step.get("run", "") for step in job["steps"])
+
+
+def test_hooks_of_pre_commit_are_the_tools_of_the_lint_script() -> None:
+    (repository,) = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    entries = " ".join(hook["entry"] for hook in repository["hooks"])
+    lint = (ROOT / "tools" / "lint.sh").read_text().splitlines()
+    for line in lint[lint.index("ruff check .") :]:
+        assert line.removesuffix(" .").removesuffix(" --check") in entries
