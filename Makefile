@@ -7,13 +7,13 @@ SHELL := bash
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
 PACKAGES := afm_model msgs afm_node_common afm_sim_node afm_controller_node afm_recorder_node afm_bringup tests
-MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/launch/* $(p)/scenarios/*))
+MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/launch/* $(p)/scenarios/* $(p)/config/*))
 BUILT := ros2_ws/install/.built
 
 help:
 	@echo "make demo    close the paper's loop over ROS 2 topics; results in out/demo"
-	@echo "make test    run all tests"
-	@echo "make test-long  what the tests do by examples, with many more at random, and the long tests"
+	@echo "make test    run all tests; what fails first is kept in out/first_failures.txt"
+	@echo "make test-long many more examples at random, and the long tests (SEED=...: the same again)"
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
 	@echo "make figures draw the figures of docs/paper.md again"

@@ -30,6 +30,8 @@ def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATI
 
 CONTROL_QOS = _reliable(10)
 """Measurement and PiezoDrive: nothing is lost at 1 kHz and beyond, where best effort of depth 1 loses up to 2 %."""
+MEASUREMENT_QOS = _reliable(5000)
+"""What the simulator keeps of Measurement for a recorder that falls behind: what it lacks is sent again."""
 STREAM_QOS = _reliable(1000)
 """Blocks for recording: room for a recorder that falls behind for seconds."""
 LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
