@@ -23,7 +23,12 @@ class ServingSimNode(SimNode):
     def _begin_to_serve(self) -> None:
         # The loop has long begun.
         self.destroy_timer(self._later)
-        ActionServer(self, Fibonacci, "count", self._execute)
+        self._server = ActionServer(self, Fibonacci, "count", self._execute)
+
+    def destroy_node(self) -> None:
+        """End the node."""
+        self._server.destroy()  # rclpy does not destroy it with the node
+        super().destroy_node()
 
     async def _execute(self, goal: ServerGoalHandle) -> Fibonacci.Result:
         self.served += 1
