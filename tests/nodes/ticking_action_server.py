@@ -7,7 +7,7 @@ from rclpy.action.server import ServerGoalHandle
 from test_msgs.action import Fibonacci
 
 from afm_controller_node.node import ControllerNode
-from afm_model import ControllerParameters, SimParameters
+from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_node_common.runner import run_together
 from afm_sim_node.node import SimNode
 
@@ -37,4 +37,4 @@ class ServingSimNode(SimNode):
 
 
 if __name__ == "__main__":
-    sys.exit(run_together([(ServingSimNode, SimParameters), (ControllerNode, ControllerParameters)]))
+    sys.exit(run_together([(ServingSimNode, SimNodeParameters), (ControllerNode, ControllerNodeParameters)]))
