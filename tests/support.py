@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 
 from afm_model import Controller, Instrument
 from afm_node_common import topics
-from afm_node_common.shared_memory import File, left_tidy, remove_unused, unused, used_by
+from afm_node_common.shared_memory import File, remove_unused, shared_memory_cleanup, unused, used_by
 
 ROOT = Path(__file__).resolve().parent.parent
 TIMEOUT = 60.0
@@ -164,7 +164,7 @@ class Graph:
 
     def __exit__(self, *_: object) -> None:
         note_shared_memory()
-        with left_tidy():
+        with shared_memory_cleanup():
             self.executor.shutdown()
             for node in self.nodes:
                 node.destroy_node()
@@ -187,7 +187,7 @@ class Graph:
         looping = [node for node in self.nodes if hasattr(node, "step")]
         busy = [node.step() for node in looping]
         for node in looping:
-            node.look_after()
+            node.serve_periodic()
         self.executor.spin_once(timeout_sec=0.0 if any(busy) else 0.002)
 
     def spin_until(self, predicate: Callable[[], object]) -> None:

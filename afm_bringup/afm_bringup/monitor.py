@@ -11,7 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 from afm_node_common import topics
-from afm_node_common.shared_memory import left_tidy
+from afm_node_common.shared_memory import shared_memory_cleanup
 
 
 class Monitor:
@@ -35,7 +35,7 @@ class Monitor:
         return self
 
     def __exit__(self, *_: object) -> None:
-        with left_tidy():
+        with shared_memory_cleanup():
             self._node.destroy_node()
             rclpy.try_shutdown()
 

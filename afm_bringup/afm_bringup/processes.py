@@ -61,7 +61,7 @@ class Process:
         return self._process.poll() is not None
 
     @property
-    def obituary(self) -> str:
+    def how_it_ended(self) -> str:
         """A sentence about a process that has ended, with the last line it printed."""
         lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
         last = f": {lines[-1].removeprefix('error: ')}" if lines else ""

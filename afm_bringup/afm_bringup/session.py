@@ -197,7 +197,7 @@ class Session:
     def _check_alive(self) -> None:
         for process in self._processes:
             if process.ended:
-                raise SessionError(process.obituary)
+                raise SessionError(process.how_it_ended)
 
     def _check_all(self, monitor: Monitor, *, controllers: int = 1) -> None:
         """Raise if a signal has come, one of our processes has ended, or somebody else is there."""

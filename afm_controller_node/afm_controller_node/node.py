@@ -48,7 +48,7 @@ class ControllerNode(Node):
         """Sleep until a measurement may be there, or for `timeout` seconds of wall time."""
         self._inbox.wait(timeout)
 
-    def look_after(self) -> None:
+    def serve_periodic(self) -> None:
         """Nothing to do now and then."""
 
     def destroy_node(self) -> None:

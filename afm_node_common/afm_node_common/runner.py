@@ -20,7 +20,7 @@ from afm_model.schema import with_parts
 
 from . import scheduling
 from .process import Process
-from .shared_memory import left_tidy
+from .shared_memory import shared_memory_cleanup
 from .waiting import Waiting
 
 SERVE_PERIOD = 0.02
@@ -41,7 +41,7 @@ class Looping(Protocol):
         """Sleep until there may be something to do, or for `timeout` seconds of wall time."""
         ...
 
-    def look_after(self) -> None:
+    def serve_periodic(self) -> None:
         """Do a little of what has to be done now and then; called every SERVE_PERIOD."""
         ...
 
@@ -63,7 +63,7 @@ class Scheduled(Protocol):
 
 
 @runtime_checkable
-class Accountable(Protocol):
+class HasExitCode(Protocol):
     """A node that may end in failure although nothing was raised."""
 
     exit_code: int
@@ -161,14 +161,14 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
         for node in made:
             if isinstance(node, Finishing):
                 node.finish(spin_once)
-        return max(node.exit_code if isinstance(node, Accountable) else 0 for node in made)
+        return max(node.exit_code if isinstance(node, HasExitCode) else 0 for node in made)
     except ParameterError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except ExternalShutdownException:
         return 0
     finally:
-        with left_tidy():
+        with shared_memory_cleanup():
             for node in made:
                 node.destroy_node()
             rclpy.try_shutdown()
@@ -178,7 +178,7 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
 
 
 def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) -> None:
-    """Step as fast as there is something to do; look after the rest every SERVE_PERIOD."""
+    """Step as fast as there is something to do; serve the rest every SERVE_PERIOD."""
     nodes = [node for node in made if isinstance(node, Looping)]
     if not nodes:
         while not stop.requested:
@@ -200,7 +200,7 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
         if now >= serve_at and (busy or now >= serve_at + period):
             if now >= look_at:
                 for node in nodes:
-                    node.look_after()
+                    node.serve_periodic()
                 look_at = now + SERVE_PERIOD
             ready = waiting()
             if ready or waiting.unfinished:

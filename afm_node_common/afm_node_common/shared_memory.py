@@ -52,7 +52,7 @@ def remove_unused(files: set[File]) -> None:
 
 
 @contextmanager
-def left_tidy() -> Iterator[None]:
+def shared_memory_cleanup() -> Iterator[None]:
     """Around the end of this process's nodes and context: what they used and nobody uses afterwards is removed."""
     files = used_by(os.getpid())
     yield

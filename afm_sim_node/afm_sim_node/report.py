@@ -61,11 +61,11 @@ class Reporter:
         """Full name of the node that publishes drives, or of all that do."""
         return " and ".join(self._names)
 
-    def look_for_controller(self, *, anew: bool = False) -> None:
-        """Find out who publishes drives, if their number has changed or `anew`."""
+    def look_for_controller(self, *, force: bool = False) -> None:
+        """Find out who publishes drives, if their number has changed or with `force`."""
         node = self._node
         # Asking for names takes a while; asking how many does not.
-        if self._controllers == node.inbox.publishers and not anew:
+        if self._controllers == node.inbox.publishers and not force:
             return
         self._controllers = node.inbox.publishers
         infos = node.get_publishers_info_by_topic(node.resolve_topic_name(topics.PIEZO_DRIVE))
