@@ -139,8 +139,8 @@ def _check_key(path: Path, key: str, node: str, known: Mapping[str, object]) -> 
     if slip or ours or "*" in node or not node:
         hint = f": did you mean {_section(near[0])}?" if near else ""
         raise ScenarioError(
-            f"{path}: unknown section {key}: it must end in one of {', '.join(known)}, or in the name of a node of your "
-            f"own{hint}"
+            f"{path}: unknown section {key}: it must end in one of {', '.join(known)}, or in the name of a node of "
+            f"your own{hint}"
         )
     if not key.startswith("/"):
         raise ScenarioError(f"{path}: section {key} is read by no node: it must be {_section(node)}")

@@ -7,7 +7,7 @@ are, and in which of two equal keys counts; so what is ambiguous is text here, o
 import re
 from collections.abc import Hashable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
@@ -27,7 +27,7 @@ class YamlError(ValueError):
 class _Loader(yaml.SafeLoader):
     """YAML without dates, numbers to the base of 60, merged keys, tags."""
 
-    yaml_implicit_resolvers: dict[Any, Any] = {}  # not those of the class above
+    yaml_implicit_resolvers: ClassVar[dict[Any, Any]] = {}  # not those of the class above
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         """A mapping, of which each key counts."""

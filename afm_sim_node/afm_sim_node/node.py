@@ -64,7 +64,7 @@ class SimNode(Node):
         self.fast_path = {"direct takes": False, "fast codec": measurements.fast and drives.fast}
         self.inbox = Inbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
         self._outbox = Outbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
-        self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 1)
+        self._clock_publisher = self.create_publisher(ClockMessage, topics.clock(self.get_namespace()), 1)
         self._publish = self._outbox.publish
         self.streams = Streams(self, parameters, self.instrument.channels)
         self.reporter = Reporter(self)
