@@ -1,4 +1,4 @@
-"""What `python -m afm_bringup` finds in the clone as long as nothing is set up; it stands in the way of nothing else."""
+"""What `python -m afm_bringup` finds in the clone as long as nothing is set up."""
 
 import sys
 

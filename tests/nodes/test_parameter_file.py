@@ -1,9 +1,9 @@
 """What a session has read and checked is what the nodes read: rcl's reader and ours agree on the file in between."""
 
+import json
 from pathlib import Path
 
 import pytest
-import yaml
 from rclpy.node import Node
 from support import Graph
 
@@ -25,8 +25,8 @@ VALUES = {
         "",
         " a ",
         "a: b # c",
-        "tab\tand\nline",
-        "nm → µm",
+        "a\tb\nc",
+        "µ",
         '"',
         "'",
     ],
@@ -41,7 +41,7 @@ VALUES = {
 
 def test_every_value_of_a_users_node_arrives_as_it_was_read(tmp_path: Path) -> None:
     scenario, written = tmp_path / "scenario.yaml", tmp_path / "written.yaml"
-    scenario.write_text(yaml.safe_dump({"/**/owner": {"ros__parameters": VALUES}}))
+    scenario.write_text(json.dumps({"/**/owner": {"ros__parameters": VALUES}}))  # YAML as well
     write_parameters(read_scenario(str(scenario)), written)
     with Graph(["--ros-args", "--params-file", str(written)]) as graph:
         node = graph.add(Node("owner", automatically_declare_parameters_from_overrides=True))
