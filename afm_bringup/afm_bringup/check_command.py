@@ -25,11 +25,22 @@ def main() -> int:
     parser.add_argument(
         "--write", type=Path, metavar="FILE", help="write what was read and checked, for --params-file of any node"
     )
+    parser.add_argument(
+        "--set",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("NODE", "NAME", "VALUE"),
+        help="write this parameter too: text, true or false, which the node itself will check",
+    )
     arguments = parser.parse_args()
+    more: dict[str, dict[str, object]] = {}
+    for node, name, value in arguments.set:
+        more.setdefault(node, {})[name] = {"true": True, "false": False}.get(value, value)
     try:
         scenario = read_scenario(arguments.scenario, arguments.overrides)
         if arguments.write:
-            write_parameters(scenario, arguments.write)
+            write_parameters(scenario, arguments.write, more)
     except ScenarioError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

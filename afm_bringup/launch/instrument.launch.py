@@ -74,23 +74,28 @@ class Instrument:
         self._finished = False
         self._processes: dict[str, ExecuteProcess] = {}
         self._scenario = [value("scenario"), *(["--overrides", value("overrides")] if value("overrides") else [])]
-        self._parameters = self._check_scenario()
         recording = self._file(value("recording"), "recording", ".rrd")
         scorecard = self._file(value("scorecard"), "scorecard", ".json")
-        run: dict[str, object] = {"run.wait_for_recorder": bool(recording), "run.exit_when_finished": False}
+        settings = [
+            ("afm_sim_node", "run.wait_for_recorder", "true" if recording else "false"),
+            ("afm_sim_node", "run.exit_when_finished", "false"),
+        ]
         if value("mode"):
-            run["run.mode"] = value("mode")
-        self._add_loop(value("controller").strip(), run)
+            settings.append(("afm_sim_node", "run.mode", value("mode")))
         if recording:
-            self._add_node(
-                "afm_recorder_node",
-                parameters=[self._parameters, {"path": recording}],
-                sigterm_timeout=_CLOSING,
-                sigkill_timeout=_CLOSING,
-            )
+            settings.append(("afm_recorder_node", "path", recording))
+        self._parameters = self._check_scenario(settings)
+        self._add_loop(value("controller").strip())
+        if recording:
+            # What is left to write may take a while.
+            self._add_node("afm_recorder_node", sigterm_timeout=_CLOSING, sigkill_timeout=_CLOSING)
         options = ["--out", scorecard] if scorecard else []
-        self._add_node(
-            "afm_bringup", "scorecard", arguments=[*self._scenario, *options, *(["--recorded"] if recording else [])]
+        self._processes["scorecard"] = Node(
+            package="afm_bringup",
+            executable="scorecard",
+            namespace=self._namespace,
+            arguments=[*self._scenario, *options, *(["--recorded"] if recording else [])],
+            output="screen",
         )
 
     def actions(self) -> list[Action]:
@@ -101,10 +106,11 @@ class Instrument:
         ]
         return [*handlers, *self._processes.values()]
 
-    def _check_scenario(self) -> str:
-        """Have the scenario checked in the nodes' Python; the parameter file that comes of it."""
+    def _check_scenario(self, settings: list[tuple[str, str, str]]) -> str:
+        """Have the scenario checked in the nodes' Python; the parameter file that comes of it and of `settings`."""
         path = Path(launch.logging.launch_config.log_dir) / f"{self._plain}.parameters.yaml"
-        command = [executable("afm_bringup", "check_scenario"), *self._scenario, "--write", str(path)]
+        more = [word for setting in settings for word in ("--set", *setting)]
+        command = [executable("afm_bringup", "check_scenario"), *self._scenario, *more, "--write", str(path)]
         end = subprocess.run(command, capture_output=True, text=True, check=False)
         if end.returncode:
             raise RuntimeError(end.stderr.strip().removeprefix("error: "))
@@ -118,15 +124,15 @@ class Instrument:
         own = "" if self._namespace == "/afm" else f"-{self._plain}"
         return f"{name}{own}{ending}" if known else ""
 
-    def _add_loop(self, controller: str, run: dict[str, object]) -> None:
+    def _add_loop(self, controller: str) -> None:
         """The simulator, and the controller that is wanted."""
         if controller == "composed":
-            self._add_node("afm_bringup", "composed", parameters=[self._parameters, run])
+            self._add_node("composed", "afm_bringup")
             return
-        self._add_node("afm_sim_node", parameters=[self._parameters, run])
+        self._add_node("afm_sim_node")
         wanted = _WORDS.get(controller.lower())
         if wanted:
-            self._add_node("afm_controller_node", parameters=[self._parameters])
+            self._add_node("afm_controller_node")
         elif wanted is None:
             command = shlex.split(controller)
             if shutil.which(command[0]) is None:
@@ -138,10 +144,15 @@ class Instrument:
                 cmd=[*command, *arguments], name="controller", output="screen"
             )
 
-    def _add_node(self, package: str, name: str = "", **options: object) -> None:
-        name = name or package
+    def _add_node(self, name: str, package: str = "", **options: str) -> None:
+        """An executable of ours, in the package of its name unless another is given."""
         self._processes[name] = Node(
-            package=package, executable=name, namespace=self._namespace, output="screen", **options
+            package=package or name,
+            executable=name,
+            namespace=self._namespace,
+            parameters=[self._parameters],
+            output="screen",
+            **options,
         )
 
     def _ended(self, name: str) -> Callable[[ProcessExited, LaunchContext], list[Action]]:
