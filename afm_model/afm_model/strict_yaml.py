@@ -24,7 +24,7 @@ class YamlError(ValueError):
     """A file that is not taken; the message is one sentence without the file's name."""
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml tells no types
     """YAML without dates, numbers to the base of 60, merged keys, tags."""
 
     yaml_implicit_resolvers: ClassVar[dict[Any, Any]] = {}  # not those of the class above
