@@ -111,5 +111,5 @@ def declare(
 
     node.add_on_set_parameters_callback(check)
     node.add_post_set_parameters_callback(apply)
-    check_services(node, list(specifications(model)))
+    check_services(node, list(specifications(declared)))
     return current

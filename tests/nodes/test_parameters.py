@@ -211,8 +211,8 @@ def test_what_cannot_change_is_refused_with_a_reason(graph: Graph, make: Callabl
 
 
 def test_whole_number_will_do_for_a_number_that_may_have_decimals(graph: Graph, make: Callable[..., Node]) -> None:
-    arrived: list[ControllerParameters] = []
-    declare(make(), ControllerParameters, tunable=TUNABLE, on_change=arrived.append)
+    arrived: list[ControllerNodeParameters] = []
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE, on_change=arrived.append)
     remote = Remote(graph)
     assert [result.successful for result in remote.set(law__alpha=5)] == [True]
     assert remote.set_at_once(law__alpha=6, law__c_x=2).successful
@@ -221,7 +221,7 @@ def test_whole_number_will_do_for_a_number_that_may_have_decimals(graph: Graph, 
     assert (value, type(value)) == (6.0, float)
 
 
-@pytest.mark.parametrize("model", [SimParameters, ControllerParameters])
+@pytest.mark.parametrize("model", [SimNodeParameters, ControllerNodeParameters])
 def test_node_takes_back_all_its_own_values_without_a_change(
     graph: Graph, make: Callable[..., Node], model: type[Group]
 ) -> None:
@@ -262,7 +262,7 @@ BAD_VALUES = {
 def test_value_of_a_wrong_type_is_refused_in_a_sentence_and_the_node_goes_on(
     graph: Graph, make: Callable[..., Node], name: str
 ) -> None:
-    declare(make(), ControllerParameters, tunable=TUNABLE)
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE)
     value, sentence = BAD_VALUES[name]
     remote = Remote(graph)
     bad = ParameterMessage(name="law.alpha", value=value)
@@ -277,7 +277,7 @@ def test_value_of_a_wrong_type_is_refused_in_a_sentence_and_the_node_goes_on(
 def test_name_that_does_not_exist_is_refused_with_the_nearest_that_does(
     graph: Graph, make: Callable[..., Node]
 ) -> None:
-    declare(make(), ControllerParameters, tunable=TUNABLE)
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE)
     (result,) = Remote(graph).set(law__alfa=3.0)
     assert (result.successful, result.reason) == (False, "unknown parameter law.alfa: did you mean law.alpha?")
 
