@@ -26,7 +26,9 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "check_scenario = afm_bringup.__main__:check_scenario",
             "composed = afm_bringup.__main__:composed",
+            "scorecard = afm_bringup.__main__:scorecard",
             "session = afm_bringup.__main__:session",
         ]
     },

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import sys
 import uuid
 from collections.abc import Iterator
@@ -10,25 +9,14 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
+try:
+    from afm_bringup.domain import claim_domain
 
-def _claim_domain() -> tuple[int, socket.socket]:
-    """A ROS domain for this run alone: two clones, or two users, may test at the same time on one machine.
+    # Two clones, or two users, may test at the same time on one machine.
+    _domain, _claim = claim_domain()
+except ImportError:  # the tests of the model need no ROS
+    _domain = 0
 
-    Holding the socket claims the number; the process id spreads the first guess.
-    """
-    for offset in range(100):
-        domain = 1 + (os.getpid() + offset) % 100
-        claim = socket.socket(socket.AF_UNIX)
-        try:
-            claim.bind(f"\0afm-tests-domain-{domain}")
-        except OSError:
-            claim.close()
-        else:
-            return domain, claim
-    raise RuntimeError("a hundred test runs at once: no ROS domain is left")
-
-
-_domain, _claim = _claim_domain()
 os.environ |= {
     "AFM_TEST_RUN": uuid.uuid4().hex,
     "ROS_DOMAIN_ID": str(_domain),

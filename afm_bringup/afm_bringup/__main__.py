@@ -1,4 +1,4 @@
-"""Entry points of `ros2 run afm_bringup session` (also `python -m afm_bringup`) and `ros2 run afm_bringup composed`."""
+"""Entry points of `ros2 run afm_bringup ...`; `python -m afm_bringup` is `session`."""
 
 import sys
 
@@ -6,13 +6,23 @@ from afm_node_common.entry import start
 
 
 def session() -> int:
-    """Exit code of a session; see `afm_bringup.session`."""
-    return start("afm_bringup.session")
+    """Exit code of a session; see `afm_bringup.command`."""
+    return start("afm_bringup.command")
 
 
 def composed() -> int:
     """Exit code of simulator and controller in one process; see `afm_bringup.composed`."""
     return start("afm_bringup.composed")
+
+
+def scorecard() -> int:
+    """Exit code of following a run to its score; see `afm_bringup.score_command`."""
+    return start("afm_bringup.score_command")
+
+
+def check_scenario() -> int:
+    """Exit code of checking a scenario; see `afm_bringup.check_command`."""
+    return start("afm_bringup.check_command")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,13 @@
-"""Finding the scenario files that come with this package. Imports nothing that `ros2 launch` may not have."""
+"""Finding what is installed: scenarios and executables. Imports nothing that `ros2 launch` may not have."""
 
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+
+
+def executable(package: str, name: str) -> str:
+    """An installed executable, as `ros2 run` finds it."""
+    return str(Path(get_package_prefix(package)) / "lib" / package / name)
 
 
 def scenario_folder() -> Path:

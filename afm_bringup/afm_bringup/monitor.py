@@ -1,13 +1,15 @@
-"""The session's view of the running instrument: status, score, and the start signal."""
+"""A view of the running instrument from outside: status, score, who is there, and the start signal."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import rclpy
 from afm_msgs.msg import InstrumentStatus, RecorderStatus, Score
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_srvs.srv import Trigger
 
 from afm_node_common import topics
@@ -15,11 +17,21 @@ from afm_node_common.shared_memory import shared_memory_cleanup
 
 
 class Monitor:
-    """A node that watches one instrument. Use as a context manager."""
+    """A node that watches one instrument. Use as a context manager.
 
-    def __init__(self) -> None:
-        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = Node("session", namespace=topics.NAMESPACE)
+    Parameters
+    ----------
+    name : str
+        Name of the node.
+    namespace : str
+        Namespace of the instrument.
+    arguments : sequence of str
+        Arguments of ROS; what they say of the namespace counts in place of `namespace`.
+    """
+
+    def __init__(self, name: str, namespace: str = topics.NAMESPACE, arguments: Sequence[str] = ()) -> None:
+        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node(name, namespace=namespace)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self.status: InstrumentStatus | None = None
@@ -66,6 +78,25 @@ class Monitor:
         return self.spin_until(future.done, timeout)
 
     @property
+    def namespace(self) -> str:
+        """Full namespace of the instrument."""
+        return str(self._node.get_namespace())
+
+    @property
+    def unheard(self) -> str:
+        """A sentence about a controller that the middleware does not connect, if there is one."""
+        drives = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topics.PIEZO_DRIVE))
+        ears = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topics.MEASUREMENT))
+        # Not by rclpy's own check: it takes what is not yet known of a node for a policy that does not fit.
+        for end in drives:
+            if end.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+                return f"{_full_name(end)} publishes piezo_drive best effort: it must be reliable"
+        for end in ears:
+            if end.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+                return f"{_full_name(end)} receives measurement transient local: it must be volatile"
+        return ""
+
+    @property
     def simulators(self) -> int:
         """How many nodes publish measurements."""
         return int(self._node.count_publishers(topics.MEASUREMENT))
@@ -96,3 +127,7 @@ class Monitor:
         if not status.controller:
             return "a controller (a node that publishes piezo_drive)" + (f"; {status.detail}" if status.detail else "")
         return "the recorder" if recorder is None or not recorder.ready or not status.recorders else "nothing"
+
+
+def _full_name(end: TopicEndpointInfo) -> str:
+    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"

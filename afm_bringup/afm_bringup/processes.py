@@ -1,32 +1,22 @@
 """Starting nodes as processes, and ending them without leaving anything behind."""
 
-import ctypes
 import os
 import signal
 import subprocess
+import sys
 import time
+import uuid
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
-from ament_index_python.packages import get_package_prefix
+from afm_node_common.shared_memory import File, remove_unused, used_by
 
-from afm_node_common.shared_memory import File, used_by
+from . import keeper
 
 _PATIENCE = 10.0
 """Wall time a process has to end after SIGINT, then again after SIGTERM [s]."""
-_PR_SET_PDEATHSIG = 1
-
-
-def node_command(package: str, executable: str) -> list[str]:
-    """Command of an installed node, as `ros2 run` finds it."""
-    return [str(Path(get_package_prefix(package)) / "lib" / package / executable)]
-
-
-def _end_with_parent() -> None:
-    """Have the kernel send SIGINT when the parent dies, however it dies."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
 
 
 class Process:
@@ -39,12 +29,13 @@ class Process:
     command : sequence of str
     log : Path
         File that receives stdout and stderr.
+    mark : str
+        See `keeper`.
     """
 
-    def __init__(self, name: str, command: Sequence[str], log: Path) -> None:
+    def __init__(self, name: str, command: Sequence[str], log: Path, mark: str) -> None:
         self.name = name
-        self.log = log
-        self._file: IO[bytes] = log.open("wb")
+        self._file: IO[bytes] = log.open("w+b")
         # Its own session: a Ctrl-C in the terminal reaches the session runner alone, which ends the nodes in order.
         self._process = subprocess.Popen(
             list(command),
@@ -52,7 +43,7 @@ class Process:
             stdout=self._file,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            preexec_fn=_end_with_parent,
+            env=os.environ | {keeper.VARIABLE: mark},
         )
 
     @property
@@ -63,7 +54,9 @@ class Process:
     @property
     def how_it_ended(self) -> str:
         """A sentence about a process that has ended, with the last line it printed."""
-        lines = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
+        # By the open file: the folder may have been removed.
+        printed = os.pread(self._file.fileno(), os.fstat(self._file.fileno()).st_size, 0).decode(errors="replace")
+        lines = [line for line in printed.splitlines() if line.strip()]
         last = f": {lines[-1].removeprefix('error: ')}" if lines else ""
         return f"{self.name} ended with code {self._process.returncode}{last}"
 
@@ -105,3 +98,63 @@ class Process:
             time.sleep(0.02)
         self._signal(signal.SIGKILL)
         self._file.close()
+
+
+class Processes:
+    """The nodes of a session. None of them, nor what they have started, outlives the session. A context manager.
+
+    Parameters
+    ----------
+    last : str
+        Name of the one that is ended last, so that it hears the others out.
+    """
+
+    def __init__(self, last: str) -> None:
+        self._last = last
+        self._running: list[Process] = []
+        self._shared_memory: set[File] = set()
+        self._mark = uuid.uuid4().hex
+        self._keeper = subprocess.Popen(
+            [sys.executable, "-I", "-S", keeper.__file__, self._mark],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+            cwd="/",
+        )
+
+    def __enter__(self) -> "Processes":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End all nodes."""
+        self.note_shared_memory()
+        others = [process for process in self._running if process.name != self._last]
+        for process in others:
+            process.ask_to_end()
+        for process in (*others, *(process for process in self._running if process not in others)):
+            process.end()
+        # It now ends what has left its process group, if anything.
+        assert self._keeper.stdin is not None
+        self._keeper.stdin.close()
+        self._keeper.wait()
+        remove_unused(self._shared_memory)
+
+    def start(self, name: str, command: Sequence[str], log: Path) -> None:
+        """Start one.
+
+        Raises
+        ------
+        OSError
+            If there is no such program, or no log can be written.
+        """
+        self._running.append(Process(name, command, log, self._mark))
+
+    def ended(self) -> str | None:
+        """A sentence about one that has ended by itself, if any has."""
+        return next((process.how_it_ended for process in self._running if process.ended), None)
+
+    def note_shared_memory(self) -> None:
+        """What the nodes use by now, so that what one that is killed leaves behind can be removed."""
+        for process in self._running:
+            self._shared_memory |= process.shared_memory

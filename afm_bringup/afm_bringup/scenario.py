@@ -1,14 +1,25 @@
 """Scenarios by name, read and checked."""
 
+from pathlib import Path
+
 from afm_model.scenario import Scenario, ScenarioError, load_scenario
 from afm_node_common.process import InProcess
 from afm_recorder_node.parameters import RecorderParameters
 
 from .files import find_scenario
 
+_OURS = ("scenario", "/**/afm_sim_node", "/**/afm_controller_node", "/**/afm_recorder_node")
 
-def read_scenario(name: str) -> Scenario:
+
+def read_scenario(name: str, overrides: Path | None = None) -> Scenario:
     """Find, read and check a scenario.
+
+    Parameters
+    ----------
+    name : str
+        Name of one that comes with this package, or a file.
+    overrides : Path, optional
+        Parameter file that counts in place of the scenario's parameters.
 
     Raises
     ------
@@ -19,4 +30,9 @@ def read_scenario(name: str) -> Scenario:
         path = find_scenario(name)
     except FileNotFoundError as error:
         raise ScenarioError(str(error)) from None
-    return load_scenario(path, {"afm_recorder_node": RecorderParameters}, InProcess)
+    return load_scenario(path, {"afm_recorder_node": RecorderParameters}, InProcess, overrides)
+
+
+def foreign_sections(scenario: Scenario) -> list[str]:
+    """Sections of a scenario that are for a user's own nodes."""
+    return [key for key in scenario.sections if key not in _OURS]

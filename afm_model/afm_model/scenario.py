@@ -1,18 +1,17 @@
 """Scenario files: ROS parameter YAML, one section per node, with a section `scenario` that tells what it is.
 
-`ros2 run ... --params-file` takes the same file. Every name and value is checked here, before anything runs; no ROS is
-needed to read one.
+Every name and value is checked here, before anything runs; no ROS is needed to read one.
 """
 
+import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from .errors import ParameterError
 from .parameters import ControllerParameters, Group, SimParameters, Value, build
+from .strict_yaml import YamlError, read_yaml
 
 
 class ScenarioError(ValueError):
@@ -35,6 +34,8 @@ class Scenario:
     header: Header = Header()
     sim: SimParameters = SimParameters()
     controller: ControllerParameters = ControllerParameters()
+    sections: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """What the file gives, section by section, with dotted names: those of other nodes as well, unchecked."""
 
 
 NAMESPACE = "afm"
@@ -48,7 +49,10 @@ _OWN: dict[str, tuple[str, type[Group]]] = {
 
 
 def load_scenario(
-    path: Path, others: Mapping[str, type[Group]] | None = None, process: type[Group] | None = None
+    path: Path,
+    others: Mapping[str, type[Group]] | None = None,
+    process: type[Group] | None = None,
+    overrides: Path | None = None,
 ) -> Scenario:
     """Read and check a scenario file.
 
@@ -56,51 +60,103 @@ def load_scenario(
     ----------
     path : Path
     others : mapping, optional
-        Sections of further nodes, checked and otherwise left alone: name of the node, its parameters.
+        Further nodes of ours, whose sections are checked as well: name of the node, its parameters.
     process : type[Group], optional
         Parameters of the process that a node runs in, `process.*`, to check them; what happens in a simulation does not
         depend on them.
+    overrides : Path, optional
+        A file of the same form; what it gives counts in place of what the scenario gives.
 
     Raises
     ------
     ScenarioError
-        If the file cannot be read, is no parameter file, or names an unknown section, parameter or value.
+        If a file cannot be read, is no parameter file, or names a section, parameter or value that does not exist.
     """
+    known = {name: group for name, (_, group) in _OWN.items()} | dict(others or {})
+    sections: dict[str, dict[str, Any]] = {}
+    for file in (path, overrides):
+        if file is not None:
+            for key, values in _read_sections(file, known).items():
+                sections[key] = sections.get(key, {}) | values
+    parts: dict[str, Any] = {}
+    for key, values in sections.items():
+        node = key.rsplit("/", 1)[-1]
+        if node not in known:
+            continue
+        try:
+            group = build(known[node], _without_process(node, values, process))
+        except ParameterError as error:
+            told = path if overrides is None else f"{path} with {overrides}"
+            raise ScenarioError(f"{told}: {error}") from None
+        if node in _OWN:
+            parts[_OWN[node][0]] = group
+    return Scenario(path.stem, path, **parts, sections=sections)
+
+
+def _read_sections(path: Path, known: Mapping[str, object]) -> dict[str, dict[str, Any]]:
+    """Sections of a file by the key that they have for any namespace; the values of our own nodes are not checked."""
     try:
-        content = yaml.safe_load(path.read_text())
-    except (yaml.YAMLError, UnicodeDecodeError, OSError) as error:
-        raise ScenarioError(f"{path} is no readable YAML file: {' '.join(str(error).split())}") from None
+        content = read_yaml(path)
+    except YamlError as error:
+        raise ScenarioError(f"{path} is no readable YAML file: {error}") from None
     if not isinstance(content, dict):
         raise ScenarioError(f"{path} is no parameter file: it must hold sections such as /**/afm_sim_node")
-    known = {name: group for name, (_, group) in _OWN.items()} | dict(others or {})
-    parts: dict[str, Any] = {}
-    seen: set[str] = set()
+    sections: dict[str, dict[str, Any]] = {}
     for key, section in content.items():
-        node = str(key).rsplit("/", 1)[-1]
-        if node not in known:
-            raise ScenarioError(f"{path}: unknown section {key}: it must end in one of {', '.join(known)}")
-        if key not in ("scenario", f"/**/{node}", f"/{NAMESPACE}/{node}") or (node == "scenario") != (
-            key == "scenario"
-        ):
-            raise ScenarioError(f"{path}: section {key} is read by no node: it must be {_section(node)}")
-        if node in seen:
-            raise ScenarioError(f"{path}: two sections are for {node}: {key} is one too many")
-        seen.add(node)
+        key = str(key)
+        node = key.rsplit("/", 1)[-1]
+        _check_key(path, key, node, known)
+        if node in known:
+            key = _section(node)
+        if key in sections:
+            raise ScenarioError(f"{path}: two sections are for {node}")
         if not isinstance(section, dict) or list(section) != ["ros__parameters"]:
             raise ScenarioError(f"{path}: section {key} must hold ros__parameters and nothing else")
         values = section["ros__parameters"] or {}
         if not isinstance(values, dict):
             raise ScenarioError(f"{path}: ros__parameters of {key} = {values} is not allowed: it must hold names")
         try:
-            group = build(known[node], _without_process(node, _flat(values), process))
-        except ParameterError as error:
-            raise ScenarioError(f"{path}: {error}") from None
-        if node in _OWN:
-            parts[_OWN[node][0]] = group
-    return Scenario(path.stem, path, **parts)
+            sections[key] = _flat(values)
+            if node not in known:
+                _check_types(sections[key])
+        except ValueError as error:
+            raise ScenarioError(f"{path}: section {key}: {error}") from None
+    return sections
 
 
-def _without_process(node: str, values: dict[str, Value], process: type[Group] | None) -> dict[str, Value]:
+def _check_key(path: Path, key: str, node: str, known: Mapping[str, object]) -> None:
+    """Raise if no node of ours, and none that may be a user's, reads a section of this key."""
+    if node in known:
+        if key not in ("scenario", f"/**/{node}", f"/{NAMESPACE}/{node}") or (node == "scenario") != (
+            key == "scenario"
+        ):
+            raise ScenarioError(f"{path}: section {key} is read by no node: it must be {_section(node)}")
+        return
+    # A user's my_controller_node is not far from ours either: only what begins as ours do is taken for a slip.
+    ours = node.startswith("afm_") or f"afm_{node}" in known
+    near = difflib.get_close_matches(node, known, n=1, cutoff=0.6 if ours else 0.85)
+    slip = bool(near) and near[0][0] == node[0]
+    if slip or ours or "*" in node or not node:
+        hint = f": did you mean {_section(near[0])}?" if near else ""
+        raise ScenarioError(
+            f"{path}: unknown section {key}: it must end in one of {', '.join(known)}, or in the name of a node of "
+            f"your own{hint}"
+        )
+    if not key.startswith("/"):
+        raise ScenarioError(f"{path}: section {key} is read by no node: it must be {_section(node)}")
+
+
+def _check_types(values: Mapping[str, Any]) -> None:
+    """Raise if a value of a user's node is none that ROS has a type for."""
+    for name, value in values.items():
+        types = {type(part) for part in value} if isinstance(value, list) else {type(value)}
+        if len(types) != 1 or not types <= {bool, int, float, str}:
+            raise ValueError(
+                f"{name} = {value} is not allowed: it must be a number, text, true or false, or a list of one of these"
+            )
+
+
+def _without_process(node: str, values: dict[str, Any], process: type[Group] | None) -> dict[str, Any]:
     """What is for the model; the rest is checked."""
     if node not in ("afm_sim_node", "afm_controller_node"):
         return values
@@ -115,12 +171,12 @@ def _section(node: str) -> str:
     return node if node == "scenario" else f"/**/{node}"
 
 
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Value]:
-    """Nested YAML as dotted names."""
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested YAML as dotted names; raises ValueError for a name that is given in both ways."""
     flat: dict[str, Value] = {}
     for name, value in tree.items():
-        if isinstance(value, Mapping):
-            flat.update(_flat(value, f"{prefix}{name}."))
-        else:
-            flat[f"{prefix}{name}"] = value
+        news = _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+        for twice in flat.keys() & news.keys():
+            raise ValueError(f"{twice} is given twice")
+        flat.update(news)
     return flat

@@ -4,19 +4,24 @@ import importlib
 import os
 import signal
 from collections.abc import Callable
+from contextlib import suppress
 
 
 def start(module: str) -> int:
-    """Import `module` and return what its `main` returns; a Ctrl-C meanwhile ends the process quietly.
+    """Import `module` and return what its `main` returns. A Ctrl-C meanwhile ends the process quietly.
 
     Loading takes a second or two, and Python's own answer to SIGINT is a traceback out of the middle of an import.
     """
-    signal.signal(signal.SIGINT, _leave)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        # nohup has a program ignore SIGHUP: that stays.
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, _leave)
     main: Callable[[], int] = importlib.import_module(module).main
     return main()
 
 
 def _leave(number: int, frame: object) -> None:
     # Nothing is open yet, and an exception would come out of some import as another one.
-    os.write(2, b"interrupted\n")
+    with suppress(OSError):  # the terminal may be gone
+        os.write(2, b"interrupted\n")
     os._exit(128 + number)

@@ -12,6 +12,8 @@ from afm_model.errors import ParameterError
 from afm_model.parameters import Group, Specification, Value, build, flatten, specifications
 from afm_model.schema import with_parts
 
+from .parameter_services import check_services
+
 G = TypeVar("G", bound=Group)
 
 
@@ -103,10 +105,11 @@ def declare(
 
     def apply(parameters: list[Parameter]) -> None:
         nonlocal current
-        current = changed({p.name: p.value for p in parameters if not _foreign(p.name)})
-        if on_change is not None:
+        before, current = current, changed({p.name: p.value for p in parameters if not _foreign(p.name)})
+        if on_change is not None and current != before:
             on_change(current)
 
     node.add_on_set_parameters_callback(check)
     node.add_post_set_parameters_callback(apply)
+    check_services(node, list(specifications(declared)))
     return current

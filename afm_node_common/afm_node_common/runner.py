@@ -70,14 +70,16 @@ class HasExitCode(Protocol):
 
 
 class Stop:
-    """Turns SIGINT and SIGTERM into a flag, so that the loop ends between two steps and never in the middle."""
+    """Turns SIGINT, SIGTERM and SIGHUP into a flag, so that the loop ends between two steps and never in the middle."""
 
-    SIGNALS = (signal.SIGINT, signal.SIGTERM)
+    SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
     def __init__(self) -> None:
         self.requested = False
         for number in self.SIGNALS:
-            signal.signal(number, self._request)
+            # nohup has a program ignore SIGHUP: that stays.
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, self._request)
 
     def _request(self, number: int, frame: object) -> None:
         self.requested = True
@@ -100,12 +102,12 @@ def chosen_kinds(arguments: Sequence[str]) -> dict[str, str]:
 
 
 def run(make_node: Callable[[], Node], model: type[Group], args: Sequence[str] | None = None) -> int:
-    """Run one node until SIGINT or SIGTERM; see `run_together`."""
+    """Run one node until SIGINT, SIGTERM or SIGHUP; see `run_together`."""
     return run_together([(make_node, model)], args)
 
 
 def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: Sequence[str] | None = None) -> int:
-    """Run nodes in this process and thread until SIGINT or SIGTERM.
+    """Run nodes in this process and thread until SIGINT, SIGTERM or SIGHUP.
 
     Parameters
     ----------

@@ -22,6 +22,11 @@ PAUSE = "pause"
 RESET = "reset"
 
 
+def clock(namespace: str) -> str:
+    """Topic of simulated time: where ROS looks for it, or in the namespace of an instrument that has another one."""
+    return "/clock" if namespace == f"/{NAMESPACE}" else "clock"
+
+
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
     return QoSProfile(
         reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=depth, durability=durability

@@ -63,8 +63,8 @@ class SimNode(Node):
         self._encode, self.decode = measurements.encode, drives.decode
         self.fast_path = {"direct takes": False, "fast codec": measurements.fast and drives.fast}
         self.inbox = Inbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
-        self._outbox = Outbox(self, Measurement, topics.MEASUREMENT, topics.MEASUREMENT_QOS)
-        self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 1)
+        self._outbox = Outbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
+        self._clock_publisher = self.create_publisher(ClockMessage, topics.clock(self.get_namespace()), 1)
         self._publish = self._outbox.publish
         self.streams = Streams(self, parameters, self.instrument.channels)
         self.reporter = Reporter(self)
@@ -85,7 +85,7 @@ class SimNode(Node):
             Chore(self.flush, _STATUS_PERIOD),
             Chore(self.reporter.look_for_controller, _STATUS_PERIOD),
             Chore(self.reporter.publish_status, _STATUS_PERIOD),
-            Chore(partial(self.reporter.look_for_controller, force=True), _DIAGNOSTICS_PERIOD),
+            Chore(partial(self.reporter.look_for_controller, anew=True), _DIAGNOSTICS_PERIOD),
             Chore(self.reporter.compose_diagnostics, _DIAGNOSTICS_PERIOD),
             Chore(self.reporter.publish_diagnostics, _DIAGNOSTICS_PERIOD),
         ]
@@ -109,7 +109,7 @@ class SimNode(Node):
         else:
             time.sleep(timeout)
 
-    def serve_periodic(self) -> None:
+    def look_after(self) -> None:
         """Publish what is due: the clock, and one other thing at most, so that no tick waits for several."""
         now = time.monotonic()
         if now >= self._clock_at:
@@ -220,7 +220,7 @@ class SimNode(Node):
             return False
         if self.parameters.run.wait_for_recorder and not self.streams.subscribers:
             return False
-        self.reporter.look_for_controller(force=True)
+        self.reporter.look_for_controller(anew=True)
         self.set_state(InstrumentStatus.RUNNING)
         self.pacing.start()
         return True
@@ -228,7 +228,7 @@ class SimNode(Node):
     def _finish(self) -> None:
         self.watch.stop()
         self.flush()
-        self.reporter.look_for_controller(force=True)
+        self.reporter.look_for_controller(anew=True)
         self.reporter.publish_score()
         self.set_state(InstrumentStatus.FINISHED)
         self._publish_clock()

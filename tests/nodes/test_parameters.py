@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from rcl_interfaces.msg import ParameterDescriptor, ParameterType, SetParametersResult
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterDescriptor, ParameterType, ParameterValue, SetParametersResult
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -67,6 +68,13 @@ class Remote:
 
     def set_at_once(self, **values: object) -> SetParametersResult:
         return self._graph.result(self._client.set_parameters_atomically(self._parameters(values))).result
+
+    def set_messages(self, *messages: ParameterMessage) -> list[SetParametersResult]:
+        """As a foreign program may, with whatever type."""
+        return list(self._graph.result(self._client.set_parameters(list(messages))).results)
+
+    def set_messages_at_once(self, *messages: ParameterMessage) -> SetParametersResult:
+        return self._graph.result(self._client.set_parameters_atomically(list(messages))).result
 
     @staticmethod
     def _parameters(values: dict[str, object]) -> list[Any]:
@@ -200,6 +208,78 @@ def test_what_cannot_change_is_refused_with_a_reason(graph: Graph, make: Callabl
     assert "scanner.mass_ratio" in result.reason
     assert remote.get("scanner.mass_ratio") == [100.0]
     assert arrived == []
+
+
+def test_whole_number_will_do_for_a_number_that_may_have_decimals(graph: Graph, make: Callable[..., Node]) -> None:
+    arrived: list[ControllerNodeParameters] = []
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE, on_change=arrived.append)
+    remote = Remote(graph)
+    assert [result.successful for result in remote.set(law__alpha=5)] == [True]
+    assert remote.set_at_once(law__alpha=6, law__c_x=2).successful
+    assert [parameters.law.alpha for parameters in arrived] == [5.0, 6.0]
+    (value,) = remote.get("law.alpha")
+    assert (value, type(value)) == (6.0, float)
+
+
+@pytest.mark.parametrize("model", [SimNodeParameters, ControllerNodeParameters])
+def test_node_takes_back_all_its_own_values_without_a_change(
+    graph: Graph, make: Callable[..., Node], model: type[Group]
+) -> None:
+    """What `ros2 param load` does with what `ros2 param dump` has written."""
+    arrived: list[Group] = []
+    declare(make(), model, on_change=arrived.append)
+    remote = Remote(graph)
+    names = sorted(remote.names())
+    values = dict(zip(names, remote.get(*names), strict=True))
+    results = remote.set(**values)
+    assert [(name, told.reason) for name, told in zip(names, results, strict=True) if not told.successful] == []
+    assert remote.set_at_once(**values).successful
+    assert arrived == []
+
+
+BAD_VALUES = {
+    "no value": (ParameterValue(), "law.alpha cannot be removed: it must be a finite number > 0"),
+    "type that does not exist": (
+        ParameterValue(type=77),
+        "law.alpha = a value of the unknown type 77 is not allowed: it must be a finite number > 0",
+    ),
+    "array": (
+        ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[1.0, 2.0]),
+        "law.alpha = [1.0, 2.0] is not allowed: it must be a finite number > 0",
+    ),
+    "text": (
+        ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="steep"),
+        "law.alpha = steep is not allowed: it must be a finite number > 0",
+    ),
+    "yes": (
+        ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True),
+        "law.alpha = True is not allowed: it must be a finite number > 0",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_VALUES)
+def test_value_of_a_wrong_type_is_refused_in_a_sentence_and_the_node_goes_on(
+    graph: Graph, make: Callable[..., Node], name: str
+) -> None:
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE)
+    value, sentence = BAD_VALUES[name]
+    remote = Remote(graph)
+    bad = ParameterMessage(name="law.alpha", value=value)
+    good = Parameter("law.c_x", value=3.0).to_parameter_msg()
+    refused, taken = remote.set_messages(bad, good)
+    assert (refused.successful, refused.reason, taken.successful) == (False, sentence, True)
+    result = remote.set_messages_at_once(Parameter("law.c_x", value=4.0).to_parameter_msg(), bad)
+    assert (result.successful, result.reason) == (False, sentence)
+    assert remote.get("law.alpha", "law.c_x") == [10.0, 3.0]
+
+
+def test_name_that_does_not_exist_is_refused_with_the_nearest_that_does(
+    graph: Graph, make: Callable[..., Node]
+) -> None:
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE)
+    (result,) = Remote(graph).set(law__alfa=3.0)
+    assert (result.successful, result.reason) == (False, "unknown parameter law.alfa: did you mean law.alpha?")
 
 
 def test_of_changes_made_at_once_all_are_taken_or_none(graph: Graph, make: Callable[..., Node]) -> None:

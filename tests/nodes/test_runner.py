@@ -1,5 +1,7 @@
 """Nodes as processes: help, refusals at start, a clean end."""
 
+import os
+import signal
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -57,6 +59,16 @@ def test_what_is_refused_at_start_is_one_sentence_and_code_2(tmp_path: Path) -> 
         assert last.startswith("error: ")
         assert sentence in last
         assert all("[rcl]" in line for line in logged), end.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_node_ends_cleanly_when_it_is_told_to_or_its_terminal_is_closed(tmp_path: Path, number: int) -> None:
+    with Graph() as graph, Command(executable("afm_sim_node", "afm_sim_node"), folder=tmp_path) as process:
+        observer = graph.add(Observer())
+        process.wait_until(lambda: observer.statuses, graph)
+        os.kill(process.process.pid, number)
+        assert process.wait(graph) == 0, process.told
+        assert "Traceback" not in process.text
 
 
 @pytest.mark.parametrize("node", NODES)

@@ -109,6 +109,7 @@ class Case:
     controller: str | None = None
     code: int = 2
     starts_nodes: bool = False
+    options: tuple[str, ...] = ()
 
 
 CASES = {
@@ -127,6 +128,15 @@ CASES = {
     ),
     "out below a file": Case(("--out", "a_file/out", "must be a folder"), out="a_file/out", code=1),
     "out is a file": Case(("--out", "a_file", "must be a folder"), out="a_file", code=1),
+    "folder where the recording goes": Case(
+        ("used/recording.rrd is a folder: it must be a file, or not be there",), out="used", code=1
+    ),
+    "stall timeout below zero": Case(
+        ("--stall-timeout -1 s is not allowed: it must be >= 0 s",), options=("--stall-timeout", "-1")
+    ),
+    "section given twice": Case(
+        ("the name run.duration stands twice (line 4)",), section(SIMULATOR, "run.duration: 0.1", "run.duration: 0.2")
+    ),
     "controller that does not exist": Case(
         ("controller could not be started: no_such_program", "No such file"),
         controller="no_such_program",
@@ -167,12 +177,13 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, End]:
         folder.mkdir()
         printed.mkdir()
         (folder / "a_file").write_text("")
+        (folder / "used" / "recording.rrd").mkdir(parents=True)
         scenario = case.name
         if case.text is not None:
             (folder / "scenario.yaml").write_text(case.text)
             scenario = str(folder / "scenario.yaml")
         before = listing(folder)
-        options = [] if case.controller is None else ["--controller", case.controller]
+        options = [*case.options, *([] if case.controller is None else ["--controller", case.controller])]
         with session(scenario, folder / case.out, *options, folder=printed) as command:
             try:
                 code = command.wait()

@@ -7,8 +7,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from afm_msgs.msg import Measurement, PiezoDrive
-from support import ROOT, Graph, HandController, answer, assert_nothing_left, session, write_scenario
+from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
+from rclpy.node import Node
+from rclpy.qos import qos_profile_sensor_data
+from support import ROOT, Graph, HandController, Observer, answer, assert_nothing_left, session, write_scenario
+
+from afm_node_common import topics
+from afm_recorder_node.reader import read_recording
 
 TICKS = 1000
 SIMULATOR = {"run.duration": TICKS * 20e-6, "plant.control_period": 20e-6, "score.start": 0.0}
@@ -18,6 +23,14 @@ EXAMPLE = ROOT / "examples" / "pd_controller.py"
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
     return write_scenario(tmp_path / "short.yaml", afm_sim_node=SIMULATOR)
+
+
+def assert_no_results(out: Path) -> None:
+    """Nothing but logs, and the recording where it passes for no result."""
+    logs, unfinished = sorted(file.name for file in out.iterdir())
+    assert (logs, unfinished[:11]) == ("logs", "unfinished-")
+    assert len(read_recording(out / unfinished / "recording.rrd").time_ticks) > 0
+    assert {file.name for file in (out / unfinished).iterdir()} == {"recording.rrd"}
 
 
 def test_example_of_the_readme_is_the_one_that_is_tested() -> None:
@@ -65,7 +78,7 @@ def test_controller_started_elsewhere_that_answers_nan_is_told_and_leaves_no_res
         "(answer to measurement 100 from /afm/somebody)"
     )
     assert "Traceback" not in command.text
-    assert {file.name for file in out.iterdir()} == {"logs"}
+    assert_no_results(out)
     assert_nothing_left()
 
 
@@ -79,5 +92,116 @@ def test_controller_of_which_no_drive_was_ever_applied_has_no_score(tmp_path: Pa
     last = command.text.strip().splitlines()[-1]
     assert last.startswith("error: no drive of /afm/somebody was ever applied in 500 ticks; ")
     assert last.endswith(" were refused as NaN or infinite")
-    assert {file.name for file in out.iterdir()} == {"logs"}
+    assert_no_results(out)
     assert_nothing_left()
+
+
+OWN_NODE = """
+import sys
+from pathlib import Path
+import rclpy
+from afm_msgs.msg import Measurement, PiezoDrive
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+
+rclpy.init()
+node = Node("my_node")
+gain, file = node.declare_parameter("gain", 0.0).value, node.declare_parameter("told.file", "").value
+Path(file).write_text(f"{gain} {node.get_namespace()}")
+drive = node.create_publisher(PiezoDrive, "piezo_drive", 10)
+node.create_subscription(
+    Measurement, "measurement", lambda m: drive.publish(PiezoDrive(sequence=m.sequence, voltage=m.drive)), 10
+)
+try:
+    rclpy.spin(node)
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
+"""
+
+
+def test_node_of_ones_own_is_given_its_section_of_the_scenario_the_overrides_and_the_namespace(tmp_path: Path) -> None:
+    program, told, out = tmp_path / "own.py", tmp_path / "told", tmp_path / "out"
+    program.write_text(OWN_NODE)
+    scenario = write_scenario(
+        tmp_path / "own.yaml", afm_sim_node=SIMULATOR, my_node={"gain": 2.0, "told": {"file": str(told)}}
+    )
+    overrides = write_scenario(
+        tmp_path / "overrides.yaml", afm_sim_node={"run.duration": 100 * 20e-6}, my_node={"gain": 3.5}
+    )
+    options = ("--controller", shlex.join([sys.executable, str(program)]), "--overrides", str(overrides))
+    with session(scenario, out, *options, "--namespace", "lab3", folder=tmp_path) as command:
+        assert command.wait() == 0, command.text
+    assert told.read_text() == "3.5 /lab3"
+    card = json.loads((out / "scorecard.json").read_text())
+    assert (card["controller"], card["ticks"]) == ("/lab3/my_node", 100)
+    assert_nothing_left()
+
+
+@pytest.mark.parametrize(("options", "count"), [((), 6), (("--no-ros-args",), 1)])
+def test_command_may_be_given_no_arguments_but_its_own(
+    scenario: Path, tmp_path: Path, options: tuple[str, ...], count: int
+) -> None:
+    counts = shlex.join([sys.executable, "-c", "import sys; sys.exit(len(sys.argv))"])
+    with session(scenario, tmp_path / "out", "--controller", counts, *options, folder=tmp_path) as command:
+        assert command.wait() == 1, command.text
+    assert command.text == f"error: controller ended with code {count}\n"
+
+
+def test_section_that_nobody_reads_is_told(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path / "own.yaml", afm_sim_node={"run.duration": 1e-3}, my_node={"gain": 2.0})
+    out = tmp_path / "a_file"
+    out.write_text("")  # no need to run
+    with session(scenario, out, folder=tmp_path) as command:
+        assert command.wait() == 1, command.text
+    assert f"note: section /**/my_node of {scenario} is for no node of this session" in command.text
+
+
+class DeafController(Node):
+    """One that publishes as sensors do."""
+
+    def __init__(self) -> None:
+        super().__init__("deaf", namespace=topics.NAMESPACE)
+        publisher = self.create_publisher(PiezoDrive, topics.PIEZO_DRIVE, qos_profile_sensor_data)
+        self.create_subscription(
+            Measurement, topics.MEASUREMENT, lambda m: publisher.publish(answer(m, 0.0, 0.0)), topics.CONTROL_QOS
+        )
+
+
+def test_best_effort_controller_ends_the_session_with_the_cause(scenario: Path, tmp_path: Path) -> None:
+    waiting = shlex.join([sys.executable, "-c", "import signal; signal.pause()"])
+    with Graph() as graph, session(scenario, tmp_path / "out", "--controller", waiting, folder=tmp_path) as command:
+        observer = graph.add(Observer())
+        # A controller from the beginning would be one too many.
+        command.wait_until(lambda: observer.statuses, graph)
+        graph.add(DeafController())
+        assert command.wait(graph) == 1, command.text
+    assert command.text == "error: /afm/deaf publishes piezo_drive best effort: it must be reliable\n"
+
+
+def test_stalled_controller_that_comes_back_in_time_is_scored(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path / "stall.yaml", afm_sim_node=SIMULATOR | {"run.lockstep_timeout": 0.2})
+    with Graph() as graph, session(scenario, tmp_path / "out", "--controller", "external", folder=tmp_path) as command:
+        observer = graph.add(Observer())
+
+        def stalled() -> bool:
+            return any(status.state == InstrumentStatus.STALLED for status in observer.statuses)
+
+        def slow(measurement: Measurement) -> list[PiezoDrive]:
+            return [answer(measurement, 0.0, 0.0)] if measurement.sequence < 10 or stalled() else []
+
+        graph.add(HandController(slow, "slow"))
+        assert command.wait(graph) == 0, command.text
+        assert stalled()
+    assert_nothing_left()
+
+
+def test_controller_that_stays_silent_ends_the_session_which_promises_no_more_waiting(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path / "stall.yaml", afm_sim_node=SIMULATOR | {"run.lockstep_timeout": 0.2})
+    options = ("--controller", "external", "--stall-timeout", "1")
+    with Graph() as graph, session(scenario, tmp_path / "out", *options, folder=tmp_path) as command:
+        graph.add(HandController(lambda m: [answer(m, 0.0, 0.0)] if m.sequence < 10 else [], "silent"))
+        assert command.wait(graph) == 1, command.text
+    last = command.text.strip().splitlines()[-1]
+    assert last.startswith("error: /afm/silent has not answered measurement 10 within 0.2 s")
+    assert last.endswith(", nor for 1 s after that")
+    assert "waiting" not in last

@@ -49,6 +49,15 @@ def left_in(out: Path) -> set[str]:
     return {file.name for file in out.iterdir()} - {"logs"} if out.exists() else set()
 
 
+def assert_recording_is_kept(out: Path, command: Command | None = None) -> None:
+    """Nothing stands under a final name, and what was recorded does where a person finds it."""
+    (name,) = left_in(out)
+    assert name.startswith("unfinished-")
+    recording = out / name / "recording.rrd"
+    assert len(read_recording(recording).time_ticks) > 0
+    assert command is None or f"What was recorded is kept: {recording}" in command.text
+
+
 # Ctrl-C.
 
 
@@ -67,7 +76,7 @@ def test_ctrl_c_while_the_session_itself_is_loading_ends_it_without_a_traceback(
 
 def test_ctrl_c_before_the_nodes_are_up_leaves_nothing(endless: Path, out: Path, tmp_path: Path) -> None:
     with session(endless, out, folder=tmp_path) as command:
-        command.wait_until(lambda: len(command.descendants) == 3)
+        command.wait_until(lambda: len(command.descendants) == 4)
         command.interrupt()
         assert command.wait() == 130, command.text
     assert "Traceback" not in command.text
@@ -178,7 +187,7 @@ def test_second_controller_ends_the_session_and_is_told(endless: Path, out: Path
         assert command.wait(graph) == 1, command.text
     assert "error: another controller runs on /afm" in command.text
     assert "Traceback" not in command.text
-    assert left_in(out) == set()
+    assert_recording_is_kept(out, command)
     assert_nothing_left()
 
 
@@ -187,12 +196,13 @@ def test_session_killed_outright_leaves_no_node_running_and_nothing_under_a_fina
 ) -> None:
     with under_way(endless, out, tmp_path) as (_, command):
         nodes = list(command.descendants)
-        assert len(nodes) == 3
+        assert len(nodes) == 4  # with the one that is to end the others
         command.process.kill()
         command.process.wait()
         wait_for_the_end_of(nodes)
         assert processes() == {}
     assert left_in(out) & RESULTS == set()
+    assert_recording_is_kept(out)
     # The session itself had no chance to remove its own.
     remove_shared_memory_left()
 
@@ -209,7 +219,7 @@ def test_node_that_dies_is_named_and_nothing_stands_under_a_final_name(
         assert processes() == {}
     assert "error: afm_sim_node ended with code -9" in command.text
     assert "Traceback" not in command.text
-    assert left_in(out) == set()
+    assert_recording_is_kept(out, command)
     assert processes() == {}
     # The session removes what the killed node had; peers that still believe in it may make its ports anew.
     remove_shared_memory_left()

@@ -90,7 +90,8 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     """Three processes, into a folder where older results stand."""
     folder = tmp_path_factory.mktemp("first")
     (folder / "deep" / "out").mkdir(parents=True)
-    (folder / "deep" / "out" / "scorecard.json").write_text("of an older run")
+    for name in ("scorecard.json", "recording.rrd", "recording-2.rrd"):
+        (folder / "deep" / "out" / name).write_text("of an older run")
     return run(folder)
 
 

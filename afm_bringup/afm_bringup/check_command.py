@@ -1,0 +1,50 @@
+"""`ros2 run afm_bringup check_scenario SCENARIO`: say whether a scenario is allowed."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from afm_model import ScenarioError
+
+from .parameter_file import write_parameters
+from .scenario import read_scenario
+
+
+def main() -> int:
+    """Entry point."""
+    parser = argparse.ArgumentParser(
+        prog="check_scenario", description="Check a scenario, and write the parameters that it gives the nodes."
+    )
+    parser.add_argument("scenario", help="name of a scenario, or a scenario file")
+    parser.add_argument(
+        "--overrides",
+        type=Path,
+        metavar="FILE",
+        help="parameter file that counts in place of the scenario's parameters",
+    )
+    parser.add_argument(
+        "--write", type=Path, metavar="FILE", help="write what was read and checked, for --params-file of any node"
+    )
+    parser.add_argument(
+        "--set",
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("NODE", "NAME", "VALUE"),
+        help="write this parameter too: text, true or false, which the node itself will check",
+    )
+    arguments = parser.parse_args()
+    more: dict[str, dict[str, object]] = {}
+    for node, name, value in arguments.set:
+        more.setdefault(node, {})[name] = {"true": True, "false": False}.get(value, value)
+    try:
+        scenario = read_scenario(arguments.scenario, arguments.overrides)
+        if arguments.write:
+            write_parameters(scenario, arguments.write, more)
+    except ScenarioError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"error: {arguments.write} cannot be written: {error.strerror}", file=sys.stderr)
+        return 1
+    return 0

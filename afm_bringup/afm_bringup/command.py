@@ -1,0 +1,140 @@
+"""The command line of `session`."""
+
+import argparse
+import os
+import shlex
+import socket
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.validate_namespace import validate_namespace
+
+from afm_model import Scenario, ScenarioError
+from afm_node_common import topics
+
+from .domain import claim_domain
+from .follow import STALL_TIMEOUT
+from .scenario import foreign_sections, read_scenario
+from .session import COMPOSED, EXTERNAL, OWN, Interrupted, Session, SessionError
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="session", description="Run a scenario and leave recording, picture, score.")
+    parser.add_argument("scenario", help="name of a scenario, or a scenario file")
+    parser.add_argument("--out", required=True, type=Path, help="folder for the results")
+    parser.add_argument(
+        "--controller",
+        default=OWN,
+        metavar="COMMAND",
+        help="start this command as the controller in place of afm_controller_node; it is given the parameters of the "
+        "scenario and the namespace (--ros-args --params-file FILE -r __ns:=NAMESPACE); 'external': start none and "
+        "wait; 'composed': ours, in the simulator's process",
+    )
+    parser.add_argument(
+        "--no-ros-args",
+        action="store_false",
+        dest="ros_arguments",
+        help="give COMMAND no arguments but its own",
+    )
+    parser.add_argument(
+        "--composed",
+        action="store_const",
+        const=COMPOSED,
+        dest="controller",
+        help="simulator and controller in one process, on the same topics",
+    )
+    parser.add_argument(
+        "--overrides",
+        type=Path,
+        metavar="FILE",
+        help="parameter file that counts in place of the scenario's parameters",
+    )
+    parser.add_argument(
+        "--namespace",
+        default=topics.NAMESPACE,
+        help=f"namespace of the instrument, in place of {topics.NAMESPACE}: for two at a time in one ROS domain",
+    )
+    parser.add_argument(
+        "--stall-timeout",
+        type=float,
+        default=STALL_TIMEOUT,
+        metavar="SECONDS",
+        help="wall time for which a controller that has been reported may stay silent before the session ends "
+        f"(default {STALL_TIMEOUT:g})",
+    )
+    return parser.parse_args()
+
+
+def _checked(arguments: argparse.Namespace) -> Scenario:
+    """The scenario; raises ScenarioError for it, ValueError for what is not allowed on the command line."""
+    controller, namespace = arguments.controller, arguments.namespace
+    try:
+        if controller != OWN and not shlex.split(controller):
+            raise ValueError("it is empty")
+    except ValueError as error:
+        raise ValueError(f"--controller {controller!r} is no command: {error}") from None
+    try:
+        validate_namespace(f"/{namespace.strip('/')}")
+    except InvalidNamespaceException as error:
+        raise ValueError(f"--namespace {namespace} is not allowed: {' '.join(str(error).split())}") from None
+    if not arguments.stall_timeout >= 0.0:
+        raise ValueError(f"--stall-timeout {arguments.stall_timeout:g} s is not allowed: it must be >= 0 s")
+    scenario = read_scenario(arguments.scenario, arguments.overrides)
+    if scenario.sim.total_ticks == 0:
+        raise ScenarioError(f"{scenario.path}: run.duration = 0 s is not allowed in a session: it must be > 0 s")
+    return scenario
+
+
+def _own_domain(arguments: argparse.Namespace) -> socket.socket | None:
+    """Take a ROS domain for this session alone, unless one is chosen or others must find the instrument.
+
+    Returns
+    -------
+    socket or None
+        To be kept as long as the session lasts.
+    """
+    # rcl takes an empty one for none.
+    if os.environ.get("ROS_DOMAIN_ID") or arguments.controller == EXTERNAL:
+        return None
+    try:
+        domain, claim = claim_domain()
+    except RuntimeError as error:
+        raise SessionError(str(error)) from None
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    print(f"ROS domain {domain}, of this session alone. To listen: export ROS_DOMAIN_ID={domain}", file=sys.stderr)
+    return claim
+
+
+def main() -> int:
+    """Entry point of `ros2 run afm_bringup session`."""
+    arguments = _arguments()
+    try:
+        scenario = _checked(arguments)
+        if arguments.controller in (OWN, COMPOSED):
+            for key in foreign_sections(scenario):
+                print(f"note: section {key} of {scenario.path} is for no node of this session", file=sys.stderr)
+        claim = _own_domain(arguments)  # kept until the end of this process
+        Session(
+            scenario,
+            arguments.out,
+            arguments.controller,
+            namespace=arguments.namespace,
+            ros_arguments=arguments.ros_arguments,
+            stall_timeout=arguments.stall_timeout,
+        ).run()
+    except Interrupted:
+        return _end("interrupted", 130)
+    except ValueError as error:
+        return _end(f"error: {error}", 2)
+    except SessionError as error:
+        return _end(f"error: {error}", 1)
+    del claim
+    return 0
+
+
+def _end(text: str, code: int) -> int:
+    with suppress(OSError):  # the terminal may be gone
+        print(text, file=sys.stderr, flush=True)
+    return code

@@ -1,0 +1,83 @@
+"""Following a run to its end: what a session and a launch both wait for."""
+
+import time
+
+from afm_msgs.msg import InstrumentStatus, RecorderStatus
+
+from .monitor import Monitor
+
+STALL_TIMEOUT = 10.0
+"""Wall time for which a controller that has been reported may stay silent [s]."""
+RECORDER_TIMEOUT = 30.0
+"""Wall time that the recorder has to receive what was published [s]."""
+
+
+class RunError(RuntimeError):
+    """Why a run did not come to its end, in one sentence."""
+
+
+def check_score(status: InstrumentStatus) -> None:
+    """Raise RunError if there is nothing to score: a controller of which no drive was ever applied."""
+    if status.mode == "realtime" and status.drives_lost >= status.ticks:
+        raise RunError(
+            f"no drive of {status.controller or 'the controller'} was ever applied in {status.ticks} ticks; "
+            f"{status.drives_refused} were refused as NaN or infinite"
+        )
+
+
+class Follower:
+    """Follows one run.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    stall_timeout : float
+        Wall time for which a controller may stay silent after it was reported [s].
+    """
+
+    def __init__(self, monitor: Monitor, stall_timeout: float = STALL_TIMEOUT) -> None:
+        self._monitor = monitor
+        self._stall_timeout = stall_timeout
+        self._silent_since: float | None = None
+
+    def finished(self) -> bool:
+        """Whether the run is finished and its score is there; to be asked again and again.
+
+        Raises
+        ------
+        RunError
+            If it has ended in a fault, or the controller has been silent for too long.
+        """
+        status = self._monitor.status
+        if status is None:
+            return False
+        if status.state == InstrumentStatus.FAULT:
+            raise RunError(status.detail)
+        # A controller that was only slow comes back; the score tells.
+        now = time.monotonic()
+        if status.state not in (InstrumentStatus.STALLED, InstrumentStatus.RETRACTED):
+            self._silent_since = None
+        elif self._silent_since is None:
+            self._silent_since = now
+        elif now >= self._silent_since + self._stall_timeout:
+            detail = status.detail.removesuffix("; still waiting")
+            raise RunError(f"{detail}, nor for {self._stall_timeout:g} s after that")
+        return bool(status.state == InstrumentStatus.FINISHED) and self._monitor.score is not None
+
+    def recorded(self) -> bool:
+        """Whether the recorder has received all that was published."""
+        status, recorder = self._known()
+        return bool(recorder.ticks >= status.ticks and recorder.samples >= status.samples)
+
+    def missing_in_recording(self) -> str | None:
+        """A sentence about what has not arrived at the recorder, if anything."""
+        status, recorder = self._known()
+        if recorder.ticks == status.ticks and recorder.samples == status.samples:
+            return None
+        return (
+            f"the recording is incomplete: {recorder.ticks} of {status.ticks} ticks and {recorder.samples} of "
+            f"{status.samples} samples arrived"
+        )
+
+    def _known(self) -> tuple[InstrumentStatus, RecorderStatus]:
+        return self._monitor.status or InstrumentStatus(), self._monitor.recorder or RecorderStatus()

@@ -1,0 +1,154 @@
+"""The folder of a session's results: only what is complete stands in it under its final name, and nothing gets lost.
+
+What is under way stands in `unfinished-<date>-<time>` in there. A session that fails leaves its recordings there; so
+does one that is killed, without a hand of its own.
+"""
+
+import fcntl
+import os
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+PICTURE, CARD, RECORDING = "overview.png", "scorecard.json", "recording.rrd"
+
+
+class FolderError(RuntimeError):
+    """What is wrong with the folder, in one sentence."""
+
+
+class ResultsFolder:
+    """The results of one session. Use as a context manager.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it is not there.
+
+    Raises
+    ------
+    FolderError
+        If it cannot be written, or another session writes to it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            # Held as long as this process lives.
+            self._lock = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+        except OSError as error:
+            raise FolderError(
+                f"--out {path} cannot be written ({error.strerror}): it must be a folder you can write"
+            ) from None
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            for name in (PICTURE, CARD, RECORDING):
+                if (path / name).is_dir():
+                    raise FolderError(f"{path / name} is a folder: it must be a file, or not be there")
+            self.work = self._make("unfinished")
+            """Where to write what is under way."""
+        except OSError as error:
+            os.close(self._lock)
+            raise FolderError(
+                f"another session writes to {path}: give this one a folder of its own"
+                if isinstance(error, BlockingIOError)
+                else f"--out {path} cannot be written ({error.strerror}): it must be a folder you can write"
+            ) from None
+        except FolderError:
+            os.close(self._lock)
+            raise
+        self._before: Path | None = None
+
+    def __enter__(self) -> "ResultsFolder":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Keep logs; remove what is empty."""
+        with suppress(OSError):
+            self._keep_logs()
+        with suppress(OSError):
+            self.work.rmdir()
+        os.close(self._lock)
+
+    @property
+    def there(self) -> bool:
+        """Whether the folder is still there: somebody may have removed it."""
+        return self.work.is_dir()
+
+    @property
+    def left(self) -> list[Path]:
+        """What a recorder has written and what has no final name."""
+        with suppress(OSError):
+            return sorted(path for path in self.work.iterdir() if ".rrd" in path.name)
+        return []
+
+    def set_older_aside(self) -> None:
+        """Results of an older run would pass for those of this one; its recordings are kept until this one has its own.
+
+        Raises
+        ------
+        OSError
+            If they cannot be moved.
+        """
+        recordings = sorted(path for path in self.path.glob("recording*.rrd") if path.is_file())
+        older = [*recordings, *(self.path / name for name in (PICTURE, CARD))]
+        if recordings:
+            self._before = self._make("previous")
+            self._move(older, self._before)
+        for path in older:
+            path.unlink(missing_ok=True)
+
+    def publish(self, *, complete: bool) -> list[Path]:
+        """Give what is in `work` its final names; a recording that was not closed stays there.
+
+        Parameters
+        ----------
+        complete : bool
+            Whether the recording of the run before is now replaced.
+
+        Returns
+        -------
+        list of Path
+            The results.
+
+        Raises
+        ------
+        OSError
+            If something cannot be moved.
+        """
+        closed = sorted(path for path in self.work.glob("recording*.rrd") if ".partial" not in path.name)
+        names = [path.name for path in (*closed, self.work / PICTURE, self.work / CARD) if path.exists()]
+        self._move([self.work / name for name in names], self.path)
+        if complete and self._before is not None:
+            for path in self._before.iterdir():
+                path.unlink()
+            self._before.rmdir()
+        return [self.path / name for name in names]
+
+    def _keep_logs(self) -> None:
+        """Logs of the nodes go beside the results; those of the session before are replaced."""
+        logs = self.path / "logs"
+        found = sorted(self.work.glob("*.log")) + sorted(self.work.glob("*.yaml"))
+        if found:
+            logs.mkdir(exist_ok=True)
+            self._move(found, logs)
+
+    def _make(self, what: str) -> Path:
+        """A new folder in here, named after what it is and the time."""
+        stamp = time.strftime("%Y%m%d-%H%M%S")
+        for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
+            path = self.path / f"{what}-{stamp}{suffix}"
+            try:
+                path.mkdir()
+            except FileExistsError:
+                continue
+            return path
+        raise FileExistsError(f"{self.path} holds a thousand folders {what}-{stamp}")
+
+    @staticmethod
+    def _move(paths: Iterable[Path], folder: Path) -> None:
+        for path in paths:
+            if path.exists():
+                path.replace(folder / path.name)

@@ -1,0 +1,123 @@
+"""What `ros2 param set` and `ros2 param load` may send, put right or refused before rclpy sees it.
+
+rclpy alone refuses `5` for a number that may have decimals, refuses a value that cannot change even if it is the one in
+force, and raises out of the service, which ends the node, if the type of a value is none that exists.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+from afm_model.parameters import Specification, unknown_name_message
+
+_TYPES = frozenset(range(ParameterType.PARAMETER_BOOL, ParameterType.PARAMETER_STRING_ARRAY + 1))
+"""Numbers of the types that hold a value."""
+
+
+class _Refused(ValueError):
+    """A parameter that is not taken; the message is one sentence."""
+
+
+def check_services(node: Node, specifications: Sequence[Specification]) -> None:
+    """Have the two services that set parameters of `node` check what they are sent.
+
+    Parameters
+    ----------
+    node : Node
+        Its parameters are declared.
+    specifications : sequence of Specification
+        Those of its parameters that are the model's.
+    """
+    known = {spec.name: spec for spec in specifications}
+    for service in node.services:
+        if service.srv_type is SetParameters:
+            service.callback = _each(node, known, service.callback)
+        elif service.srv_type is SetParametersAtomically:
+            service.callback = _all_or_none(node, known, service.callback)
+
+
+def _each(node: Node, known: Mapping[str, Specification], callback: Callable[..., Any]) -> Callable[..., Any]:
+    """The service that sets parameters one by one."""
+
+    def answer(request: SetParameters.Request, response: SetParameters.Response) -> SetParameters.Response:
+        for message in request.parameters:
+            try:
+                news = _news(node, known, [message])
+            except _Refused as refusal:
+                results = [SetParametersResult(successful=False, reason=str(refusal))]
+            else:
+                results = callback(SetParameters.Request(parameters=news), SetParameters.Response()).results
+                results = list(results) or [SetParametersResult(successful=True)]
+            response.results = [*response.results, *results]
+        return response
+
+    return answer
+
+
+def _all_or_none(node: Node, known: Mapping[str, Specification], callback: Callable[..., Any]) -> Callable[..., Any]:
+    """The service that sets parameters at once."""
+
+    def answer(
+        request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
+    ) -> SetParametersAtomically.Response:
+        try:
+            news = _news(node, known, request.parameters)
+        except _Refused as refusal:
+            response.result = SetParametersResult(successful=False, reason=str(refusal))
+            return response
+        if not news:
+            response.result = SetParametersResult(successful=True)
+            return response
+        return callback(SetParametersAtomically.Request(parameters=news), response)
+
+    return answer
+
+
+def _news(
+    node: Node, known: Mapping[str, Specification], messages: Sequence[ParameterMessage]
+) -> list[ParameterMessage]:
+    """What is left to be set: numbers in their type, without what cannot change and has that value already."""
+    news = []
+    for message in messages:
+        parameter = _checked(node, known.get(message.name), message)
+        present = node.get_parameter(parameter.name)
+        same = (parameter.type_, parameter.value) == (present.type_, present.value)
+        if not (same and node.describe_parameter(parameter.name).read_only):
+            news.append(parameter.to_parameter_msg())
+    return news
+
+
+def _checked(node: Node, spec: Specification | None, message: ParameterMessage) -> Parameter:
+    """The parameter in its type.
+
+    Raises
+    ------
+    _Refused
+        If there is none of that name, or the value is of another type.
+    """
+    name, value = message.name, message.value
+    if not node.has_parameter(name):
+        raise _Refused(unknown_name_message(name, list(node.get_parameters_by_prefix(""))))
+    kind = node.get_parameter(name).type_
+    allowed = spec.allowed if spec else f"of type {kind.name}"
+    if value.type == ParameterType.PARAMETER_NOT_SET:
+        raise _Refused(f"{name} cannot be removed: it must be {allowed}")
+    if value.type not in _TYPES:
+        raise _Refused(f"{name} = a value of the unknown type {value.type} is not allowed: it must be {allowed}")
+    if kind == Parameter.Type.DOUBLE and value.type == ParameterType.PARAMETER_INTEGER:
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=float(value.integer_value))
+    if value.type != kind.value:
+        given = parameter_value_to_python(value)
+        raise _Refused(f"{name} = {_short(given)} is not allowed: it must be {allowed}")
+    return Parameter(name, kind, parameter_value_to_python(value))
+
+
+def _short(value: object) -> str:
+    """A value in words of bearable length."""
+    text = str(list(value) if not isinstance(value, str | bool | int | float) else value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
