@@ -45,6 +45,10 @@ class Intake:
         self._seen: set[str] = set()
         self._open = False
 
+    def add(self, stream: str) -> None:
+        """One more stream."""
+        self.streams[stream] = Stream()
+
     @property
     def begun(self) -> bool:
         """Whether anything has come in the present run."""
