@@ -53,7 +53,7 @@ def measure(file: BinaryIO) -> tuple[int, bool]:
         0 bytes if it is no .rrd file.
     """
     size = os.fstat(file.fileno()).st_size
-    if os.pread(file.fileno(), len(_MAGIC), 0) != _MAGIC:
+    if size < HEADER or os.pread(file.fileno(), len(_MAGIC), 0) != _MAGIC:
         return 0, False
     position = HEADER
     while position + _MESSAGE.size <= size:

@@ -156,8 +156,9 @@ def readable(path: str | os.PathLike[str]) -> Iterator[tuple[Path, bool]]:
                 return
             with tempfile.NamedTemporaryFile(suffix=".rrd") as copy:
                 position = 0
-                while position < whole:
-                    position += os.sendfile(copy.fileno(), file.fileno(), position, whole - position)
+                # The recorder may cut it back meanwhile, when its disk is full.
+                while block := os.sendfile(copy.fileno(), file.fileno(), position, whole - position):
+                    position += block
                 yield Path(copy.name), False
     except OSError as error:
         raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
