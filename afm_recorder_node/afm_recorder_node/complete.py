@@ -27,6 +27,10 @@ _FLUSH_LIMIT = 60.0
 _Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
 
 
+class NoRoom(OSError):
+    """There is no room for a second file."""
+
+
 @dataclass
 class _Batch:
     """Rows of one entity that become one chunk."""
@@ -56,6 +60,8 @@ def complete(source: Path, target: Path, expected: Mapping[str, int] | None = No
 
     Raises
     ------
+    NoRoom
+        If there is no room for a copy.
     OSError
         If it could not be written, or is not what it should be. `source` is untouched in any case.
     """
@@ -64,13 +70,13 @@ def complete(source: Path, target: Path, expected: Mapping[str, int] | None = No
         closing.unlink()
     free, size = _free(target.parent), source.stat().st_size
     if free < size:
-        raise OSError(f"{target} needs {size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free")
+        raise NoRoom(f"{target} needs {size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free")
     file = os.open(closing, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:
         written = _copy(source, file)
         if expected is not None and written != Counter(expected):
             raise OSError(f"{source} does not hold what was written: {_difference(written, expected)}")
-        _verify(closing, written)
+        verify(closing, written)
         os.fsync(file)
         os.replace(closing, target)
     except BaseException:
@@ -165,16 +171,23 @@ def _ending(stream: rr.RecordingStream) -> Iterator[rr.RecordingStream]:
         raise OSError(str(error)) from error
 
 
-def _verify(path: Path, expected: Counter[str]) -> None:
-    """Read the file to its end, and its index. rerun only logs a line when a write of its own fails."""
+def verify(path: Path, expected: Mapping[str, int], *, index: bool = True) -> None:
+    """Read a file to its end, and its index. rerun only logs a line when a write of its own fails.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, or does not hold the rows that are expected of each entity.
+    """
     found: Counter[str] = Counter()
     try:
-        RrdReader(path).store()
+        if index:
+            RrdReader(path).store()
         for chunk in chunks(path):
             found[chunk.entity_path] += 0 if chunk.is_static else chunk.num_rows
     except (RuntimeError, ValueError) as error:
         raise OSError(f"{path} could not be written completely: {error}") from error
-    if +found != +expected:
+    if +found != +Counter(expected):
         raise OSError(f"{path} could not be written completely: {_difference(found, expected)}")
 
 

@@ -14,6 +14,9 @@ _MESSAGE = struct.Struct("<QQ")
 _END = 0
 _FOOTER, _FOOTER_MAGIC = 32, b"RRF2FOOT"
 
+END = _MESSAGE.pack(_END, 0)
+"""Ends a file that has no index."""
+
 
 def without_ends(stream: bytes) -> bytes:
     """The messages of an encoded stream, without header and end: what can be put behind other messages.
@@ -60,7 +63,9 @@ def measure(file: BinaryIO) -> tuple[int, bool]:
         kind, length = _MESSAGE.unpack(os.pread(file.fileno(), _MESSAGE.size, position))
         after = position + _MESSAGE.size + length
         if kind == _END:
-            footer = os.pread(file.fileno(), _FOOTER, after) if length else b""
+            if not length:
+                return position, after == size
+            footer = os.pread(file.fileno(), _FOOTER, after)
             return position, len(footer) == _FOOTER and _FOOTER_MAGIC in footer
         if after > size:
             break

@@ -139,7 +139,7 @@ class RecorderNode(Node):
     def _publish(self) -> None:
         health = Health(
             ready=self._ready,
-            messages_dropped=self._ears.dropped,
+            messages_dropped=self._ears.dropped + self.recorder.strays,
             writing=not self.recorder.problem,
             detail=self.recorder.problem or self._ears.last,
             **asdict(self.recorder.counts()),

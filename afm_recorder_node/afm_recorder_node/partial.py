@@ -101,6 +101,12 @@ class Partial:
         self.problem = ""
         return True
 
+    def give_name(self, path: Path) -> None:
+        """The file is complete: give it its name."""
+        os.fsync(self._file)
+        os.replace(self.path, path)
+        self.release()
+
     def discard(self) -> None:
         """Remove the file."""
         if self._there():

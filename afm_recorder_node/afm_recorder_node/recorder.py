@@ -88,6 +88,11 @@ class Recorder:
         """Why the recording cannot be written at present; empty if it can."""
         return self._writer.problem
 
+    @property
+    def strays(self) -> int:
+        """Blocks dropped because they belong to no run: somebody else has sent them."""
+        return self._intake.strays
+
     def further_channel(self, signal: Signal) -> None:
         """A channel beyond `layout.CHANNELS`, before its first block."""
         self._intake.add(signal.entity)

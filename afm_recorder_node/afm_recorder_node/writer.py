@@ -15,8 +15,8 @@ import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from . import layout
-from .complete import complete, send_series
-from .frames import HEADER, without_ends
+from .complete import NoRoom, complete, send_series, verify
+from .frames import END, HEADER, without_ends
 from .layout import Signal, instants
 from .partial import Partial, check_name
 
@@ -103,7 +103,7 @@ class RecordingWriter:
         try:
             self._file = Partial(self.path, first[:HEADER], patient=patient)
         except BaseException:
-            self._stream.disconnect()
+            self._end_stream()
             raise
         self._file.write(without_ends(first))
         for signal in (*layout.CHANNELS, *layout.TICKS):
@@ -253,7 +253,7 @@ class RecordingWriter:
         for entity, value in self._changed.items():
             self._send(entity, np.array([self._end_ns]), np.array([value]))
         self.flush()
-        self._stream.disconnect()
+        self._end_stream()
         if not any(self._sent[entity] for entity in self._columns):
             self._file.discard()
             return None
@@ -261,12 +261,26 @@ class RecordingWriter:
             if self.problem:
                 raise OSError(self.problem)
             check_name(self.path)
-            complete(self.partial, self.path, self._sent)
+            try:
+                complete(self.partial, self.path, self._sent)
+                self._file.discard()
+            except NoRoom:
+                self._finish_in_place()
         except OSError as error:
             self._file.release()
             raise OSError(f"{self.partial} is incomplete: {error}") from error
-        self._file.discard()
         return self.path
+
+    def _finish_in_place(self) -> None:
+        """Without room for a copy the file keeps its small chunks and has no index: larger, and slower to open."""
+        if not self._file.write(END):
+            raise OSError(self.problem)
+        verify(self.partial, self._sent, index=False)
+        self._file.give_name(self.path)
+
+    def _end_stream(self) -> None:
+        self._stream.disconnect()
+        self._bytes.read(flush=False)  # an index of its own, that rerun would miss in the log otherwise
 
     def _declare(self, signal: Signal) -> None:
         self._columns[signal.entity] = _Column()
