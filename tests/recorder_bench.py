@@ -70,7 +70,9 @@ class FakeInstrument(Node):
         self.trace.publish(trace)
 
     def publish_status(self, state: int, ticks: int, detail: str = "") -> None:
-        message = InstrumentStatus(state=state, ticks=ticks, samples=2 * ticks, detail=detail, controller=self.controller)
+        message = InstrumentStatus(
+            state=state, ticks=ticks, samples=2 * ticks, detail=detail, controller=self.controller
+        )
         message.header.stamp = stamp(ticks)
         self.status.publish(message)
 
@@ -157,9 +159,7 @@ class RecorderProcess:
         self.instrument = FakeInstrument(self.context, namespace)
         # Nobody waits for the parameters of a controller that is not there.
         self.instrument.controller = self.instrument.get_fully_qualified_name()
-        self.instrument.create_subscription(
-            RecorderStatus, topics.RECORDER_STATUS, self._on_told, topics.LATCHED_QOS
-        )
+        self.instrument.create_subscription(RecorderStatus, topics.RECORDER_STATUS, self._on_told, topics.LATCHED_QOS)
         self.instrument.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.instrument)

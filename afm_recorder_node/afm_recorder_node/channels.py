@@ -62,7 +62,7 @@ class Channels:
     def _listen(self, name: str) -> None:
         def take(message: Waveform) -> None:
             signal = self._signals.get(name)
-            checks.waveform(message, signal and signal.si_unit)
+            checks.waveform(message, signal.si_unit if signal else None)
             if signal is None:
                 signal = self._signals[name] = layout.signal(name, message.unit)
                 self._found(signal)

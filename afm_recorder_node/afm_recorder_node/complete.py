@@ -1,4 +1,4 @@
-"""Makes a complete recording of one that broke off or has just ended: large chunks, an index, verified. Needs no ROS."""
+"""Makes a complete recording of one that broke off or has just ended: large chunks, index, verified. Needs no ROS."""
 
 import ctypes
 import os
@@ -51,7 +51,7 @@ def complete(source: Path, target: Path, expected: Mapping[str, int] | None = No
         Whole messages, perhaps without an end; see `afm_recorder_node.reader.readable`.
     target : Path
     expected : mapping, optional
-        Rows that each entity has to have.
+        Rows that each entity has to have. Without it the source may end in something that cannot be read.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def complete(source: Path, target: Path, expected: Mapping[str, int] | None = No
         raise NoRoom(f"{target} needs {size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free")
     file = os.open(closing, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:
-        written = _copy(source, file)
+        written = _copy(source, file, whole=expected is not None)
         if expected is not None and written != Counter(expected):
             raise OSError(f"{source} does not hold what was written: {_difference(written, expected)}")
         verify(closing, written)
@@ -88,8 +88,8 @@ def complete(source: Path, target: Path, expected: Mapping[str, int] | None = No
     return written
 
 
-def chunks(path: Path) -> Iterator[Chunk]:
-    """All chunks of the recording in a file.
+def chunks(path: Path, *, whole: bool = True) -> Iterator[Chunk]:
+    """All chunks of the recording in a file; if it is not `whole`, those before the first that cannot be read.
 
     Raises
     ------
@@ -105,7 +105,11 @@ def chunks(path: Path) -> Iterator[Chunk]:
         stores = reader.recordings()
     if not stores or stores[0].application_id != layout.APPLICATION:
         raise ValueError("it is no recording of this microscope")
-    yield from reader.stream(store=stores[0])
+    try:
+        yield from reader.stream(store=stores[0])
+    except (RuntimeError, ValueError):
+        if whole:
+            raise
 
 
 def series(batch: pa.RecordBatch) -> _Rows | None:
@@ -116,7 +120,7 @@ def series(batch: pa.RecordBatch) -> _Rows | None:
     return times, batch.column(layout.SCALARS).flatten().to_numpy()
 
 
-def _copy(source: Path, file: int) -> Counter[str]:
+def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
     written: Counter[str] = Counter()
     batches: dict[str, _Batch] = defaultdict(_Batch)
     with _ending(rr.RecordingStream(layout.APPLICATION, send_properties=False)) as stream:
@@ -127,7 +131,7 @@ def _copy(source: Path, file: int) -> Counter[str]:
             batch = batches.pop(entity)
             send_series(stream, entity, np.concatenate(batch.times), np.concatenate(batch.values))
 
-        for chunk in chunks(source):
+        for chunk in chunks(source, whole=whole):
             rows = None if chunk.is_static else series(chunk.to_record_batch())
             if rows is None or len(rows[0]) != chunk.num_rows or len(rows[1]) % max(chunk.num_rows, 1):
                 stream.send_chunks(chunk)

@@ -1,7 +1,7 @@
 """How an .rrd file is cut into messages, so that one that breaks off can be read up to its last whole message.
 
-A file of rerun 0.41 is a header of 12 bytes, then messages: kind and length of the content, 8 bytes each, little-endian,
-then the content. The message of kind 0 ends the file; behind a content (the index of the file) stands a footer.
+A file of rerun 0.41 is a header of 12 bytes, then messages: kind and length of the content, 8 bytes each,
+little-endian, then the content. The message of kind 0 ends the file; behind its content, the index, stands a footer.
 """
 
 import os

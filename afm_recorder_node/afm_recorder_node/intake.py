@@ -31,8 +31,8 @@ class Intake:
     """Blocks in; each is written once, in order, in the run that it belongs to.
 
     A run ends when a stream begins again at a lower number: the instrument has been reset. Topics do not arrive in
-    step, so blocks of the next run are held back until every stream that there has been has begun again. If a stream goes
-    on with its old numbers in place of that, what was held back of it came from somebody else and is dropped.
+    step, so blocks of the next run are held back until every stream that there has been has begun again. If a stream
+    goes on with its old numbers in place of that, what was held back of it came from somebody else and is dropped.
 
     Parameters
     ----------

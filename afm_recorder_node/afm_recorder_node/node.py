@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
 from numpy.typing import NDArray
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from std_msgs.msg import Header

@@ -1,4 +1,4 @@
-"""The file in which a recording grows: held by one process, written so that it can be read at any time. Needs no ROS."""
+"""The file in which a recording grows: held by one process, and whole at any time. Needs no ROS."""
 
 import fcntl
 import itertools

@@ -170,7 +170,7 @@ def _read(path: str | os.PathLike[str], every: int) -> tuple[_Batches, bool]:
     batches: _Batches = defaultdict(list)
     with readable(path) as (file, complete):
         try:
-            for chunk in chunks(file):
+            for chunk in chunks(file, whole=complete):
                 batch = chunk.to_record_batch()
                 entity = chunk.entity_path
                 if every > 1 and series(batch) and (entity in ticks or not entity.startswith(f"{layout.PARAMETERS}/")):
@@ -229,9 +229,9 @@ def _channels(batches: _Batches) -> dict[str, Channel]:
     channels = {}
     for entity in (*known, *layout.further(batches)):
         unit, factor = _static(batches[entity], "unit"), _static(batches[entity], "factor")
-        if entity not in known and not isinstance(factor, int | float):
+        if entity not in known and np.isnan(_number(factor)):
             continue
-        signal = known.get(entity) or Signal(entity, "", float(factor), str(unit))
+        signal = known.get(entity) or Signal(entity, "", _number(factor), str(unit))
         times, values = _rows(batches[entity], signal)
         channels[signal.name] = Channel(times / 1e9, values, signal.si_unit, _scale(batches[entity]))
     return channels
@@ -256,5 +256,9 @@ def _static(batches: list[pa.RecordBatch], component: str) -> object:
 
 
 def _scale(batches: list[pa.RecordBatch]) -> float:
-    value = _static(batches, "scale")
+    return _number(_static(batches, "scale"))
+
+
+def _number(value: object) -> float:
+    """NaN for what is none."""
     return float(value) if isinstance(value, int | float) else float("nan")

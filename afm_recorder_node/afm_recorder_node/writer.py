@@ -22,6 +22,8 @@ from .partial import Partial, check_name
 
 _CHUNK_ROWS = 32_768
 """Rows written at once, whenever they come; fewer are written by `flush`."""
+_COPIED_UP_TO = 2_000_000_000
+"""Larger files are finished in place [bytes]: a copy takes half a second for each minute of a run at 1 kHz."""
 _LIVE_MEMORY = "256MiB"
 """What the live server keeps for viewers that connect late; it drops the oldest first."""
 
@@ -94,7 +96,7 @@ class RecordingWriter:
         self._closed = False
         self._stream = rr.RecordingStream(layout.APPLICATION)
         # rerun's own file sink only logs a line when a write fails, and remembers each chunk until the end.
-        self._bytes = self._stream.binary_stream()
+        self._bytes = rr.binary_stream(self._stream)
         sinks: list[rr.sinks.LogSinkLike] = [self._bytes]
         if live_port is not None:
             sinks.append(rr.GrpcServerSink(live_address, live_port, server_memory_limit=_LIVE_MEMORY))
@@ -262,6 +264,8 @@ class RecordingWriter:
                 raise OSError(self.problem)
             check_name(self.path)
             try:
+                if self.partial.stat().st_size > _COPIED_UP_TO:
+                    raise NoRoom
                 complete(self.partial, self.path, self._sent)
                 self._file.discard()
             except NoRoom:
@@ -272,7 +276,7 @@ class RecordingWriter:
         return self.path
 
     def _finish_in_place(self) -> None:
-        """Without room for a copy the file keeps its small chunks and has no index: larger, and slower to open."""
+        """Without room or time for a copy the file keeps its small chunks, and has no index."""
         if not self._file.write(END):
             raise OSError(self.problem)
         verify(self.partial, self._sent, index=False)

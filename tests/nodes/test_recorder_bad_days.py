@@ -309,7 +309,9 @@ def test_waveform_of_any_name_in_the_namespace_is_recorded_under_it(tmp_path: Pa
         elsewhere = recorder.instrument.create_publisher(Waveform, "/elsewhere/creep_x", topics.STREAM_QOS)
         recorder.spin_until(lambda: creep.get_subscription_count() > 0)
         for k in range(3):
-            creep.publish(at(wave(first_sample=4 * k, sample_period=1e-3, samples=[1.0 * k] * 4, scale=2e-9), 0, 4_000_000 * k))
+            creep.publish(
+                at(wave(first_sample=4 * k, sample_period=1e-3, samples=[1.0 * k] * 4, scale=2e-9), 0, 4_000_000 * k)
+            )
         recorder.instrument.publish_block(BLOCK)
         recorder.spin_until(lambda: recorder.told.ticks == 2 * BLOCK and recorder.told.samples == 4 * BLOCK)
         assert elsewhere.get_subscription_count() == 0
