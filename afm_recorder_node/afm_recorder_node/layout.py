@@ -139,15 +139,12 @@ def blueprint(further: Iterable[str] = ()) -> rrb.Blueprint:
     """
 
     def plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
-        overrides = {}
-        if axis is not None:
-            shown = [k == axis for k in range(3)]
-            overrides = {s.entity: rr.SeriesLines.from_fields(visible_series=shown) for s in signals}
+        shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
         return rrb.TimeSeriesView(
             name=name,
             origin="/",
             contents=[signal.entity for signal in signals],
-            overrides=overrides,
+            overrides=None if axis is None else {signal.entity: [shown] for signal in signals},
             plot_legend=rrb.PlotLegend(corner="RightTop"),
         )
 

@@ -66,7 +66,7 @@ class RecorderNode(Node):
         self._channels = Channels(self, self._ears, self._on_waveform, self.recorder.further_channel)
         self._trace = self._ears.listen(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
         self._ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
-        self._ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
+        self._score = self._ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         # A timer of the system's clock stops for as long as that is set back.
         self.create_timer(_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -75,7 +75,9 @@ class RecorderNode(Node):
         begin = now = time.monotonic()
         while now < begin + _DRAIN_LIMIT:
             ended = self._status.state in _ENDED or now >= begin + _SETTLE
-            if ended and self.recorder.has(self._status.ticks, self._status.samples):
+            # The score comes on a topic of its own, before or after the last status.
+            scored = self.recorder.scored or not self._score.get_publisher_count() or now >= begin + _SETTLE
+            if ended and scored and self.recorder.has(self._status.ticks, self._status.samples):
                 break
             spin_once(0.05)
             now = time.monotonic()

@@ -89,6 +89,11 @@ class Recorder:
         return self._writer.problem
 
     @property
+    def scored(self) -> bool:
+        """Whether the score of the present run has been recorded."""
+        return self._writer.scored
+
+    @property
     def strays(self) -> int:
         """Blocks dropped because they belong to no run: somebody else has sent them."""
         return self._intake.strays

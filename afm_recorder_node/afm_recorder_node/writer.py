@@ -92,6 +92,8 @@ class RecordingWriter:
         self._gap: _Gap | None = None
         self.unwritten: Counter[str] = Counter()
         """Rows of each signal that came while the file could not be written: they are missing."""
+        self.scored = False
+        """Whether it holds a score."""
         self._end_ns = 0
         self._closed = False
         self._stream = rr.RecordingStream(layout.APPLICATION)
@@ -202,6 +204,7 @@ class RecordingWriter:
 
     def score(self, time_ns: int, values: Mapping[str, object]) -> None:
         """The score of the run, and when it came: simulated time [ns]."""
+        self.scored = True
         self._stream.log(layout.SCORE, rr.TextDocument(yaml.safe_dump(dict(values), sort_keys=False)), static=True)
         self._send_event(time_ns, "the score of the run is here", "INFO", "")
 

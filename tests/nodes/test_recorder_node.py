@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rclpy
-from afm_msgs.msg import InstrumentStatus
+from afm_msgs.msg import InstrumentStatus, Score
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from recorder_bench import BLOCK, HEIGHT, NAMESPACE, Bench, RecorderProcess
+from recorder_bench import BLOCK, HEIGHT, NAMESPACE, Bench, RecorderProcess, stamp
 
 from afm_model.errors import ParameterError
 from afm_recorder_node.node import RecorderNode
@@ -92,6 +93,48 @@ def test_controller_without_parameter_services_is_recorded_too(bench: Bench) -> 
     recording = read_recording(bench.path)
     assert len(recording.time_ticks) == BLOCK
     assert set(recording.parameters) == {"afm_sim_node"}
+
+
+def test_score_of_the_run_is_recorded(bench: Bench) -> None:
+    bench.instrument.publish_block(0)
+    bench.instrument.publish_status(InstrumentStatus.RUNNING, BLOCK)
+    bench.spin_until(lambda: bench.told.ticks == BLOCK)
+    bench.instrument.publish_block(BLOCK)
+    bench.instrument.publish_status(InstrumentStatus.FINISHED, 2 * BLOCK)
+    score = Score(ticks=2 * BLOCK)
+    score.header.stamp = stamp(2 * BLOCK)
+    bench.instrument.score.publish(score)
+    bench.spin_until(lambda: bench.told.ticks == 2 * BLOCK)
+    bench.recorder.finish(bench.spin_once)
+    kept = read_recording(bench.path).score
+    assert kept is not None and kept["ticks"] == 2 * BLOCK
+
+
+def test_score_of_an_older_run_is_not_recorded(bench: Bench) -> None:
+    score = Score(ticks=7)
+    score.header.stamp = stamp(7 * BLOCK)
+    bench.instrument.score.publish(score)
+    bench.instrument.publish_block(0)
+    bench.instrument.publish_status(InstrumentStatus.FINISHED, BLOCK)
+    bench.spin_until(lambda: bench.told.ticks == BLOCK)
+    bench.recorder.finish(bench.spin_once)
+    assert read_recording(bench.path).score is None
+
+
+def of(entry: DiagnosticStatus) -> dict[str, str]:
+    return {value.key: value.value for value in entry.values}
+
+
+def test_diagnostics_tell_that_all_is_well_and_that_ticks_are_missing(bench: Bench) -> None:
+    heard: list[DiagnosticStatus] = []
+    bench.controller.create_subscription(DiagnosticArray, "/diagnostics", lambda array: heard.extend(array.status), 10)
+    bench.instrument.publish_block(0)
+    bench.spin_until(lambda: any(of(entry)["ticks"] == str(BLOCK) for entry in heard))
+    assert heard[-1].level == DiagnosticStatus.OK
+    assert heard[-1].name == f"/{NAMESPACE}/afm_recorder_node: recorder"
+    bench.instrument.publish_block(2 * BLOCK)
+    bench.spin_until(lambda: of(heard[-1])["ticks lost"] == str(BLOCK))
+    assert heard[-1].level == DiagnosticStatus.WARN
 
 
 def test_lost_blocks_are_counted(bench: Bench) -> None:

@@ -1,4 +1,4 @@
-"""The file that a recording grows in: whose it is, what may stand there, and what it is worth when its writer is gone."""
+"""The file that a recording grows in: whose it is, what may stand there, what is left when its writer dies."""
 
 import fcntl
 import os
