@@ -73,8 +73,8 @@ class Partial:
         check_name(path)
         try:
             self._file = self._open()
-        except OSError:
-            if not patient:
+        except OSError as error:
+            if not patient or isinstance(error, InUse):
                 raise
         if not self.write(b"") and not patient:
             self.discard()
@@ -181,7 +181,8 @@ class Partial:
                     done += os.pwrite(self._file, memoryview(block)[done:], position + done)
                 position += len(block)
         except OSError:
-            self.path.unlink()
+            with suppress(OSError):
+                self.path.unlink()
             os.close(self._file)
             self._file = old
             raise

@@ -19,7 +19,7 @@ from .writer import Level, RecordingWriter
 
 _Array = NDArray[np.float64]
 _CONTROL = "control"
-_FLUSH_PERIOD = 0.5
+_FLUSH_PERIOD = 0.4
 """Wall time between two flushes [s]: that much, and the time between two calls of `update`, may be lost by a kill."""
 _NAMES_TRIED = 20
 _SAME_TIME_NS = 1_000

@@ -1,6 +1,6 @@
 """The file that a recording grows in: whose it is, what may stand there, what is left when its writer dies."""
 
-import fcntl
+import logging
 import os
 import resource
 import subprocess
@@ -15,9 +15,10 @@ import pytest
 
 from afm_recorder_node import layout
 from afm_recorder_node.complete import complete
-from afm_recorder_node.frames import measure
+from afm_recorder_node.parameters import RecorderParameters
 from afm_recorder_node.partial import InUse, Partial
 from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
+from afm_recorder_node.recorder import Recorder
 from afm_recorder_node.repair import repair
 from afm_recorder_node.writer import RecordingWriter
 
@@ -33,20 +34,29 @@ def write(writer: RecordingWriter, first: int, count: int) -> None:
     )
 
 
-@pytest.fixture
-def left(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """What a recorder leaves that is killed: 1000 ticks in ten pieces."""
+    folder = tmp_path_factory.mktemp("killed")
     code = (
-        "import sys, os, signal; sys.path.insert(0, sys.argv[2]); from pathlib import Path\n"
+        "import os, signal, sys; sys.path.insert(0, sys.argv[2])\n"
         "from test_recorder_partial import write, RecordingWriter\n"
         "writer = RecordingWriter(sys.argv[1])\n"
         "writer.parameters('afm_sim_node', {'plant.dt': 1e-6})\n"
         "for k in range(10):\n    write(writer, 100 * k, 100)\n    writer.flush()\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    arguments = [sys.executable, "-c", code, str(tmp_path / "run.rrd"), str(Path(__file__).parent)]
+    arguments = [sys.executable, "-c", code, str(folder / "run.rrd"), str(Path(__file__).parent)]
     assert subprocess.run(arguments, timeout=60, check=False).returncode == -9
-    return tmp_path / "run.partial.rrd"
+    return (folder / "run.partial.rrd").read_bytes()
+
+
+@pytest.fixture
+def left(killed: bytes, tmp_path: Path) -> Path:
+    """A file with that."""
+    path = tmp_path / "run.partial.rrd"
+    path.write_bytes(killed)
+    return path
 
 
 def rows(recording_path: Path) -> int:
@@ -269,7 +279,23 @@ def test_recording_without_room_for_a_copy_is_finished_in_place(
     assert recording.complete and len(recording.time_ticks) == 300
 
 
-def test_lock_ends_with_the_process_that_holds_it(left: Path) -> None:
-    with left.open("rb") as file:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        assert measure(file)[1] is False
+def take_block(recorder: Recorder, first: int) -> None:
+    for channel in layout.CHANNELS:
+        recorder.channel(channel, 2 * first, 1e-6, np.zeros(20), 1.0)
+    columns = {"position": np.zeros((10, 3)), "reference": np.zeros((10, 3)), "drive": np.zeros((10, 3))}
+    recorder.control(first, 2e-6, 0, columns | {"deflection": np.zeros(10), "round_trip": np.zeros(10)})
+
+
+@pytest.mark.parametrize("make", [RecordingWriter, lambda path: path.mkdir()], ids=["in use", "a folder"])
+def test_run_after_a_reset_takes_the_next_name_that_is_free(tmp_path: Path, make: Callable[[Path], object]) -> None:
+    recorder = Recorder(RecorderParameters(path=str(tmp_path / "run.rrd")), logging.getLogger("recorder"))
+    recorder.cantilever_height(0.0)
+    take_block(recorder, 0)
+    take_block(recorder, 10)
+    taken = make(tmp_path / "run-2.rrd")
+    take_block(recorder, 0)
+    recorder.close()
+    assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 20
+    assert len(read_recording(tmp_path / "run-3.rrd").time_ticks) == 10
+    if isinstance(taken, RecordingWriter):
+        taken.close()
