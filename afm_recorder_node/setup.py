@@ -15,7 +15,7 @@ setup(
     ],
     # The programming interface of rerun changes from one minor release to the next.
     install_requires=["setuptools", "numpy", "pyarrow", "pyyaml", "rerun-sdk==0.41.*"],
-    entry_points={"console_scripts": [f"{NAME} = {NAME}.__main__:main"]},
+    entry_points={"console_scripts": [f"{NAME} = {NAME}.__main__:main", f"repair = {NAME}.repair:main"]},
     zip_safe=False,
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",

@@ -16,6 +16,7 @@ class Stream:
     expected: int | None = None
     begin: int = 0  # number of the first value
     restarted: bool = False
+    next: int = 0  # once it has begun again: number that follows what is held back
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class Intake:
     """Blocks in; each is written once, in order, in the run that it belongs to.
 
     A run ends when a stream begins again at a lower number: the instrument has been reset. Topics do not arrive in
-    step, so blocks of the next run are held back until every stream that there has been has begun again.
+    step, so blocks of the next run are held back until every stream that there has been has begun again. If a stream
+    goes on with its old numbers in place of that, what was held back of it came from somebody else and is dropped.
 
     Parameters
     ----------
@@ -44,6 +46,12 @@ class Intake:
         self._held: list[_Block] = []
         self._seen: set[str] = set()
         self._open = False
+        self.strays = 0
+        """Blocks dropped."""
+
+    def add(self, stream: str) -> None:
+        """One more stream."""
+        self.streams[stream] = Stream()
 
     @property
     def begun(self) -> bool:
@@ -73,7 +81,9 @@ class Intake:
 
     def _sort(self, block: _Block) -> None:
         stream = self.streams[block.stream]
-        if stream.expected is not None and block.first < stream.expected:
+        if stream.restarted and block.first == stream.expected != stream.next:
+            self._drop_held(block.stream)
+        elif not stream.restarted and stream.expected is not None and block.first < stream.expected:
             stream.restarted = True
         if not stream.restarted:
             if stream.expected is None:
@@ -85,9 +95,16 @@ class Intake:
             self._seen.add(block.stream)
             block.write()
             return
+        stream.next = block.first + block.count
         self._held.append(block)
         if all(self.streams[name].restarted for name in self._seen) or len(self._held) > HOLD_LIMIT:
             self._begin_run()
+
+    def _drop_held(self, name: str) -> None:
+        kept = [block for block in self._held if block.stream != name]
+        self.strays += len(self._held) - len(kept)
+        self._held = kept
+        self.streams[name].restarted = False
 
     def _begin_run(self) -> None:
         self._new_run()

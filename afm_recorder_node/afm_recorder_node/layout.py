@@ -4,9 +4,11 @@ Recordings are made to be looked at, and rerun plots the numbers as they are log
 and us, with the unit in the name of the series; `afm_recorder_node.reader` gives SI units back.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
@@ -17,6 +19,11 @@ SCALARS = "Scalars:scalars"
 EVENTS = "/events"
 PARAMETERS = "/parameters"
 """Text of all parameters as they were first seen (YAML); below it one entity for each number that has changed."""
+
+SCORE = "/score"
+"""Text of the score (YAML), when the run has one."""
+
+_PLOTTED = {"m": ("nm", 1e9), "N": ("nN", 1e9), "s": ("us", 1e6)}
 
 # x red, y green, z blue; pale for the reference.
 _COLORS = ((214, 69, 65), (60, 150, 80), (58, 110, 200))
@@ -33,8 +40,14 @@ class Signal:
     entity: str
     unit: str
     factor: float
+    si_unit: str
     axes: tuple[str, ...] = ()
     colors: tuple[tuple[int, int, int], ...] = (_COLORS[2],)
+
+    @property
+    def name(self) -> str:
+        """As the topic is called."""
+        return self.entity.removeprefix("/")
 
     @property
     def width(self) -> int:
@@ -49,23 +62,28 @@ class Signal:
 
 
 def _vector(
-    entity: str, unit: str, factor: float, z: str = "z", colors: tuple[tuple[int, int, int], ...] = _COLORS
+    entity: str,
+    unit: str,
+    factor: float,
+    si_unit: str,
+    z: str = "z",
+    colors: tuple[tuple[int, int, int], ...] = _COLORS,
 ) -> Signal:
-    return Signal(entity, unit, factor, ("x", "y", z), colors)
+    return Signal(entity, unit, factor, si_unit, ("x", "y", z), colors)
 
 
-DEFLECTION = Signal("/deflection", "nm", 1e9)
-LATERAL_FORCE = Signal("/lateral_force", "nN", 1e9, colors=(_COLORS[0],))
-LATERAL_FORCE_Y = Signal("/truth/lateral_force_y", "nN", 1e9, colors=(_COLORS[1],))
-NORMAL_FORCE = Signal("/truth/normal_force", "nN", 1e9)
+DEFLECTION = Signal("/deflection", "nm", 1e9, "m")
+LATERAL_FORCE = Signal("/lateral_force", "nN", 1e9, "N", colors=(_COLORS[0],))
+LATERAL_FORCE_Y = Signal("/truth/lateral_force_y", "nN", 1e9, "N", colors=(_COLORS[1],))
+NORMAL_FORCE = Signal("/truth/normal_force", "nN", 1e9, "N")
 CHANNELS = (DEFLECTION, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE)
 """Sampled at the full rate of the virtual ADC."""
 
-POSITION = _vector("/position", "nm", 1e9, "z of the sample")
-REFERENCE = _vector("/reference", "nm", 1e9, "z of the tip", _PALE)
-ERROR = _vector("/error", "nm", 1e9, "z of the tip")
-DRIVE = _vector("/drive", "V", 1.0)
-ROUND_TRIP = Signal("/round_trip", "us", 1e6)
+POSITION = _vector("/position", "nm", 1e9, "m", "z of the sample")
+REFERENCE = _vector("/reference", "nm", 1e9, "m", "z of the tip", _PALE)
+ERROR = _vector("/error", "nm", 1e9, "m", "z of the tip")
+DRIVE = _vector("/drive", "V", 1.0, "V")
+ROUND_TRIP = Signal("/round_trip", "us", 1e6, "s")
 TICKS = (POSITION, REFERENCE, ERROR, DRIVE, ROUND_TRIP)
 """One row for each control tick."""
 
@@ -94,28 +112,63 @@ def instants(first: int, count: int, period: float) -> NDArray[np.int64]:
     return np.rint(index * period_ns).astype(np.int64)
 
 
-def blueprint() -> rrb.Blueprint:
-    """The arrangement of the viewer: signals in plots over simulated time, events and parameters below."""
+def signal(name: str, si_unit: str) -> Signal:
+    """A channel by the name of its topic: one that is known, or a new one in a unit that a plot can be read in."""
+    for known in CHANNELS:
+        if known.name == name:
+            return known
+    unit, factor = _PLOTTED.get(si_unit, (si_unit, 1.0))
+    return Signal(f"/{name}", unit, factor, si_unit)
 
-    def plot(name: str, *signals: Signal) -> rrb.TimeSeriesView:
-        return rrb.TimeSeriesView(name=name, origin="/", contents=[signal.entity for signal in signals])
+
+def further(entities: Iterable[str]) -> list[str]:
+    """Which of these entities are channels beyond those of CHANNELS."""
+    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE}
+    return sorted(e for e in entities if e not in others and not e.startswith((f"{PARAMETERS}/", "/__")))
+
+
+def blueprint(further: Iterable[str] = ()) -> rrb.Blueprint:
+    """The arrangement of the viewer: signals in plots over simulated time; events, parameters and score below.
+
+    x and y follow the same reference and z is far smaller: each axis has a plot, so that none hides another.
+
+    Parameters
+    ----------
+    further : iterable of str
+        Entities of channels beyond those of CHANNELS.
+    """
+
+    def plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
+        shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
+        return rrb.TimeSeriesView(
+            name=name,
+            origin="/",
+            contents=[signal.entity for signal in signals],
+            overrides=None if axis is None else {signal.entity: [shown] for signal in signals},
+            plot_legend=rrb.PlotLegend(corner="RightTop"),
+        )
+
+    def plots(name: str, *signals: Signal) -> list[rrb.TimeSeriesView]:
+        return [plot(f"{name} along {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
 
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Grid(
                 plot("Deflection", DEFLECTION),
-                plot("Position and reference", POSITION, REFERENCE),
+                rrb.Tabs(*plots("Position and reference", POSITION, REFERENCE)),
                 plot("Lateral force", LATERAL_FORCE, LATERAL_FORCE_Y),
-                plot("Tracking error", ERROR),
+                rrb.Tabs(*plots("Drive", DRIVE)),
                 plot("Normal force", NORMAL_FORCE),
-                plot("Drive", DRIVE),
+                rrb.Vertical(*plots("Tracking error", ERROR)),
                 grid_columns=2,
             ),
             rrb.Tabs(
                 rrb.TextLogView(name="Events", origin=EVENTS),
+                rrb.TextDocumentView(name="Score", origin=SCORE),
                 rrb.TextDocumentView(name="Parameters", origin=PARAMETERS),
                 rrb.TimeSeriesView(name="Changed parameters", origin="/", contents=[f"{PARAMETERS}/**"]),
                 plot("Round trip", ROUND_TRIP),
+                *(rrb.TimeSeriesView(name=name[1:], origin="/", contents=[name]) for name in further),
                 active_tab="Events",
             ),
             row_shares=[4, 1],

@@ -6,8 +6,10 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from afm_msgs.msg import ControlTrace, InstrumentStatus, RecorderStatus, Waveform
+from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
 from numpy.typing import NDArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from std_msgs.msg import Header
@@ -16,25 +18,22 @@ from afm_node_common import topics
 from afm_node_common.parameters import declare
 from afm_node_common.runner import run
 
-from . import layout
+from . import checks, layout
+from .channels import Channels
+from .ears import Ears
+from .health import Health, Teller
 from .layout import Signal
 from .parameters import RecorderParameters
-from .recorder import Counts, Recorder
+from .recorder import Recorder
 from .watch import ParameterWatch, full_name
 from .writer import Level
 
 _PERIOD = 0.2
-"""Wall time between two looks at the other nodes, status messages and updates of a live viewer [s]."""
+"""Wall time between two looks at the other nodes, status messages and chances to flush [s]."""
 _SETTLE, _DRAIN_LIMIT = 0.5, 10.0
 """At the end, wait so long for last blocks of an instrument that ends too; and so long for what it has published but is
 not here. The middleware may take more than its heartbeat of 3 s to repeat what was lost on the way [s]."""
 
-_CHANNELS = {
-    topics.DEFLECTION: layout.DEFLECTION,
-    topics.LATERAL_FORCE: layout.LATERAL_FORCE,
-    topics.TRUTH_LATERAL_FORCE_Y: layout.LATERAL_FORCE_Y,
-    topics.TRUTH_NORMAL_FORCE: layout.NORMAL_FORCE,
-}
 _STATES = {
     getattr(InstrumentStatus, name): name
     for name in ("WAITING", "RUNNING", "PAUSED", "STALLED", "RETRACTED", "FINISHED", "FAULT")
@@ -61,24 +60,24 @@ class RecorderNode(Node):
         self.recorder = Recorder(declare(self, RecorderParameters), self.get_logger())
         self._status = InstrumentStatus()
         self._ready = False
-        self._told: tuple[Counts, bool] | None = None
-        self._watch = ParameterWatch(self, self._on_known, self._on_changed)
-        self._publisher = self.create_publisher(RecorderStatus, topics.RECORDER_STATUS, topics.LATCHED_QOS)
-        self._streams = [
-            self.create_subscription(Waveform, topic, self._on_waveform(signal), topics.STREAM_QOS)
-            for topic, signal in _CHANNELS.items()
-        ]
-        trace = self.create_subscription(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
-        self._streams.append(trace)
-        self.create_subscription(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
-        self.create_timer(_PERIOD, self._look)
+        self._ears = Ears(self)
+        self._teller = Teller(self)
+        self._watch = ParameterWatch(self, self._ears, self._on_known, self._on_changed)
+        self._channels = Channels(self, self._ears, self._on_waveform, self.recorder.further_channel)
+        self._trace = self._ears.listen(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
+        self._ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        self._score = self._ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
+        # A timer of the system's clock stops for as long as that is set back.
+        self.create_timer(_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def finish(self, spin_once: Callable[[float], None]) -> None:
         """Take what is still under way, then close the recording."""
         begin = now = time.monotonic()
         while now < begin + _DRAIN_LIMIT:
             ended = self._status.state in _ENDED or now >= begin + _SETTLE
-            if ended and self.recorder.has(self._status.ticks, self._status.samples):
+            # The score comes on a topic of its own, before or after the last status.
+            scored = self.recorder.scored or not self._score.get_publisher_count() or now >= begin + _SETTLE
+            if ended and scored and self.recorder.has(self._status.ticks, self._status.samples):
                 break
             spin_once(0.05)
             now = time.monotonic()
@@ -88,14 +87,12 @@ class RecorderNode(Node):
             raise SystemExit(f"error: {error}") from None
         self._publish()
 
-    def _on_waveform(self, signal: Signal) -> Callable[[Waveform], None]:
-        def take(message: Waveform) -> None:
-            samples = np.frombuffer(message.samples)
-            self.recorder.channel(signal, message.first_sample, message.sample_period, samples, message.scale)
-
-        return take
+    def _on_waveform(self, signal: Signal, message: Waveform) -> None:
+        samples = np.frombuffer(message.samples)
+        self.recorder.channel(signal, message.first_sample, message.sample_period, samples, message.scale)
 
     def _on_trace(self, message: ControlTrace) -> None:
+        checks.control_trace(message)
         columns: dict[str, NDArray[Any]] = {
             "position": _rows(message.position),
             "reference": _rows(message.reference_position),
@@ -106,10 +103,17 @@ class RecorderNode(Node):
         self.recorder.control(message.first_sequence, message.control_period, _nanoseconds(message.header), columns)
 
     def _on_status(self, message: InstrumentStatus) -> None:
+        checks.status(message)
         self._status = message
         state = _STATES.get(message.state, f"state {message.state}")
         text = f"{state}: {message.detail}" if message.detail else state
         self.recorder.state(_nanoseconds(message.header), message.ticks, text, _LEVELS.get(state, "INFO"))
+
+    def _on_score(self, message: Score) -> None:
+        checks.score(message)
+        values = {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
+        del values["header"]
+        self.recorder.score(_nanoseconds(message.header), values)
 
     def _on_known(self, node: str, values: dict[str, Any]) -> None:
         self.recorder.parameters(self._short(node), values)
@@ -124,21 +128,26 @@ class RecorderNode(Node):
         ]
         parties = {self._status.controller, *instruments}
         self._watch.look(parties)
-        heard = all(stream.get_publisher_count() > 0 for stream in self._streams)
+        self._channels.look()
+        streams = [self._trace, *(self._channels.subscriptions[signal.name] for signal in layout.CHANNELS)]
+        heard = all(stream.get_publisher_count() > 0 for stream in streams)
         self._ready = heard and bool(self._status.controller) and self._watch.settled(parties)
         for name in instruments:
-            if name in self._watch.values:
-                self.recorder.cantilever_height(float(self._watch.values[name].get("cantilever.a", 0.0)))
-        self.recorder.update_viewer()
+            height = self._watch.values.get(name, {}).get("cantilever.a", 0.0)
+            if name in self._watch.values and isinstance(height, int | float):
+                self.recorder.cantilever_height(float(height))
+        self.recorder.update()
         self._publish()
 
     def _publish(self) -> None:
-        counts = self.recorder.counts()
-        if (counts, self._ready) != self._told:
-            self._told = (counts, self._ready)
-            stamp = Time(nanoseconds=self.recorder.time_ns).to_msg()
-            header = Header(stamp=stamp, frame_id=topics.FRAME)
-            self._publisher.publish(RecorderStatus(header=header, ready=self._ready, **asdict(counts)))
+        health = Health(
+            ready=self._ready,
+            messages_dropped=self._ears.dropped + self.recorder.strays,
+            writing=not self.recorder.problem,
+            detail=self.recorder.problem or self._ears.last,
+            **asdict(self.recorder.counts()),
+        )
+        self._teller.tell(health, self.recorder.time_ns)
 
     def _short(self, node: str) -> str:
         """Name of a node within the namespace; nodes of other namespaces keep their full name."""
@@ -147,6 +156,11 @@ class RecorderNode(Node):
 
 def _rows(values: Any) -> NDArray[np.float64]:
     return np.frombuffer(values).reshape(-1, 3)
+
+
+def _plain(value: Any) -> object:
+    """A number, a text or a list of numbers, for the text of the score."""
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _nanoseconds(header: Header) -> int:

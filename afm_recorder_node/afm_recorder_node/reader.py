@@ -6,7 +6,11 @@ round-off of one multiplication. Times are whole nanoseconds in the file.
 
 import json
 import os
+import tempfile
+import warnings
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +18,10 @@ import numpy as np
 import pyarrow as pa
 import yaml
 from numpy.typing import NDArray
-from rerun.chunk import RrdReader
 
 from . import layout
+from .complete import chunks, series
+from .frames import measure
 from .layout import Signal
 
 _Array = NDArray[np.float64]
@@ -26,6 +31,20 @@ Value = bool | int | float | str | list[bool] | list[int] | list[float] | list[s
 
 class RecordingError(ValueError):
     """A file that is no readable recording; the message names it and says why."""
+
+
+class IncompleteRecording(UserWarning):
+    """The file of a recorder that is still at work, or has died: it ends where that one wrote last."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A detector channel with times of its own."""
+
+    time: _Array  # (k,) simulated time [s]
+    values: _Array  # (k,) in `unit`
+    unit: str  # in SI
+    scale: float  # `unit` per unit as converted; NaN: not recorded
 
 
 @dataclass(frozen=True)
@@ -62,10 +81,13 @@ class Recording:
     parameters: dict[str, dict[str, Value]]  # node, name: value when first seen
     parameter_changes: list[ParameterChange]
     events: list[tuple[float, str]]  # simulated time, text; changes of parameters too
+    channels: dict[str, Channel]  # by the name of its topic: "deflection", "truth/normal_force", whatever there was
+    score: dict[str, Value] | None  # as in afm_msgs/Score; None: the run has not come to one
+    complete: bool  # False: the recorder is still at work, or has died
 
 
 def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording:
-    """Read the recording at `path`.
+    """Read the recording at `path`; one without an end too, up to where it breaks off.
 
     Parameters
     ----------
@@ -76,14 +98,20 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
     Raises
     ------
     RecordingError
-        If there is no file, or it is no recording of this microscope, or it breaks off in the middle.
+        If there is no file, or it is no recording of this microscope.
+
+    Warns
+    -----
+    IncompleteRecording
+        If the recorder is still at work, or has died; `complete` tells it too.
     """
-    batches = _read(path, every)
+    batches, whole = _read(path, every)
     time_ticks, ticks = _aligned(batches, layout.TICKS)
     time_samples, channels = _aligned(batches, layout.CHANNELS)
     events, changes = _events(batches[layout.EVENTS])
     text = _static(batches[layout.PARAMETERS], "TextDocument:text")
     tree = yaml.safe_load(str(text)) if text is not None else {}
+    score = _static(batches[layout.SCORE], "TextDocument:text")
     return Recording(
         time_ticks=time_ticks,
         position=ticks[layout.POSITION.entity],
@@ -101,39 +129,72 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
         parameters={node: known["ros__parameters"] for node, known in tree.items()},
         parameter_changes=changes,
         events=events,
+        channels=_channels(batches),
+        score=yaml.safe_load(str(score)) if score is not None else None,
+        complete=whole,
     )
 
 
-def _read(path: str | os.PathLike[str], every: int) -> _Batches:
-    """All chunks of the recording, by entity; of the signals one row in `every`."""
-    signals = {signal.entity for signal in (*layout.CHANNELS, *layout.TICKS)}
-    batches: _Batches = defaultdict(list)
+@contextmanager
+def readable(path: str | os.PathLike[str]) -> Iterator[tuple[Path, bool]]:
+    """A file that rerun can read to its end, and whether the recording is complete.
+
+    Of one that breaks off within a message, or still grows, that is a copy of what is whole.
+
+    Raises
+    ------
+    RecordingError
+        If there is no file, or it is no .rrd file.
+    """
     try:
-        reader = RrdReader(Path(path))
-        stores = reader.recordings()
-        if not stores or stores[0].application_id != layout.APPLICATION:
-            raise RecordingError(f"{os.fspath(path)} is no recording of this microscope")
-        for chunk in reader.stream(store=stores[0]):
-            batch = chunk.to_record_batch()
-            if every > 1 and chunk.entity_path in signals:
-                # All signals of a kind are cut into chunks at the same times, so that they keep the same ones.
-                batch = batch.take(pa.array(range(0, batch.num_rows, every)))
-            batches[chunk.entity_path].append(batch)
-    except RecordingError:
-        raise
-    # What rerun raises for a file that it cannot read.
-    except (RuntimeError, ValueError, OSError) as error:
+        with open(path, "rb") as file:
+            whole, complete = measure(file)
+            if not whole:
+                raise RecordingError(f"{os.fspath(path)} is no readable recording: it is no .rrd file")
+            if complete or whole == os.fstat(file.fileno()).st_size:
+                yield Path(path), complete
+                return
+            with tempfile.NamedTemporaryFile(suffix=".rrd") as copy:
+                position = 0
+                # The recorder may cut it back meanwhile, when its disk is full.
+                while block := os.sendfile(copy.fileno(), file.fileno(), position, whole - position):
+                    position += block
+                yield Path(copy.name), False
+    except OSError as error:
         raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
-    return batches
+
+
+def _read(path: str | os.PathLike[str], every: int) -> tuple[_Batches, bool]:
+    """All chunks of the recording, by entity, of the signals one row in `every`; and whether it is complete."""
+    ticks = {signal.entity for signal in layout.TICKS}
+    batches: _Batches = defaultdict(list)
+    with readable(path) as (file, complete):
+        try:
+            for chunk in chunks(file, whole=complete):
+                batch = chunk.to_record_batch()
+                entity = chunk.entity_path
+                if every > 1 and series(batch) and (entity in ticks or not entity.startswith(f"{layout.PARAMETERS}/")):
+                    # All signals of a kind are cut into chunks at the same times, so that they keep the same ones.
+                    batch = batch.take(pa.array(range(0, batch.num_rows, every)))
+                batches[entity].append(batch)
+        # What rerun raises for a file that it cannot read.
+        except (RuntimeError, ValueError, OSError) as error:
+            raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
+    if not complete:
+        warnings.warn(
+            f"{os.fspath(path)} has no end: its recorder is still at work, or has died", IncompleteRecording, 3
+        )
+    return batches, complete
 
 
 def _rows(batches: list[pa.RecordBatch], signal: Signal) -> tuple[NDArray[np.int64], _Array]:
     """Times [ns] and values in SI units of one signal, sorted by time."""
     times, values = [np.empty(0, np.int64)], [np.empty(0)]
     for batch in batches:
-        if layout.SCALARS in batch.schema.names and layout.TIMELINE in batch.schema.names:
-            times.append(batch.column(layout.TIMELINE).cast(pa.int64()).to_numpy())
-            values.append(batch.column(layout.SCALARS).flatten().to_numpy())
+        rows = series(batch)
+        if rows is not None:
+            times.append(rows[0])
+            values.append(rows[1])
     t = np.concatenate(times)
     v = np.concatenate(values) / signal.factor
     if signal.axes:
@@ -162,6 +223,20 @@ def _aligned(batches: _Batches, signals: tuple[Signal, ...]) -> tuple[_Array, di
     return union / 1e9, columns
 
 
+def _channels(batches: _Batches) -> dict[str, Channel]:
+    """All channels by name."""
+    known = {signal.entity: signal for signal in layout.CHANNELS}
+    channels = {}
+    for entity in (*known, *layout.further(batches)):
+        unit, factor = _static(batches[entity], "unit"), _static(batches[entity], "factor")
+        if entity not in known and np.isnan(_number(factor)):
+            continue
+        signal = known.get(entity) or Signal(entity, "", _number(factor), str(unit))
+        times, values = _rows(batches[entity], signal)
+        channels[signal.name] = Channel(times / 1e9, values, signal.si_unit, _scale(batches[entity]))
+    return channels
+
+
 def _events(batches: list[pa.RecordBatch]) -> tuple[list[tuple[float, str]], list[ParameterChange]]:
     events, changes = [], []
     for batch in batches:
@@ -181,5 +256,9 @@ def _static(batches: list[pa.RecordBatch], component: str) -> object:
 
 
 def _scale(batches: list[pa.RecordBatch]) -> float:
-    value = _static(batches, "scale")
+    return _number(_static(batches, "scale"))
+
+
+def _number(value: object) -> float:
+    """NaN for what is none."""
     return float(value) if isinstance(value, int | float) else float("nan")

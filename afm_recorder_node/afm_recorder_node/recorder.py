@@ -1,5 +1,6 @@
 """One recording for each run of the instrument. Needs no ROS."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,10 @@ from .writer import Level, RecordingWriter
 
 _Array = NDArray[np.float64]
 _CONTROL = "control"
+_FLUSH_PERIOD = 0.4
+"""Wall time between two flushes [s]: that much, and the time between two calls of `update`, may be lost by a kill."""
+_NAMES_TRIED = 20
+_SAME_TIME_NS = 1_000
 
 
 class Log(Protocol):
@@ -37,6 +42,8 @@ class Counts:
     samples: int
     ticks_lost: int
     samples_lost: int
+    ticks_unwritten: int
+    samples_unwritten: int
 
 
 class Recorder:
@@ -63,13 +70,37 @@ class Recorder:
         self._parameters = parameters
         self._log = log
         self._run = 1
+        self._problem = ""
+        self._flush_at = 0.0
+        self._held_since: float | None = None
         self._writer = self._open()
         self._intake = Intake((_CONTROL, *(signal.entity for signal in layout.CHANNELS)), self._begin_run)
         self._height: float | None = None
         self._ticks = 0
         self._state: tuple[str, Level] | None = None
+        self._state_ns = 0
+        self._score: tuple[int, Mapping[str, object]] | None = None
         self._begun = False  # whether blocks had come by the last state
         self._resetting = False  # the instrument has been reset, but blocks of the run before may still come
+
+    @property
+    def problem(self) -> str:
+        """Why the recording cannot be written at present; empty if it can."""
+        return self._writer.problem
+
+    @property
+    def scored(self) -> bool:
+        """Whether the score of the present run has been recorded."""
+        return self._writer.scored
+
+    @property
+    def strays(self) -> int:
+        """Blocks dropped because they belong to no run: somebody else has sent them."""
+        return self._intake.strays
+
+    def further_channel(self, signal: Signal) -> None:
+        """A channel beyond `layout.CHANNELS`, before its first block."""
+        self._intake.add(signal.entity)
 
     def channel(self, signal: Signal, first: int, period: float, samples: _Array, scale: float) -> None:
         """A block of a detector channel; see `RecordingWriter.channel`."""
@@ -82,8 +113,8 @@ class Recorder:
 
         def write() -> None:
             if self._height is None:
-                self._log.warning("cantilever.a of the instrument is not known: errors of the tip assume 0 m")
-                self._height = 0.0
+                self._log.warning("cantilever.a of the instrument is not known: errors of the tip are NaN until it is")
+                self._height = float("nan")
             self._writer.control(first, period, **columns, cantilever_height=self._height)
             self.time_ns = max(self.time_ns, time_ns)
 
@@ -102,8 +133,18 @@ class Recorder:
         self._begun = self._intake.begun
         news = (text, level) != self._state
         self.time_ns, self._ticks, self._state = time_ns, ticks, (text, level)
+        self._state_ns = time_ns
         if news and not self._resetting:
             self._writer.event(time_ns, text, level)
+        self._match_score()
+
+    def score(self, time_ns: int, values: Mapping[str, object]) -> None:
+        """The score of the run that ended at a simulated time [ns].
+
+        A recorder that comes late hears the score of a run before: one belongs to this run if its status says its time.
+        """
+        self._score = time_ns, values
+        self._match_score()
 
     def parameters(self, node: str, values: Mapping[str, object]) -> None:
         """Parameters of a node that has not been heard of before."""
@@ -127,17 +168,27 @@ class Recorder:
             samples=min(channel.received for channel in channels),
             ticks_lost=ticks.lost,
             samples_lost=max(channel.lost for channel in channels),
+            ticks_unwritten=self._writer.unwritten[layout.POSITION.entity],
+            samples_unwritten=max(self._writer.unwritten[signal.entity] for signal in layout.CHANNELS),
         )
 
     def has(self, ticks: int, samples: int) -> bool:
         """Whether every stream has come up to these numbers of ticks and samples since the start of the run."""
         ends = {name: stream.expected or 0 for name, stream in self._intake.streams.items()}
-        return ends.pop(_CONTROL) >= ticks and min(ends.values()) >= samples
+        return ends[_CONTROL] >= ticks and min(ends[signal.entity] for signal in layout.CHANNELS) >= samples
 
-    def update_viewer(self) -> None:
-        """Send a live viewer what has come since the last time."""
-        if self._parameters.live_port:
+    def update(self) -> None:
+        """Write what has come; to be called some times a second, whatever the instrument does."""
+        now = time.monotonic()
+        if self._height is None and self._intake.begun:
+            # Blocks wait for the height of the cantilever, but not for longer than may be lost.
+            self._held_since = self._held_since or now
+            if now >= self._held_since + _FLUSH_PERIOD:
+                self._intake.open()
+        if now >= self._flush_at:
             self._writer.flush()
+            self._flush_at = now + _FLUSH_PERIOD
+        self._tell()
 
     def close(self) -> None:
         """Write what is held back and finish the recording.
@@ -150,16 +201,59 @@ class Recorder:
         self._intake.finish()
         self._close()
 
+    def _match_score(self) -> None:
+        if self._score is None or self._resetting or not self._intake.begun:
+            return
+        time_ns, values = self._score
+        if self._state is not None and abs(time_ns - self._state_ns) <= _SAME_TIME_NS:
+            self._score = None
+            self._writer.score(time_ns, values)
+
+    def _tell(self) -> None:
+        """Say once what has happened to the file."""
+        problem, news = self._writer.problem, self._writer.take_news()
+        if news:
+            self._log.warning(news)
+        if problem and not self._problem:
+            self._log.error(f"{problem}; what comes until it can be is not recorded")
+        if self._problem and not problem:
+            self._log.info(f"{self._writer.partial} can be written again; the recording tells what is missing")
+        self._problem = problem
+
     def _open(self) -> RecordingWriter:
+        if self._run == 1:
+            try:
+                return self._writer_of(self._path)
+            except OSError as error:
+                raise ParameterError(f"cannot record to {self._path}: {error}") from None
+        # While a run is on its way there is nobody to choose another name, and no time to lose.
+        for port in (self._parameters.live_port, 0):
+            for _ in range(_NAMES_TRIED):
+                try:
+                    return self._writer_of(self._path, port)
+                except OSError as error:
+                    self._log.error(f"cannot record to {self._path}: {error}")
+                    self._run += 1
+        raise ParameterError(f"cannot record to {self._path}, nor under the {_NAMES_TRIED} names before it")
+
+    @property
+    def _path(self) -> Path:
         path = Path(self._parameters.path).absolute()
-        if self._run > 1:
-            path = path.with_stem(f"{path.stem}-{self._run}")
-        try:
-            return RecordingWriter(
-                path, live_port=self._parameters.live_port or None, live_address=self._parameters.live_address
+        return path.with_stem(f"{path.stem}-{self._run}") if self._run > 1 else path
+
+    def _writer_of(self, path: Path, port: int | None = None) -> RecordingWriter:
+        writer = RecordingWriter(
+            path,
+            live_port=(self._parameters.live_port if port is None else port) or None,
+            live_address=self._parameters.live_address,
+            patient=self._run > 1,
+        )
+        if writer.set_aside:
+            self._log.warning(
+                f"a recorder that died has left {writer.set_aside}: it can be opened as it is, and "
+                "`ros2 run afm_recorder_node repair` makes a complete recording of it"
             )
-        except OSError as error:
-            raise ParameterError(f"cannot record to {path}: {error}") from None
+        return writer
 
     def _close(self) -> None:
         counts = self.counts()
@@ -172,6 +266,11 @@ class Recorder:
             self._log.warning(f"the recording begins at tick {begin}: the instrument ran before the recorder was there")
         if counts.ticks_lost or counts.samples_lost:
             self._log.error(f"{counts.ticks_lost} ticks and {counts.samples_lost} samples a channel are missing in it")
+        if counts.ticks_unwritten or counts.samples_unwritten:
+            self._log.error(
+                f"{counts.ticks_unwritten} ticks and {counts.samples_unwritten} samples a channel came while its file "
+                "could not be written, and are missing in it"
+            )
 
     def _begin_run(self) -> None:
         try:

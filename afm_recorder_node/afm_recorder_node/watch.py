@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
 from rclpy.node import Node
@@ -12,8 +12,13 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 
+from .checks import Senseless
+from .ears import Ears
+
 _ANSWER_TIME = 5.0
 """Wall time within which a node answers the parameter services, or has none [s]."""
+
+_TYPES = range(ParameterType.PARAMETER_BOOL, ParameterType.PARAMETER_STRING_ARRAY + 1)
 
 
 def full_name(name: str, namespace: str) -> str:
@@ -27,6 +32,7 @@ class ParameterWatch:
     Parameters
     ----------
     node : the node that watches; it is not watched itself
+    ears : through which it hears of changes
     known : called with a node's full name and its values, once for each node
     changed : called with a node's full name, the name of a parameter, its old and its new value
     """
@@ -34,6 +40,7 @@ class ParameterWatch:
     def __init__(
         self,
         node: Node,
+        ears: Ears,
         known: Callable[[str, dict[str, Any]], None],
         changed: Callable[[str, str, object, object], None],
     ) -> None:
@@ -44,7 +51,7 @@ class ParameterWatch:
         self._clients: dict[str, tuple[Client, Client]] = {}
         self._asked: set[str] = set()
         self._missed_since: dict[str, float] = {}
-        node.create_subscription(ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events)
+        ears.listen(ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events)
 
     def look(self, others: Iterable[str] = ()) -> None:
         """Ask the nodes that are there now and were not at the last look; to be called from time to time.
@@ -85,8 +92,11 @@ class ParameterWatch:
         values.add_done_callback(lambda future: self._on_values(node, names, future))
 
     def _on_values(self, node: str, names: list[str], answered: Future) -> None:
-        values = [parameter_value_to_python(value) for value in answered.result().values]
-        found = {name: value for name, value in zip(names, values, strict=False) if value is not None}
+        found = {
+            name: _python(value)
+            for name, value in zip(names, answered.result().values, strict=False)
+            if value.type in _TYPES
+        }
         if node in self.values:
             self._take(node, found)
         else:
@@ -94,9 +104,12 @@ class ParameterWatch:
             self._known(node, found)
 
     def _on_event(self, event: ParameterEvent) -> None:
+        parameters = (*event.new_parameters, *event.changed_parameters)
+        for parameter in parameters:
+            if parameter.value.type not in (*_TYPES, ParameterType.PARAMETER_NOT_SET):
+                raise Senseless(f"type {parameter.value.type} of parameter {parameter.name}: there is no such type")
         if event.node in self.values:
-            parameters = (*event.new_parameters, *event.changed_parameters)
-            self._take(event.node, {p.name: parameter_value_to_python(p.value) for p in parameters})
+            self._take(event.node, {p.name: _python(p.value) for p in parameters if p.value.type in _TYPES})
 
     def _take(self, node: str, values: dict[str, Any]) -> None:
         known = self.values[node]
@@ -105,3 +118,9 @@ class ParameterWatch:
             known[name] = new
             if old is not None and old != new:
                 self._changed(node, name, old, new)
+
+
+def _python(value: ParameterValue) -> Any:
+    """Value of a parameter; of an array a list."""
+    plain = parameter_value_to_python(value)
+    return list(plain) if hasattr(plain, "typecode") else plain

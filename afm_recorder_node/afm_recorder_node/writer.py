@@ -1,9 +1,9 @@
 """Writes one recording: columns of numbers in, one rerun file out, and a live viewer if wanted. Needs no ROS."""
 
-import ctypes
 import json
 import os
 import socket
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,18 +13,19 @@ import numpy as np
 import rerun as rr
 import yaml
 from numpy.typing import ArrayLike, NDArray
-from rerun.chunk import RrdReader
 
 from . import layout
+from .complete import NoRoom, complete, send_series, verify
+from .frames import END, HEADER, without_ends
 from .layout import Signal, instants
+from .partial import Partial, check_name
 
 _CHUNK_ROWS = 32_768
-"""Rows sent at once. A chunk costs some 0.3 ms, 1 kB in the file, and 0.3 kB of memory until the file is closed."""
+"""Rows written at once, whenever they come; fewer are written by `flush`."""
+_COPIED_UP_TO = 2_000_000_000
+"""Larger files are finished in place [bytes]: a copy takes half a second for each minute of a run at 1 kHz."""
 _LIVE_MEMORY = "256MiB"
 """What the live server keeps for viewers that connect late; it drops the oldest first."""
-
-_FLUSH_LIMIT = 30.0
-"""Wall time that the disk has to take what is left [s]. rerun would wait for ever if a write fails meanwhile."""
 
 _Array = NDArray[np.float64]
 Level = Literal["INFO", "WARN", "ERROR"]
@@ -39,8 +40,20 @@ class _Column:
     rows: int = 0
 
 
+@dataclass
+class _Gap:
+    """Rows that came while the file could not be written."""
+
+    begin_ns: int
+    end_ns: int
+    why: str
+    rows: Counter[str] = field(default_factory=Counter)
+
+
 class RecordingWriter:
     """One recording. Nothing stands under its name before `close`; until then it grows in `partial` beside it.
+
+    When the file cannot be written, rows are left out until it can be again; what is missing then becomes an event.
 
     Parameters
     ----------
@@ -50,42 +63,78 @@ class RecordingWriter:
         Port of a gRPC server that rerun viewers can connect to while the recording grows; None: no server.
     live_address : str
         Address of that server.
+    patient : bool
+        If the file cannot be made now, try again while rows come, in place of raising.
 
     Raises
     ------
     OSError
-        If the file cannot be written or the port is taken.
+        If the file cannot be written, another recorder writes it, or the port is taken.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], *, live_port: int | None = None, live_address: str = "127.0.0.1"
+        self,
+        path: str | os.PathLike[str],
+        *,
+        live_port: int | None = None,
+        live_address: str = "127.0.0.1",
+        patient: bool = False,
     ) -> None:
-        self.path = Path(path)
-        if self.path.is_dir():
-            raise IsADirectoryError(f"{self.path} is a folder, it must be a file")
-        self.partial = self.path.with_name(f".{self.path.name}.partial")
+        self.path = Path(path).absolute()
+        check_name(self.path)
         if live_port is not None:
             _require_free(live_address, live_port)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.partial.open("wb").close()  # rerun's own error would be no OSError
-        self._rows = 0
-        self._columns = {signal.entity: _Column() for signal in (*layout.CHANNELS, *layout.TICKS)}
+        self._sent: Counter[str] = Counter()
+        self._columns: dict[str, _Column] = {}
         self._scales: dict[str, float] = {}
         self._parameters: dict[str, dict[str, object]] = {}
         self._changed: dict[str, float] = {}
+        self._gap: _Gap | None = None
+        self.unwritten: Counter[str] = Counter()
+        """Rows of each signal that came while the file could not be written: they are missing."""
+        self.scored = False
+        """Whether it holds a score."""
         self._end_ns = 0
         self._closed = False
         self._stream = rr.RecordingStream(layout.APPLICATION)
-        sinks: list[rr.sinks.LogSinkLike] = [rr.FileSink(self.partial)]
+        # rerun's own file sink only logs a line when a write fails, and remembers each chunk until the end.
+        self._bytes = rr.binary_stream(self._stream)
+        sinks: list[rr.sinks.LogSinkLike] = [self._bytes]
         if live_port is not None:
             sinks.append(rr.GrpcServerSink(live_address, live_port, server_memory_limit=_LIVE_MEMORY))
         self._stream.set_sinks(*sinks, default_blueprint=layout.blueprint())
+        first = self._bytes.read() or b""
+        try:
+            self._file = Partial(self.path, first[:HEADER], patient=patient)
+        except BaseException:
+            self._end_stream()
+            raise
+        self._file.write(without_ends(first))
         for signal in (*layout.CHANNELS, *layout.TICKS):
-            style = rr.SeriesLines(names=signal.names, colors=signal.colors)
-            self._stream.log(signal.entity, style, static=True)
+            self._declare(signal)
+
+    @property
+    def partial(self) -> Path:
+        """Where the recording grows."""
+        return self._file.path
+
+    @property
+    def set_aside(self) -> Path | None:
+        """What a recorder that died had left in `partial`; None if there was nothing."""
+        return self._file.set_aside
+
+    @property
+    def problem(self) -> str:
+        """Why the file cannot be written at present; empty if it can."""
+        return self._file.problem
+
+    def take_news(self) -> str:
+        """What happened to the file, in a sentence, once; empty if nothing did."""
+        news, self._file.news = self._file.news, ""
+        return news
 
     def channel(self, signal: Signal, first: int, period: float, samples: ArrayLike, scale: float = 1.0) -> None:
-        """Samples of a detector channel, one of `layout.CHANNELS`.
+        """Samples of a detector channel, one of `layout.CHANNELS` or another made by `layout.signal`.
 
         Parameters
         ----------
@@ -98,9 +147,13 @@ class RecordingWriter:
             SI units per unit of a sample. Kept in the recording, so that a photodetector's voltage can be recovered.
         """
         values = np.asarray(samples, dtype=np.float64)
+        if signal.entity not in self._columns:
+            self._declare(signal)
+            self._stream.send_blueprint(layout.blueprint(layout.further(self._columns)))
         if self._scales.get(signal.entity) != scale:
             self._scales[signal.entity] = scale
-            self._stream.log(signal.entity, rr.AnyValues(scale=scale), static=True)
+            about = rr.AnyValues(scale=scale, factor=signal.factor, unit=signal.si_unit)
+            self._stream.log(signal.entity, about, static=True)
         self._append(signal, instants(first, len(values), period), values * (scale * signal.factor))
 
     def control(
@@ -129,7 +182,7 @@ class RecordingWriter:
         drive : ndarray (n, 3) [V]
         round_trip : ndarray (n,) [s]
         cantilever_height : float [m]
-            Height a of the cantilever's rest position.
+            Height a of the cantilever's rest position; NaN: not known, then the error along z is NaN.
         """
         x = np.asarray(position, dtype=np.float64)
         r = np.asarray(reference, dtype=np.float64)
@@ -149,6 +202,12 @@ class RecordingWriter:
         """A line of text at a simulated time [ns]."""
         self._send_event(time_ns, text, level, "")
 
+    def score(self, time_ns: int, values: Mapping[str, object]) -> None:
+        """The score of the run, and when it came: simulated time [ns]."""
+        self.scored = True
+        self._stream.log(layout.SCORE, rr.TextDocument(yaml.safe_dump(dict(values), sort_keys=False)), static=True)
+        self._send_event(time_ns, "the score of the run is here", "INFO", "")
+
     def parameters(self, node: str, values: Mapping[str, object]) -> None:
         """Parameters of a node as they are when the recording begins, or when the node appears."""
         self._parameters.setdefault(node, {}).update(values)
@@ -159,7 +218,10 @@ class RecordingWriter:
     def parameter_change(self, time_ns: int, node: str, name: str, old: object, new: object) -> None:
         """A parameter has changed at a simulated time [ns]; numbers become a plot of steps too."""
         change = {"node": node, "name": name, "old": old, "new": new}
-        self._send_event(time_ns, f"{node}: {name} changed from {old} to {new}", "INFO", json.dumps(change))
+        # A parameter of bytes is a list of bytes, which JSON does not have.
+        self._send_event(
+            time_ns, f"{node}: {name} changed from {old} to {new}", "INFO", json.dumps(change, default=list)
+        )
         if not isinstance(old, int | float) or not isinstance(new, int | float):
             return
         entity = f"{layout.PARAMETERS}/{rr.escape_entity_path_part(node)}/{rr.escape_entity_path_part(name)}"
@@ -172,12 +234,13 @@ class RecordingWriter:
         self._end_ns = max(self._end_ns, time_ns)
 
     def flush(self) -> None:
-        """Send what waits to become a larger chunk: a live viewer then has it."""
+        """Write what has come up to now: it is in the file, whatever happens to this process, and in a live viewer."""
         for entity in self._columns:
             self._send_column(entity)
+        self._write()
 
     def close(self) -> Path | None:
-        """Finish the recording and give it its name.
+        """Finish the recording, read it back and give it its name.
 
         Returns
         -------
@@ -191,27 +254,45 @@ class RecordingWriter:
         if self._closed:
             return None
         self._closed = True
-        self.flush()
         # A step lasts until the end of the recording.
         for entity, value in self._changed.items():
             self._send(entity, np.array([self._end_ns]), np.array([value]))
+        self.flush()
+        self._end_stream()
+        if not any(self._sent[entity] for entity in self._columns):
+            self._file.discard()
+            return None
         try:
-            self._stream.flush(timeout_sec=_FLUSH_LIMIT)
-            self._stream.disconnect()
-            if not self._rows:
-                self.partial.unlink()
-                return None
-            # rerun only logs a line when a write fails. The manifest at the end of the file is there if none did.
-            RrdReader(self.partial).store()
-        except RuntimeError as error:
-            # Ending the stream, even with the process, may wait for ever for a thread of rerun's that has died.
-            rr.unregister_shutdown()
-            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self._stream))
+            if self.problem:
+                raise OSError(self.problem)
+            check_name(self.path)
+            try:
+                if self.partial.stat().st_size > _COPIED_UP_TO:
+                    raise NoRoom
+                complete(self.partial, self.path, self._sent)
+                self._file.discard()
+            except NoRoom:
+                self._finish_in_place()
+        except OSError as error:
+            self._file.release()
             raise OSError(f"{self.partial} is incomplete: {error}") from error
-        with self.partial.open("rb") as file:
-            os.fsync(file.fileno())
-        os.replace(self.partial, self.path)
         return self.path
+
+    def _finish_in_place(self) -> None:
+        """Without room or time for a copy the file keeps its small chunks, and has no index."""
+        if not self._file.write(END):
+            raise OSError(self.problem)
+        verify(self.partial, self._sent, index=False)
+        self._file.give_name(self.path)
+
+    def _end_stream(self) -> None:
+        self._stream.disconnect()
+        self._bytes.read(flush=False)  # an index of its own, that rerun would miss in the log otherwise
+
+    def _declare(self, signal: Signal) -> None:
+        self._columns[signal.entity] = _Column()
+        style = rr.SeriesLines(names=signal.names, colors=signal.colors)
+        self._stream.log(signal.entity, style, static=True)
 
     def _append(self, signal: Signal, times: NDArray[np.int64], values: _Array) -> None:
         expected = (len(times), signal.width) if signal.axes else (len(times),)
@@ -219,14 +300,38 @@ class RecordingWriter:
             raise ValueError(f"{signal.entity}: shape {values.shape} where {expected} belongs")
         if not len(times):
             return
+        if self.problem:
+            self._leave_out(signal.entity, times)
+            return
         column = self._columns[signal.entity]
         column.times.append(times)
         column.values.append(values)
         column.rows += len(times)
-        self._rows += len(times)
         self._end_ns = max(self._end_ns, int(times[-1]))
         if column.rows >= _CHUNK_ROWS:
             self._send_column(signal.entity)
+            self._write()
+
+    def _leave_out(self, entity: str, times: NDArray[np.int64]) -> None:
+        if self._gap is None:
+            self._gap = _Gap(int(times[0]), int(times[-1]), self.problem)
+        self._gap.begin_ns = min(self._gap.begin_ns, int(times[0]))
+        self._gap.end_ns = max(self._gap.end_ns, int(times[-1]))
+        self._gap.rows[entity] += len(times)
+        self.unwritten[entity] += len(times)
+
+    def _write(self) -> None:
+        """Bring what was sent into the file; once that is possible again, tell in the recording what is missing."""
+        if self._file.write(without_ends(self._bytes.read() or b"")) and self._gap is not None:
+            gap, self._gap = self._gap, None
+            samples = max((rows for entity, rows in gap.rows.items() if entity not in _TICKS), default=0)
+            self.event(
+                gap.begin_ns,
+                f"{gap.rows[layout.POSITION.entity]} ticks and {samples} samples a channel are missing from "
+                f"{gap.begin_ns / 1e9:g} s to {gap.end_ns / 1e9:g} s: {gap.why}",
+                "ERROR",
+            )
+            self._file.write(without_ends(self._bytes.read() or b""))
 
     def _send_column(self, entity: str) -> None:
         column, self._columns[entity] = self._columns[entity], _Column()
@@ -234,13 +339,17 @@ class RecordingWriter:
             self._send(entity, np.concatenate(column.times), np.concatenate(column.values))
 
     def _send(self, entity: str, times: NDArray[np.int64], values: _Array) -> None:
-        index = rr.TimeColumn(layout.TIMELINE, duration=times.astype("timedelta64[ns]"))
-        self._stream.send_columns(entity, [index], rr.Scalars.columns(scalars=values), strict=True)
+        send_series(self._stream, entity, times, values)
+        self._sent[entity] += len(times)
 
     def _send_event(self, time_ns: int, text: str, level: Level, change: str) -> None:
         index = rr.TimeColumn(layout.TIMELINE, duration=np.array([time_ns], "timedelta64[ns]"))
         columns = [*rr.TextLog.columns(text=[text], level=[level]), *rr.AnyValues.columns(change=[change])]
         self._stream.send_columns(layout.EVENTS, [index], columns, strict=True)
+        self._sent[layout.EVENTS] += 1
+
+
+_TICKS = {signal.entity for signal in layout.TICKS}
 
 
 def _require_free(address: str, port: int) -> None:

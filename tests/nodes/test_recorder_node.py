@@ -1,129 +1,23 @@
 """The recorder node over real topics: what the instrument publishes stands in the file."""
 
-import array
 import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rclpy
-from afm_msgs.msg import ControlTrace, InstrumentStatus, RecorderStatus, Waveform
+from afm_msgs.msg import InstrumentStatus, Score
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.time import Time
+from recorder_bench import BLOCK, HEIGHT, NAMESPACE, Bench, RecorderProcess, stamp
 
 from afm_model.errors import ParameterError
-from afm_node_common import topics
 from afm_recorder_node.node import RecorderNode
 from afm_recorder_node.reader import ParameterChange, read_recording
-
-NAMESPACE = "recorder_test"
-CONTROL_PERIOD, BLOCK = 2e-6, 500
-HEIGHT = 3e-9
-CONTROLLER = f"/{NAMESPACE}/afm_controller_node"
-CHANNELS = {
-    topics.DEFLECTION: ("m", 10e-9),
-    topics.LATERAL_FORCE: ("N", 50e-9),
-    topics.TRUTH_LATERAL_FORCE_Y: ("N", 1.0),
-    topics.TRUTH_NORMAL_FORCE: ("N", 1.0),
-}
-
-
-def stamp(tick: int) -> object:
-    return Time(nanoseconds=2_000 * tick).to_msg()
-
-
-class FakeInstrument(Node):
-    """Publishes what the simulator publishes; every value tells its own number."""
-
-    def __init__(self, context: Context) -> None:
-        super().__init__("afm_sim_node", namespace=NAMESPACE, context=context)
-        self.declare_parameter("cantilever.a", HEIGHT)
-        self.waveforms = {topic: self.create_publisher(Waveform, topic, topics.STREAM_QOS) for topic in CHANNELS}
-        self.trace = self.create_publisher(ControlTrace, topics.CONTROL_TRACE, topics.STREAM_QOS)
-        self.status = self.create_publisher(InstrumentStatus, topics.STATUS, topics.LATCHED_QOS)
-
-    def publish_block(self, first: int) -> None:
-        for topic, (unit, scale) in CHANNELS.items():
-            message = Waveform(first_sample=2 * first, sample_period=1e-6, scale=scale, unit=unit)
-            message.header.stamp = stamp(first)
-            message.samples = array.array("d", np.arange(2.0 * first, 2.0 * (first + BLOCK)))
-            self.waveforms[topic].publish(message)
-        ticks = np.arange(first, first + BLOCK, dtype=np.float64)
-        trace = ControlTrace(first_sequence=first, control_period=CONTROL_PERIOD)
-        trace.header.stamp = stamp(first)
-        trace.position = array.array("d", np.outer(ticks, [1.0, 2.0, 3.0]).ravel() * 1e-9)
-        trace.reference_position = array.array("d", np.outer(ticks, [0.5, 1.0, 0.0]).ravel() * 1e-9)
-        trace.deflection = array.array("d", ticks * 1e-12)
-        trace.drive = array.array("d", np.outer(ticks, [1.0, 2.0, 3.0]).ravel())
-        trace.round_trip = array.array("f", [1e-4] * BLOCK)
-        self.trace.publish(trace)
-
-    def publish_status(self, state: int, ticks: int, detail: str = "") -> None:
-        message = InstrumentStatus(state=state, ticks=ticks, samples=2 * ticks, detail=detail, controller=CONTROLLER)
-        message.header.stamp = stamp(ticks)
-        self.status.publish(message)
-
-
-class Bench:
-    """A recorder, an instrument and its controller that have found one another."""
-
-    def __init__(self, path: Path, *, answering: bool) -> None:
-        self.path = path
-        self._answering = answering
-        self.context = Context()
-        self.nodes: list[Node] = []
-        rclpy.init(context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-
-    def start(self) -> None:
-        overrides = [Parameter("path", value=str(self.path))]
-        self.instrument = FakeInstrument(self.context)
-        self.controller = Node(
-            "afm_controller_node",
-            namespace=NAMESPACE,
-            context=self.context,
-            start_parameter_services=self._answering,
-        )
-        self.controller.declare_parameter("law.alpha", 20.0)
-        self.told = RecorderStatus()
-        self.recorder = RecorderNode(namespace=NAMESPACE, context=self.context, parameter_overrides=overrides)
-        self.controller.create_subscription(RecorderStatus, topics.RECORDER_STATUS, self._on_told, topics.LATCHED_QOS)
-        self.nodes = [self.instrument, self.controller, self.recorder]
-        for node in self.nodes:
-            self.executor.add_node(node)
-        publishers = [*self.instrument.waveforms.values(), self.instrument.trace, self.instrument.status]
-        self.spin_until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers))
-        self.spin_until(lambda: self.told.path != "")
-        assert not self.told.ready
-        self.instrument.publish_status(InstrumentStatus.WAITING, 0)
-        self.spin_until(lambda: self.told.ready)
-
-    def _on_told(self, message: RecorderStatus) -> None:
-        self.told = message
-
-    def spin_once(self, timeout: float) -> None:
-        self.executor.spin_once(timeout_sec=timeout)
-
-    def spin_until(self, predicate: Callable[[], bool], timeout: float = 20.0) -> None:
-        end = time.monotonic() + timeout
-        while not predicate():
-            if time.monotonic() > end:
-                raise TimeoutError(f"still waiting after {timeout} s; the recorder said last: {self.told}")
-            self.spin_once(0.05)
-
-    def destroy(self) -> None:
-        self.executor.shutdown()
-        for node in self.nodes:
-            node.destroy_node()
-        rclpy.try_shutdown(context=self.context)
 
 
 @pytest.fixture
@@ -201,6 +95,48 @@ def test_controller_without_parameter_services_is_recorded_too(bench: Bench) -> 
     assert set(recording.parameters) == {"afm_sim_node"}
 
 
+def test_score_of_the_run_is_recorded(bench: Bench) -> None:
+    bench.instrument.publish_block(0)
+    bench.instrument.publish_status(InstrumentStatus.RUNNING, BLOCK)
+    bench.spin_until(lambda: bench.told.ticks == BLOCK)
+    bench.instrument.publish_block(BLOCK)
+    bench.instrument.publish_status(InstrumentStatus.FINISHED, 2 * BLOCK)
+    score = Score(ticks=2 * BLOCK)
+    score.header.stamp = stamp(2 * BLOCK)
+    bench.instrument.score.publish(score)
+    bench.spin_until(lambda: bench.told.ticks == 2 * BLOCK)
+    bench.recorder.finish(bench.spin_once)
+    kept = read_recording(bench.path).score
+    assert kept is not None and kept["ticks"] == 2 * BLOCK
+
+
+def test_score_of_an_older_run_is_not_recorded(bench: Bench) -> None:
+    score = Score(ticks=7)
+    score.header.stamp = stamp(7 * BLOCK)
+    bench.instrument.score.publish(score)
+    bench.instrument.publish_block(0)
+    bench.instrument.publish_status(InstrumentStatus.FINISHED, BLOCK)
+    bench.spin_until(lambda: bench.told.ticks == BLOCK)
+    bench.recorder.finish(bench.spin_once)
+    assert read_recording(bench.path).score is None
+
+
+def of(entry: DiagnosticStatus) -> dict[str, str]:
+    return {value.key: value.value for value in entry.values}
+
+
+def test_diagnostics_tell_that_all_is_well_and_that_ticks_are_missing(bench: Bench) -> None:
+    heard: list[DiagnosticStatus] = []
+    bench.controller.create_subscription(DiagnosticArray, "/diagnostics", lambda array: heard.extend(array.status), 10)
+    bench.instrument.publish_block(0)
+    bench.spin_until(lambda: any(of(entry)["ticks"] == str(BLOCK) for entry in heard))
+    assert heard[-1].level == DiagnosticStatus.OK
+    assert heard[-1].name == f"/{NAMESPACE}/afm_recorder_node: recorder"
+    bench.instrument.publish_block(2 * BLOCK)
+    bench.spin_until(lambda: of(heard[-1])["ticks lost"] == str(BLOCK))
+    assert heard[-1].level == DiagnosticStatus.WARN
+
+
 def test_lost_blocks_are_counted(bench: Bench) -> None:
     for first in (0, BLOCK, 4 * BLOCK):
         bench.instrument.publish_block(first)
@@ -268,35 +204,12 @@ def test_path_that_cannot_be_written_is_refused(tmp_path: Path, name: str) -> No
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_process_closes_its_recording_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
     path = tmp_path / "run.rrd"
-    context = Context()
-    rclpy.init(context=context)
-    instrument = FakeInstrument(context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(instrument)
-    command = [sys.executable, "-c", "import sys; from afm_recorder_node.node import main; sys.exit(main())"]
-    arguments = ["--ros-args", "-r", f"__ns:=/{NAMESPACE}", "-p", f"path:={path}"]
-    process = subprocess.Popen([*command, *arguments], stderr=subprocess.PIPE, text=True)
-    try:
-        end = time.monotonic() + 30.0
-        publishers = [*instrument.waveforms.values(), instrument.trace, instrument.status]
-        while not all(publisher.get_subscription_count() for publisher in publishers):
-            assert process.poll() is None, process.communicate()[1]
-            assert time.monotonic() < end, "the recorder has not subscribed"
-            executor.spin_once(timeout_sec=0.05)
+    with RecorderProcess(path) as recorder:
+        recorder.wait_until_subscribed()
         for first in range(0, 20 * BLOCK, BLOCK):
-            instrument.publish_block(first)
-        instrument.publish_status(InstrumentStatus.FINISHED, 20 * BLOCK)
+            recorder.instrument.publish_block(first)
+        recorder.instrument.publish_status(InstrumentStatus.FINISHED, 20 * BLOCK)
         # Delivered, though perhaps not taken: lost packets are repeated only at a heartbeat, up to 3 s later.
-        assert all(publisher.wait_for_all_acked(Duration(seconds=20)) for publisher in publishers)
-        process.send_signal(number)
-        while process.poll() is None:
-            assert time.monotonic() < end, "the recorder has not ended"
-            executor.spin_once(timeout_sec=0.05)
-        assert process.returncode == 0, process.communicate()[1]
-        assert len(read_recording(path).time_ticks) == 20 * BLOCK
-    finally:
-        process.kill()
-        process.wait()
-        executor.shutdown()
-        instrument.destroy_node()
-        rclpy.try_shutdown(context=context)
+        assert all(publisher.wait_for_all_acked(Duration(seconds=20)) for publisher in recorder.instrument.all)
+        assert recorder.end(number) == 0, recorder.text
+    assert len(read_recording(path).time_ticks) == 20 * BLOCK

@@ -10,7 +10,7 @@ from support import ROOT, executable
 PACKAGES = {
     "afm_sim_node": {"afm_sim_node"},
     "afm_controller_node": {"afm_controller_node"},
-    "afm_recorder_node": {"afm_recorder_node"},
+    "afm_recorder_node": {"afm_recorder_node", "repair"},
     "afm_bringup": {"session"},
 }
 

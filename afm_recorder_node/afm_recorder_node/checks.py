@@ -1,0 +1,71 @@
+"""Whether a message makes sense. Those that do not are dropped: they end no recorder and stand in no recording."""
+
+import math
+from collections.abc import Sized
+
+from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
+from std_msgs.msg import Header
+
+_LAST = 2**63 - 1
+"""Largest number of a sample, and largest time in nanoseconds, that a recording can hold."""
+_UNIT_LENGTH = 16
+
+
+class Senseless(ValueError):
+    """A message that cannot be meant; says which field and what belongs there."""
+
+
+def waveform(message: Waveform, si_unit: str | None) -> None:
+    """Check a block of samples; `si_unit` is that of the blocks before, None for the first."""
+    _block(message.header, "first_sample", message.first_sample, message.sample_period, len(message.samples))
+    if not math.isfinite(message.scale) or message.scale == 0.0:
+        raise Senseless(f"scale {message.scale:g}: it must be finite and not 0")
+    if si_unit is None and not (message.unit.isprintable() and len(message.unit) <= _UNIT_LENGTH):
+        raise Senseless(f"unit {message.unit[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
+    if si_unit is not None and message.unit != si_unit:
+        raise Senseless(f"unit {message.unit[:40]!r}: this channel is in {si_unit!r}")
+
+
+def control_trace(message: ControlTrace) -> None:
+    """Check a block of control ticks."""
+    count = len(message.deflection)
+    _block(message.header, "first_sequence", message.first_sequence, message.control_period, count)
+    rows: dict[str, Sized] = {
+        "position": message.position,
+        "reference_position": message.reference_position,
+        "drive": message.drive,
+    }
+    for name, values in rows.items():
+        if len(values) != 3 * count:
+            raise Senseless(f"{len(values)} values of {name} with {count} of deflection: it must be {3 * count}")
+    if len(message.round_trip) != count:
+        raise Senseless(f"{len(message.round_trip)} values of round_trip with {count} of deflection: as many belong")
+
+
+def status(message: InstrumentStatus) -> None:
+    """Check a state of the instrument."""
+    _stamp(message.header)
+
+
+def score(message: Score) -> None:
+    """Check a score."""
+    _stamp(message.header)
+
+
+def _block(header: Header, name: str, first: int, period: float, count: int) -> None:
+    _stamp(header)
+    if not count:
+        raise Senseless("it holds no values")
+    if not (math.isfinite(period) and period > 0.0):
+        raise Senseless(f"period {period:g} s: it must be finite and > 0 s")
+    if first + count > _LAST or (first + count) * period * 1e9 > _LAST:
+        raise Senseless(f"{name} {first} at a period of {period:g} s: a recording ends after 292 years")
+    # Blocks are placed by their numbers: one that says two times at once has a wrong number, or a wrong period.
+    stamp, time = header.stamp.sec + header.stamp.nanosec * 1e-9, first * period
+    if abs(stamp - time) > max(period, 1e-6) + 1e-9 * time:
+        raise Senseless(f"stamp {stamp:g} s of {name} {first} at a period of {period:g} s: it must be {time:g} s")
+
+
+def _stamp(header: Header) -> None:
+    if header.stamp.sec < 0 or header.stamp.nanosec >= 1_000_000_000:
+        raise Senseless(f"stamp {header.stamp.sec} s + {header.stamp.nanosec} ns: it must be a time since the start")

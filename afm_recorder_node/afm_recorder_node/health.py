@@ -1,0 +1,72 @@
+"""Tells how the recorder is: recorder_status, and /diagnostics for ordinary tools."""
+
+import time
+from dataclasses import asdict, dataclass
+
+from afm_msgs.msg import RecorderStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+from rclpy.time import Time
+from std_msgs.msg import Header
+
+from afm_node_common import topics
+
+_DIAGNOSTICS_PERIOD = 1.0
+"""Wall time between two messages on /diagnostics [s]; sooner when something has changed for the worse or better."""
+
+
+@dataclass(frozen=True)
+class Health:
+    """Fields are named as in afm_msgs/RecorderStatus, which tells what they mean."""
+
+    path: str
+    ready: bool
+    ticks: int
+    samples: int
+    ticks_lost: int
+    samples_lost: int
+    ticks_unwritten: int
+    samples_unwritten: int
+    messages_dropped: int
+    writing: bool
+    detail: str
+
+
+class Teller:
+    """Publishes the health of the recorder when it has changed."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._status = node.create_publisher(RecorderStatus, topics.RECORDER_STATUS, topics.LATCHED_QOS)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._told: Health | None = None
+        self._diagnosed: tuple[bool, int] | None = None
+        self._diagnose_at = 0.0
+
+    def tell(self, health: Health, time_ns: int) -> None:
+        """Publish what is new; `time_ns`: simulated time last heard of [ns]."""
+        if health != self._told:
+            self._told = health
+            header = Header(stamp=Time(nanoseconds=time_ns).to_msg(), frame_id=topics.FRAME)
+            self._status.publish(RecorderStatus(header=header, **asdict(health)))
+        now, changes = time.monotonic(), (health.writing, health.messages_dropped)
+        if changes != self._diagnosed or now >= self._diagnose_at:
+            self._diagnosed, self._diagnose_at = changes, now + _DIAGNOSTICS_PERIOD
+            self._diagnose(health)
+
+    def _diagnose(self, health: Health) -> None:
+        level, message = DiagnosticStatus.OK, "recording" if health.ticks else "waiting for an instrument"
+        if not health.writing:
+            level, message = DiagnosticStatus.ERROR, health.detail
+        elif health.detail or health.ticks_lost or health.samples_lost or health.ticks_unwritten:
+            level, message = DiagnosticStatus.WARN, health.detail or "some of the run is missing in the recording"
+        entry = DiagnosticStatus(
+            level=level,
+            name=f"{self._node.get_fully_qualified_name()}: recorder",
+            message=message,
+            hardware_id="virtual AFM",
+            values=[KeyValue(key=key.replace("_", " "), value=str(value)) for key, value in asdict(health).items()],
+        )
+        array = DiagnosticArray(status=[entry])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(array)

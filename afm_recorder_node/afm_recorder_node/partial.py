@@ -1,0 +1,204 @@
+"""The file in which a recording grows: held by one process, and whole at any time. Needs no ROS."""
+
+import fcntl
+import itertools
+import os
+import stat
+from contextlib import suppress
+from pathlib import Path
+
+_COPIED_AT_ONCE = 1 << 24
+_NONE = -1
+
+
+class InUse(OSError):
+    """Another recorder writes there."""
+
+
+def partial_of(path: Path) -> Path:
+    """Where the recording `path` grows: recording.partial.rrd for recording.rrd."""
+    return path.with_stem(f"{path.stem}.partial")
+
+
+def check_name(path: Path) -> None:
+    """Refuse what can be no recording.
+
+    Raises
+    ------
+    OSError
+        If something other than a plain file stands there, or the name is kept for recordings under way.
+    """
+    if path.stem.endswith((".partial", ".closing")):
+        raise OSError(f"the name {path.name} is kept for recordings under way: take another one")
+    _check_plain(path)
+
+
+class Partial:
+    """The file that a recording grows in, beside the name it will have.
+
+    It is locked by the kernel for as long as this process lives, so that no two recorders write one file. What a
+    recorder that died has left there is set aside: recording.interrupted.rrd, then recording.interrupted-2.rrd.
+
+    Writing raises nothing. What could not be written is kept and tried again with the next write; the file is cut back
+    to what was whole, so that it can be read in between.
+
+    Parameters
+    ----------
+    path : Path
+        Name of the recording.
+    header : bytes
+        First bytes of the file.
+    patient : bool
+        If the file cannot be made now, try again with each write in place of raising.
+
+    Raises
+    ------
+    InUse
+        If another recorder writes there.
+    OSError
+        If the file cannot be made; the message says why.
+    """
+
+    def __init__(self, path: Path, header: bytes, *, patient: bool = False) -> None:
+        self.path = partial_of(path)
+        self.set_aside: Path | None = None
+        """What a recorder that died had left; None if there was nothing."""
+        self.problem = ""
+        """Why what was given last is not written; empty if it is."""
+        self.news = ""
+        """What a person should know, once; empty if there is nothing."""
+        self._written = 0
+        self._waiting = bytearray(header)
+        self._file = _NONE
+        check_name(path)
+        try:
+            self._file = self._open()
+        except OSError as error:
+            if not patient or isinstance(error, InUse):
+                raise
+        if not self.write(b"") and not patient:
+            self.discard()
+            raise OSError(self.problem)
+
+    def write(self, messages: bytes) -> bool:
+        """Write `messages` behind what is there. False if it was not possible: see `problem`."""
+        self._waiting += messages
+        try:
+            if not self._there():
+                self._make_again()
+            done = 0
+            while done < len(self._waiting):
+                with memoryview(self._waiting) as rest:
+                    done += os.pwrite(self._file, rest[done:], self._written + done)
+        except OSError as error:
+            self.problem = f"{self.path} cannot be written: {error.strerror or error}"
+            # What is whole stays readable, whatever happens next.
+            with suppress(OSError):
+                os.ftruncate(self._file, self._written)
+            return False
+        self._written += done
+        self._waiting.clear()
+        self.problem = ""
+        return True
+
+    def give_name(self, path: Path) -> None:
+        """The file is complete: give it its name."""
+        os.fsync(self._file)
+        os.replace(self.path, path)
+        self.release()
+
+    def discard(self) -> None:
+        """Remove the file."""
+        if self._there():
+            self.path.unlink()
+        self.release()
+
+    def release(self) -> None:
+        """Let the file go, where it is."""
+        if self._file != _NONE:
+            os.close(self._file)
+            self._file = _NONE
+
+    def _open(self) -> int:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        while True:
+            _check_plain(self.path)
+            flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+            file = os.open(self.path, flags, 0o666)
+            try:
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    raise InUse(f"another recorder writes {self.path}: each recorder needs a path of its own") from None
+                if self._is(file):  # not removed or set aside by another recorder just now
+                    if os.fstat(file).st_size == 0:
+                        return file
+                    self.set_aside = self._set_aside()
+            except BaseException:
+                os.close(file)
+                raise
+            os.close(file)
+
+    def _set_aside(self) -> Path:
+        """Give the file of a dead recorder a name that is free."""
+        stem = self.path.stem.removesuffix(".partial") + ".interrupted"
+        for number in itertools.count(1):
+            name = self.path.with_stem(stem if number == 1 else f"{stem}-{number}")
+            try:
+                os.link(self.path, name, follow_symlinks=False)
+            except FileExistsError:
+                continue
+            except OSError:  # a file system without links
+                if name.exists() or name.is_symlink():
+                    continue
+                self.path.rename(name)
+                return name
+            self.path.unlink()
+            return name
+        raise AssertionError
+
+    def _there(self) -> bool:
+        return self._file != _NONE and self._is(self._file)
+
+    def _is(self, file: int) -> bool:
+        """Whether this open file is the one that stands under the name."""
+        try:
+            return os.path.samestat(os.lstat(self.path), os.fstat(file))
+        except (FileNotFoundError, NotADirectoryError):
+            return False
+
+    def _make_again(self) -> None:
+        """The file was removed while it grows: what is in it is still there, as long as it is open."""
+        old, self._file = self._file, self._open()
+        if old == _NONE:
+            return
+        try:
+            position = 0
+            while position < self._written:
+                block = os.pread(old, min(_COPIED_AT_ONCE, self._written - position), position)
+                done = 0
+                while done < len(block):
+                    done += os.pwrite(self._file, memoryview(block)[done:], position + done)
+                position += len(block)
+        except OSError:
+            with suppress(OSError):
+                self.path.unlink()
+            os.close(self._file)
+            self._file = old
+            raise
+        os.close(old)
+        self.news = f"{self.path} was removed while it was written: it has been made again, nothing is lost"
+
+
+def _check_plain(path: Path) -> None:
+    """Raise if something stands there that is no plain file: a link would be followed, a device replaced."""
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    for is_kind, what in ((stat.S_ISDIR, "folder"), (stat.S_ISLNK, "symbolic link"), (stat.S_ISREG, "")):
+        if is_kind(mode):
+            if what:
+                raise OSError(f"{path} is a {what}: it must be a plain file, or nothing")
+            return
+    raise OSError(f"{path} is a device, pipe or socket: it must be a plain file, or nothing")

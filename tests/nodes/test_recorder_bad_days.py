@@ -1,0 +1,326 @@
+"""Bad days of a recorder, over real topics with processes of their own: nothing that was told is lost, nobody dies."""
+
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
+from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.qos import qos_profile_parameter_events
+from rclpy.serialization import serialize_message
+from recorder_bench import BLOCK, NAMESPACE, RecorderProcess, stamp
+
+from afm_node_common import topics
+from afm_recorder_node.reader import IncompleteRecording, read_recording
+
+ROOM = 3_000_000
+"""Bytes of the disk that gets full."""
+
+
+def publish_for(recorder: RecorderProcess, seconds: float, first: int = 0) -> int:
+    """Publish blocks as a run does, some 20 a second; tick after the last one."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        recorder.instrument.publish_block(first)
+        first += BLOCK
+        recorder.instrument.publish_status(InstrumentStatus.RUNNING, first)
+        due = time.monotonic() + 0.05
+        recorder.spin_until(lambda due=due: time.monotonic() > due)
+    return first
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system with room for three megabytes."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    made = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={ROOM}", "tmpfs", str(folder)], capture_output=True, text=True
+    )
+    if made.returncode:
+        pytest.skip(f"no small disk without root: {made.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+def test_a_path_in_use_is_refused_with_one_sentence_and_the_first_recorder_goes_on(tmp_path: Path) -> None:
+    # As a launch file does that is included twice: one working directory, the default path, two namespaces.
+    with RecorderProcess(Path("recording.rrd"), folder=tmp_path, namespace="lab1") as first:
+        first.wait_until_subscribed()
+        with RecorderProcess(Path("recording.rrd"), folder=tmp_path, namespace="lab2") as second:
+            assert second.process.wait(30) == 2
+            (line,) = second.text.splitlines()
+            assert "recording.partial.rrd" in line and "another recorder" in line
+        for k in range(4):
+            first.instrument.publish_block(k * BLOCK)
+        first.spin_until(lambda: first.told.ticks == first.told.samples / 2 == 4 * BLOCK)
+        assert first.end() == 0, first.text
+    assert len(read_recording(tmp_path / "recording.rrd").time_ticks) == 4 * BLOCK
+    assert [file.name for file in tmp_path.iterdir()] == ["recording.rrd"]
+
+
+def test_what_was_told_a_second_before_a_kill_is_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    with RecorderProcess(path) as recorder:
+        recorder.wait_until_subscribed()
+        published = publish_for(recorder, 3.0)
+        recorder.kill()
+        killed = time.monotonic()
+    told = max(status.ticks for at, status in recorder.history if at < killed - 1.0)
+    assert told > 0
+    with pytest.warns(IncompleteRecording):
+        recording = read_recording(tmp_path / "run.partial.rrd")
+    assert not recording.complete
+    assert told <= len(recording.time_ticks) <= published
+    assert len(recording.time_samples) >= 2 * told
+    assert recording.parameters["afm_sim_node"]
+
+
+def test_recorders_that_follow_dead_ones_keep_what_each_had_written(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    for blocks in (1, 2, 3):
+        with RecorderProcess(path) as recorder:
+            recorder.wait_until_subscribed()
+            for k in range(blocks):
+                recorder.instrument.publish_block(k * BLOCK)
+            recorder.spin_until(lambda blocks=blocks: recorder.told.ticks == blocks * BLOCK)
+            partial = tmp_path / "run.partial.rrd"
+
+            def flushed(partial: Path = partial, blocks: int = blocks) -> bool:
+                with pytest.warns(IncompleteRecording):
+                    return len(read_recording(partial).time_ticks) == blocks * BLOCK
+
+            recorder.spin_until(flushed)
+            if blocks == 3:
+                assert recorder.end() == 0
+            else:
+                recorder.kill()
+        if blocks > 1:
+            assert f"run.interrupted{'-2' if blocks == 3 else ''}.rrd" in recorder.text
+    for name, blocks in (("run.interrupted.rrd", 1), ("run.interrupted-2.rrd", 2)):
+        with pytest.warns(IncompleteRecording):
+            assert len(read_recording(tmp_path / name).time_ticks) == blocks * BLOCK
+    assert len(read_recording(path).time_ticks) == 3 * BLOCK
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_full_disk_is_told_within_a_second_and_writing_resumes_with_the_gap_as_an_event(small_disk: Path) -> None:
+    path, ballast = small_disk / "run.rrd", small_disk / "ballast"
+    with RecorderProcess(path) as recorder:
+        recorder.wait_until_subscribed()
+        first = publish_for(recorder, 0.5)
+        recorder.spin_until(lambda: recorder.told.ticks == first)
+        with ballast.open("wb", buffering=0) as file:
+            try:
+                while file.write(b"\0" * 4096):
+                    pass
+            except OSError:
+                pass
+        begin = time.monotonic()
+        while recorder.told.writing:
+            assert time.monotonic() < begin + 20.0, recorder.text
+            first = publish_for(recorder, 0.05, first)
+        # The next flush fails, half a second later at most; status and diagnostics follow at once.
+        assert "No space left on device" in recorder.told.detail
+        recorder.spin_until(lambda: recorder.diagnostics[-1].level == DiagnosticStatus.ERROR)
+        assert "No space left on device" in recorder.diagnostics[-1].message
+        first = publish_for(recorder, 0.7, first)
+        recorder.instrument.publish_status(InstrumentStatus.FINISHED, first)
+        score = Score(ticks=first, rms=[1e-9, 2e-9, 3e-9])
+        score.header.stamp = stamp(first)
+        recorder.instrument.score.publish(score)
+        recorder.spin_until(lambda: recorder.told.ticks == first and recorder.told.ticks_unwritten > 0)
+        ballast.unlink()
+        recorder.spin_until(lambda: recorder.told.writing)
+        first = publish_for(recorder, 0.3, first)
+        recorder.spin_until(lambda: recorder.told.ticks == first)
+        missing = recorder.told.ticks_unwritten
+        assert recorder.end() == 0, recorder.text
+    recording = read_recording(path)
+    assert len(recording.time_ticks) == first - missing
+    assert any(text.startswith(f"{missing} ticks and {2 * missing} samples") for _, text in recording.events)
+    assert recording.score is not None and recording.score["rms"] == [1e-9, 2e-9, 3e-9]
+    assert "can be written again" in recorder.text
+
+
+def trace(count: int = 2, **fields: object) -> ControlTrace:
+    return ControlTrace(
+        **{
+            "control_period": 2e-6,
+            "position": [0.0] * 3 * count,
+            "reference_position": [0.0] * 3 * count,
+            "deflection": [0.0] * count,
+            "drive": [0.0] * 3 * count,
+            "round_trip": [0.0] * count,
+        }
+        | fields
+    )
+
+
+def wave(**fields: object) -> Waveform:
+    return Waveform(**{"sample_period": 1e-6, "scale": 1.0, "unit": "m", "samples": [0.0, 1.0]} | fields)
+
+
+def at(message: object, seconds: int, nanoseconds: int = 0) -> object:
+    message.header.stamp.sec, message.header.stamp.nanosec = seconds, nanoseconds
+    return message
+
+
+SENSELESS = {
+    "a control trace of length 2": (topics.CONTROL_TRACE, trace(position=[0.0, 0.0])),
+    "no ticks": (topics.CONTROL_TRACE, trace(0)),
+    "lengths that do not agree": (topics.CONTROL_TRACE, trace(round_trip=[0.0] * 5)),
+    "period NaN": (topics.CONTROL_TRACE, trace(control_period=float("nan"))),
+    "period 0": (topics.CONTROL_TRACE, trace(control_period=0.0)),
+    "period below 0": (topics.DEFLECTION, wave(sample_period=-1e-6)),
+    "period infinite": (topics.DEFLECTION, wave(sample_period=float("inf"))),
+    "first 2^63": (topics.DEFLECTION, wave(first_sample=2**63)),
+    "first 2^64 - 1": (topics.CONTROL_TRACE, trace(first_sequence=2**64 - 1)),
+    "a number that is not its time's": (topics.DEFLECTION, wave(first_sample=10**6)),
+    "stamp below 0": (topics.CONTROL_TRACE, at(trace(), -1)),
+    "nanoseconds of 4 s": (topics.DEFLECTION, at(wave(), 0, 4_000_000_000)),
+    "scale NaN": (topics.DEFLECTION, wave(scale=float("nan"))),
+    "another unit": (topics.DEFLECTION, wave(unit="N")),
+    "a state before the start": (topics.STATUS, at(InstrumentStatus(), -5)),
+    "a score before the start": (topics.SCORE, at(Score(), -5)),
+}
+
+
+def test_messages_that_make_no_sense_are_dropped_counted_and_named(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    with RecorderProcess(path) as recorder:
+        recorder.wait_until_subscribed()
+        publishers = {
+            topics.CONTROL_TRACE: recorder.instrument.trace,
+            topics.DEFLECTION: recorder.instrument.waveforms[topics.DEFLECTION],
+            topics.STATUS: recorder.instrument.status,
+            topics.SCORE: recorder.instrument.score,
+        }
+        recorder.instrument.publish_block(0)
+        dropped = 0
+        for what, (topic, message) in SENSELESS.items():
+            publishers[topic].publish(message)
+            dropped += 1
+            recorder.spin_until(lambda dropped=dropped: recorder.told.messages_dropped == dropped)
+            assert f"/{NAMESPACE}/{topic} from /{NAMESPACE}/afm_sim_node was dropped" in recorder.told.detail, what
+        recorder.instrument.publish_block(BLOCK)
+        recorder.spin_until(lambda: recorder.told.ticks == 2 * BLOCK and recorder.told.samples == 4 * BLOCK)
+        assert (recorder.told.ticks_lost, recorder.told.samples_lost) == (0, 0)
+        assert recorder.end() == 0, recorder.text
+    assert len(read_recording(path).time_ticks) == 2 * BLOCK
+    assert "was dropped" in recorder.text
+
+
+def test_bytes_that_are_no_message_are_dropped_and_end_nobody(tmp_path: Path) -> None:
+    path, rng = tmp_path / "run.rrd", np.random.default_rng(0)
+    with RecorderProcess(path) as recorder:
+        recorder.wait_until_subscribed()
+        instrument = recorder.instrument
+        events = instrument.create_publisher(ParameterEvent, "/parameter_events", qos_profile_parameter_events)
+        recorder.spin_until(lambda: events.get_subscription_count() > 0)
+        instrument.publish_block(0)
+        whole = serialize_message(trace())
+        bad_text = serialize_message(InstrumentStatus(detail="x" * 8)).replace(b"x" * 8, b"\xff" * 8)
+        sent = [bytes.fromhex("0001"), b"\0", whole[:7], whole[:-3], whole[:60]]
+        sent += [rng.bytes(int(size)) for size in rng.integers(1, 400, 100)]
+        # Lengths that say 32 GB, and other words that say something else: any may still be a message.
+        sent += [whole[:k] + b"\xff\xff\xff\xff" + whole[k + 4 :] for k in range(4, len(whole), 4)]
+        for data in sent:
+            for publisher in (instrument.trace, instrument.waveforms[topics.DEFLECTION], events):
+                publisher.publish(data)
+            recorder.spin_until(lambda: True)
+        instrument.status.publish(bad_text)
+        instrument.publish_block(BLOCK)
+        recorder.spin_until(lambda: recorder.told.ticks == 2 * BLOCK and recorder.told.samples == 4 * BLOCK)
+        # A few of the random ones may be read as something, and something else is the matter with them then.
+        assert recorder.told.messages_dropped >= 100
+        assert recorder.end() == 0, recorder.text
+    assert len(read_recording(path).time_ticks) == 2 * BLOCK
+
+
+def test_folder_deleted_while_recording_is_made_again_and_nothing_is_lost(tmp_path: Path) -> None:
+    path = tmp_path / "out" / "run.rrd"
+    with RecorderProcess(path) as recorder:
+        recorder.wait_until_subscribed()
+        first = publish_for(recorder, 0.7)
+        partial = tmp_path / "out" / "run.partial.rrd"
+        partial.unlink()
+        partial.parent.rmdir()
+        recorder.spin_until(partial.exists)
+        first = publish_for(recorder, 0.3, first)
+        recorder.spin_until(lambda: recorder.told.ticks == first)
+        assert recorder.end() == 0, recorder.text
+    assert len(read_recording(path).time_ticks) == first
+    assert "was removed while it was written" in recorder.text
+
+
+CLOCK = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+
+/* The clock of the system, a minute early as soon as a file is there. */
+int clock_gettime(clockid_t clock, struct timespec *time) {
+    static int (*real)(clockid_t, struct timespec *);
+    if (!real) real = (int (*)(clockid_t, struct timespec *))dlsym(RTLD_NEXT, "clock_gettime");
+    int result = real(clock, time);
+    if (clock == CLOCK_REALTIME && !access(getenv("CLOCK_STEPPED"), F_OK)) time->tv_sec -= 60;
+    return result;
+}
+"""
+
+
+def test_clock_that_is_set_back_by_a_minute_loses_nothing(tmp_path: Path) -> None:
+    source, library, stepped = tmp_path / "clock.c", tmp_path / "clock.so", tmp_path / "stepped"
+    source.write_text(CLOCK)
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
+    path = tmp_path / "run.rrd"
+    environment = {"LD_PRELOAD": str(library), "CLOCK_STEPPED": str(stepped)}
+    with RecorderProcess(path, **environment) as recorder:
+        recorder.wait_until_subscribed()
+        first = publish_for(recorder, 0.3)
+        recorder.spin_until(lambda: recorder.told.ticks == first)
+        stepped.touch()
+        first = publish_for(recorder, 1.0, first)
+        # The status goes on, and what was told is in the file although nobody has asked for an end.
+        recorder.spin_until(lambda: recorder.told.ticks == first, timeout=10.0)
+
+        def flushed() -> bool:
+            with pytest.warns(IncompleteRecording):
+                return len(read_recording(tmp_path / "run.partial.rrd").time_ticks) == first
+
+        recorder.spin_until(flushed, timeout=10.0)
+        assert recorder.end() == 0, recorder.text
+    assert len(read_recording(path).time_ticks) == first
+
+
+def test_waveform_of_any_name_in_the_namespace_is_recorded_under_it(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    with RecorderProcess(path) as recorder:
+        recorder.wait_until_subscribed()
+        recorder.instrument.publish_block(0)
+        creep = recorder.instrument.create_publisher(Waveform, "truth/creep_x", topics.STREAM_QOS)
+        elsewhere = recorder.instrument.create_publisher(Waveform, "/elsewhere/creep_x", topics.STREAM_QOS)
+        recorder.spin_until(lambda: creep.get_subscription_count() > 0)
+        for k in range(3):
+            creep.publish(
+                at(wave(first_sample=4 * k, sample_period=1e-3, samples=[1.0 * k] * 4, scale=2e-9), 0, 4_000_000 * k)
+            )
+        recorder.instrument.publish_block(BLOCK)
+        recorder.spin_until(lambda: recorder.told.ticks == 2 * BLOCK and recorder.told.samples == 4 * BLOCK)
+        assert elsewhere.get_subscription_count() == 0
+        assert creep.wait_for_all_acked()
+        assert recorder.end() == 0, recorder.text
+    recording = read_recording(path)
+    channel = recording.channels["truth/creep_x"]
+    np.testing.assert_allclose(channel.values, np.repeat([0.0, 2e-9, 4e-9], 4), rtol=1e-15)
+    assert np.array_equal(channel.time, np.arange(12) / 1e3)
+    assert (channel.unit, channel.scale) == ("m", 2e-9)
+    assert np.array_equal(recording.channels["deflection"].values, recording.deflection)
+    assert len(recording.time_samples) == 4 * BLOCK
