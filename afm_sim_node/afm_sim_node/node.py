@@ -137,9 +137,7 @@ class SimNode(Node):
 
     # Services and parameters.
 
-    def _serve(
-        self, ask: Callable[[], str], request: Trigger.Request, response: Trigger.Response
-    ) -> Trigger.Response:
+    def _serve(self, ask: Callable[[], str], request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = ask()
         response.success = not response.message
         return response

@@ -155,7 +155,9 @@ class RealtimeSimulation:
 
     parameters: SimParameters
     blocks: list[Block]
-    round_trips: _Array  # (n,) latency of the drive that was put in force at each tick [s]; NaN: the one before was held
+    round_trips: (
+        _Array  # (n,) latency of the drive that was put in force at each tick [s]; NaN: the one before was held
+    )
     score: ScoreSummary
     snapshot: Snapshot  # at the end, with all counts
     delays: Delays
