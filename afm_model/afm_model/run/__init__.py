@@ -1,9 +1,11 @@
-"""A run of the instrument: its states, lockstep and realtime, watchdog, counts. Needs no ROS, no sleep, no real clock."""
+"""A run of the instrument: states, lockstep and realtime, watchdog, counts. Needs no ROS, no sleep, no real clock."""
 
 from .counts import Counts, Snapshot
+from .latency import Latency
 from .link import Link
+from .replay import Replay
 from .run import Listeners, Run
-from .simulated import Latency, RealtimeSimulation, Replay, SimulatedLink, VirtualClock, simulate_realtime
+from .simulated import RealtimeSimulation, SimulatedLink, VirtualClock, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
 from .timing import Delays
 from .verdict import retracted_fraction, shortfall, verdict, warnings

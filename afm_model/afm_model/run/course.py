@@ -42,7 +42,7 @@ class Course:
 
 
 class Pacing(ABC):
-    """One of the ways in which simulated time goes on. Its methods are called by the run, never in two states at once."""
+    """One of the ways in which simulated time goes on. The run alone calls its methods."""
 
     @abstractmethod
     def start(self) -> None:

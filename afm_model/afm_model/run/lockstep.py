@@ -115,7 +115,5 @@ class Lockstep(Pacing):
         name, limit = self._course.controller, f"{timeout:g} s (run.lockstep_timeout)"
         if self._wrong and self._wrong_at == ticks:
             sequences = ", ".join(map(str, self._wrong))
-            return (
-                f"{name} sends drives with sequence {sequences}; measurement {ticks} is waiting for more than {limit}"
-            )
+            return f"{name} sends drives with sequence {sequences}; measurement {ticks} has been waiting for {limit}"
         return f"{name} has not answered measurement {ticks} within {limit}; still waiting"

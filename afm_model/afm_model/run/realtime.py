@@ -17,8 +17,8 @@ _RING = 4096
 class Realtime(Pacing):
     """Tick at absolute deadlines of the clock, with the newest drive or the last one held.
 
-    The newest drive is the one with the highest sequence. A drive for an older measurement than the one in force, or for
-    the same again, is counted and not put in force, whenever it arrives.
+    The newest drive is the one with the highest sequence. One for an older measurement than the drive in force answers,
+    or for the same again, is counted and not put in force, whenever it arrives.
     """
 
     def __init__(self, course: Course) -> None:

@@ -4,7 +4,7 @@ from ..parameters import SimParameters
 
 
 class Retract:
-    """Moves the z drive down by the same step at each tick, from where it stands to `run.retract_distance` below rest."""
+    """Moves the z drive by the same step at each tick, from where it stands to `run.retract_distance` below rest."""
 
     def __init__(self) -> None:
         self._from = 0.0

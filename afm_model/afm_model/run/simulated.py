@@ -1,23 +1,22 @@
-"""A run in virtual time: real time with latencies from a seed, and a recorded run played again."""
+"""Real time without waiting: a run in virtual time, with latencies from a seed."""
 
 import heapq
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal, Protocol
+from typing import Protocol
 
 import numpy as np
-from annotated_types import Ge, Lt
 from numpy.typing import NDArray
-from pydantic import Field
 
 from ..errors import ParameterError
-from ..instrument import Block, ScoreSummary
+from ..instrument import Block, DivergenceError, ScoreSummary
 from ..parameters import SimParameters
-from ..parameters.schema import Group, NonNegative, Positive, Unit
 from .counts import Snapshot
+from .latency import Latency
 from .link import Link
 from .run import Listeners, Run
+from .state import State
 from .timing import Delays
 
 _Array = NDArray[np.float64]
@@ -30,36 +29,6 @@ class Law(Protocol):
     def answer(self, measurement: _Array) -> _Array:
         """The drive (3,) [V] for a measurement, order of `afm_model.signals`."""
         ...
-
-
-class Latency(Group):
-    """Wall time from publishing a measurement to the arrival of its drive, drawn anew for each from a seed."""
-
-    kind: Literal["lognormal", "normal"] = Field("lognormal", description="distribution of the latency")
-    median: Annotated[Positive, Unit("s")] = Field(2e-4, description="half of the drives arrive within it")
-    spread: NonNegative = Field(
-        0.3,
-        description="lognormal: standard deviation of the logarithm; normal: standard deviation over the median; "
-        "0: every latency is the median",
-    )
-    floor: Annotated[NonNegative, Unit("s")] = Field(0.0, description="no drive arrives sooner")
-    loss: Annotated[float, Ge(0.0), Lt(1.0)] = Field(0.0, description="part of the drives that never arrive")
-    seed: Annotated[int, Ge(0)] = Field(0, description="of all that is drawn")
-
-    def draw(self) -> Callable[[], float]:
-        """A function that draws one latency after the other [s]; infinite: the drive is lost."""
-        random = np.random.default_rng(self.seed)
-
-        def draw() -> float:
-            # Always both: whether drives are lost changes no latency.
-            deviation, lost = random.standard_normal(), random.random() < self.loss
-            if self.kind == "lognormal":
-                latency = self.median * math.exp(self.spread * deviation)
-            else:
-                latency = self.median * (1.0 + self.spread * deviation)
-            return math.inf if lost else max(latency, self.floor)
-
-        return draw
 
 
 class VirtualClock:
@@ -107,46 +76,6 @@ class SimulatedLink(Link):
     def arrived(self) -> float:
         """When the drive taken last arrived [s]."""
         return self._arrived
-
-
-class Replay:
-    """A law that gives the drives of a recorded run, tick by tick.
-
-    Parameters
-    ----------
-    drives : ndarray (n, 3) [V]
-        Applied from each tick on, as recorded: `Recording.drive`, `Simulation.drives`.
-    delay_ticks : int
-        `plant.delay_ticks` of the instrument. What is recorded has been delayed, so that it is given so many ticks sooner.
-
-    Raises
-    ------
-    ParameterError
-        If the drives are not n rows of three finite numbers: a recording with a gap cannot be replayed.
-    """
-
-    def __init__(self, drives: _Array, delay_ticks: int = 0) -> None:
-        drives = np.asarray(drives, np.float64)
-        if drives.ndim != 2 or drives.shape[1] != 3 or not len(drives):
-            raise ParameterError(f"drives of shape {drives.shape} cannot be replayed: they must be n rows of three")
-        gaps = np.flatnonzero(~np.isfinite(drives).all(axis=1))
-        if gaps.size:
-            raise ParameterError(
-                f"drives with {gaps.size} gaps cannot be replayed (the first at tick {gaps[0]}): the recording must be whole"
-            )
-        self._drives = drives
-        self._delay_ticks = delay_ticks
-        self._next = 0
-
-    def answer(self, measurement: _Array) -> _Array:
-        """The drive of the next tick [V]; after the last one, that again."""
-        at = min(self._next + self._delay_ticks, len(self._drives) - 1)
-        self._next += 1
-        return self._drives[at]
-
-    def reset(self) -> None:
-        """Begin again."""
-        self._next = 0
 
 
 @dataclass(frozen=True)
@@ -212,7 +141,7 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
         clock.now = deadline
         run.step()
     snapshot = run.snapshot()
-    if snapshot.state == snapshot.state.FAULT:
+    if snapshot.state == State.FAULT:
         raise DivergenceError(snapshot.detail)
     return RealtimeSimulation(
         parameters=parameters,

@@ -15,8 +15,8 @@ def warnings(before: Snapshot, now: Snapshot) -> list[str]:
     missed = b.periods_missed - a.periods_missed
     if missed > 0 and now.wanted_factor is not None:
         told.append(
-            f"{missed} of the last {missed + ticks} periods were missed ({_percent(missed, missed + ticks)}): the run reaches "
-            f"{_factor(before, now):.3g} of real time in place of {now.wanted_factor:g}"
+            f"{missed} of the last {missed + ticks} periods were missed ({_percent(missed, missed + ticks)}): the run "
+            f"reaches {_factor(before, now):.3g} of real time in place of {now.wanted_factor:g}"
         )
     lost = b.drives_lost - a.drives_lost
     if now.wanted_factor is not None and ticks > 0 and lost > _HELD * ticks:
@@ -49,8 +49,9 @@ def shortfall(end: Snapshot) -> str:
     missed = end.counts.periods_missed
     if not missed or end.wanted_factor is None:
         return ""
+    periods = missed + end.ticks
     return (
-        f"{_percent(missed, missed + end.ticks)} of the periods were missed ({missed} of {missed + end.ticks}): the run "
+        f"{_percent(missed, periods)} of the periods were missed ({missed} of {periods}): the run "
         f"reached {end.real_time_factor:.3g} of real time in place of {end.wanted_factor:g}"
     )
 

@@ -86,7 +86,7 @@ def test_stall_says_what_the_controller_sends_in_place_of_an_answer() -> None:
     bench.run.step()
     assert bench.told[-1] == (
         State.STALLED,
-        "/afm/hand sends drives with sequence 17, 18; measurement 5 is waiting for more than 5 s (run.lockstep_timeout)",
+        "/afm/hand sends drives with sequence 17, 18; measurement 5 has been waiting for 5 s (run.lockstep_timeout)",
     )
 
 
@@ -110,7 +110,7 @@ def test_controller_that_begins_to_send_wrong_drives_after_the_stall_is_told_too
     bench.link.send(17)
     bench.now += 1.01
     bench.run.step()
-    assert "sends drives with sequence 17; measurement 0 is waiting" in bench.run.snapshot().detail
+    assert "sends drives with sequence 17; measurement 0 has been waiting" in bench.run.snapshot().detail
     assert bench.states == [State.RUNNING, State.STALLED, State.STALLED]
 
 

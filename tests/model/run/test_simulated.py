@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from afm_model import Controller, ControllerParameters, DivergenceError, ParameterError, SimParameters, build, simulate
-from afm_model.run import Latency, Replay, RealtimeSimulation, State, simulate_realtime
+from afm_model.run import Latency, RealtimeSimulation, Replay, State, simulate_realtime
 
 PERIOD = 1e-3
 """Wall time of a control period [s]."""
@@ -56,7 +56,7 @@ def test_drives_that_come_within_the_period_give_the_lockstep_run_to_the_last_bi
 
 @pytest.mark.parametrize("periods", [1, 2])
 def test_constant_latency_is_a_delay_of_the_drive_in_ticks(periods: int) -> None:
-    """The first drives apart: nothing has come yet, and what is held is the drive of the start, as in the delay line."""
+    """Until the first one comes the drive of the start is held, as in the delay line."""
     late = run(Latency(median=(periods + 0.3) * PERIOD, spread=0.0))
     delayed = simulate(parameters(**{"plant.delay_ticks": periods}), law())
     assert late.trajectory_sha256 == delayed.trajectory_sha256
