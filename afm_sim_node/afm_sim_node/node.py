@@ -52,7 +52,7 @@ class SimNode(Node):
         self.step: Callable[[], bool] = self.run.step
         """One look at the inbox or the clock; True if something was done."""
         self._reporter = Reporter(self, self.run, self._link, self._streams, parameters)
-        self._clock = self.create_publisher(ClockMessage, "/clock", 1)
+        self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 1)
         for name, handler in (
             (topics.PLAY, partial(self._serve, self.run.play)),
             (topics.PAUSE, partial(self._serve, self.run.pause)),
@@ -133,7 +133,7 @@ class SimNode(Node):
             self.run.fail(rivalry)
 
     def _publish_clock(self) -> None:
-        self._clock.publish(ClockMessage(clock=stamp(self.run.stamp_ns)))
+        self._clock_publisher.publish(ClockMessage(clock=stamp(self.run.stamp_ns)))
 
     # Services and parameters.
 

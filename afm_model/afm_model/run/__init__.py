@@ -3,7 +3,7 @@
 from .counts import Counts, Snapshot
 from .latency import Latency
 from .link import Link
-from .replay import Replay
+from .replay import Replay, recorded_parameters
 from .run import Listeners, Run
 from .simulated import RealtimeSimulation, SimulatedLink, VirtualClock, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
@@ -28,6 +28,7 @@ __all__ = [
     "Snapshot",
     "State",
     "VirtualClock",
+    "recorded_parameters",
     "retracted_fraction",
     "shortfall",
     "simulate_realtime",

@@ -1,9 +1,13 @@
 """A recorded run played again."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ParameterError
+from ..parameters import SimParameters, build
+from ..parameters.schema import Value
 
 _Array = NDArray[np.float64]
 
@@ -47,3 +51,22 @@ class Replay:
     def reset(self) -> None:
         """Begin again."""
         self._next = 0
+
+
+def recorded_parameters(values: Mapping[str, Value]) -> SimParameters:
+    """Parameters of the instrument as a recording holds them, beside others that its node has.
+
+    Parameters
+    ----------
+    values : mapping
+        Value by dotted name: `Recording.parameters["afm_sim_node"]`.
+
+    Raises
+    ------
+    ParameterError
+        If the instrument of today does not know one of its own, or refuses its value.
+    """
+    return build(
+        SimParameters,
+        {name: value for name, value in values.items() if name.partition(".")[0] in SimParameters.model_fields},
+    )

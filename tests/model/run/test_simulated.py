@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from afm_model import Controller, ControllerParameters, DivergenceError, ParameterError, SimParameters, build, simulate
-from afm_model.run import Latency, RealtimeSimulation, Replay, State, simulate_realtime
+from afm_model import (
+    Controller,
+    ControllerParameters,
+    DivergenceError,
+    ParameterError,
+    SimParameters,
+    build,
+    flatten,
+    simulate,
+)
+from afm_model.run import Latency, RealtimeSimulation, Replay, State, recorded_parameters, simulate_realtime
 
 PERIOD = 1e-3
 """Wall time of a control period [s]."""
@@ -126,6 +135,14 @@ def test_replay_of_recorded_drives_gives_the_trajectory_to_the_last_bit(values: 
     replayed = simulate(parameters(**values), Replay(live.drives, parameters(**values).plant.delay_ticks))
     assert replayed.trajectory_sha256 == live.trajectory_sha256
     assert np.array_equal(replayed.drives, live.drives)
+
+
+def test_recorded_parameters_are_told_from_what_else_a_node_has() -> None:
+    given = parameters(**{"plant.seed": 9})
+    recorded = flatten(given) | {"use_sim_time": False, "qos_overrides./clock.depth": 1}
+    assert recorded_parameters(recorded) == given
+    with pytest.raises(ParameterError, match=r"unknown parameter plant\.sead: did you mean plant\.seed"):
+        recorded_parameters({"plant.sead": 9})
 
 
 def test_replay_begins_again_when_it_is_reset() -> None:
