@@ -25,13 +25,14 @@ class TopicLink(Link):
     ----------
     node : Node
     parameters : SimParameters
+    peers : Peers
     recorders : callable
         How many subscribers receive every recording stream.
 
     Call `close` before the node is destroyed.
     """
 
-    def __init__(self, node: Node, parameters: SimParameters, recorders: Callable[[], int]) -> None:
+    def __init__(self, node: Node, parameters: SimParameters, peers: Peers, recorders: Callable[[], int]) -> None:
         fast = parameters.run.fast_codec
         measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
         self._inbox = Inbox(node, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
@@ -41,7 +42,7 @@ class TopicLink(Link):
         self._period_ns = parameters.plant.control_period * 1e9
         self._recorders = recorders if parameters.run.wait_for_recorder else None
         self._info: Any = None
-        self.peers = Peers(node, controllers=lambda: self._inbox.publishers)
+        self._peers = peers
         self.fast_path = {
             "direct takes": self._inbox.direct and self._outbox.direct,
             "fast codec": measurements.fast and drives.fast,
@@ -79,17 +80,17 @@ class TopicLink(Link):
             return False
         if self._recorders is not None and not self._recorders():
             return False
-        self.peers.look(anew=True)
+        self._peers.look(anew=True)
         return True
 
     def objection(self) -> str:
         """The sentence about a second simulator."""
-        return self.peers.rivalry()
+        return self._peers.rivalry()
 
     @property
     def controller(self) -> str:
         """Full name of the node that publishes drives, or of all that do."""
-        return " and ".join(self.peers.controllers)
+        return self._peers.controller
 
     def close(self) -> None:
         """Let the node be destroyed; nothing can be taken or published any more."""

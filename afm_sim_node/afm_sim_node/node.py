@@ -16,6 +16,7 @@ from afm_node_common.parameters import declare
 
 from .chores import Chore, Chores
 from .link import TopicLink
+from .peers import Peers
 from .reporter import Reporter
 from .streams import Streams, stamp
 
@@ -38,7 +39,8 @@ class SimNode(Node):
         self.process = parameters.process
         self.exit_code = 0
         self._streams = Streams(self, parameters)
-        self._link = TopicLink(self, parameters, recorders=lambda: self._streams.subscribers)
+        self._peers = Peers(self)
+        self._link = TopicLink(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
         samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         self.run = Run(
             parameters,
@@ -51,7 +53,7 @@ class SimNode(Node):
         self.run.warm_up()
         self.step: Callable[[], bool] = self.run.step
         """One look at the inbox or the clock; True if something was done."""
-        self._reporter = Reporter(self, self.run, self._link, self._streams, parameters)
+        self._reporter = Reporter(self, self.run, self._link, self._peers, self._streams, parameters)
         self._clock_publisher = self.create_publisher(ClockMessage, "/clock", 1)
         for name, handler in (
             (topics.PLAY, partial(self._serve, self.run.play)),
@@ -119,16 +121,15 @@ class SimNode(Node):
             signal.raise_signal(signal.SIGINT)  # the one way in which a node ends
 
     def _on_end(self) -> None:
-        self._link.peers.look(anew=True)
+        self._peers.look(anew=True)
         self._reporter.publish_score()
 
     # Now and then.
 
     def _look_for_peers(self, *, anew: bool = False) -> None:
-        peers = self._link.peers
-        peers.look(anew=anew)
-        rivalry = peers.rivalry()
-        self.run.tell_why_waiting(rivalry or peers.unheard)
+        self._peers.look(anew=anew)
+        rivalry = self._peers.rivalry()
+        self.run.tell_why_waiting(rivalry or self._peers.unheard)
         if rivalry:
             self.run.fail(rivalry)
 

@@ -1,7 +1,7 @@
 """Who else is on the topics of the control loop."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
@@ -25,13 +25,10 @@ class Peers:
     Parameters
     ----------
     node : Node
-    controllers : callable
-        How many publishers of drives are matched.
     """
 
-    def __init__(self, node: Node, controllers: Callable[[], int]) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
-        self._count = controllers
         self._counted = 0
         self._drives = node.resolve_topic_name(topics.PIEZO_DRIVE)
         self._measurements = node.resolve_topic_name(topics.MEASUREMENT)
@@ -40,12 +37,18 @@ class Peers:
         self.unheard = ""
         """The sentence about nodes whose drives are not heard; empty if there are none."""
 
+    @property
+    def controller(self) -> str:
+        """Full name of the node that publishes drives, or of all that do."""
+        return " and ".join(self.controllers)
+
     def look(self, *, anew: bool = False) -> None:
         """Find out who publishes drives, if their number has changed or `anew`."""
         # Asking for names takes a while; asking how many does not.
-        if self._counted == self._count() and not anew:
+        count = self._node.count_publishers(self._drives)
+        if count == self._counted and not anew:
             return
-        self._counted = self._count()
+        self._counted = count
         infos = self._node.get_publishers_info_by_topic(self._drives)
         unheard = [info for info in infos if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT]
         before, self.controllers = self.controllers, sorted(set(_names([i for i in infos if i not in unheard])))
@@ -54,7 +57,7 @@ class Peers:
         )
         if len(self.controllers) > 1 and self.controllers != before:
             self._node.get_logger().warning(
-                f"{' and '.join(self.controllers)} publish piezo_drive: each answers, the drives get mixed"
+                f"{self.controller} publish piezo_drive: each answers, the drives get mixed"
             )
 
     def rivalry(self) -> str:

@@ -11,6 +11,7 @@ from afm_node_common import topics
 from .diagnostics import diagnostic_status
 from .link import TopicLink
 from .log import log_refusal, log_state, log_warnings
+from .peers import Peers
 from .score import score_message
 from .status import status_message
 from .streams import Streams
@@ -24,12 +25,15 @@ class Reporter:
     node : Node
     run : Run
     link : TopicLink
+    peers : Peers
     streams : Streams
     parameters : SimParameters
     """
 
-    def __init__(self, node: Node, run: Run, link: TopicLink, streams: Streams, parameters: SimParameters) -> None:
-        self._run, self._link, self._streams = run, link, streams
+    def __init__(
+        self, node: Node, run: Run, link: TopicLink, peers: Peers, streams: Streams, parameters: SimParameters
+    ) -> None:
+        self._run, self._link, self._peers, self._streams = run, link, peers, streams
         self._parameters = parameters
         self._name = node.get_fully_qualified_name()
         self._now = node.get_clock().now
@@ -46,10 +50,9 @@ class Reporter:
         run = self._run.snapshot()
         if (run.state, run.detail) != (self._logged.state, self._logged.detail):
             self.log_state()
-        if run.ticks < self._before.ticks:  # reset
-            self._before = run
         if run.state in (State.WAITING, State.FAULT):
-            self._warnings = []
+            # The counts begin again, or what they warned of is over.
+            self._before, self._warnings = run, []
         self.publish_status()
 
     def log_state(self) -> None:
@@ -64,7 +67,7 @@ class Reporter:
             status_message(
                 self._run.snapshot(),
                 self._parameters,
-                controller=self._link.controller,
+                controller=self._peers.controller,
                 recorders=self._streams.subscribers,
                 warning="; ".join(self._warnings),
             )
@@ -84,8 +87,8 @@ class Reporter:
         log_refusal(self._log, before, run)
         self._warnings = warnings(before, run)
         log_warnings(self._log, self._warnings)
-        if run.state == State.RUNNING and len(self._link.peers.controllers) > 1:
-            self._warnings.insert(0, f"{self._link.controller} publish piezo_drive")
+        if run.state == State.RUNNING and len(self._peers.controllers) > 1:
+            self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
 
     def publish_diagnostics(self) -> None:
         """Publish what was composed."""

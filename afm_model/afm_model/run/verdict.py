@@ -5,6 +5,8 @@ from .counts import Snapshot
 
 _HELD = 0.5
 """Part of the ticks that may run on a held drive without a word."""
+_MISSED = 0.01
+"""Part of the periods that may be missed without a word while running; at the end each one is told."""
 
 
 def warnings(before: Snapshot, now: Snapshot) -> list[str]:
@@ -13,7 +15,7 @@ def warnings(before: Snapshot, now: Snapshot) -> list[str]:
     a, b = before.counts, now.counts
     told = []
     missed = b.periods_missed - a.periods_missed
-    if missed > 0 and now.wanted_factor is not None:
+    if now.wanted_factor is not None and missed > _MISSED * (missed + ticks):
         told.append(
             f"{missed} of the last {missed + ticks} periods were missed ({_percent(missed, missed + ticks)}): the run "
             f"reaches {_factor(before, now):.3g} of real time in place of {now.wanted_factor:g}"

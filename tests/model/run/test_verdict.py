@@ -38,6 +38,11 @@ def test_missed_periods_are_told_with_their_share_and_the_factor_reached_since_t
     assert warnings(before, before) == []
 
 
+@pytest.mark.parametrize(("missed", "told"), [(10, 0), (11, 1)])
+def test_one_period_in_a_hundred_may_be_missed(missed: int, told: int) -> None:
+    assert len(warnings(look(0, 0.0), look(990, 1.0, periods_missed=missed))) == told
+
+
 @pytest.mark.parametrize(("lost", "told"), [(500, 0), (501, 1)])
 def test_half_of_the_ticks_may_run_on_a_held_drive(lost: int, told: int) -> None:
     sentence = "501 of the last 1000 ticks had no new drive and held an older one"
