@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ParameterError
-from ..instrument import Block, DivergenceError, ScoreSummary
+from ..instrument import Block, DivergenceError, DriveError, ScoreSummary
 from ..parameters import SimParameters
 from .counts import Snapshot
 from .latency import Latency
@@ -62,6 +62,8 @@ class SimulatedLink(Link):
     def publish(self, sequence: int, measurement: _Array) -> None:
         """Have a measurement answered."""
         drive = np.array(self._law.answer(measurement), np.float64)
+        if drive.shape != (3,):
+            raise DriveError(f"drive {drive.tolist()} is not allowed: it must be three voltages")
         arrives = self._clock() + self._latency()
         if math.isfinite(arrives):
             heapq.heappush(self._on_the_way, (arrives, sequence, drive))
@@ -84,9 +86,7 @@ class RealtimeSimulation:
 
     parameters: SimParameters
     blocks: list[Block]
-    round_trips: (
-        _Array  # (n,) latency of the drive that was put in force at each tick [s]; NaN: the one before was held
-    )
+    round_trips: _Array  # (n,) latency of the drive that was put in force at each tick [s]; NaN: none was
     score: ScoreSummary
     snapshot: Snapshot  # at the end, with all counts
     delays: Delays
@@ -116,6 +116,8 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
     ------
     ParameterError
         If the duration is not positive, or the tip does not touch the sample at rest.
+    DriveError
+        If the law answers with something else than three numbers. A NaN or an infinity is refused and counted.
     DivergenceError
         If the motion diverged.
     """

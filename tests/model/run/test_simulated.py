@@ -10,6 +10,7 @@ from afm_model import (
     Controller,
     ControllerParameters,
     DivergenceError,
+    DriveError,
     ParameterError,
     SimParameters,
     build,
@@ -167,9 +168,18 @@ def test_drives_that_cannot_be_replayed_are_refused(drives: NDArray[np.float64],
         Replay(drives)
 
 
-def test_endless_run_and_one_that_diverges_are_told() -> None:
+class Short:
+    """A law that forgets z."""
+
+    def answer(self, measurement: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.zeros(2)
+
+
+def test_endless_run_a_drive_that_is_none_and_a_motion_that_diverges_are_told() -> None:
     with pytest.raises(ParameterError, match=r"run\.duration = 0 s"):
         run(IN_TIME, **{"run.duration": 0.0})
+    with pytest.raises(DriveError, match=r"drive \[0\.0, 0\.0\] is not allowed: it must be three voltages"):
+        simulate_realtime(parameters(), Short(), IN_TIME)
     absurd = Replay(np.full((1, 3), 1.7e308))
     with pytest.raises(DivergenceError, match=r"diverged.* they were up to 4 control periods old"):
         simulate_realtime(parameters(), absurd, Latency(median=3.5 * PERIOD, spread=0.0))
