@@ -9,11 +9,11 @@ from afm_msgs.msg import Measurement, PiezoDrive
 from numpy.typing import NDArray
 from rclpy.node import Node
 
-from afm_model import SimParameters
 from afm_model.run import Link
 from afm_node_common import topics
 from afm_node_common.codec import drive_codec, measurement_codec
 from afm_node_common.direct import Inbox, Outbox
+from afm_node_common.process import SimNodeParameters
 
 from .peers import Peers
 
@@ -24,7 +24,7 @@ class TopicLink(Link):
     Parameters
     ----------
     node : Node
-    parameters : SimParameters
+    parameters : SimNodeParameters
     peers : Peers
     recorders : callable
         How many subscribers receive every recording stream.
@@ -32,8 +32,8 @@ class TopicLink(Link):
     Call `close` before the node is destroyed.
     """
 
-    def __init__(self, node: Node, parameters: SimParameters, peers: Peers, recorders: Callable[[], int]) -> None:
-        fast = parameters.run.fast_codec
+    def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
+        fast = parameters.process.fast_codec
         measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
         self._inbox = Inbox(node, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
         self._outbox = Outbox(node, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from typing import Any
 
-from afm_model import SimParameters
 from afm_model.run import Snapshot, State
+from afm_node_common.process import SimNodeParameters
 
 _THROTTLE = 5.0
 """Wall time between two complaints of one kind [s]."""
 
 
-def log_state(log: Any, run: Snapshot, parameters: SimParameters) -> None:
+def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
     """Tell about a change of state."""
     if run.state == State.FAULT:
         log.error(run.detail)

@@ -5,14 +5,17 @@ import time
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
-from afm_model import SimParameters
+from afm_model import Block
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
 from afm_node_common.parameters import declare
+from afm_node_common.process import SimNodeParameters
 
 from .chores import Chore, Chores
 from .link import TopicLink
@@ -35,10 +38,9 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__("afm_sim_node", namespace=topics.NAMESPACE)
-        self.parameters = parameters = declare(self, SimParameters, tunable=TUNABLE, on_change=self._on_change)
+        self.parameters = parameters = declare(self, SimNodeParameters, tunable=TUNABLE, on_change=self._on_change)
         self.process = parameters.process
         self.exit_code = 0
-        self._streams = Streams(self, parameters)
         self._peers = Peers(self)
         self._link = TopicLink(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
         samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
@@ -46,10 +48,11 @@ class SimNode(Node):
             parameters,
             self._link,
             time.monotonic,
-            Listeners(changed=self._on_state, block=self._streams.publish, ended=self._on_end),
+            Listeners(changed=self._on_state, block=self._on_block, ended=self._on_end),
             block_ticks=max(1, _BLOCK_SAMPLES // samples_per_tick),
         )
         """The life of the instrument."""
+        self._streams = Streams(self, parameters, self.run.instrument.channels)
         self.run.warm_up()
         self.step: Callable[[], bool] = self.run.step
         """One look at the inbox or the clock; True if something was done."""
@@ -120,6 +123,9 @@ class SimNode(Node):
             self.exit_code = int(state == State.FAULT)
             signal.raise_signal(signal.SIGINT)  # the one way in which a node ends
 
+    def _on_block(self, block: Block, round_trips: NDArray[np.float32]) -> None:
+        self._streams.publish(block, round_trips)
+
     def _on_end(self) -> None:
         self._peers.look(anew=True)
         self._reporter.publish_score()
@@ -148,11 +154,11 @@ class SimNode(Node):
         response.success = True
         return response
 
-    def _on_change(self, parameters: SimParameters) -> None:
+    def _on_change(self, parameters: SimNodeParameters) -> None:
         self.parameters = parameters
         self.run.adapt(parameters)
 
 
 def main() -> int:
     """Entry point of `ros2 run afm_sim_node afm_sim_node`."""
-    return runner.run(SimNode, SimParameters)
+    return runner.run(SimNode, SimNodeParameters)

@@ -4,9 +4,9 @@ from afm_msgs.msg import InstrumentStatus, Score
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from afm_model import SimParameters
 from afm_model.run import Run, Snapshot, State, warnings
 from afm_node_common import topics
+from afm_node_common.process import SimNodeParameters
 
 from .diagnostics import diagnostic_status
 from .link import TopicLink
@@ -27,11 +27,11 @@ class Reporter:
     link : TopicLink
     peers : Peers
     streams : Streams
-    parameters : SimParameters
+    parameters : SimNodeParameters
     """
 
     def __init__(
-        self, node: Node, run: Run, link: TopicLink, peers: Peers, streams: Streams, parameters: SimParameters
+        self, node: Node, run: Run, link: TopicLink, peers: Peers, streams: Streams, parameters: SimNodeParameters
     ) -> None:
         self._run, self._link, self._peers, self._streams = run, link, peers, streams
         self._parameters = parameters

@@ -4,10 +4,10 @@ import numpy as np
 from afm_msgs.msg import Score
 from numpy.typing import NDArray
 
-from afm_model import SimParameters
 from afm_model.instrument import ScoreSummary
 from afm_model.run import Delays, Snapshot, retracted_fraction, shortfall, verdict
 from afm_node_common import topics
+from afm_node_common.process import SimNodeParameters
 
 from .streams import stamp
 
@@ -15,7 +15,7 @@ _Z = 2
 
 
 def score_message(
-    summary: ScoreSummary, run: Snapshot, delays: Delays, parameters: SimParameters, trajectory_sha256: str
+    summary: ScoreSummary, run: Snapshot, delays: Delays, parameters: SimNodeParameters, trajectory_sha256: str
 ) -> Score:
     """The message about a run that is over.
 
@@ -25,7 +25,7 @@ def score_message(
     run : Snapshot
         At its end.
     delays : Delays
-    parameters : SimParameters
+    parameters : SimNodeParameters
     trajectory_sha256 : str
     """
     reason = verdict(summary, run)
@@ -42,9 +42,9 @@ def score_message(
         reason=reason,
         warning=shortfall(run),
         rms=of_the_tip(summary.rms),
-        max=of_the_tip(summary.largest),
-        max_percent=of_the_tip(summary.percent),
-        drive_total_variation=summary.variation,
+        max=of_the_tip(summary.max),
+        max_percent=of_the_tip(summary.max_percent),
+        drive_total_variation=summary.drive_total_variation,
         extent=summary.extent,
         stick_phases=summary.stick_phases,
         stick_fraction=summary.stick_fraction,

@@ -2,22 +2,22 @@
 
 from afm_msgs.msg import InstrumentStatus
 
-from afm_model import SimParameters
 from afm_model.run import Snapshot
 from afm_node_common import topics
+from afm_node_common.process import SimNodeParameters
 
 from .streams import stamp
 
 
 def status_message(
-    run: Snapshot, parameters: SimParameters, *, controller: str, recorders: int, warning: str
+    run: Snapshot, parameters: SimNodeParameters, *, controller: str, recorders: int, warning: str
 ) -> InstrumentStatus:
     """The message about a run as it is now.
 
     Parameters
     ----------
     run : Snapshot
-    parameters : SimParameters
+    parameters : SimNodeParameters
     controller : str
         Full name of who publishes drives.
     recorders : int

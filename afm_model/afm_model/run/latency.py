@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Lt
 from pydantic import Field
 
-from ..parameters.schema import Group, NonNegative, Positive, Unit
+from ..schema import Group, NonNegative, Positive, Unit
 
 
 class Latency(Group):

@@ -1,6 +1,6 @@
 """Lockstep: simulated time goes on with each answer."""
 
-from ..instrument import DivergenceError, DriveError
+from ..errors import DivergenceError, DriveError, PartError
 from .course import Course, Pacing
 from .state import Cause
 
@@ -69,7 +69,7 @@ class Lockstep(Pacing):
             self._course.refuse(str(error), sequence)
             self._course.fail(self._course.refusal)
             return True
-        except DivergenceError as error:
+        except (DivergenceError, PartError) as error:
             self._course.fail(str(error))
             return True
         if going_on:

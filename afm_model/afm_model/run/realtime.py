@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 
-from .. import signals
-from ..instrument import DivergenceError
+from ..errors import DivergenceError, PartError
 from .course import Course, Pacing
 from .retract import Retract
 from .state import Cause, State
@@ -36,7 +35,7 @@ class Realtime(Pacing):
         # What is still there answers the run before.
         while self._course.link.take() is not None:
             pass
-        self._drive[:] = self._instrument.measurement[signals.DRIVE : signals.DRIVE + 3]
+        self._drive[:] = self._instrument.drive
         self._answered = -1
         self._asked_at = math.nan  # when the measurement behind the drive in force was published
         self._linked_at = math.nan  # when the first drive arrived
@@ -89,6 +88,9 @@ class Realtime(Pacing):
             going_on = course.ticker.tick(self._drive, round_trip)
         except DivergenceError as error:
             course.fail(self._explain(error))
+            return True
+        except PartError as error:
+            course.fail(str(error))
             return True
         if going_on:
             self._publish()

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..errors import ParameterError
 from ..parameters import SimParameters, build
-from ..parameters.schema import Value
+from ..schema import Value
 
 _Array = NDArray[np.float64]
 

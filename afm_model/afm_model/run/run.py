@@ -178,7 +178,7 @@ class Run:
 
     def warm_up(self) -> None:
         """Compile or load the kernels by one tick, before the run has started."""
-        self.instrument.tick(self.instrument.measurement[-3:].copy())
+        self.instrument.tick(self.instrument.drive)
         self._course.ticker.reset()
 
     # The life.

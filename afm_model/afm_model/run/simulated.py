@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ParameterError
-from ..instrument import Block, DivergenceError, DriveError, ScoreSummary
+from ..errors import DivergenceError, DriveError, ParameterError
+from ..instrument import Block, ScoreSummary
 from ..parameters import SimParameters
 from .counts import Snapshot
 from .latency import Latency

@@ -35,7 +35,7 @@ class Cause(Enum):
     PAUSE = "pause"
     PLAY = "play"
     END = "the duration is over"
-    ERROR = "drive refused in lockstep, motion diverged, or second simulator"
+    ERROR = "drive refused in lockstep, motion diverged, part broken, or second simulator"
     RESET = "reset"
 
 

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..instrument import Block, DriveError, Instrument
+from ..errors import DriveError
+from ..instrument import Block, Instrument
 from .timing import DelayLog, Delays
 
 _Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ class Ticker:
 
         Raises
         ------
-        DriveError, DivergenceError
+        DriveError, DivergenceError, PartError
             As `Instrument.tick` does.
         """
         self._round_trips.append(round_trip)

@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model import Block, SimParameters, build, signals
+from afm_model import Block, SimParameters, build
 from afm_model.run import Link, Listeners, Run, State
 
 PERIOD = 2.0**-10
@@ -74,7 +74,7 @@ class Bench:
         self.parameters = build(SimParameters, parameters | values)  # type: ignore[arg-type]
         listeners = Listeners(changed=self._changed, block=self._block, ended=self._ended)
         self.run = Run(self.parameters, self.link, lambda: self.now, listeners, block_ticks=block_ticks)
-        self.rest = float(self.run.instrument.measurement[signals.DRIVE + 2])
+        self.rest = float(self.run.instrument.drive[2])
 
     def _changed(self) -> None:
         run = self.run.snapshot()
