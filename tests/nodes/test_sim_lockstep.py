@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive, Score
+from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive, Score
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
@@ -117,7 +117,10 @@ def test_stale_duplicate_and_future_answers_are_ignored() -> None:
         score = b.run_to_the_end()
         assert b.sequences == list(range(TICKS))
         assert score.trajectory_sha256 == expected_sha()
-        assert b.observer.status.drives_lost == 0
+        status = b.observer.status
+        # Of the last measurement the duplicate comes too late to be seen.
+        assert (status.drives_lost, status.drives_outdated, status.drives_ahead) == (0, 2 * (TICKS - 1), 2 * TICKS)
+        assert (score.drives_outdated, score.drives_ahead) == (status.drives_outdated, status.drives_ahead)
 
 
 @pytest.mark.parametrize(
@@ -190,6 +193,51 @@ def test_silent_controller_is_named_and_the_run_goes_on_when_it_answers() -> Non
         assert b.observer.status.drives_lost == 1
         states = [status.state for status in b.observer.statuses]
         assert InstrumentStatus.RUNNING in states[states.index(InstrumentStatus.STALLED) :]
+
+
+def test_stall_says_what_the_controller_sends_in_place_of_an_answer() -> None:
+    """As one does that counts on by itself after a pause of its own."""
+
+    def confused(measurement: Measurement) -> list[PiezoDrive]:
+        return (
+            honest(measurement)
+            if measurement.sequence < 5
+            else [answer(measurement, 0.0, 0.0, 0.0, a) for a in (12, 13)]
+        )
+
+    with bench(confused, lockstep_timeout=0.1) as b:
+        status = b.run_until(InstrumentStatus.STALLED)
+        assert status.detail == (
+            "/afm/hand_made sends drives with sequence 17, 18; "
+            "measurement 5 has been waiting for 0.1 s (run.lockstep_timeout)"
+        )
+        assert (status.ticks, status.drives_ahead) == (5, 2)
+        b.graph.spin_until(
+            lambda: "2 drives answered a measurement that has not been published" in b.observer.status.warning
+        )
+        b.controller.law = honest
+        assert b.run_to_the_end().trajectory_sha256 == expected_sha()
+
+
+def test_round_trip_of_the_score_leaves_out_discovery_and_what_was_sent_again() -> None:
+    """The first answer and one more come only when they are asked for again, after a second."""
+    asked: list[int] = []
+
+    def slow(measurement: Measurement) -> list[PiezoDrive]:
+        asked.append(measurement.sequence)
+        forgetful = measurement.sequence in (0, 20) and asked.count(measurement.sequence) == 1
+        return [] if forgetful else honest(measurement)
+
+    with bench(slow) as b:
+        traces: list[ControlTrace] = []
+        b.observer.create_subscription(ControlTrace, topics.CONTROL_TRACE, traces.append, topics.STREAM_QOS)
+        score = b.run_to_the_end()
+        b.graph.spin_until(lambda: sum(len(trace.round_trip) for trace in traces) == TICKS)
+        trips = np.concatenate([trace.round_trip for trace in traces])
+        assert trips[0] > 1.0
+        assert trips[20] > 1.0
+        assert score.round_trip[3] == np.delete(trips, [0, 20]).max()
+        assert score.drives_lost == 1
 
 
 def test_stalled_run_is_not_said_to_be_over() -> None:

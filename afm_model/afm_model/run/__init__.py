@@ -1,0 +1,37 @@
+"""A run of the instrument: states, lockstep and realtime, watchdog, counts. Needs no ROS, no sleep, no real clock."""
+
+from .counts import Counts, Snapshot
+from .latency import Latency
+from .link import Link
+from .replay import Replay, recorded_parameters
+from .run import Listeners, Run
+from .simulated import RealtimeSimulation, SimulatedLink, VirtualClock, simulate_realtime
+from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
+from .timing import Delays
+from .verdict import retracted_fraction, shortfall, verdict, warnings
+
+__all__ = [
+    "OVER",
+    "TICKING",
+    "TRANSITIONS",
+    "Cause",
+    "Counts",
+    "Delays",
+    "Latency",
+    "Link",
+    "Listeners",
+    "RealtimeSimulation",
+    "Replay",
+    "Run",
+    "RunError",
+    "SimulatedLink",
+    "Snapshot",
+    "State",
+    "VirtualClock",
+    "recorded_parameters",
+    "retracted_fraction",
+    "shortfall",
+    "simulate_realtime",
+    "verdict",
+    "warnings",
+]

@@ -1,0 +1,49 @@
+"""What a run counts, and one look at it."""
+
+from dataclasses import dataclass
+
+from .state import State
+
+
+@dataclass(slots=True)
+class Counts:
+    """Numbers of drives and ticks since the start of the run."""
+
+    drives_lost: int = 0
+    """lockstep: measurements sent again, because no drive had come; realtime: ticks that ran on a held drive."""
+    drives_refused: int = 0
+    """Drives with a value that is NaN or infinite."""
+    drives_outdated: int = 0
+    """Drives for a measurement older than the one answered last, or for that one again. None is put in force."""
+    drives_ahead: int = 0
+    """Drives for a measurement that has not been published. None is put in force."""
+    late_ticks: int = 0
+    """realtime: ticks that began later than a period after their deadline."""
+    periods_missed: int = 0
+    """realtime: periods left out because of it."""
+    ticks_retracted: int = 0
+    """realtime: ticks in which the sample was retracted."""
+    scored_ticks_retracted: int = 0
+    """Those of them that are scored."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """A run as it is now. Taking one costs some microseconds."""
+
+    state: State
+    detail: str
+    ticks: int
+    time: float  # simulated time of the next tick [s]
+    stamp_ns: int  # the same [ns]
+    samples: int  # per detector channel
+    elapsed: float  # wall time of the run, pauses left out [s]
+    wanted_factor: float | None  # realtime: simulated over wall time as asked for; None in lockstep
+    in_contact: bool
+    counts: Counts
+    refusal: str  # the sentence about the drive refused last; empty if none was
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated over wall time up to now; 0 before the start."""
+        return self.time / self.elapsed if self.elapsed > 0.0 else 0.0

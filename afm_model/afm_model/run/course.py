@@ -1,0 +1,66 @@
+"""What a run consists of, as its pacing gets it."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..instrument import Instrument
+from ..parameters import SimParameters
+from .counts import Counts
+from .link import Link
+from .state import Life
+from .ticker import Ticker
+
+
+@dataclass
+class Course:
+    """The parts of one run."""
+
+    parameters: SimParameters
+    instrument: Instrument
+    ticker: Ticker
+    link: Link
+    clock: Callable[[], float]
+    life: Life
+    counts: Counts
+    finish: Callable[[], None]
+    """finish(): the duration is over."""
+    fail: Callable[[str], None]
+    """fail(sentence): the run ends in a fault."""
+    refusal: str = ""
+    """The sentence about the drive refused last."""
+
+    @property
+    def controller(self) -> str:
+        """Name of the controller for a sentence."""
+        return self.link.controller or "the controller"
+
+    def refuse(self, problem: str, sequence: int) -> None:
+        """Count a drive that was refused, with a sentence about it."""
+        self.counts.drives_refused += 1
+        self.refusal = f"{problem} (answer to measurement {sequence} from {self.link.controller or 'an unknown node'})"
+
+
+class Pacing(ABC):
+    """One of the ways in which simulated time goes on. The run alone calls its methods."""
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin with tick 0."""
+
+    @abstractmethod
+    def resume(self) -> None:
+        """Go on after a pause."""
+
+    @abstractmethod
+    def adapt(self) -> None:
+        """Follow a change of the parameters."""
+
+    @abstractmethod
+    def step(self) -> bool:
+        """Do one tick if it is time for it; False if there was nothing to do. Never waits."""
+
+    @property
+    @abstractmethod
+    def deadline(self) -> float | None:
+        """When there will be something to do [s]; None: when a drive arrives."""

@@ -1,0 +1,40 @@
+"""What stands between a run and the controller that answers it."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Array = NDArray[np.float64]
+
+
+class Link(ABC):
+    """Carries measurements to a controller and drives back. Nothing here waits."""
+
+    @abstractmethod
+    def publish(self, sequence: int, measurement: _Array) -> None:
+        """Send the measurement of tick `sequence`; the array is overwritten by the next tick."""
+
+    @abstractmethod
+    def take(self) -> tuple[int, _Array] | None:
+        """The oldest drive not yet taken: sequence of the measurement it answers, voltages (3,) [V]; or None.
+
+        The array is valid until the next call.
+        """
+
+    @abstractmethod
+    def arrived(self) -> float:
+        """When the drive taken last arrived, by the clock of the run [s]."""
+
+    def ready(self) -> bool:
+        """Whether everybody is there who must be before the run starts."""
+        return True
+
+    def objection(self) -> str:
+        """Why what this run brings cannot be trusted, in one sentence; empty if it can."""
+        return ""
+
+    @property
+    def controller(self) -> str:
+        """Name of who answers; empty if nobody is known."""
+        return ""

@@ -1,0 +1,168 @@
+"""Realtime: simulated time goes on with the steady clock."""
+
+import math
+
+import numpy as np
+
+from ..errors import DivergenceError, PartError
+from .course import Course, Pacing
+from .retract import Retract
+from .state import Cause, State
+
+_RING = 4096
+"""Measurements whose time of publication is known; a drive for an older one counts as outdated."""
+
+
+class Realtime(Pacing):
+    """Tick at absolute deadlines of the clock, with the newest drive or the last one held.
+
+    The newest drive is the one with the highest sequence. One for an older measurement than the drive in force answers,
+    or for the same again, is counted and not put in force, whenever it arrives.
+    """
+
+    def __init__(self, course: Course) -> None:
+        self._course = course
+        self._instrument = course.instrument
+        self._drive = np.zeros(3)
+        self._published_at = np.zeros(_RING)
+        self._retract = Retract()
+        self._answered = -1  # sequence of the measurement that the drive in force answers; -1: none does
+        self._last_drive_at = self._linked_at = self._asked_at = math.nan
+        self._period = self._deadline = 0.0
+
+    def start(self) -> None:
+        """Hold the drive of the start; the first deadline is one period from now."""
+        # What is still there answers the run before.
+        while self._course.link.take() is not None:
+            pass
+        self._drive[:] = self._instrument.drive
+        self._answered = -1
+        self._asked_at = math.nan  # when the measurement behind the drive in force was published
+        self._linked_at = math.nan  # when the first drive arrived
+        self.resume()
+        self._publish()
+
+    def resume(self) -> None:
+        """Begin a new series of deadlines; a controller has its time again."""
+        self._period = 0.0
+        self.adapt()
+        self._last_drive_at = self._course.clock()
+
+    def adapt(self) -> None:
+        """Follow a change of the parameters: another period is a new series of deadlines."""
+        parameters = self._course.parameters
+        period = parameters.plant.control_period / parameters.run.real_time_factor
+        if period != self._period:
+            self._period = period
+            self._deadline = self._course.clock() + period
+
+    @property
+    def deadline(self) -> float | None:
+        """When the next tick is due [s]."""
+        return self._deadline
+
+    def _publish(self) -> None:
+        ticks = self._instrument.ticks
+        self._published_at[ticks % _RING] = self._course.clock()
+        self._course.link.publish(ticks, self._instrument.measurement)
+
+    def step(self) -> bool:
+        """Tick if the deadline has come."""
+        now = self._course.clock()
+        if now < self._deadline:
+            return False
+        course = self._course
+        late = now - self._deadline
+        missed = int(late / self._period)
+        if missed:
+            # Periods left out stay left out: a burst of ticks would show the controller a time that never was.
+            course.counts.late_ticks += 1
+            course.counts.periods_missed += missed
+        self._deadline += (missed + 1) * self._period
+        round_trip = self._take_newest(now)
+        if math.isnan(round_trip):
+            course.counts.drives_lost += 1
+        self._watch_over(now)
+        course.ticker.note_delay(late, now - self._asked_at)
+        try:
+            going_on = course.ticker.tick(self._drive, round_trip)
+        except DivergenceError as error:
+            course.fail(self._explain(error))
+            return True
+        except PartError as error:
+            course.fail(str(error))
+            return True
+        if going_on:
+            self._publish()
+        else:
+            course.finish()
+        return True
+
+    def _take_newest(self, now: float) -> float:
+        """Put the newest valid drive in force; its round trip [s], NaN if none came since the last tick."""
+        course, ticks = self._course, self._instrument.ticks
+        taken_at = math.nan
+        while (taken := course.link.take()) is not None:
+            sequence, drive = taken
+            if sequence > ticks:
+                course.counts.drives_ahead += 1
+            elif sequence <= self._answered or ticks - sequence >= _RING:
+                course.counts.drives_outdated += 1
+            elif not np.isfinite(drive).all():
+                course.refuse(f"drive {drive.tolist()} V is not allowed: it must be finite", sequence)
+            else:
+                self._drive[:] = drive
+                self._answered = sequence
+                self._last_drive_at = now
+                # A drive is taken at a tick, but it may have come any time before.
+                taken_at = course.link.arrived()
+                if math.isnan(self._linked_at):
+                    self._linked_at = taken_at
+        if math.isnan(taken_at):
+            return math.nan
+        self._asked_at = float(self._published_at[self._answered % _RING])
+        # What was published before the first drive arrived may have waited for the nodes to find each other.
+        if self._asked_at <= self._linked_at:
+            course.ticker.doubt_next()
+        return min(max(taken_at, self._asked_at), now) - self._asked_at
+
+    def _watch_over(self, now: float) -> None:
+        """Retract the sample when the controller has been silent for too long; come back with its next drive."""
+        course = self._course
+        run, life, counts = course.parameters.run, course.life, course.counts
+        silent = now - self._last_drive_at > run.watchdog_timeout
+        if silent and life.state == State.RUNNING:
+            self._retract.begin(self._drive[2])
+            life.go(
+                Cause.SILENT,
+                f"no valid drive from {course.controller} for {run.watchdog_timeout:g} s (run.watchdog_timeout; "
+                f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted",
+            )
+        elif not silent and life.state == State.RETRACTED:
+            life.go(Cause.ANSWERED)
+        if life.state == State.RETRACTED:
+            self._drive[2] = self._retract.next(self._drive[2], course.parameters)
+            counts.ticks_retracted += 1
+            counts.scored_ticks_retracted += self._instrument.ticks >= self._scored_from
+
+    def _unused(self) -> str:
+        """Drives that came and were not put in force, for a sentence."""
+        counts = self._course.counts
+        kinds = ((counts.drives_outdated, "for an older measurement"), (counts.drives_ahead, "for a future one"))
+        return "".join(f", {count} {kind}" for count, kind in kinds if count)
+
+    @property
+    def _scored_from(self) -> int:
+        """First tick that is scored."""
+        parameters = self._course.parameters
+        return math.ceil(parameters.score_start / parameters.plant.control_period - 1e-6)
+
+    def _explain(self, error: DivergenceError) -> str:
+        """Add how old the drives were, which makes a loop unstable that is not in lockstep."""
+        course = self._course
+        course.ticker.flush()
+        oldest = course.ticker.oldest_command / self._period
+        return (
+            f"{error}, or the drives are too late: they were up to {oldest:.3g} control periods old (lower "
+            f"run.real_time_factor = {course.parameters.run.real_time_factor:g} to give the controller time)"
+        )

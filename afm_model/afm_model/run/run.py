@@ -1,0 +1,222 @@
+"""The life of a run: when it starts, goes on, stops and ends. No ROS, no sleeping, no clock of its own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..instrument import Block, Instrument
+from ..parameters import SimParameters
+from .counts import Counts, Snapshot
+from .course import Course, Pacing
+from .link import Link
+from .lockstep import Lockstep
+from .realtime import Realtime
+from .state import OVER, TICKING, Cause, Life, State
+from .ticker import Ticker
+from .timing import Delays, Stopwatch
+
+
+def _ignore(*_: object) -> None:
+    """Nobody listens."""
+
+
+@dataclass(frozen=True)
+class Listeners:
+    """Who is told what. They are called by `Run` between two ticks."""
+
+    changed: Callable[[], None] = _ignore
+    """changed(): the state or its detail has changed."""
+    block: Callable[[Block, NDArray[np.float32]], None] = _ignore
+    """block(block, round_trips): recorded ticks, and the round trips of them [s]; blocks join without a gap."""
+    ended: Callable[[], None] = _ignore
+    """ended(): the duration is over, every block has been handed on; the state becomes FINISHED next."""
+
+
+class Run:
+    """One instrument, run in lockstep or in real time.
+
+    Call `step` again and again; it never waits. Whoever calls it may wait in between: until `deadline`, or where that
+    is None, until a drive arrives. Only the methods of this class change the state.
+
+    Parameters
+    ----------
+    parameters : SimParameters
+    link : Link
+    clock : callable
+        Steady wall time [s]; any origin.
+    listeners : Listeners
+    block_ticks : int
+        Control ticks in a block.
+
+    Raises
+    ------
+    ParameterError
+        As `Instrument` does.
+    """
+
+    def __init__(
+        self,
+        parameters: SimParameters,
+        link: Link,
+        clock: Callable[[], float],
+        listeners: Listeners | None = None,
+        block_ticks: int = 500,
+    ) -> None:
+        self._listeners = listeners or Listeners()
+        self._life = Life(self._on_change)
+        self._watch = Stopwatch(clock)
+        self._held = parameters.run.start_paused
+        self.instrument = Instrument(parameters, block_ticks)
+        """To read from; it is ticked here."""
+        self._course = Course(
+            parameters=parameters,
+            instrument=self.instrument,
+            ticker=Ticker(self.instrument, block_ticks, parameters.total_ticks, self._listeners.block),
+            link=link,
+            clock=clock,
+            life=self._life,
+            counts=Counts(),
+            finish=self._finish,
+            fail=self._fail,
+        )
+        self._pacing: Pacing = Lockstep(self._course) if parameters.run.mode == "lockstep" else Realtime(self._course)
+        self._period_ns = parameters.plant.control_period * 1e9
+        self.step: Callable[[], bool] = self._start_when_ready
+        """One look at the link or the clock; True if something was done. Another function in another state: after
+        `changed` take it anew. At this rate a function that only chooses would be felt."""
+
+    @property
+    def state(self) -> State:
+        """Where the run stands."""
+        return self._life.state
+
+    @property
+    def deadline(self) -> float | None:
+        """When the next tick is due by the clock [s]; None: when a drive arrives, or not at all (see `ticking`)."""
+        return self._pacing.deadline if self.ticking else None
+
+    @property
+    def ticking(self) -> bool:
+        """Whether the run goes on, or would with the next drive."""
+        return self._life.state in TICKING
+
+    @property
+    def stamp_ns(self) -> int:
+        """Simulated time of the next control tick [ns]."""
+        return round(self.instrument.ticks * self._period_ns)
+
+    def snapshot(self) -> Snapshot:
+        """The run as it is now."""
+        course, instrument = self._course, self.instrument
+        run = course.parameters.run
+        return Snapshot(
+            state=self._life.state,
+            detail=self._life.detail,
+            ticks=instrument.ticks,
+            time=instrument.time,
+            stamp_ns=self.stamp_ns,
+            samples=instrument.ticks * instrument.samples_per_tick,
+            elapsed=self._watch.elapsed,
+            wanted_factor=run.real_time_factor if run.mode == "realtime" else None,
+            in_contact=instrument.in_contact,
+            counts=replace(course.counts),
+            refusal=course.refusal,
+        )
+
+    def delays(self) -> Delays:
+        """Wall times of the ticks handed on up to now; some ten microseconds."""
+        return self._course.ticker.delays()
+
+    # What somebody outside may ask for.
+
+    def play(self) -> str:
+        """Start as soon as everybody is there, or go on after a pause; why not, or an empty string."""
+        self._held = False
+        if self.state == State.PAUSED:
+            self._life.go(Cause.PLAY)
+            self._pacing.resume()
+        return "the run is over: call reset first" if self.state in OVER else ""
+
+    def pause(self) -> str:
+        """Stop between two ticks, or do not start before `play`; why not, or an empty string."""
+        if self.state == State.WAITING:
+            self._held = True
+        elif self.ticking:
+            self._life.go(Cause.PAUSE)
+        return "the run is over: there is nothing to pause" if self.state in OVER else ""
+
+    def reset(self) -> None:
+        """Go back to the start: same state, same random numbers. Whatever was recorded is handed on before."""
+        course = self._course
+        course.ticker.flush()
+        course.ticker.reset()
+        course.counts, course.refusal = Counts(), ""
+        self._held = course.parameters.run.start_paused
+        self._watch = Stopwatch(course.clock)
+        self._life.go(Cause.RESET)
+
+    def tell_why_waiting(self, detail: str) -> None:
+        """Say what a run that has not started waits for, where that needs a word; empty: nothing special."""
+        if self.state == State.WAITING:
+            self._life.tell(detail)
+
+    def fail(self, sentence: str) -> None:
+        """End a run that has started, because what it brings cannot be trusted any more."""
+        if self.state != State.WAITING and self.state not in OVER:
+            self._fail(sentence)
+
+    def flush(self) -> None:
+        """Hand on what was recorded since the last block."""
+        self._course.ticker.flush()
+
+    def adapt(self, parameters: SimParameters) -> None:
+        """Follow a change of `run.real_time_factor` or of a timeout."""
+        self._course.parameters = parameters
+        self._pacing.adapt()
+
+    def warm_up(self) -> None:
+        """Compile or load the kernels by one tick, before the run has started."""
+        self.instrument.tick(self.instrument.drive)
+        self._course.ticker.reset()
+
+    # The life.
+
+    def _start_when_ready(self) -> bool:
+        link = self._course.link
+        if self._held or not link.ready():
+            return False
+        if reason := link.objection():
+            self._life.tell(reason)
+            return False
+        self._life.go(Cause.START)
+        self._pacing.start()
+        return True
+
+    def _finish(self) -> None:
+        if reason := self._course.link.objection():
+            self._fail(reason)
+            return
+        self._watch.stop()
+        self._course.ticker.flush()
+        self._listeners.ended()
+        self._life.go(Cause.END)
+
+    def _fail(self, sentence: str) -> None:
+        self._course.ticker.flush()
+        self._life.go(Cause.ERROR, sentence)
+
+    def _on_change(self) -> None:
+        state = self._life.state
+        if state in TICKING:
+            self._watch.start()
+            self.step = self._pacing.step
+        else:
+            self._watch.stop()
+            self.step = self._start_when_ready if state == State.WAITING else self._rest
+        self._listeners.changed()
+
+    def _rest(self) -> bool:
+        """Nothing to do."""
+        return False

@@ -1,0 +1,156 @@
+"""Real time without waiting: a run in virtual time, with latencies from a seed."""
+
+import heapq
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DivergenceError, DriveError, ParameterError
+from ..instrument import Block, ScoreSummary
+from ..parameters import SimParameters
+from .counts import Snapshot
+from .latency import Latency
+from .link import Link
+from .run import Listeners, Run
+from .state import State
+from .timing import Delays
+
+_Array = NDArray[np.float64]
+_BLOCK_SAMPLES = 65536
+
+
+class Law(Protocol):
+    """Whatever answers a measurement."""
+
+    def answer(self, measurement: _Array) -> _Array:
+        """The drive (3,) [V] for a measurement, order of `afm_model.signals`."""
+        ...
+
+
+class VirtualClock:
+    """A clock that stands still until it is set."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        """The time [s]."""
+        return self.now
+
+
+class SimulatedLink(Link):
+    """Answers every measurement by a law, after a latency of virtual time. Drives may overtake one another.
+
+    Parameters
+    ----------
+    law : Law
+        Called once for each measurement, in order.
+    clock : VirtualClock
+    latency : callable
+        The latency of the next drive [s]; infinite: it is lost.
+    """
+
+    def __init__(self, law: Law, clock: VirtualClock, latency: Callable[[], float]) -> None:
+        self._law, self._clock, self._latency = law, clock, latency
+        self._on_the_way: list[tuple[float, int, _Array]] = []
+        self._arrived = math.nan
+
+    def publish(self, sequence: int, measurement: _Array) -> None:
+        """Have a measurement answered."""
+        drive = np.array(self._law.answer(measurement), np.float64)
+        if drive.shape != (3,):
+            raise DriveError(f"drive {drive.tolist()} is not allowed: it must be three voltages")
+        arrives = self._clock() + self._latency()
+        if math.isfinite(arrives):
+            heapq.heappush(self._on_the_way, (arrives, sequence, drive))
+
+    def take(self) -> tuple[int, _Array] | None:
+        """The drive that has arrived first and has not been taken."""
+        if not self._on_the_way or self._on_the_way[0][0] > self._clock():
+            return None
+        self._arrived, sequence, drive = heapq.heappop(self._on_the_way)
+        return sequence, drive
+
+    def arrived(self) -> float:
+        """When the drive taken last arrived [s]."""
+        return self._arrived
+
+
+@dataclass(frozen=True)
+class RealtimeSimulation:
+    """A finished run in virtual time."""
+
+    parameters: SimParameters
+    blocks: list[Block]
+    round_trips: _Array  # (n,) latency of the drive that was put in force at each tick [s]; NaN: none was
+    score: ScoreSummary
+    snapshot: Snapshot  # at the end, with all counts
+    delays: Delays
+    trajectory_sha256: str
+
+    @property
+    def drives(self) -> _Array:
+        """Drive applied from each tick on (n, 3) [V]."""
+        return np.concatenate([block.drives for block in self.blocks])
+
+
+def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> RealtimeSimulation:
+    """Run the instrument in real time against a controller that answers late: the same bits for the same seed.
+
+    The clock is virtual: every tick is in time, `run.real_time_factor` says how much simulated time a latency takes.
+    Watchdog and retract act as over topics.
+
+    Parameters
+    ----------
+    parameters : SimParameters
+        `run.mode` is taken as realtime.
+    law : Law
+        Called once for each measurement, in order.
+    latency : Latency
+
+    Raises
+    ------
+    ParameterError
+        If the duration is not positive, or the tip does not touch the sample at rest.
+    DriveError
+        If the law answers with something else than three numbers. A NaN or an infinity is refused and counted.
+    DivergenceError
+        If the motion diverged.
+    """
+    if parameters.total_ticks == 0:
+        raise ParameterError("run.duration = 0 s is not allowed in a simulation: it must be > 0 s")
+    run_parameters = parameters.run.model_copy(update={"mode": "realtime", "start_paused": False})
+    parameters = parameters.model_copy(update={"run": run_parameters})
+    clock = VirtualClock()
+    blocks: list[Block] = []
+    round_trips: list[NDArray[np.float32]] = []
+
+    def keep(block: Block, times: NDArray[np.float32]) -> None:
+        blocks.append(block)
+        round_trips.append(times)
+
+    samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
+    block_ticks = max(1, min(parameters.total_ticks, _BLOCK_SAMPLES // samples_per_tick))
+    run = Run(
+        parameters, SimulatedLink(law, clock, latency.draw()), clock, Listeners(block=keep), block_ticks=block_ticks
+    )
+    run.step()
+    while (deadline := run.deadline) is not None:
+        clock.now = deadline
+        run.step()
+    snapshot = run.snapshot()
+    if snapshot.state == State.FAULT:
+        raise DivergenceError(snapshot.detail)
+    return RealtimeSimulation(
+        parameters=parameters,
+        blocks=blocks,
+        round_trips=np.concatenate(round_trips).astype(np.float64),
+        score=run.instrument.score(),
+        snapshot=snapshot,
+        delays=run.delays(),
+        trajectory_sha256=run.instrument.trajectory_sha256(),
+    )

@@ -1,0 +1,96 @@
+"""Ticks an instrument, keeps what each tick brought, and hands it on in blocks."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DriveError
+from ..instrument import Block, Instrument
+from .timing import DelayLog, Delays
+
+_Array = NDArray[np.float64]
+BlockListener = Callable[[Block, NDArray[np.float32]], None]
+"""Called with a block and the round trips of its ticks [s], (ticks,); NaN where no drive arrived."""
+
+
+class Ticker:
+    """The instrument as the pacing sees it.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    block_ticks : int
+        Those of the instrument.
+    total_ticks : int
+        Ticks of the whole run; 0: endless.
+    on_block : BlockListener
+    """
+
+    def __init__(self, instrument: Instrument, block_ticks: int, total_ticks: int, on_block: BlockListener) -> None:
+        self._instrument = instrument
+        self._block_ticks = block_ticks
+        self._total_ticks = total_ticks
+        self._on_block = on_block
+        self._delays = DelayLog()
+        self._round_trips: list[float] = []
+        self._doubtful: list[int] = []
+        self.note_delay = self._delays.note
+        """note_delay(lateness, command_age): realtime, before `tick` [s]."""
+        self._find_stop()
+
+    def reset(self) -> None:
+        """Return the instrument to the start. What has not been handed on is lost: see `flush`."""
+        self._instrument.reset()
+        self._delays.reset()
+        self._round_trips.clear()
+        self._doubtful.clear()
+        self._find_stop()
+
+    def tick(self, drive: _Array, round_trip: float) -> bool:
+        """Apply a drive [V] for one tick; False if the run ends with it.
+
+        Raises
+        ------
+        DriveError, DivergenceError, PartError
+            As `Instrument.tick` does.
+        """
+        self._round_trips.append(round_trip)
+        try:
+            self._instrument.tick(drive)
+        except DriveError:
+            self._round_trips.pop()
+            raise
+        # One comparison for the end of a block and that of the run: at this rate each one is felt.
+        if self._instrument.ticks != self._stop_at:
+            return True
+        self.flush()
+        return self._instrument.ticks != self._total_ticks
+
+    def doubt_next(self) -> None:
+        """Leave the round trip of the next tick out of the summary: it is recorded, but it holds more than that."""
+        self._doubtful.append(len(self._round_trips))
+
+    def flush(self) -> None:
+        """Hand on the ticks since the last block, if there are any."""
+        if self._round_trips:
+            round_trips = np.array(self._round_trips, np.float32)
+            self._round_trips.clear()
+            counted = np.delete(round_trips, [i for i in self._doubtful if i < round_trips.size])
+            self._doubtful = [0] if round_trips.size in self._doubtful else []
+            self._delays.settle(counted)
+            self._on_block(self._instrument.take_block(), round_trips)
+        self._find_stop()
+
+    def _find_stop(self) -> None:
+        end = self._instrument.ticks + self._block_ticks
+        self._stop_at = min(end, self._total_ticks) if self._total_ticks else end
+
+    @property
+    def oldest_command(self) -> float:
+        """Largest age of a command up to the last block [s]."""
+        return self._delays.oldest_command
+
+    def delays(self) -> Delays:
+        """Wall times of the ticks handed on up to now."""
+        return self._delays.summary()

@@ -1,0 +1,114 @@
+"""Wall times of a run: durations in histograms of constant size, and the run's own stopwatch."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+_LOWEST, _HIGHEST = 1e-7, 1e3
+_PER_DECADE = 200
+
+
+class Histogram:
+    """Durations from 0.1 us to 1000 s in logarithmic bins 1.2 % wide: any number of them in 16 kB."""
+
+    def __init__(self) -> None:
+        decades = round(np.log10(_HIGHEST / _LOWEST))
+        self._counts = np.zeros(decades * _PER_DECADE, np.int64)
+        self.largest = 0.0
+
+    def add(self, durations: NDArray[np.floating]) -> None:
+        """Count durations [s]; NaN is left out."""
+        values = durations[np.isfinite(durations)]
+        if values.size == 0:
+            return
+        bins = (np.log10(np.maximum(values, _LOWEST) / _LOWEST) * _PER_DECADE).astype(np.int64)
+        last = self._counts.size - 1
+        self._counts += np.bincount(np.minimum(bins, last), minlength=last + 1)
+        self.largest = max(self.largest, float(values.max()))
+
+    def percentiles(self, *percents: float) -> list[float]:
+        """Durations [s] that each so many percent of those counted do not exceed, to 1.2 %; NaN if none was counted."""
+        cumulative = np.cumsum(self._counts)
+        total = int(cumulative[-1])
+        if total == 0:
+            return [float("nan")] * len(percents)
+        at = np.searchsorted(cumulative, np.array(percents) / 100.0 * total)
+        return [min(_LOWEST * 10.0 ** ((int(i) + 1) / _PER_DECADE), self.largest) for i in at]
+
+    @property
+    def summary(self) -> list[float]:
+        """Median, 99th and 99.9th percentile, largest [s]; NaN if none was counted."""
+        return self.percentiles(50.0, 99.0, 99.9, 100.0)
+
+
+class Stopwatch:
+    """Time spent running by `clock`, pauses left out [s]."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._elapsed = 0.0
+        self._since: float | None = None
+
+    def start(self) -> None:
+        """Go on counting."""
+        if self._since is None:
+            self._since = self._clock()
+
+    def stop(self) -> None:
+        """Stop counting."""
+        self._elapsed = self.elapsed
+        self._since = None
+
+    @property
+    def elapsed(self) -> float:
+        """Time counted up to now [s]."""
+        return self._elapsed + (self._clock() - self._since if self._since is not None else 0.0)
+
+
+class Delays(NamedTuple):
+    """Wall times of a run [s], each as median, 99th and 99.9th percentile, largest; NaN: there was none."""
+
+    round_trip: list[float]
+    """From publishing a measurement to the arrival of its drive."""
+    lateness: list[float]
+    """Realtime: from the deadline of a tick to its start."""
+    command_age: list[float]
+    """Realtime: at each tick, since the measurement was published that the drive in force answers."""
+
+
+class DelayLog:
+    """Collects wall times tick by tick, as cheaply as a list does, and counts them block by block."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._histograms = (Histogram(), Histogram(), Histogram())
+        self._lateness: list[float] = []
+        self._ages: list[float] = []
+
+    def note(self, lateness: float, command_age: float) -> None:
+        """Realtime: how late a tick was, and how old the measurement behind the drive in force [s]."""
+        self._lateness.append(lateness)
+        self._ages.append(command_age)
+
+    def settle(self, round_trips: NDArray[np.floating]) -> None:
+        """Count these round trips [s], and what was noted since the last call."""
+        for histogram, times in zip(
+            self._histograms, (round_trips, np.array(self._lateness), np.array(self._ages)), strict=True
+        ):
+            histogram.add(times)
+        self._lateness.clear()
+        self._ages.clear()
+
+    @property
+    def oldest_command(self) -> float:
+        """Largest command age counted [s]."""
+        return self._histograms[2].largest
+
+    def summary(self) -> Delays:
+        """What was counted."""
+        return Delays(*(histogram.summary for histogram in self._histograms))

@@ -1,0 +1,68 @@
+"""What a person must be told about the quality of a run, in sentences."""
+
+from ..instrument import ScoreSummary
+from .counts import Snapshot
+
+_HELD = 0.5
+"""Part of the ticks that may run on a held drive without a word."""
+_MISSED = 0.01
+"""Part of the periods that may be missed without a word while running; at the end each one is told."""
+
+
+def warnings(before: Snapshot, now: Snapshot) -> list[str]:
+    """What went wrong between two looks at one run, a clause each."""
+    ticks = now.ticks - before.ticks
+    a, b = before.counts, now.counts
+    told = []
+    missed = b.periods_missed - a.periods_missed
+    if now.wanted_factor is not None and missed > _MISSED * (missed + ticks):
+        told.append(
+            f"{missed} of the last {missed + ticks} periods were missed ({_percent(missed, missed + ticks)}): the run "
+            f"reaches {_factor(before, now):.3g} of real time in place of {now.wanted_factor:g}"
+        )
+    lost = b.drives_lost - a.drives_lost
+    if now.wanted_factor is not None and ticks > 0 and lost > _HELD * ticks:
+        told.append(f"{lost} of the last {ticks} ticks had no new drive and held an older one")
+    if (outdated := b.drives_outdated - a.drives_outdated) > 0:
+        told.append(f"{outdated} drives answered an older measurement than one before them and were not put in force")
+    if (ahead := b.drives_ahead - a.drives_ahead) > 0:
+        told.append(f"{ahead} drives answered a measurement that has not been published and were not put in force")
+    return told
+
+
+def verdict(summary: ScoreSummary, end: Snapshot) -> str:
+    """Why the score of a run must not be compared with that of others; empty if it may."""
+    retracted = end.counts.scored_ticks_retracted
+    if summary.ticks and retracted:
+        return (
+            f"the sample was retracted in {retracted} of {summary.ticks} scored ticks "
+            f"({_percent(retracted, summary.ticks)}), because no drive came"
+        )
+    return ""
+
+
+def retracted_fraction(summary: ScoreSummary, end: Snapshot) -> float:
+    """Part of the scored ticks in which the sample was retracted; NaN if nothing was scored."""
+    return end.counts.scored_ticks_retracted / summary.ticks if summary.ticks else float("nan")
+
+
+def shortfall(end: Snapshot) -> str:
+    """How far a realtime run fell behind its clock, in one sentence; empty if it did not."""
+    missed = end.counts.periods_missed
+    if not missed or end.wanted_factor is None:
+        return ""
+    periods = missed + end.ticks
+    return (
+        f"{_percent(missed, periods)} of the periods were missed ({missed} of {periods}): the run "
+        f"reached {end.real_time_factor:.3g} of real time in place of {end.wanted_factor:g}"
+    )
+
+
+def _factor(before: Snapshot, now: Snapshot) -> float:
+    """Simulated over wall time between two looks."""
+    elapsed = now.elapsed - before.elapsed
+    return (now.time - before.time) / elapsed if elapsed > 0.0 else 0.0
+
+
+def _percent(part: int, whole: int) -> str:
+    return f"{100.0 * part / whole:.3g} %"

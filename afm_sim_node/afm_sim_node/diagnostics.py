@@ -1,0 +1,62 @@
+"""A run as DiagnosticStatus, for ordinary tools."""
+
+from collections.abc import Mapping, Sequence
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from afm_model.run import Delays, Snapshot, State
+
+_LEVEL = {
+    State.STALLED: DiagnosticStatus.WARN,
+    State.RETRACTED: DiagnosticStatus.WARN,
+    State.FAULT: DiagnosticStatus.ERROR,
+}
+
+
+def diagnostic_status(
+    name: str, run: Snapshot, delays: Delays, warnings: Sequence[str], fast_path: Mapping[str, bool]
+) -> DiagnosticStatus:
+    """The entry about a run as it is now.
+
+    Parameters
+    ----------
+    name : str
+        Full name of the node.
+    run : Snapshot
+    delays : Delays
+    warnings : sequence of str
+        What went wrong since the entry before.
+    fast_path : mapping
+        Which short cuts of the control loop are there.
+    """
+    level, message = _LEVEL.get(run.state, DiagnosticStatus.OK), run.detail or run.state.title
+    if warnings:
+        level = max(level, DiagnosticStatus.WARN)
+        message = "; ".join([message, *warnings])
+    counts = run.counts
+    values = {
+        "ticks": run.ticks,
+        "real-time factor": f"{run.real_time_factor:.4g}",
+        "round trip p50, p99, p99.9, max [s]": _show(delays.round_trip),
+        "lateness p50, p99, p99.9, max [s]": _show(delays.lateness),
+        "command age p50, p99, p99.9, max [s]": _show(delays.command_age),
+        "drives lost": counts.drives_lost,
+        "drives refused": counts.drives_refused,
+        "drives outdated": counts.drives_outdated,
+        "drives ahead": counts.drives_ahead,
+        "late ticks": counts.late_ticks,
+        "periods missed": counts.periods_missed,
+        "ticks retracted": counts.ticks_retracted,
+        **fast_path,
+    }
+    return DiagnosticStatus(
+        level=level,
+        name=f"{name}: instrument",
+        message=message,
+        hardware_id="virtual AFM",
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )
+
+
+def _show(times: Sequence[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in times)

@@ -1,0 +1,98 @@
+"""The topics `measurement` and `piezo_drive` as the link of a run."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from afm_msgs.msg import Measurement, PiezoDrive
+from numpy.typing import NDArray
+from rclpy.node import Node
+
+from afm_model.run import Link
+from afm_node_common import topics
+from afm_node_common.codec import drive_codec, measurement_codec
+from afm_node_common.direct import Inbox, Outbox
+from afm_node_common.process import SimNodeParameters
+
+from .peers import Peers
+
+
+class TopicLink(Link):
+    """Publishes measurements and takes drives, serialized, with nothing in between. The clock is `time.monotonic`.
+
+    Parameters
+    ----------
+    node : Node
+    parameters : SimNodeParameters
+    peers : Peers
+    recorders : callable
+        How many subscribers receive every recording stream.
+
+    Call `close` before the node is destroyed.
+    """
+
+    def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
+        fast = parameters.process.fast_codec
+        measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
+        self._inbox = Inbox(node, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
+        self._outbox = Outbox(node, Measurement, topics.MEASUREMENT, topics.MEASUREMENT_QOS)
+        self._encode, self._publish = measurements.encode, self._outbox.publish
+        self._decode, self._take = drives.decode, self._inbox.take
+        self._period_ns = parameters.plant.control_period * 1e9
+        self._recorders = recorders if parameters.run.wait_for_recorder else None
+        self._info: Any = None
+        self._peers = peers
+        self.fast_path = {
+            "direct takes": self._inbox.direct and self._outbox.direct,
+            "fast codec": measurements.fast and drives.fast,
+        }
+        """Which short cuts of the control loop are there."""
+        self.wait = self._inbox.wait
+        """wait(timeout): sleep until a drive may be there, or for `timeout` seconds of wall time."""
+
+    def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
+        """Publish a measurement, stamped with its simulated time."""
+        self._publish(self._encode(sequence, round(sequence * self._period_ns), measurement))
+
+    def take(self) -> tuple[int, NDArray[np.float64]] | None:
+        """The oldest drive not yet taken."""
+        taken = self._take()
+        if taken is None:
+            return None
+        data, self._info = taken
+        sequence, _, drive = self._decode(data)
+        return sequence, drive
+
+    def arrived(self) -> float:
+        """When the middleware received the drive taken last; where it does not tell, now."""
+        now = time.monotonic()
+        try:
+            waited = time.time_ns() - self._info["received_timestamp"]
+        except (TypeError, KeyError):
+            return now
+        # The middleware reads the system's clock, which may be set at any time; a step costs one value, not a run.
+        return now - max(waited, 0) * 1e-9
+
+    def ready(self) -> bool:
+        """Whether a controller is matched both ways, and if it is asked for a recorder."""
+        if not self._inbox.publishers or not self._outbox.subscribers:
+            return False
+        if self._recorders is not None and not self._recorders():
+            return False
+        self._peers.look(force=True)
+        return True
+
+    def objection(self) -> str:
+        """The sentence about a second simulator."""
+        return self._peers.rivalry()
+
+    @property
+    def controller(self) -> str:
+        """Full name of the node that publishes drives, or of all that do."""
+        return self._peers.controller
+
+    def close(self) -> None:
+        """Let the node be destroyed; nothing can be taken or published any more."""
+        self._inbox.close()
+        self._outbox.close()

@@ -1,0 +1,40 @@
+"""What a person at the terminal is told about a run."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from afm_model.run import Snapshot, State
+from afm_node_common.process import SimNodeParameters
+
+_THROTTLE = 5.0
+"""Wall time between two complaints of one kind [s]."""
+
+
+def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
+    """Tell about a change of state."""
+    if run.state == State.FAULT:
+        log.error(run.detail)
+    elif run.detail:
+        log.warning(run.detail)
+    elif run.state == State.WAITING:
+        others = [
+            *(["a recorder"] if parameters.run.wait_for_recorder else []),
+            *(["the play service"] if parameters.run.start_paused else []),
+        ]
+        log.info(f"waiting for {' and '.join(['a controller', *others])}")
+    elif run.state == State.FINISHED:
+        log.info(f"finished: {run.ticks} ticks, {run.time:.6g} s simulated")
+    else:
+        log.info(run.state.title)
+
+
+def log_refusal(log: Any, before: Snapshot, now: Snapshot) -> None:
+    """Tell about drives refused between two looks, where the run went on."""
+    if now.counts.drives_refused > before.counts.drives_refused and now.wanted_factor is not None:
+        log.error(f"{now.refusal}; it is not applied", throttle_duration_sec=1.0)
+
+
+def log_warnings(log: Any, warnings: Sequence[str]) -> None:
+    """Tell what went wrong lately, not too often."""
+    if warnings:
+        log.warning("; ".join(warnings), throttle_duration_sec=_THROTTLE)

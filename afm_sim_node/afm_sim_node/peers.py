@@ -1,0 +1,76 @@
+"""Who else is on the topics of the control loop."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from afm_node_common import topics
+
+_UNKNOWN = "_UNKNOWN_"
+"""In the names that the middleware gives to a node until it has told who it is."""
+
+
+def _names(infos: Sequence[TopicEndpointInfo]) -> list[str]:
+    """Full names of the nodes of these ends of a topic, those that are known; one that is there twice, twice."""
+    names = [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos]
+    return sorted(name for name in names if _UNKNOWN not in name)
+
+
+class Peers:
+    """Asks the middleware who publishes drives, and who else publishes measurements.
+
+    Parameters
+    ----------
+    node : Node
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._counted = 0
+        self._drives = node.resolve_topic_name(topics.PIEZO_DRIVE)
+        self._measurements = node.resolve_topic_name(topics.MEASUREMENT)
+        self.controllers: list[str] = []
+        """Full names of the nodes whose drives are heard."""
+        self.unheard = ""
+        """The sentence about nodes whose drives are not heard; empty if there are none."""
+
+    @property
+    def controller(self) -> str:
+        """Full name of the node that publishes drives, or of all that do."""
+        return " and ".join(self.controllers)
+
+    def look(self, *, force: bool = False) -> None:
+        """Find out who publishes drives, if their number has changed or `anew`."""
+        # Asking for names takes a while; asking how many does not.
+        count = self._node.count_publishers(self._drives)
+        if count == self._counted and not anew:
+            return
+        self._counted = count
+        infos = self._node.get_publishers_info_by_topic(self._drives)
+        unheard = [info for info in infos if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT]
+        before, self.controllers = self.controllers, sorted(set(_names([i for i in infos if i not in unheard])))
+        self.unheard = (
+            f"{' and '.join(_names(unheard))} publishes piezo_drive best effort: it must be reliable" if unheard else ""
+        )
+        if len(self.controllers) > 1 and self.controllers != before:
+            self._node.get_logger().warning(
+                f"{self.controller} publish piezo_drive: each answers, the drives get mixed"
+            )
+
+    def rivalry(self) -> str:
+        """The sentence about other simulators on the same topics; empty if this one is alone."""
+        if self._node.count_publishers(self._measurements) < 2:
+            return ""
+        infos = self._node.get_publishers_info_by_topic(self._measurements)
+        names = Counter(_names(infos))
+        # A moment later everybody has told its name.
+        if names.total() < len(infos):
+            return ""
+        told = [name if count == 1 else f"{name} ({count} nodes of this name)" for name, count in names.items()]
+        return (
+            f"{' and '.join(told)} publish {self._measurements}: a controller answers them all and no run is what it "
+            "seems; end all but one, or give each a namespace"
+        )

@@ -1,0 +1,106 @@
+"""Publishes what is told about a run: status, diagnostics, score."""
+
+from afm_msgs.msg import InstrumentStatus, Score
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+
+from afm_model.run import Run, Snapshot, State, warnings
+from afm_node_common import topics
+from afm_node_common.process import SimNodeParameters
+
+from .diagnostics import diagnostic_status
+from .link import TopicLink
+from .log import log_refusal, log_state, log_warnings
+from .peers import Peers
+from .score import score_message
+from .status import status_message
+from .streams import Streams
+
+
+class Reporter:
+    """Looks at a run now and then, and at every change of its state.
+
+    Parameters
+    ----------
+    node : Node
+    run : Run
+    link : TopicLink
+    peers : Peers
+    streams : Streams
+    parameters : SimNodeParameters
+    """
+
+    def __init__(
+        self, node: Node, run: Run, link: TopicLink, peers: Peers, streams: Streams, parameters: SimNodeParameters
+    ) -> None:
+        self._run, self._link, self._peers, self._streams = run, link, peers, streams
+        self._parameters = parameters
+        self._name = node.get_fully_qualified_name()
+        self._now = node.get_clock().now
+        self._log = node.get_logger()
+        self._status = node.create_publisher(InstrumentStatus, topics.STATUS, topics.LATCHED_QOS)
+        self._score = node.create_publisher(Score, topics.SCORE, topics.LATCHED_QOS)
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._composed = DiagnosticArray()
+        self._before = self._logged = run.snapshot()
+        self._warnings: list[str] = []
+
+    def state_changed(self) -> None:
+        """Log and publish the state, if it is another one."""
+        run = self._run.snapshot()
+        if (run.state, run.detail) != (self._logged.state, self._logged.detail):
+            self.log_state()
+        if run.state in (State.WAITING, State.FAULT):
+            # The counts begin again, or what they warned of is over.
+            self._before, self._warnings = run, []
+        self.publish_status()
+
+    def log_state(self) -> None:
+        """Log the state."""
+        run = self._run.snapshot()
+        log_state(self._log, run, self._parameters)
+        self._logged = run
+
+    def publish_status(self) -> None:
+        """Publish InstrumentStatus."""
+        self._status.publish(
+            status_message(
+                self._run.snapshot(),
+                self._parameters,
+                controller=self._peers.controller,
+                recorders=self._streams.subscribers,
+                warning="; ".join(self._warnings),
+            )
+        )
+
+    def compose_diagnostics(self) -> None:
+        """Write the same and more for ordinary tools. Publishing is another chore: a tick waits for one at most."""
+        run = self._run.snapshot()
+        self._compare(run)
+        entry = diagnostic_status(self._name, run, self._run.delays(), self._warnings, self._link.fast_path)
+        self._composed = DiagnosticArray(status=[entry])
+        self._composed.header.stamp = self._now().to_msg()
+
+    def _compare(self, run: Snapshot) -> None:
+        """What went wrong since the last time."""
+        before, self._before = self._before, run
+        log_refusal(self._log, before, run)
+        self._warnings = warnings(before, run)
+        log_warnings(self._log, self._warnings)
+        if run.state == State.RUNNING and len(self._peers.controllers) > 1:
+            self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
+
+    def publish_diagnostics(self) -> None:
+        """Publish what was composed."""
+        self._diagnostics.publish(self._composed)
+
+    def publish_score(self) -> None:
+        """Publish the score of the run, which is over."""
+        run, instrument = self._run.snapshot(), self._run.instrument
+        self._compare(run)
+        score = score_message(
+            instrument.score(), run, self._run.delays(), self._parameters, instrument.trajectory_sha256()
+        )
+        for sentence in filter(None, (score.reason, score.warning)):
+            self._log.warning(sentence)
+        self._score.publish(score)

@@ -1,0 +1,84 @@
+"""What happened in real time over topics, once and for all: played again in process it is the same to the last bit."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from afm_msgs.msg import Measurement, PiezoDrive
+from support import ROOT, Graph, HandController, answer, assert_nothing_left, session
+
+from afm_model import simulate
+from afm_model.run import Replay, recorded_parameters
+from afm_recorder_node.reader import Recording, read_recording
+
+DURATION = 0.01
+
+
+def shortened(path: Path, **simulator: dict[str, Any]) -> Path:
+    """The shipped realtime scenario, 2000 ticks of it, with other parameters for the simulator."""
+    content = yaml.safe_load((ROOT / "afm_bringup" / "scenarios" / "closed_loop_realtime.yaml").read_text())
+    parameters = content["/**/afm_sim_node"]["ros__parameters"]
+    parameters["score"] = {"start": 0.0}
+    parameters["run"]["duration"] = DURATION
+    for group, values in simulator.items():
+        parameters[group] = parameters.get(group, {}) | values
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def replayed(out: Path) -> tuple[dict[str, Any], Recording]:
+    """Scorecard and recording of a session, after its replay has been compared with it."""
+    card = json.loads((out / "scorecard.json").read_text())
+    recording = read_recording(out / "recording.rrd")
+    parameters = recorded_parameters(recording.parameters["afm_sim_node"])  # type: ignore[arg-type]
+    assert parameters.run.mode == card["mode"] == "realtime"
+    again = simulate(parameters, Replay(recording.drive, parameters.plant.delay_ticks))
+    assert again.trajectory_sha256 == card["trajectory_sha256"]
+    assert np.array_equal(again.drives, recording.drive)
+    assert len(recording.drive) == card["ticks"] == parameters.total_ticks
+    return card, recording
+
+
+@pytest.mark.parametrize(
+    "plant", [{}, {"delay_ticks": 1, "seed": 5}], ids=["no delay in the instrument", "one tick of it"]
+)
+def test_closed_loop_in_real_time_is_replayed_to_the_last_bit(tmp_path: Path, plant: dict[str, Any]) -> None:
+    scenario = shortened(tmp_path / "short.yaml", plant=plant, run={"watchdog_timeout": 1000.0})
+    with session(scenario, tmp_path / "out", folder=tmp_path) as command:
+        assert command.wait() == 0, command.text
+    replayed(tmp_path / "out")
+    assert_nothing_left()
+
+
+def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too(tmp_path: Path) -> None:
+    """Everything that can go wrong without a fault, with a DAC and a limit on the drive."""
+    before: list[Measurement] = []
+
+    def bad(measurement: Measurement) -> list[PiezoDrive]:
+        k = measurement.sequence
+        if 500 < k < 900:
+            return []  # silent
+        stale = [answer(before[-1], 5.0, 5.0)] if k % 7 == 0 and before else []
+        before.append(measurement)
+        return [answer(measurement, 0.3 * np.sin(0.01 * k), 2.0, 0.0), *stale]
+
+    scenario = shortened(
+        tmp_path / "short.yaml",
+        run={"watchdog_timeout": 0.05, "retract_time": 1e-4, "real_time_factor": 0.02},
+        piezo={"dac_bits": 14, "limit": 15.0},
+        detector={"noise": 1e-3},
+    )
+    out = tmp_path / "out"
+    with Graph() as graph, session(scenario, out, "--controller", "external", folder=tmp_path) as command:
+        graph.add(HandController(bad, "somebody"))
+        assert command.wait(graph) == 0, command.text
+    card, recording = replayed(out)
+    retracted = card["realtime"]["ticks_retracted"]
+    assert retracted > 0
+    # The sample is at the end of its way while it is retracted.
+    assert np.count_nonzero(recording.drive[:, 2] < -11.9) > 0
+    assert recording.drive.min() < -11.9
+    assert_nothing_left()
