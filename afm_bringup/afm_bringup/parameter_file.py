@@ -9,7 +9,7 @@ import yaml
 from afm_model import Scenario
 
 
-class _Dumper(yaml.SafeDumper):
+class _Dumper(yaml.SafeDumper):  # type: ignore[misc]  # yaml has no types
     """Text in quotes: without them, rcl takes some of it for a number that Python's reader takes for text."""
 
 

@@ -117,7 +117,7 @@ def _checked(node: Node, spec: Specification | None, message: ParameterMessage) 
     return Parameter(name, kind, parameter_value_to_python(value))
 
 
-def _short(value: object) -> str:
+def _short(value: Any) -> str:
     """A value in words of bearable length."""
     text = str(list(value) if not isinstance(value, str | bool | int | float) else value)
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -43,10 +43,10 @@ class Peers:
         return " and ".join(self.controllers)
 
     def look(self, *, force: bool = False) -> None:
-        """Find out who publishes drives, if their number has changed or `anew`."""
+        """Find out who publishes drives, if their number has changed or if `force`."""
         # Asking for names takes a while; asking how many does not.
         count = self._node.count_publishers(self._drives)
-        if count == self._counted and not anew:
+        if count == self._counted and not force:
             return
         self._counted = count
         infos = self._node.get_publishers_info_by_topic(self._drives)
