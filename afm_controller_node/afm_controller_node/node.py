@@ -4,7 +4,7 @@ import numpy as np
 from afm_msgs.msg import Measurement, PiezoDrive
 from rclpy.node import Node
 
-from afm_model import Controller, signals
+from afm_model import Controller, flatten, signals
 from afm_model.records import size
 from afm_node_common import runner, topics
 from afm_node_common.codec import drive_codec, measurement_codec
@@ -28,20 +28,33 @@ class ControllerNode(Node):
         self._controller = Controller(parameters)
         # Compile or load the law before any measurement can come.
         self._controller.answer(np.zeros(size(signals.MEASUREMENT)))
-        self._decode = measurement_codec().decode
-        self._encode = drive_codec().encode
+        self._controller.reset()
+        self._answered = -1  # sequence of the measurement answered last
+        self._drive = np.zeros(3)
+        fast = parameters.process.fast_codec
+        self._decode = measurement_codec(fast=fast).decode
+        self._encode = drive_codec(fast=fast).encode
         self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._outbox = Outbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
         self._take, self._publish = self._inbox.take, self._outbox.publish
         self._log_law(parameters)
 
     def step(self) -> bool:
-        """Answer one measurement if there is one."""
+        """Answer one measurement if there is one.
+
+        One that comes again (the simulator repeats what was not answered in time) gets the same answer: a law with a
+        state takes a step for each measurement, not for each message. A lower sequence begins another run.
+        """
         taken = self._take()
         if taken is None:
             return False
         sequence, stamp_ns, measurement = self._decode(taken[0])
-        self._publish(self._encode(sequence, stamp_ns, self._controller.answer(measurement, stamp_ns * 1e-9)))
+        if sequence != self._answered:
+            if sequence < self._answered:
+                self._controller.reset()
+            self._drive = self._controller.answer(measurement, stamp_ns * 1e-9)
+            self._answered = sequence
+        self._publish(self._encode(sequence, stamp_ns, self._drive))
         return True
 
     def wait(self, timeout: float) -> None:
@@ -62,9 +75,9 @@ class ControllerNode(Node):
         self._log_law(parameters)
 
     def _log_law(self, parameters: ControllerNodeParameters) -> None:
-        law = parameters.law
-        gains = f", alpha = {law.alpha:g}, alpha_z = {law.alpha_z:g}" if law.kind == "tanh" else ""
-        self.get_logger().info(f"law: {law.kind}{gains}")
+        kind, *others = flatten(parameters.law).items()
+        told = ", ".join(f"{name} = {value}" for name, value in others)
+        self.get_logger().info(f"law: {kind[1]} ({told})")
 
 
 def main() -> int:

@@ -91,6 +91,7 @@ def simulate(
     ----------
     parameters : SimParameters
     controller : ControllerParameters or an object with `answer(measurement) -> drive`
+        If it has a `reset`, that is called at the start.
     progress : callable, optional
         Called now and then with ticks done and ticks in all; see `afm_model.progress.bar`.
 
@@ -158,6 +159,8 @@ def run(
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
     # A law of ours is compiled, or called from compiled code; whoever answers otherwise is asked tick by tick.
     compiled = isinstance(law, Controller) and type(law).answer is Controller.answer
+    if hasattr(law, "reset"):
+        law.reset()
     samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
     instrument = Instrument(
         parameters, block_ticks or max(1, min(total, _BLOCK_SAMPLES // samples_per_tick)), hashed=hashed

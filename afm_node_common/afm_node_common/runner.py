@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from afm_model.errors import ParameterError
+from afm_model.errors import ParameterError, PartError
 from afm_model.parameters import Group, specifications
 from afm_model.schema import with_parts
 
@@ -164,9 +164,9 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
             if isinstance(node, Finishing):
                 node.finish(spin_once)
         return max(node.exit_code if isinstance(node, HasExitCode) else 0 for node in made)
-    except ParameterError as error:
+    except (ParameterError, PartError) as error:
         print(f"error: {error}", file=sys.stderr)
-        return 2
+        return 2 if isinstance(error, ParameterError) else 1
     except ExternalShutdownException:
         return 0
     finally:

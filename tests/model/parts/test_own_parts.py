@@ -17,14 +17,12 @@ from afm_model import (
     Instrument,
     ParameterError,
     PartError,
-    Scenario,
     SimParameters,
     Simulation,
     build,
     registry,
     simulate,
     specifications,
-    sweep,
 )
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
@@ -59,6 +57,21 @@ RAISES = dataclasses.replace(kalman.KALMAN, control=fails)
 MISSPELT = dataclasses.replace(kalman.KALMAN, control=misspelt)
 WRONG_CONSTANTS = dataclasses.replace(kalman.KALMAN, values=lambda parameters: {"period": 1.0})
 NO_PART = 3
+"""
+
+SWEEP = """
+from pathlib import Path
+from afm_model import ControllerParameters, Scenario, SimParameters, build, sweep
+
+if __name__ == "__main__":
+    sim = {"run.duration": 2e-4, "score.start": 0.0, "sample.kind": "own_parts.patches:PATCHES"}
+    law = {"law.kind": "own_parts.kalman:KALMAN"}
+    parameters = {"sim": build(SimParameters, sim), "controller": build(ControllerParameters, law)}
+    scenario = Scenario("own", Path("own.yaml"), **parameters)
+    grid = {"afm_controller_node.law.bandwidth": [5e3, 1e4], "afm_sim_node.sample.ratio": [0.3]}
+    table = sweep(scenario, grid, workers=1, fingerprint=True, progress=False)
+    assert table["error"].isna().all(), table["error"]
+    print(table["trajectory_sha256"][0])
 """
 
 
@@ -310,22 +323,16 @@ def test_a_broken_part_is_reported_by_its_name(own):
         run({}, {"law.kind": "kalmann"})
 
 
-def test_own_parts_run_in_a_sweep(own, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", str(own) + os.pathsep + os.environ.get("PYTHONPATH", ""))
-    scenario = Scenario(
-        "own",
-        Path("own.yaml"),
-        sim=build(SimParameters, SHORT | {"run.duration": 2e-4, "sample.kind": "own_parts.patches:PATCHES"}),
-        controller=build(ControllerParameters, {"law.kind": "own_parts.kalman:KALMAN"}),
+def test_own_parts_run_in_a_sweep(own, tmp_path):
+    script = tmp_path / "many.py"
+    script.write_text(SWEEP)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(own), os.environ.get("PYTHONPATH")]))}
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=True)
+    inside = run(
+        {"run.duration": 2e-4, "sample.kind": "own_parts.patches:PATCHES", "sample.ratio": 0.3},
+        {"law.kind": "own_parts.kalman:KALMAN", "law.bandwidth": 5e3},
     )
-    grid = {"afm_controller_node.law.bandwidth": [5e3, 1e4], "afm_sim_node.sample.ratio": [0.3]}
-    table = sweep(scenario, grid, workers=1, fingerprint=True, progress=False)
-    assert table["error"].isna().all()
-    sim = build(
-        SimParameters, SHORT | {"run.duration": 2e-4, "sample.kind": "own_parts.patches:PATCHES", "sample.ratio": 0.3}
-    )
-    law = build(ControllerParameters, {"law.kind": "own_parts.kalman:KALMAN", "law.bandwidth": 5e3})
-    assert table["trajectory_sha256"][0] == simulate(sim, law).trajectory_sha256
+    assert done.stdout.split() == [inside.trajectory_sha256]
 
 
 def test_a_scenario_file_chooses_own_parts_and_gives_their_parameters(own, tmp_path):
