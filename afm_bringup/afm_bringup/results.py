@@ -1,4 +1,4 @@
-"""What a session leaves behind: scorecard and overview picture."""
+"""The scorecard of a session: as JSON, and as a table for a person."""
 
 import dataclasses
 import json
@@ -7,13 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import numpy as np
 from afm_msgs.msg import InstrumentStatus, Score
-from matplotlib import pyplot as plt
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -23,25 +17,62 @@ from afm_model.scorecard import AXES, number
 from afm_model.scorecard import scorecard as scored
 from afm_recorder_node.reader import Recording
 
-# A long noisy curve is more than Agg can fill in one piece.
-plt.rcParams["agg.path.chunksize"] = 10_000
-
-_ABOVE: dict[str, Any] = {
-    "loc": "lower right",
-    "bbox_to_anchor": (1.0, 1.0),
-    "ncols": 4,
-    "fontsize": "small",
-    "frameon": False,
-}
-"""A legend beside the title, where it hides nothing."""
 _PERCENTILES = ("p50", "p99", "p99_9", "max")
 
 
-def scorecard(scenario: Scenario, controller: str, score: Score, status: InstrumentStatus) -> dict[str, Any]:
-    """The scorecard as plain values, SI units but for the round trip; None where there is nothing to score."""
+def law_of(recording: Recording, controller: str) -> dict[str, Any] | None:
+    """Law and gains of our controller node as they were at the start of the recording, and what has changed since.
+
+    Parameters
+    ----------
+    recording : Recording
+    controller : str
+        Full name of the node.
+
+    Returns
+    -------
+    dict or None
+        `parameters` by name and `changes`, each with its simulated time; None for a controller without such parameters.
+    """
+    name = controller.rpartition("/")[2]
+    known = recording.parameters.get(name) or recording.parameters.get(controller) or {}
+    parameters = {each: value for each, value in known.items() if each.startswith("law.")}
+    changes = [
+        {"time_s": change.time, "name": change.name, "old": change.old, "new": change.new}
+        for change in recording.parameter_changes
+        if change.node in (name, controller) and change.name.startswith("law.")
+    ]
+    return {"parameters": parameters, "changes": changes} if parameters else None
+
+
+def kinds(law: dict[str, Any]) -> str:
+    """The law, or those that were in force one after the other."""
+    later = [str(each["new"]) for each in law["changes"] if each["name"] == "law.kind"]
+    return " then ".join([str(law["parameters"]["law.kind"]), *later])
+
+
+def scorecard(
+    scenario: Scenario, controller: str, score: Score, status: InstrumentStatus, law: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """The scorecard as plain values, SI units but for the round trip; None where there is nothing to score.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    controller : str
+        Law of ours, or name of the node.
+    score : Score
+    status : InstrumentStatus
+    law : dict, optional
+        From `law_of`; None: not known.
+    """
     return {
         "scenario": scenario.name,
         "controller": controller,
+        "law": law,
+        "valid": score.valid,
+        "reason": score.reason,
+        "warning": score.warning,
         "plant": status.plant,
         "mode": status.mode,
         "control_period_s": status.control_period,
@@ -49,8 +80,10 @@ def scorecard(scenario: Scenario, controller: str, score: Score, status: Instrum
         "wall_s": round(score.wall, 3),
         "real_time_factor": number(score.simulated / score.wall if score.wall > 0.0 else math.nan),
         "ticks": status.ticks,
-        "drives_lost": status.drives_lost,
-        "drives_refused": status.drives_refused,
+        "drives_lost": score.drives_lost,
+        "drives_refused": score.drives_refused,
+        "drives_outdated": score.drives_outdated,
+        "drives_ahead": score.drives_ahead,
         "scored_from_s": score.start,
         **scored(_summary(score)),
         "round_trip_us": _microseconds(score.round_trip),
@@ -58,6 +91,7 @@ def scorecard(scenario: Scenario, controller: str, score: Score, status: Instrum
             "late_ticks": score.late_ticks,
             "periods_missed": score.periods_missed,
             "ticks_retracted": score.ticks_retracted,
+            "retracted_fraction": number(score.retracted_fraction),
             "lateness_us": _microseconds(score.lateness),
             "command_age_us": _microseconds(score.command_age),
         }
@@ -109,8 +143,13 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
         ("friction bound [nN]", f"{_show(friction['min'], 1e9)} to {_show(friction['max'], 1e9)}"),
         ("normal force [nN]", f"{_show(normal['min'], 1e9)} to {_show(normal['max'], 1e9)}"),
         ("in contact, part of the time", f"{_show(card['contact_fraction'], 100)} %"),
-        ("control ticks, drives lost, refused", f"{card['ticks']}, {card['drives_lost']}, {card['drives_refused']}"),
+        ("control ticks", str(card["ticks"])),
+        (
+            "drives lost, refused, outdated, ahead",
+            ", ".join(str(card[f"drives_{which}"]) for which in ("lost", "refused", "outdated", "ahead")),
+        ),
         ("simulated, wall time [s]", f"{card['simulated_s']:.4g}, {card['wall_s']:.4g}"),
+        ("real-time factor reached", _show(card["real_time_factor"])),
         ("round trip p50, p99, p99.9, max [us]", ", ".join(map(_show, trip.values()))),
         *_realtime_facts(card["realtime"]),
         ("trajectory", card["trajectory_sha256"][:16] + "..."),
@@ -119,6 +158,12 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
     console = Console(width=None if Console().is_terminal else 100)
     console.print(table)
     console.print(facts)
+    for change in card["law"]["changes"] if card["law"] else ():
+        console.print(f"At {change['time_s']:.6g} s {change['name']} changed from {change['old']} to {change['new']}.")
+    if not card["valid"]:
+        console.print(f"Not to be compared with other scores: {escape(card['reason'])}.")
+    if card["warning"]:
+        console.print(f"Warning: {escape(card['warning'])}.")
     if card["contact_fraction"] is None:
         console.print(
             f"Nothing scored: the run ends at {card['simulated_s']:.4g} s, "
@@ -143,45 +188,3 @@ def _realtime_facts(realtime: dict[str, Any] | None) -> list[tuple[str, str]]:
 
 def _show(value: float | None, scale: float = 1.0) -> str:
     return "-" if value is None else f"{value * scale:.4g}"
-
-
-def draw_overview(recording: Recording, title: str, path: Path) -> None:
-    """Draw position and reference, error, drive, and lateral force against position."""
-    figure, ((top_left, top_right), (low_left, low_right)) = plt.subplots(
-        2, 2, figsize=(12.0, 7.5), layout="constrained"
-    )
-    figure.suptitle(title)
-    t = recording.time_ticks * 1e3
-    nm = 1e9
-    for i, (axis, colour) in enumerate((("x", "C0"), ("y", "C1"))):
-        top_left.plot(t, recording.position[:, i] * nm, colour, lw=1.8, ls=("-", "--")[i], label=axis)
-        same = i == 1 and np.array_equal(recording.reference[:, 0], recording.reference[:, 1])
-        if not same:
-            top_left.plot(
-                t, recording.reference[:, i] * nm, "k:", lw=1.0, label="reference" if i == 0 else "y reference"
-            )
-    top_left.set_title("scanner position", loc="left")
-    top_left.set(xlabel="simulated time [ms]", ylabel="position [nm]")
-    top_left.legend(**_ABOVE)
-    # The tip's error is of another size: it has its own axis.
-    right = top_right.twinx()
-    lines = right.plot(t, recording.error[:, 2] * nm, "C2", lw=0.6, alpha=0.6, label="z (tip), right axis")
-    for i, (axis, colour) in enumerate((("x", "C0"), ("y", "C1"))):
-        lines += top_right.plot(t, recording.error[:, i] * nm, colour, lw=1.4, ls=("-", "--")[i], label=axis)
-    top_right.set_title("tracking error", loc="left")
-    top_right.set(xlabel="simulated time [ms]", ylabel="x, y [nm]")
-    right.set_ylabel("z of the tip [nm]")
-    right.legend(handles=[*lines[1:], lines[0]], **_ABOVE)
-    for i, axis in enumerate(AXES):
-        low_left.plot(t, recording.drive[:, i], f"C{i}", lw=0.9, label=axis)
-    low_left.set_title("piezo drive", loc="left")
-    low_left.set(xlabel="simulated time [ms]", ylabel="drive [V]")
-    low_left.legend(**_ABOVE)
-    force = np.interp(recording.time_ticks, recording.time_samples, recording.lateral_force)
-    low_right.plot(recording.position[:, 0] * nm, force * nm, "C3", lw=0.8)
-    low_right.set_title("friction loop", loc="left")
-    low_right.set(xlabel="scanner position x [nm]", ylabel="lateral force, x component [nN]")
-    for axes in (top_left, top_right, low_left, low_right):
-        axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)

@@ -21,8 +21,9 @@ from .files import executable
 from .follow import RECORDER_TIMEOUT, STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
 from .parameter_file import write_parameters
+from .picture import draw_overview
 from .processes import Processes
-from .results import draw_overview, print_scorecard, scorecard, write_scorecard
+from .results import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .results_folder import CARD, PICTURE, RECORDING, FolderError, ResultsFolder
 
 _START_TIMEOUT = 60.0
@@ -270,12 +271,21 @@ class Session:
         check_score(status)
         own = self._controller in (OWN, COMPOSED)
         controller = self._scenario.controller.law.kind if own else status.controller
-        card = scorecard(self._scenario, controller, score, status)
+        recording, law = None, None
+        if missing is None:
+            try:
+                recording = read_recording(work / RECORDING, every=math.ceil(status.ticks / _OVERVIEW_TICKS))
+                law = law_of(recording, status.controller)
+            except RecordingError as error:
+                missing = str(error)
+        if own and law is not None:
+            controller = kinds(law)
+        card = scorecard(self._scenario, controller, score, status, law)
         title = f"{self._scenario.header.title or self._scenario.name} ({card['plant']} plant, {controller})"
         try:
             write_scorecard(card, work / CARD)
-            if missing is None:
-                missing = self._draw(title, status.ticks)
+            if recording is not None:
+                draw_overview(recording, title, work / PICTURE)
         except OSError as error:
             missing = missing or f"{error.filename or work} cannot be written: {error.strerror}"
         # Whatever became of the recording, the score stands.
@@ -285,16 +295,6 @@ class Session:
         if missing is not None:
             raise SessionError(missing)
         print(f"Open the recording with: rerun {self._out / RECORDING}")
-
-    def _draw(self, title: str, ticks: int) -> str | None:
-        """Draw the overview; a sentence if the recording cannot be read."""
-        work = self._folder.work
-        try:
-            recording = read_recording(work / RECORDING, every=math.ceil(ticks / _OVERVIEW_TICKS))
-        except RecordingError as error:
-            return str(error)
-        draw_overview(recording, title, work / PICTURE)
-        return None
 
 
 def _say(text: str) -> None:

@@ -1,5 +1,6 @@
 """However a session is cut short, it leaves nothing running and nothing half-finished under a final name."""
 
+import json
 import os
 import signal
 from collections.abc import Iterator
@@ -150,6 +151,31 @@ def test_ctrl_c_in_the_middle_leaves_the_recording_up_to_there_with_every_change
     (change_,) = recording.parameter_changes
     assert (change_.node, change_.name, change_.old, change_.new) == ("afm_controller_node", "law.alpha", 10.0, 5.0)
     assert before * CONTROL_PERIOD <= change_.time <= recording.time_ticks[-1]
+    assert_nothing_left()
+
+
+def test_score_names_the_law_and_the_gains_that_were_in_force_and_each_change(out: Path, tmp_path: Path) -> None:
+    scenario = write_scenario(
+        tmp_path / "changing.yaml",
+        afm_sim_node={"run.duration": 0.05, "plant.control_period": 2e-6, "score.start": 0.0},
+        afm_controller_node={"law.kind": "tanh", "law.alpha": 8.0},
+    )
+    with Graph() as graph, session(scenario, out, folder=tmp_path) as command:
+        observer = graph.add(Observer())
+        client = AsyncParameterClient(observer, "/afm/afm_controller_node")
+        command.wait_until(lambda: observer.status.ticks > 0, graph)
+        command.wait_until(client.services_are_ready, graph)
+        future = client.set_parameters([Parameter("law.kind", value="sgn").to_parameter_msg()])
+        command.wait_until(future.done, graph)
+        assert command.wait(graph) == 0, command.text
+    card = json.loads((out / "scorecard.json").read_text())
+    assert card["controller"] == "tanh then sgn"
+    assert card["law"]["parameters"]["law.alpha"] == 8.0
+    (change,) = card["law"]["changes"]
+    assert (change["name"], change["old"], change["new"]) == ("law.kind", "tanh", "sgn")
+    assert 0.0 < change["time_s"] < 0.05
+    assert "law.kind changed from tanh to sgn" in command.text
+    assert card["valid"] is True
     assert_nothing_left()
 
 
