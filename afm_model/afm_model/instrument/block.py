@@ -17,7 +17,7 @@ from ..parts.assembly import Assembled, assembled
 from ..parts.header import HEADER
 from ..parts.part import Channel, Part
 from ..records import place, record, record_at, size
-from ..signals import DETECTION, DRIVE, MEASUREMENT, SURFACE, TRUTH
+from ..signals import DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 from .score import SUMS
 
 FAMILIES: dict[str, tuple[Part, ...]] = {
@@ -103,6 +103,8 @@ class Layout:
         self._add("measurement", MEASUREMENT)
         for name in ("applied", "commanded", "regulated", "effective"):
             self._add(name, DRIVE)
+        self._add("asked", REFERENCE)
+        self._add("asked_next", REFERENCE)
         self._add("truth", TRUTH)
         self._add("detection", DETECTION)
         self._add("surface", SURFACE)

@@ -14,6 +14,7 @@ from ..errors import DivergenceError, DriveError, ParameterError
 from ..parameters import InstrumentParameters
 from ..parts.part import Channel
 from ..plant import tell
+from ..program import reference
 from ..signals import MEASUREMENT, TRUTH
 from .block import LOOP, Layout
 from .score import ScoreSummary, summarize
@@ -130,6 +131,7 @@ class Instrument:
         self._row = 0
         noise, position_noise = self._noise.standard_normal(2), self._position_noise.standard_normal(3)
         tell(layout.record(block, "truth"), block)
+        reference(0.0, layout.record(block, "asked"), block)
         measure(block, 0, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
         self._raise_errors()
 

@@ -33,28 +33,52 @@ SUMS = record(
 
 
 @kernel
-def count_tick(t: Any, o: Any, y: Any, du_x: float, du_y: float, du_z: float) -> None:
-    """Count a control tick into the sums t: true tracking errors at its measurement y, change of the drive [V]."""
-    for axis in range(3):
-        if axis == 0:
-            position, du = o.position[0], du_x
-        elif axis == 1:
-            position, du = o.position[1], du_y
-        else:
-            position, du = o.tip_height, du_z
-        e = position - y.reference_position[axis]
-        t.square[axis] += e * e
-        t.largest[axis] = max(t.largest[axis], abs(e))
-        t.extent[axis] = max(t.extent[axis], abs(position))
-        # The first scored drive starts the variation.
-        if t.ticks > 0.0:
-            t.variation[axis] += abs(du)
+def count_tick(t: Any, du_x: float, du_y: float, du_z: float) -> None:
+    """Count a control tick into the sums t: the change of the drive [V]."""
+    # The first scored drive starts the variation.
+    if t.ticks > 0.0:
+        t.variation[0] += abs(du_x)
+        t.variation[1] += abs(du_y)
+        t.variation[2] += abs(du_z)
     t.ticks += 1.0
 
 
 @kernel
-def count_step(t: Any, o: Any) -> None:
-    """Count one integration step into the sums t: stick, contact, ranges of friction and of the normal force."""
+def between(a: Any, b: Any, axis: int, f: float, period: float) -> float:
+    """Reference between two control ticks, f = 0 ... 1 of a period after the first: the cubic through the positions and
+    velocities of both [m].
+
+    A corner of a triangle between the two is rounded by an eighth of a period at most.
+    """
+    g = 1.0 - f
+    ends = g * g * (1.0 + 2.0 * f) * a.position[axis] + f * f * (1.0 + 2.0 * g) * b.position[axis]
+    return ends + f * g * period * (g * a.velocity[axis] - f * b.velocity[axis])
+
+
+@kernel
+def count_error(t: Any, axis: int, position: float, asked: float) -> None:
+    """Count the true tracking error along one axis at the end of an integration step [m]."""
+    e = position - asked
+    t.square[axis] += e * e
+    t.largest[axis] = max(t.largest[axis], abs(e))
+    t.extent[axis] = max(t.extent[axis], abs(position))
+
+
+@kernel
+def count_step(t: Any, o: Any, a: Any, b: Any, f: float, period: float) -> None:
+    """Count one integration step into the sums t: tracking error, stick, contact, ranges of friction and normal force.
+
+    Parameters
+    ----------
+    t, o : records of SUMS and TRUTH
+    a, b : records of REFERENCE
+        At the control ticks before and after.
+    f, period : float
+        Part of the control period that has passed at the end of the step; the control period [s].
+    """
+    count_error(t, 0, o.position[0], between(a, b, 0, f, period))
+    count_error(t, 1, o.position[1], between(a, b, 1, f, period))
+    count_error(t, 2, o.tip_height, between(a, b, 2, f, period))
     if o.stuck != 0.0:
         t.stuck_steps += 1.0
         if t.was_stuck == 0.0:
@@ -80,7 +104,7 @@ class ScoreSummary:
     """
 
     ticks: int
-    rms: _Array  # tracking error [m]
+    rms: _Array  # tracking error, over every integration step [m]
     max: _Array  # [m]
     max_percent: _Array  # the same as a percentage of the reference's amplitude, z: of the sample's
     drive_total_variation: _Array  # [V/s]
@@ -137,7 +161,7 @@ def summarize(block: Block, index: int, parameters: InstrumentParameters) -> Sco
         largest = np.array(t.largest)
         return ScoreSummary(
             ticks=int(ticks),
-            rms=np.sqrt(t.square / ticks),
+            rms=np.sqrt(t.square / steps),
             max=largest,
             max_percent=np.where(amplitude > 0.0, 100.0 * largest / amplitude, np.nan),
             drive_total_variation=t.variation / (ticks * parameters.plant.control_period),

@@ -21,7 +21,7 @@ from ..parts.header import HEADER
 from ..piezo import actuate
 from ..plant import step, tell
 from ..program import reference
-from ..records import Block, place, pointer_at, record_at
+from ..records import Block, pointer_at, record_at, size
 from ..signals import DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
 from .score import SUMS, count_step, count_tick
@@ -31,16 +31,16 @@ MOVED, REFUSED, DIVERGED = 0, 1, 2
 """What became of a tick."""
 RANGE = 1e-3
 """Position beyond which the motion has diverged: hundreds of times the range of any scanner [m]."""
+_REFERENCE_SIZE = size(REFERENCE)
 DRAW_TICKS = 256
 """Random numbers are drawn for so many ticks at a time, wherever blocks are taken: a run depends on its seed alone."""
-
-_REFERENCE_AT = place(MEASUREMENT, "reference_position")
-"""Where in a measurement the reference stands, which is one record there."""
 
 
 @kernel
 def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> None:
-    """Write the measurement of control tick k; noise and faults are its random numbers."""
+    """Write the measurement of control tick k, whose reference is asked for already; noise and faults are its random
+    numbers.
+    """
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
     y = record_at(m, g.measurement, MEASUREMENT)
@@ -57,9 +57,12 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
         y.position[axis] = o.position[axis] + c.position_noise * position_noise[axis]
         y.velocity[axis] = o.velocity[axis]
         y.drive[axis] = a.voltage[axis]
-    t = k * c.control_period
-    reference(t, record_at(m, g.measurement + _REFERENCE_AT, REFERENCE), m)
-    on_measurement(t, y, faults, m)
+    r = record_at(m, g.asked, REFERENCE)
+    for axis in range(3):
+        y.reference_position[axis] = r.position[axis]
+        y.reference_velocity[axis] = r.velocity[axis]
+        y.reference_acceleration[axis] = r.acceleration[axis]
+    on_measurement(k * c.control_period, y, faults, m)
 
 
 @kernel
@@ -99,7 +102,8 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     v = record_at(m, g.effective, DRIVE)
     o = record_at(m, g.truth, TRUTH)
     d = record_at(m, g.detection, DETECTION)
-    r = record_at(m, g.measurement + _REFERENCE_AT, REFERENCE)
+    r = record_at(m, g.asked, REFERENCE)
+    following = record_at(m, g.asked_next, REFERENCE)
     sums = record_at(m, g.score, SUMS)
     drawn = c.draw * g.draws
     faults = pointer_at(random, drawn + g.faults)
@@ -121,7 +125,8 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     a.voltage[1] = convert(due1, c.drive_lsb, c.drive_limit)
     a.voltage[2] = convert(due2, c.drive_lsb, c.drive_limit)
     if scored:
-        count_tick(sums, o, y, a.voltage[0] - u0, a.voltage[1] - u1, a.voltage[2] - u2)
+        count_tick(sums, a.voltage[0] - u0, a.voltage[1] - u1, a.voltage[2] - u2)
+    reference((c.k + 1) * c.control_period, following, m)
 
     # Tick k as it is recorded; its first sample is the one in its measurement.
     width = rows.shape[1]
@@ -146,8 +151,10 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
         step(v, disturbance, m)
         tell(o, m)
         if scored:
-            count_step(sums, o)
+            count_step(sums, o, r, following, (i + 1) / c.substeps, c.control_period)
     position_noise = pointer_at(random, drawn + g.position_noise)
+    for i in range(_REFERENCE_SIZE):
+        m[g.asked + i] = m[g.asked_next + i]
     c.k += 1
     c.row += 1
     c.draw = (c.draw + 1) % DRAW_TICKS

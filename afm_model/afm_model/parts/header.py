@@ -18,6 +18,8 @@ _OF_THE_LOOP = [
     "applied",
     "regulated",
     "effective",
+    "asked",
+    "asked_next",
     "truth",
     "detection",
     "surface",
@@ -39,7 +41,8 @@ HEADER = record(*_OF_PARTS, *_OF_THE_LOOP, integers=(*_OF_PARTS, *_OF_THE_LOOP))
 its state begin.
 
 Then where the rest begins: the record of the loop; measurement; the drive as commanded, as applied (behind range,
-resolution, delay), as changed by the onboard part, as the piezo makes it; truth, detection, surface; the map of the
+resolution, delay), as changed by the onboard part, as the piezo makes it; the reference at this tick
+and at the next; truth, detection, surface; the map of the
 sample; sums of the score; what is hashed; the line of drives on their way; the places of the channels.
 
 Last, where in a row of the random numbers those of the plant, the sensors, the detector and the fault begin, and how
