@@ -42,5 +42,6 @@ def test_score_has_the_names_and_the_order_of_its_message():
     kinds = {name: "uint64" for name in COUNTS} | {name: "float64[3]" for name in VECTORS}
     kinds |= {name: "float64[2]" for name in RANGES}
     ours = [(name, kinds.get(name, "float64")) for name in ScoreSummary.__dataclass_fields__]
-    assert fields("Score.msg", "start")[: len(ours)] == ours
+    told = [field for field in fields("Score.msg", "start") if field[0] in ScoreSummary.__dataclass_fields__]
+    assert told == ours
     assert len(columns()) == len(ours) + 2 * len(VECTORS) + len(RANGES)

@@ -33,7 +33,7 @@ class ServingSimNode(SimNode):
     async def _execute(self, goal: ServerGoalHandle) -> Fibonacci.Result:
         self.served += 1
         goal.succeed()
-        return Fibonacci.Result(sequence=[self.instrument.ticks, self.served])
+        return Fibonacci.Result(sequence=[self.run.instrument.ticks, self.served])
 
 
 if __name__ == "__main__":
