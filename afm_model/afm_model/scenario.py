@@ -41,11 +41,12 @@ class Scenario:
 NAMESPACE = "afm"
 """Namespace of the nodes."""
 
-_OWN: dict[str, tuple[str, type[Group]]] = {
+SECTIONS: dict[str, tuple[str, type[Group]]] = {
     "scenario": ("header", Header),
     "afm_sim_node": ("sim", SimParameters),
     "afm_controller_node": ("controller", ControllerParameters),
 }
+"""Sections of a scenario file: the field of `Scenario` that each becomes, and its parameters."""
 
 
 def load_scenario(
@@ -72,7 +73,7 @@ def load_scenario(
     ScenarioError
         If a file cannot be read, is no parameter file, or names a section, parameter or value that does not exist.
     """
-    known = {name: group for name, (_, group) in _OWN.items()} | dict(others or {})
+    known = {name: group for name, (_, group) in SECTIONS.items()} | dict(others or {})
     sections: dict[str, dict[str, Any]] = {}
     for file in (path, overrides):
         if file is not None:
@@ -88,8 +89,8 @@ def load_scenario(
         except ParameterError as error:
             told = path if overrides is None else f"{path} with {overrides}"
             raise ScenarioError(f"{told}: {error}") from None
-        if node in _OWN:
-            parts[_OWN[node][0]] = group
+        if node in SECTIONS:
+            parts[SECTIONS[node][0]] = group
     return Scenario(path.stem, path, **parts, sections=sections)
 
 

@@ -24,14 +24,14 @@ from .errors import DivergenceError, DriveError, ParameterError, PartError
 from .instrument import Instrument, score
 from .parameters import ControllerParameters, Group, SimParameters, Value, build, flatten, specifications
 from .progress import reporting
-from .scenario import Scenario
+from .scenario import SECTIONS, Scenario
 from .schema import with_parts
 from .simulation import run, ticks_to_simulate
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_NODES: dict[str, type[Group]] = {"afm_sim_node": SimParameters, "afm_controller_node": ControllerParameters}
+_NODES: dict[str, type[Group]] = {node: group for node, (part, group) in SECTIONS.items() if part != "header"}
 _TEXTS = ("trajectory_sha256", "error")
 
 _BLOCK_TICKS = 512
@@ -186,7 +186,7 @@ def _require_known(scenario: Scenario, given: Mapping[str, Sequence[Value]]) -> 
 
 def _groups(scenario: Scenario) -> dict[str, Group]:
     """What the scenario says for each node."""
-    return {"afm_sim_node": scenario.sim, "afm_controller_node": scenario.controller}
+    return {node: getattr(scenario, SECTIONS[node][0]) for node in _NODES}
 
 
 def _build_sets(scenario: Scenario, columns: Mapping[str, Sequence[Value]]) -> list[_Set | str]:

@@ -2,16 +2,16 @@
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-NAMESPACE = "afm"
+from afm_model import scenario
+from afm_model.channels import STANDARD
+
+NAMESPACE = scenario.NAMESPACE
 FRAME = "scanner"
 """frame_id of every stamped message: the scanner's axes, x fast, y slow, z up."""
 
 MEASUREMENT = "measurement"
 PIEZO_DRIVE = "piezo_drive"
-DEFLECTION = "deflection"
-LATERAL_FORCE = "lateral_force"
-TRUTH_LATERAL_FORCE_Y = "truth/lateral_force_y"
-TRUTH_NORMAL_FORCE = "truth/normal_force"
+DEFLECTION, LATERAL_FORCE, TRUTH_LATERAL_FORCE_Y, TRUTH_NORMAL_FORCE = (channel.name for channel in STANDARD)
 CONTROL_TRACE = "control_trace"
 STATUS = "status"
 SCORE = "score"

@@ -12,6 +12,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from afm_model import channels
+from afm_model.parts import Channel
+
 APPLICATION = "afm"
 TIMELINE = "sim_time"
 """Simulated time, a duration since the start of the run."""
@@ -72,10 +75,15 @@ def _vector(
     return Signal(entity, unit, factor, si_unit, ("x", "y", z), colors)
 
 
-DEFLECTION = Signal("/deflection", "nm", 1e9, "m")
-LATERAL_FORCE = Signal("/lateral_force", "nN", 1e9, "N", colors=(_COLORS[0],))
-LATERAL_FORCE_Y = Signal("/truth/lateral_force_y", "nN", 1e9, "N", colors=(_COLORS[1],))
-NORMAL_FORCE = Signal("/truth/normal_force", "nN", 1e9, "N")
+def _sampled(channel: Channel, color: tuple[int, int, int] = _COLORS[2]) -> Signal:
+    """A channel of the instrument."""
+    return Signal(f"/{channel.name}", *_PLOTTED[channel.unit], channel.unit, colors=(color,))
+
+
+DEFLECTION = _sampled(channels.DEFLECTION)
+LATERAL_FORCE = _sampled(channels.LATERAL_FORCE, _COLORS[0])
+LATERAL_FORCE_Y = _sampled(channels.LATERAL_FORCE_Y, _COLORS[1])
+NORMAL_FORCE = _sampled(channels.NORMAL_FORCE)
 CHANNELS = (DEFLECTION, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE)
 """Sampled at the full rate of the virtual ADC."""
 

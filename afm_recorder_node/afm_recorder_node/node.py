@@ -14,6 +14,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 from std_msgs.msg import Header
 
+from afm_model.run import State
 from afm_node_common import topics
 from afm_node_common.parameters import declare
 from afm_node_common.runner import run
@@ -34,10 +35,7 @@ _SETTLE, _DRAIN_LIMIT = 0.5, 10.0
 """At the end, wait so long for last blocks of an instrument that ends too; and so long for what it has published but is
 not here. The middleware may take more than its heartbeat of 3 s to repeat what was lost on the way [s]."""
 
-_STATES = {
-    getattr(InstrumentStatus, name): name
-    for name in ("WAITING", "RUNNING", "PAUSED", "STALLED", "RETRACTED", "FINISHED", "FAULT")
-}
+_STATES = {int(state): state.name for state in State}
 _LEVELS: dict[str, Level] = {"STALLED": "WARN", "RETRACTED": "WARN", "FAULT": "ERROR"}
 _ENDED = (InstrumentStatus.FINISHED, InstrumentStatus.FAULT)
 

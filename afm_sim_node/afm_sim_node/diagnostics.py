@@ -7,8 +7,8 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from afm_model.run import Delays, Snapshot, State
 
 _LEVEL = {
-    State.STALLED: DiagnosticStatus.WARN,
-    State.RETRACTED: DiagnosticStatus.WARN,
+    State.STALLED: DiagnosticStatus.ERROR,
+    State.RETRACTED: DiagnosticStatus.ERROR,
     State.FAULT: DiagnosticStatus.ERROR,
 }
 
@@ -30,7 +30,8 @@ def diagnostic_status(
         Which short cuts of the control loop are there.
     """
     level, message = _LEVEL.get(run.state, DiagnosticStatus.OK), run.detail or run.state.title
-    if warnings:
+    if warnings or (run.state == State.WAITING and run.detail):
+        # What a run that has not started waits for needs a word only if somebody must do something about it.
         level = max(level, DiagnosticStatus.WARN)
         message = "; ".join([message, *warnings])
     counts = run.counts

@@ -105,6 +105,7 @@ class SimNode(Node):
         self.run.flush()
         self._reporter.publish_status()
         self._streams.wait_for_delivery(_DELIVERY_TIMEOUT)
+        self._reporter.wait_for_delivery(_DELIVERY_TIMEOUT)
 
     def destroy_node(self) -> None:
         """End the node."""

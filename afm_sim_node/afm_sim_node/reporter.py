@@ -1,7 +1,10 @@
 """Publishes what is told about a run: status, diagnostics, score."""
 
+import time
+
 from afm_msgs.msg import InstrumentStatus, Score
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 from afm_model.run import Run, Snapshot, State, warnings
@@ -89,6 +92,12 @@ class Reporter:
         log_warnings(self._log, self._warnings)
         if run.state == State.RUNNING and len(self._peers.controllers) > 1:
             self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
+
+    def wait_for_delivery(self, timeout: float) -> None:
+        """Wait until everybody has the score and the last status, at most `timeout` seconds of wall time."""
+        limit = time.monotonic() + timeout
+        for publisher in (self._score, self._status):
+            publisher.wait_for_all_acked(Duration(seconds=max(limit - time.monotonic(), 0.0)))
 
     def publish_diagnostics(self) -> None:
         """Publish what was composed."""

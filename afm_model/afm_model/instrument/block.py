@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import detector, fault, onboard, piezo, plant, program, sample
+from ..channels import OPTIONAL, STANDARD
 from ..errors import ParameterError, PartError
 from ..parameters import InstrumentParameters
 from ..parts.assembly import Assembled, assembled
@@ -52,26 +53,6 @@ LOOP = record(
     "position_noise",  # [m]
     integers=("k", "row", "draw", "done", "substeps", "stride", "delay", "score_tick"),
 )
-
-_STANDARD = (
-    Channel("deflection", "m", "detection.deflection_voltage", lambda p: float(p.detector.deflection_sensitivity)),
-    Channel("lateral_force", "N", "detection.lateral_voltage", lambda p: float(p.detector.lateral_sensitivity)),
-    Channel("truth/lateral_force_y", "N", "truth.friction.y"),
-    Channel("truth/normal_force", "N", "truth.normal_force"),
-)
-"""Sampled in every run."""
-_MORE = (
-    *(Channel(f"truth/position_{axis}", "m", f"truth.position.{axis}") for axis in "xyz"),
-    *(Channel(f"truth/velocity_{axis}", "m/s", f"truth.velocity.{axis}") for axis in "xyz"),
-    Channel("truth/tip_height", "m", "truth.tip_height"),
-    Channel("truth/tip_rate", "m/s", "truth.tip_rate"),
-    Channel("truth/lateral_force_x", "N", "truth.friction.x"),
-    Channel("truth/friction_bound", "N", "truth.friction_bound"),
-    Channel("truth/contact", "1", "truth.contact"),
-    Channel("truth/stuck", "1", "truth.stuck"),
-    *(Channel(f"truth/piezo_{axis}", "V", f"effective.voltage.{axis}") for axis in "xyz"),
-)
-"""What can be sampled besides, by detector.channels."""
 
 
 class Layout:
@@ -135,7 +116,7 @@ class Layout:
         self._records[name] = (self.places[name], dtype)
 
     def _channels(self, parameters: InstrumentParameters) -> tuple[Channel, ...]:
-        known = {channel.name: channel for channel in _MORE}
+        known = {channel.name: channel for channel in OPTIONAL}
         for family, each in self.parts.items():
             known |= {
                 channel.name: Channel(channel.name, channel.unit, f"{family}_state.{channel.field}", channel.scale)
@@ -147,7 +128,7 @@ class Layout:
                 f"detector.channels = {parameters.detector.channels} is not allowed: there is no channel "
                 f"{', '.join(unknown)}; there are {', '.join(known)}"
             )
-        return (*_STANDARD, *(known[name] for name in dict.fromkeys(wanted)))
+        return (*STANDARD, *(known[name] for name in dict.fromkeys(wanted)))
 
     def place(self, field: str) -> int:
         """Where the number `record.field`, or `record.vector.x`, stands."""

@@ -148,12 +148,15 @@ class Run:
         return "the run is over: there is nothing to pause" if self.state in OVER else ""
 
     def reset(self) -> None:
-        """Go back to the start: same state, same random numbers. Whatever was recorded is handed on before."""
+        """Go back to the start: same state, same random numbers. Whatever was recorded is handed on before.
+
+        A run that was paused waits for `play`.
+        """
         course = self._course
         course.ticker.flush()
         course.ticker.reset()
         course.counts, course.refusal = Counts(), ""
-        self._held = course.parameters.run.start_paused
+        self._held = course.parameters.run.start_paused or self.state == State.PAUSED
         self._watch = Stopwatch(course.clock)
         self._life.go(Cause.RESET)
 

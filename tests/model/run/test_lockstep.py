@@ -208,6 +208,18 @@ def test_run_that_is_over_is_neither_played_nor_paused_until_reset() -> None:
     assert (bench.state, bench.ticks, bench.run.pause()) == (State.WAITING, 0, "")
 
 
+def test_reset_of_a_paused_run_waits_for_play() -> None:
+    bench = started(3)
+    bench.answer()
+    bench.run.pause()
+    bench.run.reset()
+    bench.run.step()
+    assert (bench.state, bench.ticks) == (State.WAITING, 0)
+    bench.run.play()
+    bench.run.step()
+    assert bench.state == State.RUNNING
+
+
 def test_reset_repeats_the_run_with_counts_from_zero_and_forgets_drives_on_their_way() -> None:
     bench = started(3)
     hashes = []

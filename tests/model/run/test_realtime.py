@@ -354,6 +354,9 @@ def test_reset_goes_back_to_the_start_from_every_state(state: State) -> None:
     assert (bench.state, bench.ticks, bench.counts()) == (State.WAITING, 0, {})
     bench.blocks.clear()
     now = 100
+    if state == State.PAUSED:
+        assert not bench.at(now)
+        bench.run.play()
     assert bench.at(now)
     # Sequence 0 is new again, and the drive of before is not held.
     bench.at(now + 1)
