@@ -64,11 +64,23 @@ class Scanner(Group):
 
 
 class Scales(Group):
-    """Scales of the nondimensional equations (section 2.1 of the paper)."""
+    """Scales of the nondimensional equations (section 2.1 of the paper).
 
-    w0: Annotated[Positive, Unit("rad/s")] = Field(1e4, description="frequency scale; 1 time unit is 1/w0")
-    x0: Annotated[Positive, Unit("m")] = Field(2.5e-10, description="lateral length scale, x and y")
-    z0: Annotated[Positive, Unit("m")] = Field(1e-7, description="vertical length scale")
+    They are more than units: the curvature of the sample is that in scaled coordinates, docs/theory.md C12, and the
+    gains of the paper's laws are numbers in these units.
+    """
+
+    w0: Annotated[Positive, Unit("rad/s")] = Field(
+        1e4, description="frequency scale; 1 time unit is 1/w0. It changes what the gains of the law mean"
+    )
+    x0: Annotated[Positive, Unit("m")] = Field(
+        2.5e-10,
+        description="lateral length scale, x and y. It changes the motion: the sample's curvature is that in x0 and "
+        "z0, and the gains of the law are numbers in these units",
+    )
+    z0: Annotated[Positive, Unit("m")] = Field(
+        1e-7, description="vertical length scale; it changes the motion as x0 does"
+    )
 
 
 class Units(NamedTuple):

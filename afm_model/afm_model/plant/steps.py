@@ -10,12 +10,37 @@ from ..jit import plain
 if TYPE_CHECKING:
     from ..parameters import InstrumentParameters
 
+STABLE = 2.0
+"""Angle [rad] by which the vertical resonance may turn in a step, docs/theory.md (42); beyond, it grows."""
+ACCURATE = 0.5
+"""The same for a result that is right, measured in docs/numerics.md."""
+ACCURATE_LATERAL = 0.1
+"""The same for a lateral resonance of the scanner: rests begin and end with a step, and the shortest turn it by 0.2."""
+
 
 def static_load_newton(parameters: "InstrumentParameters") -> float:
     """Load on the tip at rest at the setpoint [N]; negative: the cantilever pulls."""
     cantilever = parameters.cantilever
-    stiffness = cantilever.m_c * (2.0 * math.pi * cantilever.f_c) ** 2
-    return stiffness * (parameters.reference.z_r - cantilever.a) + cantilever.W
+    return _spring(cantilever.m_c, cantilever.f_c) * (parameters.reference.z_r - cantilever.a) + cantilever.W
+
+
+def reachable_load(parameters: "InstrumentParameters") -> float:
+    """Largest load that the run can hold the tip at [N], at least 0.
+
+    It is that of the setpoint or, with piezo.limit, that of the full drive along z, on the top of the sample either
+    way. Without piezo.limit the drive knows no bound: see `resolved_load`.
+    """
+    cantilever, piezo = parameters.cantilever, parameters.piezo
+    k_c = _spring(cantilever.m_c, cantilever.f_c)
+    k_z = _spring(parameters.scanner.mass_ratio * cantilever.m_c, parameters.scanner.f_z)
+    height = registry.find("sample", parameters.sample.kind).height(parameters)
+    # Scanner and cantilever are two springs in a row, and the contact is stiff.
+    share = k_z / (k_c + k_z)
+    load = static_load_newton(parameters) + share * k_c * height
+    if piezo.limit > 0.0:
+        travel = piezo.sensitivity_z * piezo.limit
+        load = max(load, share * (k_c * (travel + height - cantilever.a) + cantilever.W))
+    return max(load, 0.0)
 
 
 def require_contact_at_rest(parameters: "InstrumentParameters") -> None:
@@ -31,20 +56,51 @@ def require_contact_at_rest(parameters: "InstrumentParameters") -> None:
 
 
 def require_resolved_step(parameters: "InstrumentParameters", *, with_contact: bool) -> None:
-    """Raise ValueError if plant.dt does not resolve the fastest resonance."""
-    limit = stable_step(parameters, with_contact=with_contact)
-    if parameters.plant.dt > limit:
-        raise ValueError(
-            f"plant.dt = {parameters.plant.dt:g} s is not allowed: it must be <= {limit:.3g} s, where the explicit "
-            f"step still resolves the fastest resonance of scanner, cantilever and contact"
+    """Raise ValueError if plant.dt is too long for a result that is right, at the loads within reach."""
+    load = reachable_load(parameters) if with_contact else None
+    vertical, lateral = ACCURATE / _vertical(parameters, load), ACCURATE_LATERAL / _lateral(parameters)
+    if parameters.plant.dt <= min(vertical, lateral):
+        return
+    if lateral < vertical:
+        reason = f"in which the faster lateral resonance of the scanner turns by {ACCURATE_LATERAL:g} rad"
+    elif load is None:
+        reason = f"in which the vertical resonance of scanner and cantilever turns by {ACCURATE:g} rad"
+    else:
+        reason = (
+            f"in which the resonance of the contact turns by {ACCURATE:g} rad under {load:.3g} N, the largest load "
+            f"that setpoint, sample and piezo.limit allow"
         )
+    raise ValueError(
+        f"plant.dt = {parameters.plant.dt:g} s is not allowed: it must be <= {min(vertical, lateral):.3g} s, {reason}; "
+        f"a longer step gives wrong results"
+    )
+
+
+def resolved_load(parameters: "InstrumentParameters") -> float:
+    """Largest load [N] under which plant.dt is accurate.
+
+    It is infinite for a plant whose contact is no spring of its own, and for plants of somebody else's.
+    """
+    if parameters.plant.kind != "compliant":
+        return math.inf
+    fastest = ACCURATE / parameters.plant.dt
+    low, high = 0.0, parameters.contact.pull_off_force
+    if _vertical(parameters, low) > fastest:
+        return 0.0
+    while _vertical(parameters, high) < fastest and high < 1e9:
+        high *= 2.0
+    # The stiffness grows with the load; fifty halvings are beyond any round-off.
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _vertical(parameters, middle) > fastest else (middle, high)
+    return low
 
 
 def stable_step(parameters: "InstrumentParameters", *, with_contact: bool | None = None) -> float:
     """Largest stable step [s]: 2 / omega of the fastest resonance of the scanner and, compliant, of the contact.
 
     That of the contact, docs/theory.md (42), is taken at the static load of the setpoint (zero load if it pulls), where
-    the sample makes the contact stiffest. A run that presses much harder than at rest needs a smaller step.
+    the sample makes the contact stiffest. Results are right with much shorter ones: see `require_resolved_step`.
 
     Parameters
     ----------
@@ -54,22 +110,36 @@ def stable_step(parameters: "InstrumentParameters", *, with_contact: bool | None
     """
     if with_contact is None:
         with_contact = parameters.plant.kind != "paper"
+    load = max(static_load_newton(parameters), 0.0) if with_contact else None
+    return STABLE / max(_vertical(parameters, load), _lateral(parameters))
+
+
+def _spring(mass: float, frequency: float) -> float:
+    """Stiffness [N/m]."""
+    return mass * (2.0 * math.pi * frequency) ** 2
+
+
+def _lateral(parameters: "InstrumentParameters") -> float:
+    """Faster lateral resonance of the scanner [rad/s]."""
+    return 2.0 * math.pi * max(parameters.scanner.f_x, parameters.scanner.f_y)
+
+
+def _vertical(parameters: "InstrumentParameters", load: float | None) -> float:
+    """Fastest vertical resonance [rad/s], of the contact under a load [N]; None: tip and sample move as one mass."""
     scanner, cantilever = parameters.scanner, parameters.cantilever
-    if with_contact:
-        # The sum bounds the larger eigenvalue of sample and tip from above.
-        mass = cantilever.m_c / (1.0 + 1.0 / scanner.mass_ratio)
-        alone = 2.0 * math.pi * max(cantilever.f_c, scanner.f_z)
-        vertical = math.sqrt(_stiffest_contact(parameters) / mass + alone**2)
-    else:
-        # Tip and sample move as one mass, on both springs.
-        vertical = 2.0 * math.pi * math.hypot(scanner.f_z, cantilever.f_c / math.sqrt(scanner.mass_ratio))
-    return 2.0 / max(vertical, 2.0 * math.pi * max(scanner.f_x, scanner.f_y))
+    if load is None:
+        # On both springs.
+        return 2.0 * math.pi * math.hypot(scanner.f_z, cantilever.f_c / math.sqrt(scanner.mass_ratio))
+    # The sum bounds the larger eigenvalue of sample and tip from above.
+    mass = cantilever.m_c / (1.0 + 1.0 / scanner.mass_ratio)
+    alone = 2.0 * math.pi * max(cantilever.f_c, scanner.f_z)
+    return math.sqrt(_stiffest_contact(parameters, load) / mass + alone**2)
 
 
-def _stiffest_contact(parameters: "InstrumentParameters") -> float:
-    """Contact stiffness [N/m] under the static load of the setpoint, where the sample makes it largest."""
+def _stiffest_contact(parameters: "InstrumentParameters", load: float) -> float:
+    """Contact stiffness [N/m] under a load [N], where the sample makes it largest."""
     contact = parameters.contact
-    u = plain(u_of_load)(max(static_load_newton(parameters), 0.0) / contact.pull_off_force)
+    u = plain(u_of_load)(load / contact.pull_off_force)
     a0_squared = radius_at_zero_load(contact.R, contact.K, contact.surface_energy) ** 2
     curvature = registry.find("sample", parameters.sample.kind).curvature(parameters)
     rho = 1.0 / (1.0 - curvature * contact.R / parameters.scales.z0)

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afm_model import InstrumentParameters, ParameterError, SimParameters, build
-from afm_model.parameters import stable_step
 
 
 @given(st.floats(1e-9, 1e-6), st.floats(-1e-7, 1e-7), st.floats(0.0, 1e10))
@@ -55,53 +54,6 @@ def test_multiples_are_multiples_whatever_their_round_off(tenths, stride, sample
     period = dt * stride
     values = {"plant.dt": dt, "detector.sample_period": period, "plant.control_period": period * samples}
     assert build(InstrumentParameters, values).plant.substeps == stride * samples
-
-
-def test_step_that_cannot_resolve_the_contact_is_refused():
-    limit = stable_step(InstrumentParameters())
-    coarse = 1.01 * limit
-    with pytest.raises(ParameterError, match=r"plant\.dt = 8\.52.*e-06 s is not allowed: it must be <= 8\.44e-06 s"):
-        build(
-            InstrumentParameters,
-            {"plant.dt": coarse, "detector.sample_period": coarse, "plant.control_period": coarse},
-        )
-
-
-@pytest.mark.parametrize("load", [6e-8, 6e-7, 6e-6])
-def test_step_that_cannot_resolve_the_loaded_contact_is_refused(load):
-    # Stiffness 18 u^2 (2 u^3 - 1) / (6 u^3 - 1) |L_s| R / a_0^2 at this load, u^3 = (1 + sqrt(1 + L)) / 2.
-    contact = InstrumentParameters().contact
-    u3 = 0.5 * (1.0 + math.sqrt(1.0 + load / contact.pull_off_force))
-    a_0 = (12.0 * math.pi * contact.R**2 * contact.gamma / contact.K) ** (1.0 / 3.0)
-    ratio = 18.0 * u3 ** (2.0 / 3.0) * (2.0 * u3 - 1.0) / (6.0 * u3 - 1.0)
-    stiffness = ratio * contact.pull_off_force * contact.R / a_0**2
-    coarse = 1.02 * 2.0 / math.sqrt(stiffness / (6e-9 / 1.01) + (2.0 * math.pi * 2400.0) ** 2)
-    assert coarse < stable_step(InstrumentParameters())  # what an unloaded contact would take
-    with pytest.raises(ParameterError, match="resonance of scanner, cantilever and contact"):
-        build(
-            InstrumentParameters,
-            {
-                "cantilever.W": load,
-                "plant.dt": coarse,
-                "detector.sample_period": coarse,
-                "plant.control_period": coarse,
-            },
-        )
-
-
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"scanner.f_x": 4e5},
-        {"scanner.f_z": 4e5},
-        {"plant.kind": "paper", "scanner.f_y": 4e5},
-        {"plant.kind": "paper", "cantilever.f_c": 4e6},
-        {"plant.kind": "paper", "plant.dt": 1e-3, "detector.sample_period": 1e-3, "plant.control_period": 1e-3},
-    ],
-)
-def test_step_that_cannot_resolve_scanner_or_cantilever_is_refused(values):
-    with pytest.raises(ParameterError, match="resonance of scanner, cantilever and contact"):
-        build(InstrumentParameters, values)
 
 
 def test_run_of_a_part_of_a_tick_is_one_tick_and_no_endless_one():

@@ -225,7 +225,7 @@ def test_a_piezo_creeps_by_the_log_law(own):
             "piezo.creep": creep,
             "plant.control_period": 1e-3,
             "detector.sample_period": 1e-3,
-            "plant.dt": 5e-6,
+            "plant.dt": 2e-6,
             "detector.channels": "truth/piezo_x",
             "run.duration": 10.0,
         },

@@ -155,3 +155,34 @@ def test_paper_plant_never_loses_contact():
     assert s.contact == 1.0
     assert s.N < -p.L_s  # adhesion would have failed: this plant has no such state
     assert math.isfinite(s.Q)
+
+
+def order_in_slip(values: dict[str, object]) -> float:
+    """Exponent of the step in the error of x and y after 8 units of slip under a constant drive."""
+    constant = {"reference.shape_x": "constant", "reference.shape_y": "constant"}
+    amplitude = {"reference.amplitude_x": 10.0 * session.X0, "reference.amplitude_y": 10.0 * session.X0}
+
+    def end(dt: float) -> np.ndarray:
+        steps = {"plant.dt": dt, "detector.sample_period": dt, "plant.control_period": 8e-6}
+        scope = session.instrument(values | constant | amplitude | steps | {"reference.z_r": 1e-9})
+        session.run(scope, session.controller(OPEN_LOOP), 8e-4)
+        return np.array(scope.truth.position[:2]) / session.X0
+
+    fine = end(2.5e-7 / 4.0)
+    assert (fine > 13.0).all()  # over two bumps
+    errors = [np.abs(end(dt) - fine).max() for dt in (5e-7, 1e-6, 2e-6)]
+    if values.get("plant.z") == "computed":
+        assert errors[1] == pytest.approx(0.0019, rel=0.05)  # digits given, of x0 at the default step
+    return float(np.polyfit(np.log([5e-7, 1e-6, 2e-6]), np.log(errors), 1)[0])
+
+
+@pytest.mark.parametrize(
+    ("values", "order"),
+    [
+        ({"plant.kind": "paper", "plant.z": "computed"}, 1.0),
+        ({"plant.kind": "paper", "plant.z": "held"}, 2.0),
+        ({"plant.kind": "compliant"}, 2.0),
+    ],
+)
+def test_computed_treatment_is_of_first_order_and_the_others_of_second(values, order):
+    assert order_in_slip(values) == pytest.approx(order, abs=0.15)
