@@ -22,7 +22,8 @@ def main() -> int:
     except (ScenarioError, ParameterError, PartError, DriveError, DivergenceError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    card = {"scenario": scenario.name, "ticks": len(run.time)} | scorecard(run.score)
+    card = {"scenario": scenario.name, "valid": not run.doubts, "reason": "; ".join(run.doubts), "ticks": len(run.time)}
+    card |= scorecard(run.score)
     print(json.dumps(card | {"trajectory_sha256": run.trajectory_sha256}, indent=2, allow_nan=False))
     return 0
 

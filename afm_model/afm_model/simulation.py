@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .controller import Controller
 from .errors import ParameterError
 from .instrument import Block, Instrument, ScoreSummary
+from .instrument.validity import doubts
 from .parameters import ControllerParameters, SimParameters
 from .parts.part import Channel
 
@@ -38,6 +39,7 @@ class Simulation:
     samples: _Array  # (channels, m)
     channels: tuple[Channel, ...]
     score: ScoreSummary
+    doubts: list[str]  # why the score may not be true, a sentence each
     trajectory_sha256: str
 
     @property
@@ -124,6 +126,7 @@ def simulate(
         samples=samples,
         channels=instrument.channels,
         score=instrument.score(),
+        doubts=doubts(parameters, instrument.score(), _parameters_of(controller)),
         trajectory_sha256=instrument.trajectory_sha256(),
     )
 
@@ -179,6 +182,13 @@ def run(
             if progress is not None:
                 progress(instrument.ticks, total)
     return instrument
+
+
+def _parameters_of(controller: ControllerParameters | Law) -> ControllerParameters | None:
+    """Of a law of ours."""
+    if isinstance(controller, Controller):
+        return controller.parameters
+    return controller if isinstance(controller, ControllerParameters) else None
 
 
 def ticks_to_simulate(parameters: SimParameters) -> int:

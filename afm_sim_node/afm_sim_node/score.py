@@ -5,6 +5,7 @@ from afm_msgs.msg import Score
 from numpy.typing import NDArray
 
 from afm_model.instrument import ScoreSummary
+from afm_model.instrument.validity import doubts
 from afm_model.run import Delays, Snapshot, retracted_fraction, shortfall, verdict
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
@@ -28,7 +29,7 @@ def score_message(
     parameters : SimNodeParameters
     trajectory_sha256 : str
     """
-    reason = verdict(summary, run)
+    reason = "; ".join(filter(None, [verdict(summary, run), *doubts(parameters, summary)]))
     counts = run.counts
 
     def of_the_tip(values: NDArray[np.float64]) -> NDArray[np.float64]:
