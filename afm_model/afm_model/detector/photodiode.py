@@ -1,6 +1,6 @@
 """Four-quadrant photodiode: deflection and lateral force as voltages, with white noise and an ADC."""
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from annotated_types import Ge, Lt
 from pydantic import Field
@@ -8,12 +8,9 @@ from pydantic import Field
 from ..converter import convert
 from ..jit import kernel
 from ..parts.groups import DetectorParameters
-from ..parts.part import Detector, Numbers
+from ..parts.part import Detector, Numbers, Tree
 from ..records import record
 from ..schema import NonNegative, Positive, Unit
-
-if TYPE_CHECKING:
-    from ..parameters import InstrumentParameters
 
 
 class Photodiode(DetectorParameters):
@@ -31,8 +28,8 @@ class Photodiode(DetectorParameters):
 CONSTANTS = record("a", "deflection_sensitivity", "lateral_sensitivity", "noise", "adc_lsb", "adc_limit")
 
 
-def _values(parameters: "InstrumentParameters") -> Numbers:
-    detector: Any = parameters.detector
+def _values(parameters: Tree) -> Numbers:
+    detector = parameters.detector
     adc_on = detector.adc_bits > 0
     return {
         "a": parameters.cantilever.a,

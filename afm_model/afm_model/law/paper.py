@@ -1,19 +1,16 @@
 """The paper's control laws, docs/theory.md (28), from a measurement in SI to a piezo drive in volts."""
 
 import math
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from ..jit import kernel
 from ..parts.groups import LawParameters
-from ..parts.part import Law, Numbers
+from ..parts.part import Law, Numbers, Tree
 from ..records import record
 from ..schema import NonNegative, Positive
 from .lyapunov import lyapunov_matrix
-
-if TYPE_CHECKING:
-    from ..parameters import ControllerParameters
 
 OPEN_LOOP, SGN, TANH = range(3)
 KINDS = {"open_loop": OPEN_LOOP, "sgn": SGN, "tanh": TANH}
@@ -52,8 +49,8 @@ CONSTANTS = record(
 """Nondimensional gains; `volts_x` is the drive voltage per unit of U_x."""
 
 
-def _values(parameters: "ControllerParameters") -> Numbers:
-    law: Any = parameters.law
+def _values(parameters: Tree) -> Numbers:
+    law = parameters.law
     scanner, scales = parameters.scanner, parameters.scales
     values: dict[str, float] = {
         "kind": KINDS[law.kind],

@@ -18,20 +18,24 @@ from .call import NUMBER, POINTER, Argument
 
 Numbers = Mapping[str, Any]
 """Values of a record by the names of its fields."""
+Tree = Any
+"""All parameters of the instrument, or for a law those of the controller. Their types are made of the groups of the
+parts, so that a part cannot name them.
+"""
 Kernel = Callable[..., None]
 CONSTANTS, STATE = "constants", "state"
 """In the signature of a family: the part's own records."""
 
 
-def _one(parameters: Any) -> float:
+def _one(parameters: Tree) -> float:
     return 1.0
 
 
-def _none(parameters: Any) -> Numbers:
+def _none(parameters: Tree) -> Numbers:
     return {}
 
 
-def _anything(parameters: Any) -> None:
+def _anything(parameters: Tree) -> None:
     """Allowed as it is."""
 
 
@@ -54,7 +58,7 @@ class Channel:
     name: str
     unit: str
     field: str
-    scale: Callable[[Any], float] = _one
+    scale: Callable[[Tree], float] = _one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,9 +95,9 @@ class Part:
     parameters: type[Group]
     constants: np.dtype[Any] = field(default_factory=lambda: EMPTY)
     state: np.dtype[Any] = field(default_factory=lambda: EMPTY)
-    values: Callable[[Any], Numbers] = _none
-    start: Callable[[Any], Numbers] | None = None
-    check: Callable[[Any], None] = _anything
+    values: Callable[[Tree], Numbers] = _none
+    start: Callable[[Tree], Numbers] | None = None
+    check: Callable[[Tree], None] = _anything
     channels: tuple[Channel, ...] = ()
     draws: int = 0
     draw: Callable[[Any, np.random.Generator, int], NDArray[np.float64] | None] | None = None

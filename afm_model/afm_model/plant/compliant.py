@@ -16,7 +16,7 @@ from ..contact.jkr import INDENTATION_FIXED_GRIPS, load_of_u, stiffness_of_u, u_
 from ..contact.surface import effective_radius_ratio
 from ..friction.strength import bound_of_area
 from ..jit import kernel
-from ..parts.part import Plant
+from ..parts.part import Plant, Tree
 from ..sample import surface
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
@@ -90,13 +90,13 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     s.Q += half * s.V_Q
 
 
-def _check(parameters: Any) -> None:
+def _check(parameters: Tree) -> None:
     if parameters.plant.gap == 0.0:
         require_contact_at_rest(parameters)
     require_resolved_step(parameters, with_contact=True)
 
 
-def _rest(parameters: Any, p: Any, s: Any, m: Any) -> tuple[float, float, float]:
+def _rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]:
     if parameters.plant.gap > 0.0:
         return start_free(parameters, p, s, m)
     return rest(parameters, p, s, m)

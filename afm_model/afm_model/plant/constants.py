@@ -5,15 +5,12 @@ docs/theory.md (22), (23), and (2), (3), (13) for the contact.
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..contact.jkr import radius_at_zero_load
 from ..jit import kernel
-from ..parts.part import Numbers
+from ..parts.part import Numbers, Tree
 from ..records import record
-
-if TYPE_CHECKING:
-    from ..parameters import InstrumentParameters
 
 CONSTANTS = record(
     "h",  # integration step [1/w0]
@@ -46,7 +43,7 @@ CONSTANTS = record(
 )
 
 
-def plant_constants(parameters: "InstrumentParameters", treatment: int = 0) -> Numbers:
+def plant_constants(parameters: Tree, treatment: int = 0) -> Numbers:
     """Values of CONSTANTS.
 
     Raises

@@ -4,13 +4,14 @@ from typing import Any
 
 from ..errors import ParameterError
 from ..friction.strength import bound_of_load
+from ..parts.part import Tree
 from ..sample import surface
 from .statics import place_sample, static_load
 
 Voltage = tuple[float, float, float]
 
 
-def rest(parameters: Any, p: Any, s: Any, m: Any) -> Voltage:
+def rest(parameters: Tree, p: Any, s: Any, m: Any) -> Voltage:
     """Static contact at X = Y = 0 with the tip at its setpoint, as after an approach.
 
     Parameters
@@ -49,7 +50,7 @@ def rest(parameters: Any, p: Any, s: Any, m: Any) -> Voltage:
     return 0.0, 0.0, float(u_z) / p.gain_z
 
 
-def start_free(parameters: Any, p: Any, s: Any, m: Any) -> Voltage:
+def start_free(parameters: Tree, p: Any, s: Any, m: Any) -> Voltage:
     """The cantilever at rest, the sample plant.gap below it; arguments as in `rest`."""
     s.Q = p.a - p.w / p.eta_c**2
     s.Z = s.Q - surface(0.0, 0.0, m).height - parameters.plant.gap / p.z0

@@ -10,7 +10,7 @@ the unknown f_z of the error dynamics drawn at random (section 4.2): Q'' is then
 Equations: docs/theory.md (25) to (27), (43).
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..contact.surface import effective_radius_ratio
 from ..friction.strength import bound_of_load
 from ..jit import kernel
-from ..parts.part import Numbers, Plant
+from ..parts.part import Numbers, Plant, Tree
 from ..sample import surface
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
@@ -27,9 +27,6 @@ from .lateral import kick_lateral, store_friction
 from .state import STATE
 from .statics import place_sample, static_indentation, static_load
 from .steps import require_contact_at_rest, require_resolved_step
-
-if TYPE_CHECKING:
-    from ..parameters import InstrumentParameters
 
 Z_COMPUTED, Z_HELD, Z_UNIFORM = range(3)
 TREATMENTS = {"computed": Z_COMPUTED, "held": Z_HELD, "uniform": Z_UNIFORM}
@@ -115,18 +112,18 @@ def _kick_tip(s: Any, p: Any, H: Any, delta: float, v_x: float, v_y: float, u_z:
     return ((1.0 - d) * s.V_Q + h * force / inertia) / (1.0 + d)
 
 
-def _values(parameters: "InstrumentParameters") -> Numbers:
-    plant: Any = parameters.plant
+def _values(parameters: Tree) -> Numbers:
+    plant = parameters.plant
     return plant_constants(parameters, TREATMENTS[plant.z])
 
 
-def _draw(parameters: Any, generator: np.random.Generator, ticks: int) -> NDArray[np.float64] | None:
+def _draw(parameters: Tree, generator: np.random.Generator, ticks: int) -> NDArray[np.float64] | None:
     """f_z of section 4.2 of the paper."""
     plant = parameters.plant
     return generator.uniform(-plant.M_z, plant.M_z, (ticks, 1)) if plant.z == "uniform" else None
 
 
-def _check(parameters: Any) -> None:
+def _check(parameters: Tree) -> None:
     if parameters.plant.gap > 0.0:
         raise ValueError(f"plant.gap = {parameters.plant.gap:g} m is not allowed: for the paper's plant it must be 0 m")
     require_contact_at_rest(parameters)

@@ -1,14 +1,11 @@
 """Which integration steps resolve a plant, and which setpoints it can rest at; docs/theory.md (27), (42)."""
 
 import math
-from typing import TYPE_CHECKING
 
 from .. import registry
 from ..contact.jkr import radius_at_zero_load, stiffness_of_u, u_of_load
 from ..jit import plain
-
-if TYPE_CHECKING:
-    from ..parameters import InstrumentParameters
+from ..parts.part import Tree
 
 STABLE = 2.0
 """Angle [rad] by which the vertical resonance may turn in a step, docs/theory.md (42); beyond, it grows."""
@@ -18,13 +15,13 @@ ACCURATE_LATERAL = 0.1
 """The same for a lateral resonance of the scanner: rests begin and end with a step, and the shortest turn it by 0.2."""
 
 
-def static_load_newton(parameters: "InstrumentParameters") -> float:
+def static_load_newton(parameters: Tree) -> float:
     """Load on the tip at rest at the setpoint [N]; negative: the cantilever pulls."""
     cantilever = parameters.cantilever
     return _spring(cantilever.m_c, cantilever.f_c) * (parameters.reference.z_r - cantilever.a) + cantilever.W
 
 
-def reachable_load(parameters: "InstrumentParameters") -> float:
+def reachable_load(parameters: Tree) -> float:
     """Largest load that the run can hold the tip at [N], at least 0.
 
     It is that of the setpoint or, with piezo.limit, that of the full drive along z, on the top of the sample either
@@ -43,7 +40,7 @@ def reachable_load(parameters: "InstrumentParameters") -> float:
     return max(load, 0.0)
 
 
-def require_contact_at_rest(parameters: "InstrumentParameters") -> None:
+def require_contact_at_rest(parameters: Tree) -> None:
     """Raise ValueError if the cantilever pulls harder at the setpoint than adhesion holds."""
     limit = -parameters.contact.pull_off_force
     load = static_load_newton(parameters)
@@ -55,7 +52,7 @@ def require_contact_at_rest(parameters: "InstrumentParameters") -> None:
         )
 
 
-def require_resolved_step(parameters: "InstrumentParameters", *, with_contact: bool) -> None:
+def require_resolved_step(parameters: Tree, *, with_contact: bool) -> None:
     """Raise ValueError if plant.dt is too long for a result that is right, at the loads within reach."""
     load = reachable_load(parameters) if with_contact else None
     vertical, lateral = ACCURATE / _vertical(parameters, load), ACCURATE_LATERAL / _lateral(parameters)
@@ -76,7 +73,7 @@ def require_resolved_step(parameters: "InstrumentParameters", *, with_contact: b
     )
 
 
-def resolved_load(parameters: "InstrumentParameters") -> float:
+def resolved_load(parameters: Tree) -> float:
     """Largest load [N] under which plant.dt is accurate.
 
     It is infinite for a plant whose contact is no spring of its own, and for plants of somebody else's.
@@ -96,7 +93,7 @@ def resolved_load(parameters: "InstrumentParameters") -> float:
     return low
 
 
-def stable_step(parameters: "InstrumentParameters", *, with_contact: bool | None = None) -> float:
+def stable_step(parameters: Tree, *, with_contact: bool | None = None) -> float:
     """Largest stable step [s]: 2 / omega of the fastest resonance of the scanner and, compliant, of the contact.
 
     That of the contact, docs/theory.md (42), is taken at the static load of the setpoint (zero load if it pulls), where
@@ -119,12 +116,12 @@ def _spring(mass: float, frequency: float) -> float:
     return mass * (2.0 * math.pi * frequency) ** 2
 
 
-def _lateral(parameters: "InstrumentParameters") -> float:
+def _lateral(parameters: Tree) -> float:
     """Faster lateral resonance of the scanner [rad/s]."""
     return 2.0 * math.pi * max(parameters.scanner.f_x, parameters.scanner.f_y)
 
 
-def _vertical(parameters: "InstrumentParameters", load: float | None) -> float:
+def _vertical(parameters: Tree, load: float | None) -> float:
     """Fastest vertical resonance [rad/s], of the contact under a load [N]; None: tip and sample move as one mass."""
     scanner, cantilever = parameters.scanner, parameters.cantilever
     if load is None:
@@ -136,7 +133,7 @@ def _vertical(parameters: "InstrumentParameters", load: float | None) -> float:
     return math.sqrt(_stiffest_contact(parameters, load) / mass + alone**2)
 
 
-def _stiffest_contact(parameters: "InstrumentParameters", load: float) -> float:
+def _stiffest_contact(parameters: Tree, load: float) -> float:
     """Contact stiffness [N/m] under a load [N], where the sample makes it largest."""
     contact = parameters.contact
     u = plain(u_of_load)(load / contact.pull_off_force)

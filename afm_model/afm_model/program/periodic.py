@@ -1,18 +1,15 @@
 """Periodic reference: sine and triangle start at zero, a constant is there at once. The setpoint stays as it is."""
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from ..jit import kernel
 from ..parts.groups import ProgramParameters
-from ..parts.part import Numbers, Program
+from ..parts.part import Numbers, Program, Tree
 from ..records import record
 from ..schema import NonNegative, Unit
-
-if TYPE_CHECKING:
-    from ..parameters import InstrumentParameters
 
 SINE, TRIANGLE, CONSTANT = range(3)
 SHAPES = {"sine": SINE, "triangle": TRIANGLE, "constant": CONSTANT}
@@ -45,8 +42,8 @@ class Reference(ProgramParameters):
 CONSTANTS = record("shape_x", "shape_y", "amplitude_x", "amplitude_y", "omega_x", "omega_y", "z_r")
 
 
-def _values(parameters: "InstrumentParameters") -> Numbers:
-    reference: Any = parameters.reference
+def _values(parameters: Tree) -> Numbers:
+    reference = parameters.reference
     shapes = {"shape_x": SHAPES[reference.shape_x], "shape_y": SHAPES[reference.shape_y]}
     return shapes | {name: getattr(reference, name) for name in CONSTANTS.names or () if name not in shapes}
 

@@ -3,19 +3,16 @@
 Lengths are nondimensional: X, Y in x_0, H in z_0. Equations: docs/theory.md (16) to (18).
 """
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from ..jit import kernel
 from ..parts.groups import SampleParameters
-from ..parts.part import Numbers, Sample
+from ..parts.part import Numbers, Sample, Tree
 from ..records import record
 from ..schema import NonNegative, Unit
 from ..sincos import sincos
-
-if TYPE_CHECKING:
-    from ..parameters import InstrumentParameters
 
 
 class PaperSample(SampleParameters):
@@ -29,15 +26,15 @@ class PaperSample(SampleParameters):
 CONSTANTS = record("beta", "k_x", "k_y")
 
 
-def _values(parameters: "InstrumentParameters") -> Numbers:
-    sample: Any = parameters.sample
+def _values(parameters: Tree) -> Numbers:
+    sample = parameters.sample
     scales = parameters.scales
     return {"beta": sample.beta / scales.z0, "k_x": sample.k_x * scales.x0, "k_y": sample.k_y * scales.x0}
 
 
-def _curvature(parameters: "InstrumentParameters") -> float:
+def _curvature(parameters: Tree) -> float:
     """At the tops and bottoms."""
-    sample: Any = parameters.sample
+    sample = parameters.sample
     x0 = parameters.scales.x0
     return 0.5 * ((sample.k_x * x0) ** 2 + (sample.k_y * x0) ** 2) * abs(sample.beta) / parameters.scales.z0
 
