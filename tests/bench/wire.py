@@ -17,6 +17,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from afm_model import signals
+from afm_model.records import size
 from afm_node_common import topics
 from afm_node_common.codec import drive_codec, measurement_codec
 
@@ -71,7 +72,7 @@ class End:
 
 
 def _messages() -> tuple[bytes, bytes]:
-    measurement = measurement_codec().encode(0, 0, np.zeros(signals.MEASUREMENT_SIZE))
+    measurement = measurement_codec().encode(0, 0, np.zeros(size(signals.MEASUREMENT)))
     return measurement, drive_codec().encode(0, 0, np.zeros(3))
 
 
