@@ -7,6 +7,7 @@ from pathlib import Path
 
 from . import DivergenceError, DriveError, ParameterError, PartError, ScenarioError, load_scenario, simulate
 from .progress import bar
+from .registry import find
 from .scorecard import scorecard
 
 
@@ -17,6 +18,9 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         scenario = load_scenario(arguments.scenario)
+        law = find("law", scenario.controller.law.kind)
+        for sentence in law.warnings(scenario.controller, scenario.sim.plant.control_period):
+            print(f"warning: {sentence}", file=sys.stderr)
         with bar("simulating") as report:
             run = simulate(scenario.sim, scenario.controller, progress=report)
     except (ScenarioError, ParameterError, PartError, DriveError, DivergenceError) as error:

@@ -126,10 +126,16 @@ def _known(model: type[Group]) -> dict[str, Specification]:
 
 
 def unknown_name_message(name: str, known: list[str]) -> str:
-    """A sentence for a name that does not exist, with the nearest one that does."""
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}."
-    return f"unknown parameter {name}: {hint}"
+    """A sentence for a name that does not exist, with the nearest one that does, or all of its group."""
+    group, _, leaf = name.rpartition(".")
+    same = {each.rpartition(".")[2]: each for each in known if each.rpartition(".")[0] == group}
+    near = [same[each] for each in difflib.get_close_matches(leaf, same, n=1)]
+    if not near and not same:
+        near = difflib.get_close_matches(name, known, n=1)
+    if near:
+        return f"unknown parameter {name}: did you mean {near[0]}?"
+    there = f"{group} has {', '.join(same)}" if group and same else f"known are {', '.join(known)}"
+    return f"unknown parameter {name}: {there}."
 
 
 def with_parts(model: type[G], values: Mapping[str, Value]) -> type[G]:

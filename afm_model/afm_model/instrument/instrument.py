@@ -231,9 +231,15 @@ class Instrument:
             raise DriveError(_describe(self._commanded))
         if outcome == DIVERGED:
             raise DivergenceError(
-                f"the motion diverged (beyond {RANGE:g} m) at {self.time:g} s under a drive of {self._commanded} V: "
-                f"the loop is unstable, or plant.dt = {self.parameters.plant.dt:g} s is too long"
+                f"the motion diverged (beyond {RANGE:g} m) at {self.time:g} s under a drive of {self._commanded} V, "
+                f"first along {self._diverged_along()}: the loop is unstable, or plant.dt = "
+                f"{self.parameters.plant.dt:g} s is too long"
             )
+
+    def _diverged_along(self) -> str:
+        """Axes along which the position is beyond RANGE, or is no number."""
+        position = self._layout.record(self._block, "measurement").position
+        return " and ".join(axis for axis, x in zip("xyz", position, strict=True) if not abs(x) < RANGE)
 
     def take_block(self) -> Block:
         """The ticks since the last call, at any time; a block may hold fewer ticks than a full one, or none."""

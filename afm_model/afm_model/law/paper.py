@@ -145,8 +145,27 @@ def control(t: float, y: Any, u: Any, g: Any, s: Any) -> None:
     )
 
 
+def _warnings(parameters: Tree, control_period: float) -> list[str]:
+    """Limits of a held drive, docs/theory.md C17: beyond them the continuous-time law is another one."""
+    law, hold = parameters.law, parameters.scales.w0 * control_period
+    if law.kind == "open_loop":
+        return []
+    told = [
+        f"along {axis} the loop diverges: law.cdot_{axis} w0 plant.control_period = {rate * hold:.3g} must be < 2 "
+        f"(law.cdot_{axis} = {rate:g}, plant.control_period = {control_period:g} s)"
+        for axis, rate in (("x", law.cdot_x), ("y", law.cdot_y), ("z", law.cdot_z))
+        if rate * hold >= 2.0
+    ]
+    if law.kind == "tanh" and law.alpha * hold > 0.2:
+        told.append(
+            f"along x and y the drive chatters: law.alpha w0 plant.control_period = {law.alpha * hold:.3g} should be "
+            f"<= 0.2 (law.alpha = {law.alpha:g}, plant.control_period = {control_period:g} s)"
+        )
+    return told
+
+
 def _law(name: str) -> Law:
-    return Law(name=name, parameters=PaperLaw, constants=CONSTANTS, values=_values, control=control)
+    return Law(name=name, parameters=PaperLaw, constants=CONSTANTS, values=_values, warnings=_warnings, control=control)
 
 
 PARTS = tuple(_law(name) for name in KINDS)

@@ -133,6 +133,8 @@ class Law(Part):
     functions: ClassVar = {"control": (NUMBER, MEASUREMENT, DRIVE, CONSTANTS, STATE)}
 
     control: Kernel
+    warnings: Callable[[Tree, float], list[str]] = lambda parameters, control_period: []
+    """(parameters, control period [s]) -> why the loop cannot work at this rate, a sentence each."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 import math
 from typing import Annotated, Any, Literal
 
+from annotated_types import Gt, Lt
 from pydantic import Field
 
 from ..jit import kernel
@@ -14,6 +15,8 @@ from ..schema import NonNegative, Unit
 SINE, TRIANGLE, CONSTANT = range(3)
 SHAPES = {"sine": SINE, "triangle": TRIANGLE, "constant": CONSTANT}
 Shape = Literal["sine", "triangle", "constant"]
+Amplitude = Annotated[float, Gt(-1e-3), Lt(1e-3), Unit("m")]
+"""Beyond a millimetre no scanner goes."""
 
 
 class Reference(ProgramParameters):
@@ -21,8 +24,8 @@ class Reference(ProgramParameters):
 
     shape_x: Shape = Field("sine", description="waveform along x")
     shape_y: Shape = Field("sine", description="waveform along y")
-    amplitude_x: Annotated[float, Unit("m")] = Field(5e-9, description="amplitude along x (paper: 20 x0)")
-    amplitude_y: Annotated[float, Unit("m")] = Field(5e-9, description="amplitude along y (paper: 20 y0)")
+    amplitude_x: Amplitude = Field(5e-9, description="amplitude along x (paper: 20 x0)")
+    amplitude_y: Amplitude = Field(5e-9, description="amplitude along y (paper: 20 y0)")
     omega_x: Annotated[NonNegative, Unit("rad/s")] = Field(50.0, description="angular frequency along x")
     omega_y: Annotated[NonNegative, Unit("rad/s")] = Field(50.0, description="angular frequency along y")
 

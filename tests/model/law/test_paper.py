@@ -8,7 +8,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afm_model import Controller, ControllerParameters, build
+from afm_model import (
+    Controller,
+    ControllerParameters,
+    DivergenceError,
+    SimParameters,
+    build,
+    registry,
+    simulate,
+)
 from afm_model.law.paper import SGN, TANH, switching
 from afm_model.records import size
 from afm_model.signals import MEASUREMENT
@@ -155,3 +163,25 @@ def test_answer_does_not_change_the_measurement(rng):
     kept = y.copy()
     Controller(ControllerParameters()).answer(y)
     np.testing.assert_array_equal(y, kept)
+
+
+@pytest.mark.parametrize(("period", "diverges"), [(2e-6, ""), (5e-5, ""), (1e-4, "z"), (2e-4, "xyz")])
+def test_a_rate_at_which_the_loop_diverges_is_told_by_axis_number_and_limit(period, diverges):
+    controller = build(ControllerParameters, {"law.alpha": 0.01})
+    told = registry.find("law", "tanh").warnings(controller, period)
+    assert [sentence[:7] for sentence in told] == [f"along {axis}" for axis in diverges]
+    if diverges:
+        assert f"law.cdot_z w0 plant.control_period = {3e4 * period:.3g} must be < 2" in told[-1]
+    run = build(SimParameters, {"run.duration": 0.05, "plant.control_period": period})
+    if diverges:
+        with pytest.raises(DivergenceError, match=r"first along .*z"):
+            simulate(run, controller)
+    else:
+        simulate(run, controller)
+
+
+def test_an_alpha_that_chatters_at_this_rate_is_told():
+    law = registry.find("law", "tanh")
+    assert law.warnings(build(ControllerParameters, {"law.alpha": 10.0}), 2e-6) == []
+    (sentence,) = law.warnings(build(ControllerParameters, {"law.alpha": 20.0}), 2e-6)
+    assert "law.alpha w0 plant.control_period = 0.4 should be <= 0.2" in sentence

@@ -167,3 +167,13 @@ def test_parameters_do_not_change_once_made():
     parameters = InstrumentParameters()
     with pytest.raises(ValueError, match="frozen"):
         parameters.contact.tau = 1.0
+
+
+def test_a_name_far_from_all_others_of_its_group_is_answered_by_what_the_group_has():
+    with pytest.raises(ParameterError, match=r"^unknown parameter cantilever.k: cantilever has m_c, f_c, .* W\.$"):
+        build(InstrumentParameters, {"cantilever.k": 0.2})
+
+
+def test_a_reference_beyond_every_scanner_is_refused():
+    with pytest.raises(ParameterError, match=r"reference.amplitude_x = 500.0 m is not allowed: .* < 0.001"):
+        build(InstrumentParameters, {"reference.amplitude_x": 500.0})
