@@ -2,11 +2,12 @@
 
 import importlib
 
-from afm_model import ControllerParameters, SimParameters, build, simulate
+from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
 
 NODES = ("afm_sim_node", "afm_controller_node", "afm_recorder_node")
 
 for module in ("afm_bringup.session", "matplotlib.font_manager", *(f"{package}.node" for package in NODES)):
     importlib.import_module(module)
-# The kernels hold every plant and every law: one run compiles them all.
+# The loop holds every part of ours: one run compiles it. The law of a node stands apart.
 simulate(build(SimParameters, {"run.duration": 1e-3}), ControllerParameters())
+Controller(ControllerParameters()).answer(Instrument(SimParameters(), 1).measurement)
