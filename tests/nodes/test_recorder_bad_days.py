@@ -17,7 +17,7 @@ from recorder_bench import BLOCK, NAMESPACE, RecorderProcess, stamp
 from afm_node_common import topics
 from afm_recorder_node.reader import IncompleteRecording, read_recording
 
-ROOM = 3_000_000
+ROOM = 64 * 2**20
 """Bytes of the disk that gets full."""
 
 
@@ -35,7 +35,7 @@ def publish_for(recorder: RecorderProcess, seconds: float, first: int = 0) -> in
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system with room for three megabytes."""
+    """A small file system, with room for all that a fast machine publishes in the seconds of a test."""
     folder = tmp_path / "disk"
     folder.mkdir()
     made = subprocess.run(
