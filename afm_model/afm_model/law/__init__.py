@@ -14,6 +14,7 @@ from .paper import PaperLaw
 EXTERNAL = -2
 """Number of the law that is not here: the drive comes from elsewhere."""
 PARTS = paper.PARTS
+_OF_THE_PAPER = len(paper.PARTS)
 register(*PARTS)
 
 
@@ -21,7 +22,7 @@ register(*PARTS)
 def control(t: float, y: Any, u: Any, law: Block) -> None:
     """Write into the record u of DRIVE what the law of the block `law` answers to measurement y of time t [s]."""
     g = record_at(law, 0, LAW_HEADER)
-    if 0 <= g.law < 3:
+    if 0 <= g.law < _OF_THE_PAPER:
         paper.control(t, y, u, record_at(law, g.law_constants, paper.CONSTANTS), 0)
     elif g.law != EXTERNAL:
         call(g.law_control, (t, y, u, pointer_at(law, g.law_constants), pointer_at(law, g.law_state)))
