@@ -2,28 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .controller import Controller
-from .errors import ParameterError
 from .instrument import Block, Instrument, ScoreSummary
 from .instrument.validity import doubts
 from .parameters import ControllerParameters, SimParameters
 from .parts.part import Channel
+from .run.simulated import Law, ticks_of_a_block, ticks_to_simulate
 
-_BLOCK_SAMPLES = 65536
 _Array = NDArray[np.float64]
-
-
-class Law(Protocol):
-    """Anything that answers measurements."""
-
-    def answer(self, measurement: _Array, /) -> Any:
-        """Drive [V], (3,), for a measurement in the order of `afm_model.signals.MEASUREMENT`."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -164,10 +155,7 @@ def run(
     compiled = isinstance(law, Controller) and type(law).answer is Controller.answer
     if hasattr(law, "reset"):
         law.reset()
-    samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
-    instrument = Instrument(
-        parameters, block_ticks or max(1, min(total, _BLOCK_SAMPLES // samples_per_tick)), hashed=hashed
-    )
+    instrument = Instrument(parameters, block_ticks or ticks_of_a_block(parameters), hashed=hashed)
     while instrument.ticks < total:
         if compiled:
             assert isinstance(law, Controller)
@@ -189,10 +177,3 @@ def _parameters_of(controller: ControllerParameters | Law) -> ControllerParamete
     if isinstance(controller, Controller):
         return controller.parameters
     return controller if isinstance(controller, ControllerParameters) else None
-
-
-def ticks_to_simulate(parameters: SimParameters) -> int:
-    """Control ticks of a run; ParameterError if it is endless."""
-    if parameters.total_ticks == 0:
-        raise ParameterError("run.duration = 0 s is not allowed in a simulation: it must be > 0 s")
-    return parameters.total_ticks

@@ -24,9 +24,10 @@ from .errors import DivergenceError, DriveError, ParameterError, PartError
 from .instrument import Instrument, score
 from .parameters import ControllerParameters, Group, SimParameters, Value, build, flatten, specifications
 from .progress import reporting
+from .run.simulated import ticks_to_simulate
 from .scenario import SECTIONS, Scenario
 from .schema import with_parts
-from .simulation import run, ticks_to_simulate
+from .simulation import run
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,7 +4,7 @@ import heapq
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,24 @@ _BLOCK_SAMPLES = 65536
 
 
 class Law(Protocol):
-    """Whatever answers a measurement."""
+    """Anything that answers measurements."""
 
-    def answer(self, measurement: _Array) -> _Array:
-        """The drive (3,) [V] for a measurement, order of `afm_model.signals`."""
+    def answer(self, measurement: _Array, /) -> Any:
+        """Drive [V], (3,), for a measurement in the order of `afm_model.signals.MEASUREMENT`."""
         ...
+
+
+def ticks_to_simulate(parameters: SimParameters) -> int:
+    """Control ticks of a run; ParameterError if it is endless."""
+    if parameters.total_ticks == 0:
+        raise ParameterError("run.duration = 0 s is not allowed in a simulation: it must be > 0 s")
+    return parameters.total_ticks
+
+
+def ticks_of_a_block(parameters: SimParameters) -> int:
+    """Control ticks in a block of a run that is kept: as many as make a handy number of samples."""
+    samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
+    return max(1, min(ticks_to_simulate(parameters), _BLOCK_SAMPLES // samples_per_tick))
 
 
 class VirtualClock:
@@ -121,8 +134,7 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
     DivergenceError
         If the motion diverged.
     """
-    if parameters.total_ticks == 0:
-        raise ParameterError("run.duration = 0 s is not allowed in a simulation: it must be > 0 s")
+    block_ticks = ticks_of_a_block(parameters)
     run_parameters = parameters.run.model_copy(update={"mode": "realtime", "start_paused": False})
     parameters = parameters.model_copy(update={"run": run_parameters})
     clock = VirtualClock()
@@ -133,8 +145,6 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
         blocks.append(block)
         round_trips.append(times)
 
-    samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
-    block_ticks = max(1, min(parameters.total_ticks, _BLOCK_SAMPLES // samples_per_tick))
     run = Run(
         parameters, SimulatedLink(law, clock, latency.draw()), clock, Listeners(block=keep), block_ticks=block_ticks
     )
