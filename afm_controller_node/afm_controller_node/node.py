@@ -2,13 +2,15 @@
 
 import numpy as np
 from afm_msgs.msg import Measurement, PiezoDrive
+from numpy.typing import NDArray
 from rclpy.node import Node
 
-from afm_model import Controller, flatten, signals
+from afm_model import Command, Controller, flatten, signals
 from afm_model.records import size
 from afm_node_common import runner, topics
-from afm_node_common.codec import drive_codec, measurement_codec
+from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
+from afm_node_common.drive_codec import drive_codec
 from afm_node_common.parameters import declare
 from afm_node_common.process import ControllerNodeParameters
 
@@ -30,7 +32,7 @@ class ControllerNode(Node):
         self._controller.answer(np.zeros(size(signals.MEASUREMENT)))
         self._controller.reset()
         self._answered = -1  # sequence of the measurement answered last
-        self._drive = np.zeros(3)
+        self._drive: NDArray[np.float64] | Command = np.zeros(3)
         fast = parameters.process.fast_codec
         self._decode = measurement_codec(fast=fast).decode
         self._encode = drive_codec(fast=fast).encode

@@ -2,6 +2,7 @@
 
 from importlib.metadata import PackageNotFoundError, version
 
+from .command import Command
 from .controller import Controller
 from .errors import DivergenceError, DriveError, ParameterError, PartError
 from .instrument import Block, Instrument, ScoreSummary
@@ -17,6 +18,7 @@ except PackageNotFoundError:  # run from its sources
 
 __all__ = [
     "Block",
+    "Command",
     "Controller",
     "ControllerParameters",
     "DivergenceError",

@@ -26,6 +26,7 @@ OPTIONAL = (
     Channel("truth/friction_bound", "N", "truth.friction_bound"),
     Channel("truth/contact", "1", "truth.contact"),
     Channel("truth/stuck", "1", "truth.stuck"),
+    *(Channel(f"drive_{axis}", "V", f"applied.voltage.{axis}") for axis in "xyz"),
     *(Channel(f"truth/piezo_{axis}", "V", f"effective.voltage.{axis}") for axis in "xyz"),
 )
 """Sampled besides if detector.channels names them, whatever the parts are."""

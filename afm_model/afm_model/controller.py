@@ -6,20 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import law
+from .command import Command
+from .errors import DriveError
 from .jit import kernel
 from .parameters import ControllerParameters
 from .parts.assembly import Assembled, assembled
 from .parts.header import LAW_HEADER
-from .records import Block, record_at, size
-from .signals import DRIVE, MEASUREMENT
+from .records import Block, place, record_at, size
+from .signals import COMMAND, LONGEST_HORIZON, MEASUREMENT
 
 _Array = NDArray[np.float64]
 
 
 @kernel
-def answer(block: Block, t: float, measurement: _Array, drive: _Array) -> None:
-    """Write the drive [V], (3,), that the law answers to a measurement taken at time t [s]."""
-    law.control(t, record_at(measurement, 0, MEASUREMENT), record_at(drive, 0, DRIVE), block)
+def answer(block: Block, t: float, measurement: _Array, command: _Array) -> None:
+    """Write the command that the law answers to a measurement taken at time t [s]."""
+    law.control(t, record_at(measurement, 0, MEASUREMENT), record_at(command, 0, COMMAND), block)
 
 
 def external_law() -> Block:
@@ -54,7 +56,10 @@ class Controller:
     _state_at: int
 
     def __init__(self, parameters: ControllerParameters) -> None:
-        self._drive = np.zeros(3)
+        self._answer = np.zeros(size(COMMAND))
+        self._command = record_at(self._answer, 0, COMMAND)
+        self._drive = self._command.voltage
+        self._horizon_count = self._answer.view(np.int64)[place(COMMAND, "horizon_count") :]
         self._law: Assembled | None = None
         self.parameters = parameters
 
@@ -92,8 +97,8 @@ class Controller:
         assert self._law is not None
         return record_at(self.block, self._state_at, self._law.part.state)
 
-    def answer(self, measurement: _Array, time: float = 0.0) -> _Array:
-        """Drive [V], (3,), valid until the next call.
+    def answer(self, measurement: _Array, time: float = 0.0) -> _Array | Command:
+        """Drive [V], (3,), valid until the next call; of a law that sends a horizon, drive and horizon.
 
         Parameters
         ----------
@@ -106,9 +111,16 @@ class Controller:
         ------
         PartError
             If a law in Python has raised something.
+        DriveError
+            If a law has written a horizon that is too long or has no period.
         """
-        answer(self.block, time, measurement, self._drive)
+        answer(self.block, time, measurement, self._answer)
         self.raise_errors()
+        if count := self._horizon_count[0]:
+            if not 0 < count <= LONGEST_HORIZON:
+                raise DriveError(f"a horizon of {count} drives is not allowed: {LONGEST_HORIZON} are the most")
+            u = self._command
+            return Command(u.voltage, u.horizon[:count], float(u.horizon_period))
         return self._drive
 
     def raise_errors(self) -> None:

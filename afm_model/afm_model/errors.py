@@ -18,3 +18,7 @@ class DivergenceError(RuntimeError):
 
 class DriveError(ValueError):
     """A drive that no piezo can follow; the message names the axis, the value and what is allowed."""
+
+
+class MalformedError(RuntimeError):
+    """Bytes that are no message, or not one that can be meant; the message says in a clause what is wrong with them."""

@@ -4,6 +4,7 @@ A record type is a list of names; each is one number of 8 bytes, or a few in a r
 index of the array: no copy, no offset written by hand, and in compiled code no more than a pointer.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,12 @@ types: Any = _types
 Block = NDArray[np.float64]
 
 
-def record(*fields: str, vectors: tuple[str, ...] = (), integers: tuple[str, ...] = ()) -> np.dtype[Any]:
+def record(
+    *fields: str,
+    vectors: tuple[str, ...] = (),
+    integers: tuple[str, ...] = (),
+    arrays: Mapping[str, tuple[int, ...]] | None = None,
+) -> np.dtype[Any]:
     """Type of a record.
 
     Parameters
@@ -27,23 +33,26 @@ def record(*fields: str, vectors: tuple[str, ...] = (), integers: tuple[str, ...
         Names, in the order in which they stand.
     vectors, integers : tuple of str
         Those that are three numbers (x, y, z), and those that are whole numbers.
+    arrays : mapping of str to tuple of int, optional
+        Shapes of those that are arrays.
 
     Returns
     -------
     dtype
-        Every field takes 8 bytes, a vector 24.
+        Every number takes 8 bytes.
 
     Raises
     ------
     ValueError
-        If a name stands twice, or is given as a vector or an integer only.
+        If a name stands twice, or is given as a vector, an integer or an array only.
     """
-    if unknown := [name for name in (*vectors, *integers) if name not in fields]:
+    shapes = {name: (3,) for name in vectors} | dict(arrays or {})
+    if unknown := [name for name in (*shapes, *integers) if name not in fields]:
         raise ValueError(f"{', '.join(unknown)} must also be one of the fields {', '.join(fields)}")
     described: list[Any] = []
     for name in fields:
         kind = np.int64 if name in integers else np.float64
-        described.append((name, kind, (3,)) if name in vectors else (name, kind))
+        described.append((name, kind, shapes[name]) if name in shapes else (name, kind))
     return np.dtype((np.record, described))
 
 

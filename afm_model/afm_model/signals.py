@@ -14,6 +14,9 @@ MEASUREMENT = record(
     "reference_velocity",  # [m/s]
     "reference_acceleration",  # [m/s^2]
     "drive",  # drive applied until this instant [V]
+    "drive_sequence",  # measurement that it answers; -1: none, it is the drive of the start
+    "newest_drive_sequence",  # measurement that the newest drive received answers; those between are on their way
+    integers=("drive_sequence", "newest_drive_sequence"),
     vectors=(
         "position",
         "velocity",
@@ -26,7 +29,22 @@ MEASUREMENT = record(
 """Everything sampled at one control tick, and the reference to track there: afm_msgs/Measurement after its sequence."""
 
 DRIVE = record("voltage", vectors=("voltage",))
-"""Drive of x, y, z [V]: afm_msgs/PiezoDrive after its sequence."""
+"""Drive of x, y, z [V]."""
+
+LONGEST_HORIZON = 128
+"""Further drives that one answer may hold at most."""
+
+COMMAND = record(
+    "sequence",  # measurement answered; -1: none
+    "voltage",  # drive of x, y, z from the arrival of the answer on [V]
+    "horizon_period",  # time between two drives of the horizon [s]
+    "horizon_count",  # further drives; 0: `voltage` is held
+    "horizon",  # drive i is in force from (i + 1) horizon_period after the measurement was taken [V]
+    vectors=("voltage",),
+    integers=("sequence", "horizon_count"),
+    arrays={"horizon": (LONGEST_HORIZON, 3)},
+)
+"""What answers a measurement: afm_msgs/PiezoDrive from its sequence on. A law without a horizon writes `voltage`."""
 
 REFERENCE = record("position", "velocity", "acceleration", vectors=("position", "velocity", "acceleration"))
 """Reference of a program: scanner x, y; tip height z. [m], [m/s], [m/s^2]."""

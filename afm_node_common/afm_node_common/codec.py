@@ -1,10 +1,12 @@
 """Messages between arrays and the bytes on the wire, without rclpy's typed messages in between.
 
 Measurement and PiezoDrive, of which every control tick has one each: both are a header, a sequence number and then
-float64 values only, so their CDR encoding is a fixed layout once the length of frame_id is known. Reading and writing
-it in place costs about a microsecond where rclpy's typed messages cost tens. `BlockEncoder` writes the long messages
-for recorders. The bytes are those of rclpy's own serializer (padding apart), which is checked when a codec is made: any
-ordinary subscriber sees normal messages, and any ordinary publisher is understood.
+numbers of 8 bytes only, so their CDR encoding is a fixed layout once the length of frame_id is known (a PiezoDrive with
+a horizon: `drive_codec`). Reading and writing it in place costs about a microsecond where rclpy's typed messages cost
+tens. Bytes that are no such message, with nothing behind it, are refused with `MalformedError`, whoever sent them and
+whatever they are. `BlockEncoder` writes the long messages for recorders. The bytes are those of rclpy's own serializer
+(padding apart), which is checked when a codec is made: any ordinary subscriber sees normal messages, and any ordinary
+publisher is understood.
 """
 
 import array
@@ -13,18 +15,19 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from afm_msgs.msg import Measurement, PiezoDrive
+from afm_msgs.msg import Measurement
 from geometry_msgs.msg import Vector3
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
 from afm_model import signals
+from afm_model.errors import MalformedError
 from afm_model.records import size
 
 from .topics import FRAME
 
-_NANOSECONDS = 1_000_000_000
-_LITTLE_ENDIAN_CDR = b"\x00\x01"
+NANOSECONDS = 1_000_000_000
+_BIG_ENDIAN_CDR, LITTLE_ENDIAN_CDR = b"\x00\x00", b"\x00\x01"
 _PLAIN = {"uint64": "<Q", "double": "<d"}
 _SEQUENCES = {"sequence<double>": "d", "sequence<float>": "f"}
 _LONGEST_FRAME = 256
@@ -34,39 +37,53 @@ _LONGEST_FRAME = 256
 class _Layout:
     """Where things stand in a message whose frame_id takes `length` bytes, its final zero included."""
 
-    def __init__(self, length: int, size: int) -> None:
+    def __init__(self, length: int, size: int, tail: int) -> None:
         # CDR aligns to 8 counted from behind the encapsulation.
         padding = -(12 + length) % 8
         self.length = length
-        # Kind of encapsulation, stamp.sec, stamp.nanosec, length of frame_id, (frame_id), sequence.
-        self.head = struct.Struct(f"<2s2xiII{length}x{padding}xQ")
+        # Kind of encapsulation, stamp.sec, stamp.nanosec, frame_id with its length, sequence.
+        self.head = struct.Struct(f"<2s2xiI{4 + length}s{padding}xQ")
         sequence = self.head.size - 8
         self.padding = slice(sequence - padding, sequence)
-        self.body = slice(self.head.size, self.head.size + 8 * size)
+        self.size = self.head.size + 8 * size + tail
+        # To the end, wherever that is: another number of bytes does not fit the values.
+        self.body = slice(self.head.size, None)
 
 
-def body(message: Any) -> list[float]:
-    """The float64 values of a message after its sequence number, in order."""
-    values: list[float] = []
+def body(message: Any, size: int) -> NDArray[np.float64]:
+    """The `size` numbers of a message after its sequence, in order; whole numbers by their bytes."""
+    values = np.zeros(size)
+    at = 0
     for name in list(message.get_fields_and_field_types())[2:]:
+        if at == size:
+            break
         value = getattr(message, name)
-        values.extend([value.x, value.y, value.z] if isinstance(value, Vector3) else [value])
+        numbers = [value.x, value.y, value.z] if isinstance(value, Vector3) else [value]
+        if isinstance(value, int):
+            values[at : at + 1].view(np.int64)[0] = value
+        else:
+            values[at : at + len(numbers)] = numbers
+        at += len(numbers)
     return values
 
 
 def fill(message: Any, sequence: int, stamp_ns: int, values: NDArray[np.float64]) -> None:
     """The inverse of `body`, with header and sequence."""
     message.header.frame_id = FRAME
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, _NANOSECONDS)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
     message.sequence = sequence
     at = 0
     for name in list(message.get_fields_and_field_types())[2:]:
-        if isinstance(getattr(message, name), Vector3):
+        if at == values.size:
+            return
+        value = getattr(message, name)
+        if isinstance(value, Vector3):
             x, y, z = (float(v) for v in values[at : at + 3])
             setattr(message, name, Vector3(x=x, y=y, z=z))
             at += 3
         else:
-            setattr(message, name, float(values[at]))
+            whole = isinstance(value, int)
+            setattr(message, name, int(values[at : at + 1].view(np.int64)[0]) if whole else float(values[at]))
             at += 1
 
 
@@ -76,33 +93,42 @@ class Codec:
     Parameters
     ----------
     message_type : type
-        A message of header, sequence and float64 values (or vectors of them) only.
+        A message of header, sequence and numbers of 8 bytes (or vectors of them), and then what `tail` is.
     size : int
-        Number of those values.
+        Number of those numbers.
+    tail : bytes
+        What stands behind them in every message that is read and written in place.
     fast : bool
         False: go through rclpy's serializer each time. The bytes are the same.
     """
 
-    def __init__(self, message_type: type, size: int, *, fast: bool = True) -> None:
+    def __init__(self, message_type: type, size: int, *, tail: bytes = b"", fast: bool = True) -> None:
         self._type = message_type
         self._size = size
+        self._tail = tail
+        self._end = tail[-4:]
         self.fast = True
         """Whether messages are read and written in place; False: through rclpy's serializer, tens of times slower."""
-        # In: the layout of the message before; most have the same.
-        self._layouts = {length: _Layout(length, size) for length in range(1, _LONGEST_FRAME + 2)}
+        # In: the layout and the frame_id, with its length, of the message before; most have the same.
+        self._layouts = {length: _Layout(length, size, len(tail)) for length in range(1, _LONGEST_FRAME + 2)}
         self._layout = layout = self._layouts[len(FRAME) + 1]
-        self._values = np.zeros(size)
-        self._values_bytes = memoryview(self._values).cast("B")
+        self._frame_in = b""
+        # With room for the tail, so that a message of another length does not fit.
+        buffer = np.zeros(8 * size + len(tail), np.uint8)
+        self._values = buffer[: 8 * size].view(np.float64)
+        self._values_bytes = memoryview(buffer)
         # Out: what stands between stamp and sequence, and before them.
         self._frame = struct.pack("<I", layout.length) + FRAME.encode() + bytes(layout.head.size - 24 - len(FRAME))
-        self._pack_head = partial(struct.Struct(f"<4siI{len(self._frame)}sQ").pack, _LITTLE_ENDIAN_CDR + b"\0\0")
+        self._pack_head = partial(struct.Struct(f"<4siI{len(self._frame)}sQ").pack, LITTLE_ENDIAN_CDR + b"\0\0")
         # Another middleware may lay messages out otherwise: what does not agree is not used.
         self.fast = fast and self._agrees()
+        if not self.fast:
+            self._frame_in = b""
 
     def _agrees(self) -> bool:
         """Whether the fast encoding and rclpy's serializer give the same bytes, and the same values back."""
         values = np.arange(1.0, self._size + 1.0) / 3.0
-        sequence, stamp = 2**40 + 7, 3 * _NANOSECONDS + 21
+        sequence, stamp = 2**40 + 7, 3 * NANOSECONDS + 21
         message = self._type()
         fill(message, sequence, stamp, values)
         expected = bytearray(serialize_message(message))
@@ -128,31 +154,86 @@ class Codec:
             message = self._type()
             fill(message, sequence, stamp_ns, values)
             return bytes(serialize_message(message))
-        seconds, nanoseconds = divmod(stamp_ns, _NANOSECONDS)
-        return b"".join((self._pack_head(seconds, nanoseconds, self._frame, sequence), values))
+        seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+        return b"".join((self._pack_head(seconds, nanoseconds, self._frame, sequence), values, self._tail))
 
     def decode(self, data: bytes) -> tuple[int, int, NDArray[np.float64]]:
-        """Sequence, stamp [ns] and values (size,) of a message; the array is valid until the next call."""
+        """Sequence, stamp [ns] and values (size,) of a message; the array is valid until the next call.
+
+        Raises
+        ------
+        MalformedError
+            If these bytes are not one message of this type and nothing else, with a frame_id in UTF-8 and a stamp that
+            is not before 0.
+        """
         layout = self._layout
         try:
-            kind, seconds, nanoseconds, length, sequence = layout.head.unpack_from(data)
-            if length == layout.length and kind == _LITTLE_ENDIAN_CDR and self.fast:
+            kind, seconds, nanoseconds, frame, sequence = layout.head.unpack_from(data)
+            if frame == self._frame_in and kind == LITTLE_ENDIAN_CDR and seconds >= 0 and nanoseconds < NANOSECONDS:
                 self._values_bytes[:] = data[layout.body]
-                return sequence, seconds * _NANOSECONDS + nanoseconds, self._values
+                if data.endswith(self._end):
+                    return sequence, seconds * NANOSECONDS + nanoseconds, self._values
         except (struct.error, ValueError):
-            pass  # too short for this layout
+            pass  # too short for this layout, or too long
         return self._decode_other(data)
 
     def _decode_other(self, data: bytes) -> tuple[int, int, NDArray[np.float64]]:
         """As `decode`, for a message that is laid out otherwise than the one before, or not as we know it."""
-        layout = self._layouts.get(int.from_bytes(data[12:16], "little"))
-        if layout is not None and layout is not self._layout:
-            self._layout = layout
-            return self.decode(data)
-        message = deserialize_message(data, self._type)
-        self._values[:] = body(message)
+        if self.fast and data[:2] == LITTLE_ENDIAN_CDR:
+            layout = self._layouts.get(int.from_bytes(data[12:16], "little"))
+            if layout is not None and len(data) == layout.size and data.endswith(self._end):
+                frame = data[12 : 16 + layout.length]
+                if frame != self._frame_in and is_text(frame[4:]):
+                    self._layout, self._frame_in = layout, frame
+                    return self.decode(data)
+        message = _deserialize(data, self._type)
         stamp = message.header.stamp
-        return message.sequence, stamp.sec * _NANOSECONDS + stamp.nanosec, self._values
+        return message.sequence, stamp.sec * NANOSECONDS + stamp.nanosec, self._read(message)
+
+    def _read(self, message: Any) -> Any:
+        """What `decode` gives for a message of rclpy's."""
+        self._values[:] = body(message, self._size)
+        return self._values
+
+
+def is_text(data: bytes) -> bool:
+    """Whether these bytes are one string in UTF-8 and the zero behind it."""
+    try:
+        text = data.decode()
+    except UnicodeDecodeError:
+        return False
+    return text.find("\0") == len(text) - 1
+
+
+def _deserialize(data: bytes, kind: Any) -> Any:
+    """A message by rclpy's serializer, which reads over much that it should not.
+
+    Raises
+    ------
+    MalformedError
+        See `Codec.decode`.
+    """
+    what = f"{len(data)} bytes that are no {kind.__name__}"
+    orders = {LITTLE_ENDIAN_CDR: "<I", _BIG_ENDIAN_CDR: ">I"}
+    if data[:2] not in orders:
+        raise MalformedError(f"{what} (they begin with 0x{data[:2].hex()}: plain CDR begins with 0x0001 or 0x0000)")
+    try:
+        message = deserialize_message(data, kind)
+        whole = len(serialize_message(message))
+    # The middleware, the conversion to Python and memory each fail in their own way.
+    except Exception as error:
+        raise MalformedError(f"{what} ({type(error).__name__})") from None
+    stamp, frame = message.header.stamp, message.header.frame_id.encode() + b"\0"
+    if stamp.sec < 0 or stamp.nanosec >= NANOSECONDS:
+        raise MalformedError(
+            f"a {kind.__name__} with stamp {stamp.sec} s + {stamp.nanosec} ns: it must be a time since the start"
+        )
+    # What is no UTF-8, or stands behind a zero, is something else when the serializer has read it.
+    if data[12 : 16 + len(frame)] != struct.pack(orders[data[:2]], len(frame)) + frame:
+        raise MalformedError(f"a {kind.__name__} whose frame_id is no text in UTF-8")
+    if whole != len(data):
+        raise MalformedError(f"{len(data)} bytes for a {kind.__name__} of {whole}")
+    return message
 
 
 class BlockEncoder:
@@ -184,7 +265,7 @@ class BlockEncoder:
             values[name] = (
                 numbers.astype(_SEQUENCES[kind]) if kind in _SEQUENCES else "m" * i if kind == "string" else i
             )
-        stamp = 3 * _NANOSECONDS + 21
+        stamp = 3 * NANOSECONDS + 21
         written = deserialize_message(self._write(stamp, values), self._type)
         return bool(written == deserialize_message(self._serialize(stamp, values), self._type))
 
@@ -195,7 +276,7 @@ class BlockEncoder:
     def _serialize(self, stamp_ns: int, values: dict[str, Any]) -> bytes:
         message = self._type()
         message.header.frame_id = FRAME
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, _NANOSECONDS)
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
         for name, kind in self._fields:
             value = values[name]
             if kind in _SEQUENCES:
@@ -205,7 +286,7 @@ class BlockEncoder:
 
     def _write(self, stamp_ns: int, values: dict[str, Any]) -> bytes:
         frame = FRAME.encode() + b"\0"
-        parts = [struct.pack("<iII", *divmod(stamp_ns, _NANOSECONDS), len(frame)), frame]
+        parts = [struct.pack("<iII", *divmod(stamp_ns, NANOSECONDS), len(frame)), frame]
         at = 12 + len(frame)  # behind the encapsulation
 
         def put(data: bytes, alignment: int) -> None:
@@ -228,14 +309,9 @@ class BlockEncoder:
                 put(text, 1)
             else:
                 put(struct.pack(_PLAIN[kind], value), 8)
-        return b"".join([_LITTLE_ENDIAN_CDR + b"\0\0", *parts])
+        return b"".join([LITTLE_ENDIAN_CDR + b"\0\0", *parts])
 
 
 def measurement_codec(*, fast: bool = True) -> Codec:
     """Codec of Measurement; values in the order of `afm_model.signals.MEASUREMENT`."""
     return Codec(Measurement, size(signals.MEASUREMENT), fast=fast)
-
-
-def drive_codec(*, fast: bool = True) -> Codec:
-    """Codec of PiezoDrive; values are the voltages of x, y, z."""
-    return Codec(PiezoDrive, 3, fast=fast)

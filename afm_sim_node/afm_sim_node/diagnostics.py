@@ -42,6 +42,7 @@ def diagnostic_status(
         "lateness p50, p99, p99.9, max [s]": _show(delays.lateness),
         "command age p50, p99, p99.9, max [s]": _show(delays.command_age),
         "drives lost": counts.drives_lost,
+        "ticks on a horizon": counts.horizon_ticks,
         "drives refused": counts.drives_refused,
         "drives outdated": counts.drives_outdated,
         "drives ahead": counts.drives_ahead,

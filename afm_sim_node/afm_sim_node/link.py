@@ -11,8 +11,9 @@ from rclpy.node import Node
 
 from afm_model.run import Link
 from afm_node_common import topics
-from afm_node_common.codec import drive_codec, measurement_codec
+from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
+from afm_node_common.drive_codec import Drive, drive_codec
 from afm_node_common.process import SimNodeParameters
 
 from .peers import Peers
@@ -55,7 +56,7 @@ class TopicLink(Link):
         """Publish a measurement, stamped with its simulated time."""
         self._publish(self._encode(sequence, round(sequence * self._period_ns), measurement))
 
-    def take(self) -> tuple[int, NDArray[np.float64]] | None:
+    def take(self) -> tuple[int, Drive] | None:
         """The oldest drive not yet taken."""
         taken = self._take()
         if taken is None:

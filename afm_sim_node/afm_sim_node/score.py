@@ -59,6 +59,7 @@ def score_message(
         lateness=delays.lateness,
         command_age=delays.command_age,
         drives_lost=counts.drives_lost,
+        horizon_ticks=counts.horizon_ticks,
         drives_refused=counts.drives_refused,
         drives_outdated=counts.drives_outdated,
         drives_ahead=counts.drives_ahead,

@@ -40,6 +40,7 @@ def status_message(
         samples=run.samples,
         real_time_factor=run.real_time_factor,
         drives_lost=counts.drives_lost,
+        horizon_ticks=counts.horizon_ticks,
         drives_refused=counts.drives_refused,
         drives_outdated=counts.drives_outdated,
         drives_ahead=counts.drives_ahead,

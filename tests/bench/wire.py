@@ -19,7 +19,8 @@ from rclpy.node import Node
 from afm_model import signals
 from afm_model.records import size
 from afm_node_common import topics
-from afm_node_common.codec import drive_codec, measurement_codec
+from afm_node_common.codec import measurement_codec
+from afm_node_common.drive_codec import drive_codec
 
 _NAMESPACE = "bench"
 

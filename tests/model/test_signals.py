@@ -20,22 +20,31 @@ def fields(message: str, after: str) -> list[tuple[str, str]]:
     return [(name, kind) for kind, name in lines[names.index(after) + 1 :]]
 
 
-def shape(dtype: np.dtype[Any], name: str) -> tuple[int, ...]:
-    """How many numbers a field of a record is."""
+def described(dtype: np.dtype[Any], name: str) -> tuple[type, tuple[int, ...]]:
+    """Type and number of the numbers of a field of a record."""
     kind: np.dtype[Any] = (dtype.fields or {})[name][0]
-    assert kind.base == np.float64
-    return kind.shape
+    return kind.base.type, kind.shape
 
 
 @pytest.mark.parametrize(
-    ("message", "record"), [("Measurement.msg", signals.MEASUREMENT), ("PiezoDrive.msg", signals.DRIVE)]
+    ("message", "record"), [("Measurement.msg", signals.MEASUREMENT), ("PiezoDrive.msg", signals.COMMAND)]
 )
 def test_record_has_the_order_of_its_message(message, record):
-    shapes = {"float64": (), "geometry_msgs/Vector3": (3,)}
-    expected = [(name, shapes[kind]) for name, kind in fields(message, "sequence")]
-    assert [(name, shape(record, name)) for name in record.names] == expected
-    # Nothing between them: the record is the bytes of the message.
-    assert record.itemsize == 8 * sum(3 if shape else 1 for _, shape in expected)
+    kinds = {
+        "float64": (np.float64, ()),
+        "int64": (np.int64, ()),
+        "geometry_msgs/Vector3": (np.float64, (3,)),
+        "geometry_msgs/Vector3[]": (np.float64, (signals.LONGEST_HORIZON, 3)),
+    }
+    expected = [(name, kinds[kind]) for name, kind in fields(message, "sequence")]
+    # A message says how long its horizon is by itself.
+    names = [name for name in record.names if name not in ("sequence", "horizon_count")]
+    assert [(name, described(record, name)) for name in names] == expected
+
+
+def test_record_of_a_measurement_is_the_bytes_of_the_message_behind_its_sequence():
+    numbers = sum(int(np.prod(described(signals.MEASUREMENT, name)[1])) for name in signals.MEASUREMENT.names)
+    assert signals.MEASUREMENT.itemsize == 8 * numbers
 
 
 def test_score_has_the_names_and_the_order_of_its_message():

@@ -31,6 +31,7 @@ NUMBERS = {
     "real_time_factor",
     "ticks",
     "drives_lost",
+    "horizon_ticks",
     "tracking.x.rms_m",
     "tracking.x.max_m",
     "tracking.x.max_percent",

@@ -18,7 +18,7 @@ from ..parts.assembly import Assembled, assembled
 from ..parts.header import HEADER
 from ..parts.part import Channel, Part
 from ..records import place, record, record_at, size
-from ..signals import DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 from .score import SUMS
 
 FAMILIES: dict[str, tuple[Part, ...]] = {
@@ -41,9 +41,12 @@ LOOP = record(
     "done",  # ticks done in the last call
     "substeps",  # integration steps in a control period
     "stride",  # integration steps in a period of the virtual ADC
+    "update",  # integration steps between two updates of the DAC
     "delay",  # control periods from a command to the piezo
+    "in_force",  # measurement that the drive in force answers
     "score_tick",  # first tick that is scored
     "control_period",  # [s]
+    "dac_period",  # [s]
     "period_ns",  # the same [ns]
     "sample_period",  # of the virtual ADC [s]
     "drive_lsb",  # [V]
@@ -51,7 +54,7 @@ LOOP = record(
     "deflection_sensitivity",  # [m/V]
     "lateral_sensitivity",  # [N/V]
     "position_noise",  # [m]
-    integers=("k", "row", "draw", "done", "substeps", "stride", "delay", "score_tick"),
+    integers=("k", "row", "draw", "done", "substeps", "stride", "update", "delay", "in_force", "score_tick"),
 )
 
 
@@ -82,8 +85,9 @@ class Layout:
             self._add(f"{family}_state", each.part.state)
         self.places["hashed_end"] = self._end
         self._add("measurement", MEASUREMENT)
-        for name in ("applied", "commanded", "regulated", "effective"):
+        for name in ("applied", "regulated", "effective"):
             self._add(name, DRIVE)
+        self._add("commanded", COMMAND)
         self._add("asked", REFERENCE)
         self._add("asked_next", REFERENCE)
         self._add("truth", TRUTH)
@@ -93,7 +97,7 @@ class Layout:
         self.channels = self._channels(parameters)
         self.places["channel_count"] = len(self.channels)
         self.places["channels"] = self._reserve(len(self.channels))
-        self.places["line"] = self._reserve(3 * parameters.plant.delay_ticks)
+        self.places["line"] = self._reserve(line_slots(parameters) * size(COMMAND))
         self._map = _map_of(self.parts["sample"], parameters)
         self.places["sample_map"] = self._reserve(self._map.size)
         self.size = self._end
@@ -159,6 +163,12 @@ class Layout:
         """The numbers of a record."""
         start, dtype = self._records[name]
         return block[start : start + size(dtype)]
+
+
+def line_slots(parameters: InstrumentParameters) -> int:
+    """Places in the line of commands on their way: one for each, and one for the newest."""
+    delay = parameters.plant.delay_ticks
+    return delay + 1 if delay else 0
 
 
 def _map_of(each: Assembled, parameters: InstrumentParameters) -> NDArray[np.float64]:

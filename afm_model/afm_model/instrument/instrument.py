@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..command import Command, problem
 from ..controller import Controller, external_law
 from ..errors import DivergenceError, DriveError, ParameterError
 from ..parameters import InstrumentParameters
 from ..parts.part import Channel
 from ..plant import tell
 from ..program import reference
-from ..signals import MEASUREMENT, TRUTH
-from .block import LOOP, Layout
+from ..records import place, record_at, size
+from ..signals import COMMAND, LONGEST_HORIZON, MEASUREMENT, TRUTH
+from .block import LOOP, Layout, line_slots
 from .score import ScoreSummary, summarize
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
@@ -75,7 +77,12 @@ class Instrument:
         self._samples = np.zeros((len(layout.channels), block_ticks * self.samples_per_tick))
         self._state = self._block[layout.places["hashed"] : layout.places["hashed_end"]]
         self._loop = self._block[layout.places["loop"] :].view(np.int64)
-        self._commanded = layout.array(self._block, "commanded")
+        self._commanded = layout.record(self._block, "commanded")
+        self._voltage = self._commanded.voltage
+        commanded = layout.array(self._block, "commanded").view(np.int64)
+        # Writing one number of an array takes a fraction of the time of writing the field of a record.
+        self._sequence = commanded[place(COMMAND, "sequence") :]
+        self._horizon_count = commanded[place(COMMAND, "horizon_count") :]
         self.measurement = layout.array(self._block, "measurement")
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.functions]
@@ -89,6 +96,9 @@ class Instrument:
         c = self._layout.record(self._block, "loop")
         c.substeps = plant.substeps
         c.stride = round(detector.sample_period / plant.dt)
+        dac_period = piezo.dac_period or plant.control_period
+        c.update = round(dac_period / plant.dt)
+        c.dac_period = dac_period
         c.delay = plant.delay_ticks
         # Round-off in start / period must not move the first scored tick.
         c.score_tick = math.ceil(parameters.score_start / plant.control_period - 1e-6)
@@ -122,10 +132,14 @@ class Instrument:
                     f"piezo.limit = {limit:g} V is not allowed: to hold the tip at reference.z_r = "
                     f"{parameters.reference.z_r:g} m takes {volts:.4g} V along {axis}"
                 )
-        for name in ("applied", "commanded", "regulated", "effective"):
+        for name in ("applied", "regulated", "effective"):
             layout.array(block, name)[:] = held
         line = layout.places["line"]
-        block[line : line + 3 * parameters.plant.delay_ticks].reshape(-1, 3)[:] = held
+        on_their_way = [line + slot * size(COMMAND) for slot in range(line_slots(parameters))]
+        for command in (layout.places["commanded"], *on_their_way):
+            u = record_at(block, command, COMMAND)
+            u.sequence, u.voltage[:], u.horizon_count = -1, held, 0
+        layout.record(block, "loop").in_force = -1
         self._hash = hashlib.sha256()
         self.ticks = self._drawn = 0
         self._row = 0
@@ -169,27 +183,46 @@ class Instrument:
         """Whether the block must be taken before the next tick."""
         return self._row == self._block_ticks
 
-    def tick(self, drive: _Array) -> None:
-        """Apply `drive` [V], (3,), for one control period; `measurement` is then that of the next tick.
+    def tick(self, drive: _Array | Command, sequence: int | None = None) -> None:
+        """Apply a drive for one control period; `measurement` is then that of the next tick.
 
         With plant.delay_ticks it is applied so many ticks later, and now the one of so many ticks ago.
+
+        Parameters
+        ----------
+        drive : ndarray (3,) [V], or Command
+        sequence : int, optional
+            Tick of the measurement that it answers; this one if not given.
 
         Raises
         ------
         DriveError
-            If it is not three numbers, or a component is NaN or infinite; nothing has moved then.
+            If it is not three numbers, or one of its numbers is NaN or infinite; nothing has moved then.
         DivergenceError
             If the position is beyond RANGE: the loop is unstable, or the step is too coarse for this contact.
         RuntimeError
             If the block is full.
         """
         self._prepare()
-        if getattr(drive, "shape", None) != (3,) and np.shape(drive) != (3,):
-            raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
-        # Whatever kind of array came, the kernel always gets the same one: another kind would compile it anew.
-        self._commanded[:] = drive
+        if isinstance(drive, Command):
+            self._command(drive)
+        else:
+            if getattr(drive, "shape", None) != (3,) and np.shape(drive) != (3,):
+                raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
+            # Whatever kind of array came, the kernel always gets the same one: another kind would compile it anew.
+            self._voltage[:] = drive
+            self._horizon_count[0] = 0
+        self._sequence[0] = self.ticks if sequence is None else sequence
         outcome = advance(self._external, 1, self._block, self._random, self._rows, self._samples)
         self._conclude(outcome, 0 if outcome == REFUSED else 1)
+
+    def _command(self, command: Command) -> None:
+        """Write a command with a horizon."""
+        count = len(command.horizon)
+        self._voltage[:] = command.voltage
+        self._horizon_count[0] = count
+        self._commanded.horizon_period = command.horizon_period
+        self._commanded.horizon[:count] = command.horizon
 
     def close_loop(self, controller: Controller, ticks: int) -> None:
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
@@ -207,6 +240,7 @@ class Instrument:
             If a law in Python has raised something.
         """
         end = self.ticks + min(ticks, max(self._block_ticks - self._row, 1))
+        self._horizon_count[0] = 0
         while self.ticks < end:
             self._prepare()
             ticks = min(end, self._drawn) - self.ticks
@@ -228,13 +262,22 @@ class Instrument:
         if self._assembled:
             self._raise_errors()
         if outcome == REFUSED:
-            raise DriveError(_describe(self._commanded))
+            raise DriveError(self._describe_refused())
         if outcome == DIVERGED:
             raise DivergenceError(
-                f"the motion diverged (beyond {RANGE:g} m) at {self.time:g} s under a drive of {self._commanded} V, "
+                f"the motion diverged (beyond {RANGE:g} m) at {self.time:g} s under a drive of {self._voltage} V, "
                 f"first along {self._diverged_along()}: the loop is unstable, or plant.dt = "
                 f"{self.parameters.plant.dt:g} s is too long"
             )
+
+    def _describe_refused(self) -> str:
+        """What is wrong with what is commanded."""
+        u = self._commanded
+        if bad := [f"{axis} = {v} V" for axis, v in zip("xyz", u.voltage, strict=True) if not math.isfinite(v)]:
+            return f"drive {', '.join(bad)} is not allowed: every voltage must be a finite number"
+        if not 0 <= u.horizon_count <= LONGEST_HORIZON:
+            return f"a horizon of {u.horizon_count} drives is not allowed: {LONGEST_HORIZON} are the most"
+        return problem(Command(u.voltage, u.horizon[: u.horizon_count], u.horizon_period))
 
     def _diverged_along(self) -> str:
         """Axes along which the position is beyond RANGE, or is no number."""
@@ -312,8 +355,3 @@ class Instrument:
             anything = True
         # Zeros last for ever.
         self._drawn = self._drawn + DRAW_TICKS if anything else sys.maxsize
-
-
-def _describe(drive: _Array) -> str:
-    bad = ", ".join(f"{axis} = {value} V" for axis, value in zip("xyz", drive, strict=True) if not math.isfinite(value))
-    return f"drive {bad} is not allowed: every voltage must be a finite number"

@@ -33,14 +33,13 @@ SUMS = record(
 
 
 @kernel
-def count_tick(t: Any, du_x: float, du_y: float, du_z: float) -> None:
-    """Count a control tick into the sums t: the change of the drive [V]."""
+def count_drive(t: Any, du_x: float, du_y: float, du_z: float) -> None:
+    """Count a change of the drive into the sums t [V]."""
     # The first scored drive starts the variation.
     if t.ticks > 0.0:
         t.variation[0] += abs(du_x)
         t.variation[1] += abs(du_y)
         t.variation[2] += abs(du_z)
-    t.ticks += 1.0
 
 
 @kernel

@@ -1,30 +1,29 @@
 """The one loop: control ticks in compiled code, with a law in it or one tick at a time for a drive from elsewhere.
 
-A tick: the drive meets the fault, waits in the line, gets range and resolution; at every sample of the virtual ADC the
-onboard part and the piezo make of it what the plant feels; the plant is stepped, the detector samples it, the score
-counts it; then everything is measured for the next tick.
+A tick: the command waits in the line; its drive, or one of its horizon, meets the fault and gets range and resolution;
+at every sample of the virtual ADC the onboard part and the piezo make of it what the plant feels; the plant is stepped,
+the detector samples it, the score counts it; then everything is measured for the next tick.
 """
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..converter import convert
 from ..detector import detect
-from ..fault import on_drive, on_measurement
+from ..fault import on_measurement
 from ..jit import kernel
-from ..law import control
+from ..law import EXTERNAL, control
 from ..onboard import regulate
-from ..parts.header import HEADER
+from ..parts.header import HEADER, LAW_HEADER
 from ..piezo import actuate
 from ..plant import step, tell
 from ..program import reference
 from ..records import Block, pointer_at, record_at, size
-from ..signals import DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
+from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
-from .score import SUMS, count_step, count_tick
+from .drive import allowed, due, put_in_force
+from .score import SUMS, count_step
 
 _Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED = 0, 1, 2
@@ -57,6 +56,8 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
         y.position[axis] = o.position[axis] + c.position_noise * position_noise[axis]
         y.velocity[axis] = o.velocity[axis]
         y.drive[axis] = a.voltage[axis]
+    y.drive_sequence = c.in_force
+    y.newest_drive_sequence = record_at(m, g.commanded, COMMAND).sequence
     r = record_at(m, g.asked, REFERENCE)
     for axis in range(3):
         y.reference_position[axis] = r.position[axis]
@@ -75,9 +76,10 @@ def sample_channels(m: Block, samples: _Array, j: int) -> None:
 
 @kernel
 def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
-    """Apply the commanded drive for one control tick and measure at its end.
+    """Apply what is commanded for one control tick and measure at its end.
 
-    Returns MOVED; REFUSED if the drive is not finite, with nothing changed; DIVERGED if the motion is not, any more.
+    Returns MOVED; REFUSED if the command is not `allowed`, with nothing changed; DIVERGED if the position is not
+    within RANGE.
     Few arrays with much in each: handing one over costs more than a step of the plant.
 
     Parameters
@@ -93,8 +95,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     """
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
-    u = record_at(m, g.commanded, DRIVE)
-    if not (math.isfinite(u.voltage[0]) and math.isfinite(u.voltage[1]) and math.isfinite(u.voltage[2])):
+    if not allowed(record_at(m, g.commanded, COMMAND)):
         return REFUSED
     y = record_at(m, g.measurement, MEASUREMENT)
     a = record_at(m, g.applied, DRIVE)
@@ -112,20 +113,11 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     stride = c.stride
     j = c.row * (c.substeps // stride)
     scored = c.k >= c.score_tick
-    on_drive(t, u, faults, m)
-    due0, due1, due2 = u.voltage[0], u.voltage[1], u.voltage[2]
-    # The drive of `delay` ticks ago is due now; this one takes its place on the way.
-    if c.delay > 0:
-        slot = g.line + 3 * (c.k % c.delay)
-        due0, m[slot] = m[slot], due0
-        due1, m[slot + 1] = m[slot + 1], due1
-        due2, m[slot + 2] = m[slot + 2], due2
-    u0, u1, u2 = a.voltage[0], a.voltage[1], a.voltage[2]
-    a.voltage[0] = convert(due0, c.drive_lsb, c.drive_limit)
-    a.voltage[1] = convert(due1, c.drive_lsb, c.drive_limit)
-    a.voltage[2] = convert(due2, c.drive_lsb, c.drive_limit)
+    command = due(m)
+    c.in_force = record_at(m, command, COMMAND).sequence
+    put_in_force(m, command, 0.0, faults)
     if scored:
-        count_tick(sums, a.voltage[0] - u0, a.voltage[1] - u1, a.voltage[2] - u2)
+        sums.ticks += 1.0
     reference((c.k + 1) * c.control_period, following, m)
 
     # Tick k as it is recorded; its first sample is the one in its measurement.
@@ -135,12 +127,16 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     sample_channels(m, samples, j)
 
     noise = drawn + g.noise
+    update = c.update
     for i in range(c.substeps):
         if i % stride == 0:
             if i > 0:
                 detect(o, d, pointer_at(random, noise), m)
                 noise += 2
                 j += 1
+                if i == update:
+                    put_in_force(m, command, (i // c.update) * c.dac_period, faults)
+                    update += c.update
                 sample_channels(m, samples, j)
             w.voltage[0] = a.voltage[0]
             w.voltage[1] = a.voltage[1]
@@ -187,10 +183,13 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
     y = record_at(m, g.measurement, MEASUREMENT)
-    u = record_at(m, g.commanded, DRIVE)
+    u = record_at(m, g.commanded, COMMAND)
+    external = record_at(law, 0, LAW_HEADER).law == EXTERNAL
     c.done = 0
     outcome = MOVED
     while c.done < ticks and outcome == MOVED:
+        if not external:
+            u.sequence = c.k
         # The time that a message carries, whole nanoseconds: a law sees the same here and over topics.
         control(round(c.k * c.period_ns) * 1e-9, y, u, law)
         outcome = tick(m, random, rows, samples)

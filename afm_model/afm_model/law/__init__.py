@@ -20,7 +20,7 @@ register(*PARTS)
 
 @kernel
 def control(t: float, y: Any, u: Any, law: Block) -> None:
-    """Write into the record u of DRIVE what the law of the block `law` answers to measurement y of time t [s]."""
+    """Write into the record u of COMMAND what the law of the block `law` answers to measurement y of time t [s]."""
     g = record_at(law, 0, LAW_HEADER)
     if 0 <= g.law < _OF_THE_PAPER:
         paper.control(t, y, u, record_at(law, g.law_constants, paper.CONSTANTS), 0)

@@ -64,6 +64,9 @@ class InstrumentParameters(Microscope):
         period = self.detector.sample_period
         _require_multiple("detector.sample_period", period, "plant.dt", self.plant.dt)
         _require_multiple("plant.control_period", self.plant.control_period, "detector.sample_period", period)
+        if dac_period := self.piezo.dac_period:
+            _require_multiple("piezo.dac_period", dac_period, "detector.sample_period", period)
+            _require_multiple("plant.control_period", self.plant.control_period, "piezo.dac_period", dac_period)
         return self
 
     @model_validator(mode="after")

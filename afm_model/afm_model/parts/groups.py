@@ -58,6 +58,11 @@ class PiezoParameters(Group):
     sensitivity_y: Annotated[float, Gt(0), Unit("m/V")] = Field(20e-9, description="static displacement per volt, y")
     sensitivity_z: Annotated[float, Gt(0), Unit("m/V")] = Field(20e-9, description="static displacement per volt, z")
     limit: Annotated[NonNegative, Unit("V")] = Field(0.0, description="drive saturates at +-limit; 0: no limit")
+    dac_period: Annotated[NonNegative, Unit("s")] = Field(
+        0.0,
+        description="time between two updates of the drive, a multiple of detector.sample_period that divides "
+        "plant.control_period: drives of a horizon are put in force at an update; 0: the control period",
+    )
     dac_bits: Annotated[int, Ge(0), Lt(33)] = Field(0, description="resolution over +-limit; 0: continuous")
 
     @model_validator(mode="after")

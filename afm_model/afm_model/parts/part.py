@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..records import EMPTY
 from ..schema import Group
-from ..signals import DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 from .call import NUMBER, POINTER, Argument
 
 Numbers = Mapping[str, Any]
@@ -123,14 +123,16 @@ class Program(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Law(Part):
-    """A control law: `control(t, y, u, p, s)` writes the drive u that answers measurement y, taken at time t [s].
+    """A control law: `control(t, y, u, p, s)` writes into u of COMMAND what answers measurement y, taken at time t [s].
+
+    That is `u.voltage`, and for a law that looks ahead the horizon: further drives with their times.
 
     `values`, `start` and `check` are given the parameters of the controller. When a parameter changes while the law
     runs its constants are made again and its state goes on.
     """
 
     family = "law"
-    functions: ClassVar = {"control": (NUMBER, MEASUREMENT, DRIVE, CONSTANTS, STATE)}
+    functions: ClassVar = {"control": (NUMBER, MEASUREMENT, COMMAND, CONSTANTS, STATE)}
 
     control: Kernel
     warnings: Callable[[Tree, float], list[str]] = lambda parameters, control_period: []
@@ -139,10 +141,10 @@ class Law(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Part):
-    """What goes wrong on the way: `on_measurement(t, y, p, s, r)` and `on_drive(t, u, p, s, r)` change what travels.
+    """What goes wrong: `on_measurement(t, y, p, s, r)` and `on_drive(t, u, p, s, r)` change measurement and drive.
 
-    r holds the part's `draws` random numbers of one tick, the same for its drive and for the measurement at its end; at
-    the start they are zero.
+    `on_drive` is called when a drive is put in force, at each update of the DAC. r holds the part's `draws` random
+    numbers of one tick, the same for its drives and for the measurement at its end; at the start they are zero.
     """
 
     family = "fault"

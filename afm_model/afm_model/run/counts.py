@@ -11,6 +11,8 @@ class Counts:
 
     drives_lost: int = 0
     """lockstep: measurements sent again, because no drive had come; realtime: ticks that ran on a held drive."""
+    horizon_ticks: int = 0
+    """realtime: ticks without a new drive that ran on a drive of the horizon of the last one."""
     drives_refused: int = 0
     """Drives with a value that is NaN or infinite."""
     drives_outdated: int = 0

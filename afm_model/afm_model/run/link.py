@@ -5,6 +5,9 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
+from ..command import Command
+from ..errors import DriveError
+
 _Array = NDArray[np.float64]
 
 
@@ -16,10 +19,14 @@ class Link(ABC):
         """Send the measurement of tick `sequence`; the array is overwritten by the next tick."""
 
     @abstractmethod
-    def take(self) -> tuple[int, _Array] | None:
-        """The oldest drive not yet taken: sequence of the measurement it answers, voltages (3,) [V]; or None.
+    def take(self) -> tuple[int, _Array | Command | DriveError] | None:
+        """The oldest drive not yet taken: sequence of the measurement it answers, voltages (3,) [V] or Command.
 
-        The array is valid until the next call.
+        None if there is none.
+
+        What came and cannot be a drive is the error that says why.
+
+        An array is valid until the next call.
         """
 
     @abstractmethod

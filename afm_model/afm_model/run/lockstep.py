@@ -64,6 +64,8 @@ class Lockstep(Pacing):
             self._stalled = False
             self._course.life.go(Cause.ANSWERED)
         try:
+            if isinstance(drive, DriveError):
+                raise drive
             going_on = self._tick(drive, self._clock() - self._sent_at)
         except DriveError as error:
             self._course.refuse(str(error), sequence)

@@ -3,12 +3,15 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..errors import DivergenceError, PartError
+from ..command import Command, problem
+from ..errors import DivergenceError, DriveError, PartError
 from .course import Course, Pacing
 from .retract import Retract
 from .state import Cause, State
 
+_Array = NDArray[np.float64]
 _RING = 4096
 """Measurements whose time of publication is known; a drive for an older one counts as outdated."""
 
@@ -23,7 +26,7 @@ class Realtime(Pacing):
     def __init__(self, course: Course) -> None:
         self._course = course
         self._instrument = course.instrument
-        self._drive = np.zeros(3)
+        self._drive: _Array | Command = np.zeros(3)
         self._published_at = np.zeros(_RING)
         self._retract = Retract()
         self._answered = -1  # sequence of the measurement that the drive in force answers; -1: none does
@@ -35,7 +38,7 @@ class Realtime(Pacing):
         # What is still there answers the run before.
         while self._course.link.take() is not None:
             pass
-        self._drive[:] = self._instrument.drive
+        self._drive = self._instrument.drive
         self._answered = -1
         self._asked_at = math.nan  # when the measurement behind the drive in force was published
         self._linked_at = math.nan  # when the first drive arrived
@@ -81,11 +84,14 @@ class Realtime(Pacing):
         self._deadline += (missed + 1) * self._period
         round_trip = self._take_newest(now)
         if math.isnan(round_trip):
-            course.counts.drives_lost += 1
+            if self._foreseen():
+                course.counts.horizon_ticks += 1
+            else:
+                course.counts.drives_lost += 1
         self._watch_over(now)
         course.ticker.note_delay(late, now - self._asked_at)
         try:
-            going_on = course.ticker.tick(self._drive, round_trip)
+            going_on = course.ticker.tick(self._drive, round_trip, self._answered)
         except DivergenceError as error:
             course.fail(self._explain(error))
             return True
@@ -108,10 +114,11 @@ class Realtime(Pacing):
                 course.counts.drives_ahead += 1
             elif sequence <= self._answered or ticks - sequence >= _RING:
                 course.counts.drives_outdated += 1
-            elif not np.isfinite(drive).all():
-                course.refuse(f"drive {drive.tolist()} V is not allowed: it must be finite", sequence)
+            elif reason := problem(drive):
+                course.refuse(reason, sequence)
             else:
-                self._drive[:] = drive
+                assert not isinstance(drive, DriveError)
+                self._drive = drive if isinstance(drive, Command) else drive.copy()
                 self._answered = sequence
                 self._last_drive_at = now
                 # A drive is taken at a tick, but it may have come any time before.
@@ -126,12 +133,19 @@ class Realtime(Pacing):
             course.ticker.doubt_next()
         return min(max(taken_at, self._asked_at), now) - self._asked_at
 
+    def _foreseen(self) -> bool:
+        """Whether the drive in force has one in its horizon for the tick that begins."""
+        drive, period = self._drive, self._course.parameters.plant.control_period
+        return isinstance(drive, Command) and drive.covers((self._instrument.ticks - self._answered) * period)
+
     def _watch_over(self, now: float) -> None:
         """Retract the sample when the controller has been silent for too long; come back with its next drive."""
         course = self._course
         run, life, counts = course.parameters.run, course.life, course.counts
         silent = now - self._last_drive_at > run.watchdog_timeout
         if silent and life.state == State.RUNNING:
+            if isinstance(self._drive, Command):
+                self._drive = self._instrument.drive
             self._retract.begin(self._drive[2])
             life.go(
                 Cause.SILENT,
@@ -141,6 +155,7 @@ class Realtime(Pacing):
         elif not silent and life.state == State.RETRACTED:
             life.go(Cause.ANSWERED)
         if life.state == State.RETRACTED:
+            assert not isinstance(self._drive, Command)
             self._drive[2] = self._retract.next(self._drive[2], course.parameters)
             counts.ticks_retracted += 1
             counts.scored_ticks_retracted += self._instrument.ticks >= self._scored_from

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ..command import Command
 from ..errors import ParameterError
 from ..parameters import SimParameters, build
 from ..schema import Value
+from ..signals import LONGEST_HORIZON
 
 _Array = NDArray[np.float64]
 
@@ -17,36 +19,55 @@ class Replay:
 
     Parameters
     ----------
-    drives : ndarray (n, 3) [V]
-        Applied from each tick on, as recorded: `Recording.drive`, `Simulation.drives`.
+    drives : ndarray (n, 3) or (n, m, 3) [V]
+        Applied from each tick on, as recorded: `Recording.drive`, `Simulation.drives`; or at each of the m updates of
+        the DAC in a tick (`piezo.dac_period`): the channels drive_x, drive_y, drive_z at those times.
     delay_ticks : int
         `plant.delay_ticks` of the instrument. What is recorded has been delayed: it is given so many ticks sooner.
+    dac_period : float [s]
+        `piezo.dac_period` of the instrument, where m > 1.
 
     Raises
     ------
     ParameterError
-        If the drives are not n rows of three finite numbers: a recording with a gap cannot be replayed.
+        If the drives are not so many rows of three finite numbers (a recording with a gap cannot be replayed), or too
+        many of them fall into the delay.
     """
 
-    def __init__(self, drives: _Array, delay_ticks: int = 0) -> None:
+    def __init__(self, drives: _Array, delay_ticks: int = 0, dac_period: float = 0.0) -> None:
         drives = np.asarray(drives, np.float64)
-        if drives.ndim != 2 or drives.shape[1] != 3 or not len(drives):
+        if drives.ndim not in (2, 3) or drives.shape[-1] != 3 or not drives.size:
             raise ParameterError(f"drives of shape {drives.shape} cannot be replayed: they must be n rows of three")
-        gaps = np.flatnonzero(~np.isfinite(drives).all(axis=1))
+        gaps = np.flatnonzero(~np.isfinite(drives.reshape(len(drives), -1)).all(axis=1))
         if gaps.size:
             raise ParameterError(
                 f"drives with {gaps.size} gaps cannot be replayed (the first at tick {gaps[0]}): the recording must be "
                 "whole"
             )
-        self._drives = drives
+        updates = 1 if drives.ndim == 2 else drives.shape[1]
+        if updates > 1 and not dac_period > 0.0:
+            raise ParameterError(
+                f"{updates} drives in each tick cannot be replayed without dac_period, which must be > 0 s"
+            )
+        if updates > 1 and updates * (delay_ticks + 1) > LONGEST_HORIZON:
+            raise ParameterError(
+                f"{updates} drives in each tick cannot be replayed with plant.delay_ticks = {delay_ticks}: "
+                f"{LONGEST_HORIZON} on their way are the most"
+            )
+        self._drives = drives.reshape(-1, 3)
+        self._updates = updates
         self._delay_ticks = delay_ticks
+        self._dac_period = dac_period
         self._next = 0
 
-    def answer(self, measurement: _Array) -> _Array:
-        """The drive of the next tick [V]; after the last one, that again."""
-        at = min(self._next + self._delay_ticks, len(self._drives) - 1)
+    def answer(self, measurement: _Array) -> _Array | Command:
+        """Drive of the next tick [V], with those of its further updates; after the last one, that again."""
+        first, last = self._next * self._updates, len(self._drives) - 1
         self._next += 1
-        return self._drives[at]
+        if self._updates == 1:
+            return self._drives[min(first + self._delay_ticks, last)]
+        ahead = np.minimum(first + np.arange((self._delay_ticks + 1) * self._updates), last)
+        return Command(self._drives[ahead[0]], self._drives[ahead[1:]], self._dac_period)
 
     def reset(self) -> None:
         """Begin again."""

@@ -9,6 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..command import Command
+from ..controller import Controller
 from ..errors import DivergenceError, DriveError, ParameterError
 from ..instrument import Block, ScoreSummary
 from ..parameters import SimParameters
@@ -27,7 +29,7 @@ class Law(Protocol):
     """Anything that answers measurements."""
 
     def answer(self, measurement: _Array, /) -> Any:
-        """Drive [V], (3,), for a measurement in the order of `afm_model.signals.MEASUREMENT`."""
+        """Drive [V], (3,), or Command, for a measurement in the order of `afm_model.signals.MEASUREMENT`."""
         ...
 
 
@@ -65,23 +67,33 @@ class SimulatedLink(Link):
     clock : VirtualClock
     latency : callable
         The latency of the next drive [s]; infinite: it is lost.
+    control_period : float [s]
+        Between two measurements.
     """
 
-    def __init__(self, law: Law, clock: VirtualClock, latency: Callable[[], float]) -> None:
+    def __init__(self, law: Law, clock: VirtualClock, latency: Callable[[], float], control_period: float) -> None:
         self._law, self._clock, self._latency = law, clock, latency
-        self._on_the_way: list[tuple[float, int, _Array]] = []
+        self._control_period = control_period
+        self._on_the_way: list[tuple[float, int, _Array | Command]] = []
         self._arrived = math.nan
 
     def publish(self, sequence: int, measurement: _Array) -> None:
         """Have a measurement answered."""
-        drive = np.array(self._law.answer(measurement), np.float64)
-        if drive.shape != (3,):
-            raise DriveError(f"drive {drive.tolist()} is not allowed: it must be three voltages")
+        drive = self._answer(sequence, measurement)
+        if not isinstance(drive, Command):
+            drive = np.array(drive, np.float64)
+            if drive.shape != (3,):
+                raise DriveError(f"drive {drive.tolist()} is not allowed: it must be three voltages")
         arrives = self._clock() + self._latency()
         if math.isfinite(arrives):
             heapq.heappush(self._on_the_way, (arrives, sequence, drive))
 
-    def take(self) -> tuple[int, _Array] | None:
+    def _answer(self, sequence: int, measurement: _Array) -> Any:
+        if isinstance(self._law, Controller):
+            return self._law.answer(measurement, sequence * self._control_period)
+        return self._law.answer(measurement)
+
+    def take(self) -> tuple[int, _Array | Command] | None:
         """The drive that has arrived first and has not been taken."""
         if not self._on_the_way or self._on_the_way[0][0] > self._clock():
             return None
@@ -145,9 +157,8 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
         blocks.append(block)
         round_trips.append(times)
 
-    run = Run(
-        parameters, SimulatedLink(law, clock, latency.draw()), clock, Listeners(block=keep), block_ticks=block_ticks
-    )
+    link = SimulatedLink(law, clock, latency.draw(), parameters.plant.control_period)
+    run = Run(parameters, link, clock, Listeners(block=keep), block_ticks=block_ticks)
     run.step()
     while (deadline := run.deadline) is not None:
         clock.now = deadline

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ..command import Command
 from ..errors import DriveError
 from ..instrument import Block, Instrument
 from .timing import DelayLog, Delays
@@ -47,8 +48,8 @@ class Ticker:
         self._doubtful.clear()
         self._find_stop()
 
-    def tick(self, drive: _Array, round_trip: float) -> bool:
-        """Apply a drive [V] for one tick; False if the run ends with it.
+    def tick(self, drive: _Array | Command, round_trip: float, sequence: int | None = None) -> bool:
+        """Apply a drive for one tick; False if the run ends with it. For `sequence` see `Instrument.tick`.
 
         Raises
         ------
@@ -57,7 +58,7 @@ class Ticker:
         """
         self._round_trips.append(round_trip)
         try:
-            self._instrument.tick(drive)
+            self._instrument.tick(drive, sequence)
         except DriveError:
             self._round_trips.pop()
             raise

@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model import Block, SimParameters, build
+from afm_model import Block, Command, DriveError, SimParameters, build
 from afm_model.run import Link, Listeners, Run, State
 
 PERIOD = 2.0**-10
@@ -19,7 +19,7 @@ class HandLink(Link):
 
     def __init__(self, bench: "Bench") -> None:
         self._bench = bench
-        self._inbox: deque[tuple[float, int, NDArray[np.float64]]] = deque()
+        self._inbox: deque[tuple[float, int, NDArray[np.float64] | Command | DriveError]] = deque()
         self._arrived = 0.0
         self.published: list[int] = []
         self.is_ready = True
@@ -33,7 +33,16 @@ class HandLink(Link):
         drive = np.array([x, 0.0, self._bench.rest if z is None else z])
         self._inbox.append((self._bench.now if arrived is None else arrived, sequence, drive))
 
-    def take(self) -> tuple[int, NDArray[np.float64]] | None:
+    def send_horizon(self, sequence: int, *xs: float) -> None:
+        """A drive for measurement `sequence`, and one for each of the next control periods."""
+        drives = np.array([[x, 0.0, self._bench.rest] for x in xs])
+        self._inbox.append((self._bench.now, sequence, Command(drives[0], drives[1:], PERIOD)))
+
+    def send_refused(self, sequence: int, reason: str) -> None:
+        """What answers measurement `sequence` and cannot be a drive."""
+        self._inbox.append((self._bench.now, sequence, DriveError(reason)))
+
+    def take(self) -> tuple[int, NDArray[np.float64] | Command | DriveError] | None:
         if not self._inbox:
             return None
         self._arrived, sequence, drive = self._inbox.popleft()

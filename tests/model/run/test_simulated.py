@@ -18,6 +18,7 @@ from afm_model import (
     simulate,
 )
 from afm_model.run import Latency, RealtimeSimulation, Replay, State, recorded_parameters, simulate_realtime
+from afm_model.signals import MEASUREMENT
 
 PERIOD = 1e-3
 """Wall time of a control period [s]."""
@@ -52,7 +53,7 @@ class Counting:
 
     def answer(self, measurement: NDArray[np.float64]) -> NDArray[np.float64]:
         self.count += 1
-        return np.array([1e-3 * self.count, 0.0, measurement[-1]])
+        return np.array([1e-3 * self.count, 0.0, measurement.view(MEASUREMENT)[0].drive[2]])
 
 
 def test_drives_that_come_within_the_period_give_the_lockstep_run_to_the_last_bit() -> None:

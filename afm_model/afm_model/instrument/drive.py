@@ -1,0 +1,79 @@
+"""From a command to the drive that is in force: line of those on their way, horizon, fault, range, resolution."""
+
+import math
+from typing import Any
+
+from ..converter import convert
+from ..fault import on_drive
+from ..jit import kernel
+from ..parts.header import HEADER
+from ..records import Block, record_at, size
+from ..signals import COMMAND, DRIVE, LONGEST_HORIZON
+from .block import LOOP
+from .score import SUMS, count_drive
+
+_SIZE = size(COMMAND)
+_ROUND_OFF = 1e-6
+"""Part of a horizon's period by which a time may fall short of it."""
+
+
+@kernel
+def allowed(u: Any) -> bool:
+    """Whether a command can be put in force: all its numbers are finite, its horizon has a period."""
+    if not (math.isfinite(u.voltage[0]) and math.isfinite(u.voltage[1]) and math.isfinite(u.voltage[2])):
+        return False
+    count = u.horizon_count
+    if count == 0:
+        return True
+    if not (0 < count <= LONGEST_HORIZON and 0.0 < u.horizon_period < math.inf):
+        return False
+    for i in range(count):
+        for axis in range(3):
+            if not math.isfinite(u.horizon[i, axis]):
+                return False
+    return True
+
+
+@kernel
+def copy_command(source: Any, target: Any) -> None:
+    """Copy what a command holds, not what its horizon does not use."""
+    target.sequence = source.sequence
+    target.horizon_period = source.horizon_period
+    target.horizon_count = source.horizon_count
+    for axis in range(3):
+        target.voltage[axis] = source.voltage[axis]
+        for i in range(source.horizon_count):
+            target.horizon[i, axis] = source.horizon[i, axis]
+
+
+@kernel
+def due(m: Block) -> int:
+    """Where in the block the command stands that is due at this tick: the one of `delay` ticks ago."""
+    g = record_at(m, 0, HEADER)
+    c = record_at(m, g.loop, LOOP)
+    if c.delay == 0:
+        return int(g.commanded)
+    slots = c.delay + 1
+    copy_command(record_at(m, g.commanded, COMMAND), record_at(m, g.line + _SIZE * (c.k % slots), COMMAND))
+    return int(g.line + _SIZE * ((c.k + 1) % slots))
+
+
+@kernel
+def put_in_force(m: Block, at: int, late: float, faults: Any) -> None:
+    """Apply what the command at place `at` holds for a time `late` after the begin of this tick [s]."""
+    g = record_at(m, 0, HEADER)
+    c = record_at(m, g.loop, LOOP)
+    u = record_at(m, at, COMMAND)
+    a = record_at(m, g.applied, DRIVE)
+    x, y, z = a.voltage[0], a.voltage[1], a.voltage[2]
+    i = 0
+    if u.horizon_count > 0:
+        age = (c.k - u.sequence) * c.control_period + late
+        i = math.floor(min(age / u.horizon_period + _ROUND_OFF, float(u.horizon_count)))
+    for axis in range(3):
+        a.voltage[axis] = u.voltage[axis] if i <= 0 else u.horizon[i - 1, axis]
+    on_drive(c.k * c.control_period + late, a, faults, m)
+    for axis in range(3):
+        a.voltage[axis] = convert(a.voltage[axis], c.drive_lsb, c.drive_limit)
+    if c.k >= c.score_tick:
+        count_drive(record_at(m, g.score, SUMS), a.voltage[0] - x, a.voltage[1] - y, a.voltage[2] - z)
