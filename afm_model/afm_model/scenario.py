@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from .errors import ParameterError
+from .law.timing import TIMING, SampledLaw
 from .parameters import ControllerParameters, Group, SimParameters, Value, build
+from .schema import with_parts
 from .strict_yaml import YamlError, read_yaml
 
 
@@ -80,11 +82,14 @@ def load_scenario(
             for key, values in _read_sections(file, known).items():
                 sections[key] = sections.get(key, {}) | values
     parts: dict[str, Any] = {}
-    for key, values in sections.items():
+    # A law may be made for the period and the delay of the plant: that is read first.
+    for key, values in sorted(sections.items(), key=lambda item: item[0] == _section("afm_controller_node")):
         node = key.rsplit("/", 1)[-1]
         if node not in known:
             continue
         try:
+            if node == "afm_controller_node":
+                values.update(law_timing(values, parts.get("sim", SimParameters())))
             group = build(known[node], _without_process(node, values, process))
         except ParameterError as error:
             told = path if overrides is None else f"{path} with {overrides}"
@@ -92,6 +97,32 @@ def load_scenario(
         if node in SECTIONS:
             parts[SECTIONS[node][0]] = group
     return Scenario(path.stem, path, **parts, sections=sections)
+
+
+def law_timing(values: Mapping[str, Value], sim: SimParameters) -> dict[str, Value]:
+    """Period and delay of the plant, for a law that is made for them, as far as `values` leave them out.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of the controller, by their dotted names.
+    sim : SimParameters
+
+    Returns
+    -------
+    dict
+        `law.period` [s] and `law.delay_ticks`, or less; empty for a law that is made for no rate.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such law.
+    """
+    law: Any = with_parts(ControllerParameters, values).model_fields["law"].annotation
+    if not issubclass(law, SampledLaw):
+        return {}
+    plant: dict[str, Value] = {"period": sim.plant.control_period, "delay_ticks": sim.plant.delay_ticks}
+    return {f"law.{name}": plant[name] for name in TIMING if f"law.{name}" not in values}
 
 
 def _read_sections(path: Path, known: Mapping[str, object]) -> dict[str, dict[str, Any]]:

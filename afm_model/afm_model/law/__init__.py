@@ -10,6 +10,7 @@ from ..registry import register
 from . import paper
 from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from .paper import PaperLaw
+from .timing import SampledLaw, disagreements
 
 EXTERNAL = -2
 """Number of the law that is not here: the drive comes from elsewhere."""
@@ -33,7 +34,9 @@ __all__ = [
     "PARTS",
     "TANH_GAP",
     "PaperLaw",
+    "SampledLaw",
     "control",
+    "disagreements",
     "error_matrix",
     "lyapunov_matrix",
     "ultimate_bound",
