@@ -8,8 +8,12 @@ from ..parts.header import LAW_HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
 from . import paper
+from .implicit import IMPLICIT
 from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
+from .observer import OBSERVER
 from .paper import PaperLaw
+from .pid import PID
+from .super_twisting import SUPER_TWISTING
 from .timing import SampledLaw, disagreements
 
 EXTERNAL = -2
@@ -17,6 +21,8 @@ EXTERNAL = -2
 PARTS = paper.PARTS
 _OF_THE_PAPER = len(paper.PARTS)
 register(*PARTS)
+# The others are called by address, like those of somebody else's: the compiled loop knows the paper's alone.
+register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER)
 
 
 @kernel

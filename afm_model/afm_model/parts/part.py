@@ -137,6 +137,8 @@ class Law(Part):
     control: Kernel
     warnings: Callable[[Tree, float], list[str]] = lambda parameters, control_period: []
     """(parameters, control period [s]) -> why the loop cannot work at this rate, a sentence each."""
+    knowledge: str = ""
+    """What it uses: measurements; what it must be told of the microscope. For comparisons, in words."""
 
 
 @dataclass(frozen=True, kw_only=True)

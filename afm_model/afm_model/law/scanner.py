@@ -1,0 +1,195 @@
+"""The free scanner as a sampled law knows it: exact steps under a held drive, drives in flight, reference ahead.
+
+Each axis is x'' = U - eta^2 x - 2 xi eta x' - a in the units of the paper (1/w0, x0 or z0); the load a is friction along
+x and y, and N / mu along z. docs/laws.md, section 1.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from ..jit import kernel
+from ..parts.part import Tree
+
+_Array = NDArray[np.float64]
+
+VECTORS = (
+    "length",  # x0, x0, z0 [m]
+    "volts",  # drive per unit of U [V]
+    "limit",  # largest |U|; infinite without piezo.limit
+    "phi_11",  # exact step over one period: phi e + gamma U
+    "phi_12",
+    "phi_21",
+    "phi_22",
+    "gamma_1",
+    "gamma_2",
+    "weight_1",  # gamma / |gamma|^2: the drive that comes closest to a wanted change
+    "weight_2",
+    "ahead_11",  # phi to the power delay_ticks
+    "ahead_12",
+    "ahead_21",
+    "ahead_22",
+    "due_1",  # ahead gamma: what the drive that comes into force has stood for among those in flight
+    "due_2",
+    "flown_1",  # what a unit of U held over all the delay makes
+    "flown_2",
+)
+"""Constants of x, y and z each."""
+FIELDS = ("hold", "ahead", "w0", "delayed", *VECTORS)
+"""All constants; first control period and delay [1/w0], w0 [rad/s], 1.0 if there is a delay."""
+STATE_VECTORS = ("last", "flight_1", "flight_2")
+STATE_FIELDS = ("started", *STATE_VECTORS)
+"""State: the drive answered last [U], and what the drives in flight will have made of a scanner at rest."""
+
+
+class Axis(NamedTuple):
+    """One free axis over a time of held drive, nondimensional."""
+
+    eta: float  # resonance [w0]
+    xi: float  # damping ratio
+    hold: float  # time of held drive [1/w0]
+    phi: _Array  # (2, 2)
+    gamma: _Array  # (2,)
+
+
+def free_axis(eta: float, xi: float, hold: float) -> Axis:
+    """Exact step of a free axis over a time `hold` [1/w0] of held drive."""
+    A = np.zeros((3, 3))
+    A[0, 1], A[1, 0], A[1, 1], A[1, 2] = 1.0, -eta * eta, -2.0 * xi * eta, 1.0
+    E = expm(A * hold)
+    return Axis(eta, xi, hold, E[:2, :2], E[:2, 2])
+
+
+def free_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
+    """x, y, z of the scanner over `periods` control periods of the law."""
+    scanner, w0 = parameters.scanner, parameters.scales.w0
+    hold = w0 * parameters.law.period * periods
+    return [
+        free_axis(2.0 * math.pi * getattr(scanner, f"f_{axis}") / w0, getattr(scanner, f"xi_{axis}"), hold)
+        for axis in "xyz"
+    ]
+
+
+def place_poles(axis: Axis, one: float, other: float) -> tuple[float, float]:
+    """K for which phi - gamma K has the eigenvalues `one` and `other`: Ackermann's formula."""
+    reached = np.column_stack([axis.gamma, axis.phi @ axis.gamma])
+    wanted = (axis.phi - one * np.eye(2)) @ (axis.phi - other * np.eye(2))
+    K = np.linalg.solve(reached.T, np.array([0.0, 1.0])) @ wanted
+    return float(K[0]), float(K[1])
+
+
+def scanner_values(parameters: Tree) -> dict[str, Any]:
+    """Values of FIELDS for a law that is made for a period and a delay."""
+    law, scales, piezo = parameters.law, parameters.scales, parameters.piezo
+    columns: dict[str, list[float]] = {name: [] for name in VECTORS}
+    lengths = (scales.x0, scales.x0, scales.z0)
+    for axis, name, length in zip(free_axes(parameters), "xyz", lengths, strict=True):
+        volts = length / (axis.eta**2 * getattr(piezo, f"sensitivity_{name}"))
+        columns["length"].append(length)
+        columns["volts"].append(volts)
+        columns["limit"].append(piezo.limit / volts if piezo.limit > 0.0 else math.inf)
+        ahead = np.linalg.matrix_power(axis.phi, law.delay_ticks)
+        matrices = {
+            "phi": axis.phi,
+            "gamma": axis.gamma,
+            "weight": axis.gamma / (axis.gamma @ axis.gamma),
+            "ahead": ahead,
+            "due": ahead @ axis.gamma,
+            # The static response is 1 / eta^2.
+            "flown": (np.eye(2) - ahead) @ np.array([1.0 / axis.eta**2, 0.0]),
+        }
+        for of, matrix in matrices.items():
+            for index, number in np.ndenumerate(matrix):
+                columns[f"{of}_{''.join(str(i + 1) for i in index)}"].append(float(number))
+    hold = scales.w0 * law.period
+    timing = {"hold": hold, "ahead": hold * law.delay_ticks, "w0": scales.w0, "delayed": float(law.delay_ticks > 0)}
+    return timing | columns
+
+
+@kernel
+def follow_flight(y: Any, p: Any, s: Any) -> None:
+    """Bring the effect of the drives in flight up to this measurement: one has been sent, one has come into force.
+
+    At the start the scanner rests under the drive that holds it until the first answer is there.
+    """
+    if p.delayed == 0.0:
+        return
+    for axis in range(3):
+        applied = y.drive[axis] / p.volts[axis]
+        if s.started == 0.0:
+            s.flight_1[axis] = p.flown_1[axis] * applied
+            s.flight_2[axis] = p.flown_2[axis] * applied
+        else:
+            one, two = s.flight_1[axis], s.flight_2[axis]
+            s.flight_1[axis] = p.phi_11[axis] * one + p.phi_12[axis] * two
+            s.flight_2[axis] = p.phi_21[axis] * one + p.phi_22[axis] * two
+            s.flight_1[axis] += p.gamma_1[axis] * s.last[axis] - p.due_1[axis] * applied
+            s.flight_2[axis] += p.gamma_2[axis] * s.last[axis] - p.due_2[axis] * applied
+
+
+@kernel
+def send(u: Any, p: Any, s: Any, axis: int, wanted: float) -> float:
+    """Write the drive for `wanted` [U] of one axis, within the range of the piezo; returns what was sent [U]."""
+    sent = min(max(wanted, -p.limit[axis]), p.limit[axis])
+    s.last[axis] = sent
+    u.voltage[axis] = p.volts[axis] * sent
+    return sent
+
+
+@kernel
+def position(y: Any, p: Any, axis: int) -> float:
+    """Measured position of the scanner [x0, z0]."""
+    return y.position[axis] / p.length[axis]
+
+
+@kernel
+def rate(y: Any, p: Any, axis: int) -> float:
+    """Measured velocity of the scanner [x0 w0, z0 w0]."""
+    return y.velocity[axis] / (p.length[axis] * p.w0)
+
+
+@kernel
+def predict(y: Any, p: Any, s: Any, axis: int, load: float) -> tuple[float, float]:
+    """Position and velocity when the drive answered now comes into force, under a constant `load` until then."""
+    x, v = position(y, p, axis), rate(y, p, axis)
+    if p.delayed == 0.0:
+        return x, v
+    one = p.ahead_11[axis] * x + p.ahead_12[axis] * v + s.flight_1[axis] - p.flown_1[axis] * load
+    two = p.ahead_21[axis] * x + p.ahead_22[axis] * v + s.flight_2[axis] - p.flown_2[axis] * load
+    return one, two
+
+
+@kernel
+def reference_at(y: Any, p: Any, axis: int, after: float) -> tuple[float, float]:
+    """Reference `after` [1/w0] from now, by its position, velocity and acceleration now."""
+    speed = p.length[axis] * p.w0
+    r, v = y.reference_position[axis] / p.length[axis], y.reference_velocity[axis] / speed
+    a = y.reference_acceleration[axis] / (speed * p.w0)
+    return r + after * (v + 0.5 * after * a), v + after * a
+
+
+@kernel
+def drive_between(p: Any, axis: int, r: float, v: float, next_r: float, next_v: float) -> float:
+    """Drive [U] that takes the free scanner from (r, v) closest to (next_r, next_v) in one period: least squares."""
+    miss_1 = next_r - p.phi_11[axis] * r - p.phi_12[axis] * v
+    miss_2 = next_v - p.phi_21[axis] * r - p.phi_22[axis] * v
+    return p.weight_1[axis] * miss_1 + p.weight_2[axis] * miss_2
+
+
+@kernel
+def feed_forward(y: Any, p: Any, axis: int) -> float:
+    """Drive [U] along the reference while the drive answered now is in force: the free scanner inverted."""
+    r, v = reference_at(y, p, axis, p.ahead)
+    next_r, next_v = reference_at(y, p, axis, p.ahead + p.hold)
+    return drive_between(p, axis, r, v, next_r, next_v)
+
+
+@kernel
+def error_ahead(y: Any, p: Any, s: Any, axis: int, load: float) -> tuple[float, float]:
+    """Tracking error and its rate when the drive answered now comes into force, under a constant `load` until then."""
+    x, v = predict(y, p, s, axis, load)
+    r, r_rate = reference_at(y, p, axis, p.ahead)
+    return x - r, v - r_rate
