@@ -28,6 +28,7 @@ setup(
         "console_scripts": [
             "check_scenario = afm_bringup.__main__:check_scenario",
             "composed = afm_bringup.__main__:composed",
+            "identify = afm_bringup.__main__:identify",
             "scorecard = afm_bringup.__main__:scorecard",
             "session = afm_bringup.__main__:session",
         ]

@@ -25,5 +25,10 @@ def check_scenario() -> int:
     return start("afm_bringup.check_command")
 
 
+def identify() -> int:
+    """Exit code of identifying the scanner; see `afm_bringup.identify_command`."""
+    return start("afm_bringup.identify_command")
+
+
 if __name__ == "__main__":
     sys.exit(session())

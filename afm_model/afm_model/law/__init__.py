@@ -8,6 +8,7 @@ from ..parts.header import LAW_HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
 from . import paper
+from .chirp import CHIRP
 from .implicit import IMPLICIT
 from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from .observer import OBSERVER
@@ -22,7 +23,7 @@ PARTS = paper.PARTS
 _OF_THE_PAPER = len(paper.PARTS)
 register(*PARTS)
 # The others are called by address, like those of somebody else's: the compiled loop knows the paper's alone.
-register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER)
+register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER, CHIRP)
 
 
 @kernel

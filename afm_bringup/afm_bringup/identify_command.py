@@ -1,0 +1,82 @@
+"""`ros2 run afm_bringup identify RECORDING`: resonances, dampings and sensitivities of the scanner from a recording."""
+
+import argparse
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from afm_model import ParameterError
+from afm_model.identification import AXES, Resonator, Scanner, identify, write_parameters
+from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
+
+
+def _identified(path: Path) -> Scanner:
+    """The scanner of a recording.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    ParameterError
+        If it is not the motion of a scanner on its own.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IncompleteRecording)  # a part of a run will do
+        recording = read_recording(path)
+    if len(recording.time_ticks) < 2:
+        raise ParameterError("the recording holds no motion")
+    # Time in a recording is in whole nanoseconds: the mean of many periods is exact.
+    period = (recording.time_ticks[-1] - recording.time_ticks[0]) / (len(recording.time_ticks) - 1)
+    return identify(recording.drive, recording.position, float(period))
+
+
+def _print(scanner: Scanner) -> None:
+    table = Table(title="Scanner", title_justify="left")
+    for heading in ("", "resonance [Hz]", "damping ratio", "sensitivity [nm/V]", "explained"):
+        table.add_column(heading, justify="right" if heading else "left")
+    for axis in AXES:
+        found: Resonator = getattr(scanner, axis)
+        table.add_row(
+            axis,
+            _with_error(found.f, found.f_error),
+            _with_error(found.xi, found.xi_error),
+            _with_error(found.sensitivity * 1e9, found.sensitivity_error * 1e9),
+            f"{100.0 * found.fit:.4g} %",
+        )
+    Console(width=None if Console().is_terminal else 100).print(table)
+
+
+def _with_error(value: float, error: float) -> str:
+    """A number with as many digits as its standard error leaves, four at least."""
+    digits = 4
+    if error > 0.0:
+        digits = max(digits, int(np.ceil(np.log10(abs(value) / error))) + 1)
+    return f"{value:.{min(digits, 8)}g} +- {error:.2g}"
+
+
+def main() -> int:
+    """Entry point."""
+    parser = argparse.ArgumentParser(
+        prog="identify",
+        description="Find resonance, damping and sensitivity of each axis of the scanner, from the recording of a run "
+        "with the tip off the sample such as that of scenario identify_scanner.",
+    )
+    parser.add_argument("recording", type=Path, help="recording of the run (.rrd)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write them as a parameter file for the controller")
+    arguments = parser.parse_args()
+    try:
+        scanner = _identified(arguments.recording)
+        _print(scanner)
+        if arguments.out:
+            write_parameters(scanner, arguments.out, {"identified from": str(arguments.recording)})
+    except (RecordingError, ParameterError) as error:
+        print(f"error: {arguments.recording}: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"error: {arguments.out} cannot be written: {error.strerror}", file=sys.stderr)
+        return 1
+    return 0

@@ -1,0 +1,53 @@
+"""Excitation of the scanner for its identification: a sine whose frequency rises, the same along every axis."""
+
+import math
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.groups import LawParameters
+from ..parts.part import Law, Numbers, Tree
+from ..records import record
+from ..schema import Positive, Unit
+
+
+class Chirp(LawParameters):
+    """A linear chirp [V] on the drive of the start, with no feedback. The tip must be off the sample."""
+
+    amplitude: Annotated[Positive, Unit("V")] = Field(0.2, description="amplitude of the drive")
+    f_low: Annotated[Positive, Unit("Hz")] = Field(100.0, description="frequency at the start")
+    f_high: Annotated[Positive, Unit("Hz")] = Field(1500.0, description="frequency after law.sweep_time")
+    sweep_time: Annotated[Positive, Unit("s")] = Field(
+        0.2, description="time from law.f_low to law.f_high; the sine goes on at law.f_high then"
+    )
+
+
+CONSTANTS = record("amplitude", "f_low", "f_high", "sweep_time")
+STATE = record("started", "held", vectors=("held",))
+
+
+def _values(parameters: Tree) -> Numbers:
+    law = parameters.law
+    return {name: getattr(law, name) for name in CONSTANTS.names or ()}
+
+
+@kernel
+def phase(t: float, p: Any) -> float:
+    """Phase of the chirp at time t [rad]."""
+    sweep = min(t, p.sweep_time)
+    turns = p.f_low * sweep + 0.5 * (p.f_high - p.f_low) * sweep * sweep / p.sweep_time
+    return 2.0 * math.pi * (turns + p.f_high * max(t - p.sweep_time, 0.0))
+
+
+@kernel
+def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+    """See `afm_model.parts.Law`."""
+    for axis in range(3):
+        if s.started == 0.0:
+            s.held[axis] = y.drive[axis]
+        u.voltage[axis] = s.held[axis] + p.amplitude * math.sin(phase(t, p))
+    s.started = 1.0
+
+
+CHIRP = Law(name="chirp", parameters=Chirp, constants=CONSTANTS, state=STATE, values=_values, control=control)

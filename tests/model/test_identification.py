@@ -1,0 +1,120 @@
+"""Claims about the identification of the scanner, against scipy's integrator and against the instrument itself."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.integrate import solve_ivp
+
+from afm_model import ControllerParameters, ParameterError, SimParameters, Simulation, build, simulate
+from afm_model.identification import AXES, fit_resonator, identify, response, write_parameters
+
+WITHDRAWN = {
+    "plant.gap": 200e-9,
+    "plant.control_period": 5e-5,
+    "detector.sample_period": 1e-5,
+    "run.duration": 0.25,
+    "score.start": 0.0,
+}
+TRUE = {"f_x": 612.3, "f_y": 431.9, "f_z": 745.0, "xi_x": 0.021, "xi_y": 0.05, "xi_z": 0.033}
+SENSITIVITY = {"x": 21e-9, "y": 18e-9, "z": 23e-9}
+
+
+def shaken(law: str = "chirp", **values: object) -> Simulation:
+    """A run of a scanner that is not the one of the controller's parameters."""
+    true = {f"scanner.{name}": value for name, value in TRUE.items()}
+    true |= {f"piezo.sensitivity_{axis}": value for axis, value in SENSITIVITY.items()}
+    given = {name.replace("__", "."): value for name, value in values.items()}
+    return simulate(
+        build(SimParameters, WITHDRAWN | true | given),
+        build(ControllerParameters, {"law.kind": law}),
+    )
+
+
+@pytest.fixture(scope="module")
+def quiet() -> Simulation:
+    return shaken()
+
+
+def test_response_is_that_of_the_equation_of_motion():
+    period, f, xi, sensitivity = 5e-5, 650.0, 0.04, 20e-9
+    drive = np.random.default_rng(1).normal(size=40)
+    w = 2.0 * np.pi * f
+    state, expected = np.zeros(2), [0.0]
+    for u in drive[:-1]:
+        force = w * w * sensitivity * u
+        solved = solve_ivp(
+            lambda t, s, force=force: [s[1], force - 2.0 * xi * w * s[1] - w * w * s[0]],
+            (0.0, period),
+            state,
+            rtol=1e-11,
+            atol=[1e-20, 1e-16],
+        )
+        state = solved.y[:, -1]
+        expected.append(state[0])
+    np.testing.assert_allclose(response(drive, period, f, xi, sensitivity), expected, rtol=1e-8, atol=1e-16)
+
+
+def test_tip_stays_off_the_sample_while_the_scanner_is_shaken(quiet):
+    assert not quiet.truth["contact"].any()
+
+
+def test_scanner_is_found_without_noise_within_a_few_millionths(quiet):
+    found = identify(quiet.drives, quiet.position, 5e-5).parameters()
+    for name, value in TRUE.items():
+        assert found[f"scanner.{name}"] == pytest.approx(value, rel=1e-5)
+    for axis, value in SENSITIVITY.items():
+        assert found[f"piezo.sensitivity_{axis}"] == pytest.approx(value, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_with_noise_resonances_are_right_within_a_thousandth_and_within_their_errors(seed):
+    run = shaken(detector__position_noise=5e-11, piezo__dac_bits=16, piezo__limit=10.0, plant__seed=seed)
+    found = identify(run.drives, run.position, 5e-5)
+    for axis in AXES:
+        resonator = getattr(found, axis)
+        for name, true in (("f", TRUE[f"f_{axis}"]), ("xi", TRUE[f"xi_{axis}"]), ("sensitivity", SENSITIVITY[axis])):
+            error = getattr(resonator, f"{name}_error")
+            # Five standard errors, and the step of the plant.
+            assert abs(getattr(resonator, name) - true) < 5.0 * error + 1e-5 * true, (axis, name)
+        assert resonator.f == pytest.approx(TRUE[f"f_{axis}"], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("gap", "reason"),
+    [(0.0, "along x: an axis that .* does not move"), (2e-8, "along x: .* not that of a resonator.*is the tip off")],
+)
+def test_motion_in_contact_is_refused_with_the_axis_named(gap, reason):
+    run = shaken(plant__gap=gap)
+    with pytest.raises(ParameterError, match=reason):
+        identify(run.drives, run.position, 5e-5)
+
+
+@pytest.mark.parametrize(
+    ("drive", "position", "reason"),
+    [
+        (np.zeros(50), np.zeros(50), "not enough"),
+        (np.zeros(200), np.zeros(199), "not enough"),
+        (np.zeros(200), np.ones(200), "not driven"),
+        (np.r_[0.0, np.ones(199)], np.full(200, np.nan), "gaps"),
+    ],
+)
+def test_record_that_tells_nothing_is_refused(drive, position, reason):
+    with pytest.raises(ParameterError, match=reason):
+        fit_resonator(drive, position, 5e-5)
+
+
+def test_parameter_file_gives_the_controller_what_was_found(quiet, tmp_path: Path):
+    found = identify(quiet.drives, quiet.position, 5e-5)
+    path = tmp_path / "scanner.yaml"
+    write_parameters(found, path, {"identified from": "a test"})
+    assert path.read_text().startswith("# identified from: a test\n")
+    content = yaml.safe_load(path.read_text())
+    read = {
+        f"{group}.{name}": value
+        for group, values in content["/**/afm_controller_node"]["ros__parameters"].items()
+        for name, value in values.items()
+    }
+    assert read == found.parameters()
+    build(ControllerParameters, read)
