@@ -87,7 +87,7 @@ def fit_resonator(drive: _Array, position: _Array, period: float) -> Resonator:
     """
     if len(drive) != len(position) or len(drive) < _LEAST_TICKS:
         raise ParameterError(
-            f"{len(drive)} drives and {len(position)} positions are not enough to identify an axis: it takes as many of "
+            f"{len(drive)} drives and {len(position)} positions are not enough to identify an axis: take as many of "
             f"both, at least {_LEAST_TICKS}"
         )
     if not (np.isfinite(drive).all() and np.isfinite(position).all()):

@@ -5,6 +5,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -25,6 +26,8 @@ from .waiting import Waiting
 
 SERVE_PERIOD = 0.02
 """Wall time between two looks at timers, parameters, services and actions while the loop is busy [s]."""
+_EVENTS_EVERY = 50
+"""Events of the middleware are looked at in one of so many looks: once a second."""
 SERVE_AGAIN = 0.005
 """The same after something was found: a goal is answered in three steps, and one look serves one of them [s]."""
 
@@ -186,10 +189,12 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
         while not stop.requested:
             spin_once(0.1)
         return
-    waiting = Waiting(made)
+    # One node at a time: a look at several is felt in a loop of 20 kHz.
+    looks = cycle([Waiting([node], _EVENTS_EVERY) for node in made])
+    turn = SERVE_PERIOD / len(made)
     # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
     patience = SERVE_PERIOD if len(nodes) == 1 else 0.001
-    look_at, serve_at, period = 0.0, 0.0, SERVE_PERIOD
+    look_at, serve_at, period = 0.0, 0.0, turn
     while not stop.requested:
         busy = False
         for node in nodes:
@@ -204,8 +209,9 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
                 for node in nodes:
                     node.serve_periodic()
                 look_at = now + SERVE_PERIOD
+            waiting = next(looks)
             ready = waiting()
             if ready or waiting.unfinished:
                 spin_once(0.0)
-            period = SERVE_AGAIN if ready else SERVE_PERIOD
+            period = SERVE_AGAIN if ready else turn
             serve_at = now + period

@@ -1,16 +1,17 @@
 """Telling cheaply whether an executor would find anything to do.
 
 An executor builds a wait set over every entity of its nodes each time it is asked, in Python. For the simulator this
-takes 240 us, with the wait set here 110: 24 of its 35 entities are events of the middleware. This one is built once,
-and again only when entities come or go. Wait sets are no documented surface of rclpy; where they are not there, the
-executor is asked.
+takes 240 us. The wait sets here are built once, and again only when entities come or go. There are two: 24 of the
+simulator's 35 entities are events of the middleware (a warning of another QoS, say), which can wait. Wait sets are no
+documented surface of rclpy; where they are not there, the executor is asked.
 """
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+from rclpy.event_handler import EventHandler
 from rclpy.node import Node
 
 from .direct import Unscheduled
@@ -19,8 +20,63 @@ _KINDS = ("subscription", "guard_condition", "timer", "client", "service")
 """What a wait set can list as ready, in the order of its constructor; events are the sixth and are asked one by one."""
 
 
+class _Look:
+    """One wait set, kept.
+
+    Parameters
+    ----------
+    context : Context of the nodes.
+    handles : mapping of str to list
+        Entities with a handle of their own, by kind.
+    waitables : list
+        Entities that consist of others.
+
+    Raises
+    ------
+    ImportError, AttributeError, TypeError
+        Where this rclpy has no such wait set.
+    """
+
+    def __init__(self, context: Any, handles: Mapping[str, list[Any]], waitables: list[Any]) -> None:
+        from rclpy.impl.implementation_singleton import rclpy_implementation
+
+        needed = [entity.get_num_entities() for entity in waitables]
+        sizes = {kind: len(handles.get(kind, ())) + sum(getattr(n, f"num_{kind}s") for n in needed) for kind in _KINDS}
+        self._events = sum(n.num_events for n in needed)
+        self._guards = handles.get("guard_condition", [])
+        # A look takes the trigger of a guard condition away. One of ours is triggered again; one that is hidden in a
+        # waitable cannot be.
+        self.sure = sizes["guard_condition"] == len(self._guards)
+        """Whether nothing gets lost by looking."""
+        self._kinds = [kind for kind, size in sizes.items() if size]
+        self._empty = not self._kinds and not self._events
+        self._set: Any = rclpy_implementation.WaitSet(*sizes.values(), self._events, context.handle)
+        self._add: list[Callable[[], object]] = [
+            partial(getattr(self._set, f"add_{kind}"), entity.handle)
+            for kind, entities in handles.items()
+            for entity in entities
+        ]
+        self._add += [partial(entity.add_to_wait_set, self._set) for entity in waitables]
+
+    def __call__(self) -> bool:
+        """Whether anything is ready."""
+        if self._empty:
+            return False
+        self._set.clear_entities()
+        for add in self._add:
+            add()
+        self._set.wait(0)
+        for guard in self._guards:
+            if guard.handle.pointer in self._set.get_ready_entities("guard_condition"):
+                guard.trigger()
+                return True
+        return any(self._set.get_ready_entities(kind) for kind in self._kinds) or any(
+            self._set.is_ready("event", index) for index in range(self._events)
+        )
+
+
 class Waiting:
-    """Tells whether an executor would find anything to do, at half the price of asking it.
+    """Tells whether an executor would find anything to do, at a fraction of the price of asking it.
 
     Parameters
     ----------
@@ -28,18 +84,18 @@ class Waiting:
         All that they have counts, inboxes left out: subscriptions, timers, clients, services, guard conditions, and
         waitables, which are action servers, action clients and events. What is created or destroyed later counts from
         then on.
+    events_every : int
+        Events of the middleware are looked at in one of so many looks.
     """
 
-    def __init__(self, nodes: Sequence[Node]) -> None:
+    def __init__(self, nodes: Sequence[Node], events_every: int = 1) -> None:
         self._nodes = nodes
+        self._events_every = events_every
+        self._looks = 0
         self._executor: Any = nodes[0].executor
         self._entities: list[Any] = []
-        self._guards: list[Any] = []
-        self._kinds: list[str] = []
-        self._events = 0
-        self._add: list[Callable[[], object]] = []
-        self._set: Any = None
-        self._sure = True  # False: only the executor can tell
+        self._prompt: _Look | None = None  # None: only the executor can tell
+        self._events: _Look | None = None
         self.unfinished = False
         """Whether tasks have begun and not ended: coroutines that the executor has to resume now and then."""
         self()
@@ -55,55 +111,36 @@ class Waiting:
         if entities != self._entities:
             self._entities = entities
             self._build()
-        return not all(map(_begun, tasks)) or not self._sure or self._anything_ready()
+        return not all(map(_begun, tasks)) or self._anything_ready()
 
     def _build(self) -> None:
-        """Make a wait set of the size of what is there now, and list what goes into it."""
-        kinds: dict[str, list[Any]] = {kind: [] for kind in _KINDS}
+        """Make wait sets of the size of what is there now."""
+        handles: dict[str, list[Any]] = {kind: [] for kind in _KINDS}
         waitables: list[Any] = []
         for node in self._nodes:
-            kinds["subscription"] += [
+            handles["subscription"] += [
                 entity for entity in node.subscriptions if not isinstance(entity.callback_group, Unscheduled)
             ]
-            kinds["guard_condition"] += node.guards
-            kinds["timer"] += node.timers
-            kinds["client"] += node.clients
-            kinds["service"] += node.services
+            handles["guard_condition"] += node.guards
+            handles["timer"] += node.timers
+            handles["client"] += node.clients
+            handles["service"] += node.services
             waitables += node.waitables
-        needed = [entity.get_num_entities() for entity in waitables]
-        sizes = {kind: len(some) + sum(getattr(n, f"num_{kind}s") for n in needed) for kind, some in kinds.items()}
-        self._events = sum(n.num_events for n in needed)
-        self._guards = kinds["guard_condition"]
-        # A look takes the trigger of a guard condition away. One of ours is triggered again; one that is hidden in a
-        # waitable cannot be.
-        self._sure = sizes["guard_condition"] == len(self._guards)
-        self._kinds = [kind for kind, size in sizes.items() if size]
+        events = [entity for entity in waitables if isinstance(entity, EventHandler)]
+        others = [entity for entity in waitables if not isinstance(entity, EventHandler)]
+        context = self._nodes[0].context
         try:
-            from rclpy.impl.implementation_singleton import rclpy_implementation
-
-            self._set = rclpy_implementation.WaitSet(*sizes.values(), self._events, self._nodes[0].context.handle)
-            self._add = [
-                partial(getattr(self._set, f"add_{kind}"), entity.handle)
-                for kind, some in kinds.items()
-                for entity in some
-            ]
-            self._add += [partial(entity.add_to_wait_set, self._set) for entity in waitables]
-            self._anything_ready()
+            prompt, self._events = _Look(context, handles, others), _Look(context, {}, events)
+            prompt()
         except (ImportError, AttributeError, TypeError):
-            self._sure = False
+            prompt = self._prompt = None
+        self._prompt = prompt if prompt is not None and prompt.sure else None
 
     def _anything_ready(self) -> bool:
-        self._set.clear_entities()
-        for add in self._add:
-            add()
-        self._set.wait(0)
-        for guard in self._guards:
-            if guard.handle.pointer in self._set.get_ready_entities("guard_condition"):
-                guard.trigger()
-                return True
-        return any(self._set.get_ready_entities(kind) for kind in self._kinds) or any(
-            self._set.is_ready("event", index) for index in range(self._events)
-        )
+        if self._prompt is None or self._events is None:
+            return True
+        self._looks += 1
+        return self._prompt() or (self._looks % self._events_every == 0 and self._events())
 
 
 def _begun(task: Any) -> bool:

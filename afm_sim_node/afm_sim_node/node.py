@@ -21,7 +21,7 @@ from .chores import Chore, Chores
 from .link import TopicLink
 from .peers import Peers
 from .reporter import Reporter
-from .streams import Streams, stamp
+from .streams import Streams, clock_bytes
 
 TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout")
 """What may change while the instrument runs."""
@@ -30,6 +30,12 @@ _BLOCK_SAMPLES = 4000
 _STATUS_PERIOD = 0.2
 _DELIVERY_TIMEOUT = 5.0
 _DIAGNOSTICS_PERIOD = 1.0
+_ROOM = 0.1
+"""Part of a period that must be left before a deadline for a message of the streams to be published.
+
+One may take longer than what is left: the next tick is then late, and the ones behind it make up for it before another
+message goes out.
+"""
 _CLOCK_PERIOD = 0.02  # a faster /clock costs every use_sim_time node a third of a core
 
 
@@ -41,6 +47,7 @@ class SimNode(Node):
         self.parameters = parameters = declare(self, SimNodeParameters, tunable=TUNABLE, on_change=self._on_change)
         self.process = parameters.process
         self.exit_code = 0
+        self._period = _wall_period(parameters)
         self._peers = Peers(self)
         self._link = TopicLink(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
         samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
@@ -84,11 +91,16 @@ class SimNode(Node):
     def wait(self, timeout: float) -> None:
         """Sleep until a drive or a deadline, or for `timeout` seconds of wall time."""
         if not self.run.ticking:
+            self._streams.publish_all()
             time.sleep(timeout)
         elif (deadline := self.run.deadline) is None:
             self._link.wait(timeout)
         else:
-            left = deadline - time.monotonic() - self.parameters.run.spin_time
+            left = deadline - time.monotonic()
+            if self._streams.waiting and left > _ROOM * self._period:
+                self._streams.publish_one()
+                return
+            left -= self.parameters.run.spin_time
             if left > 0.0:
                 time.sleep(min(left, timeout))
 
@@ -125,9 +137,13 @@ class SimNode(Node):
             signal.raise_signal(signal.SIGINT)  # the one way in which a node ends
 
     def _on_block(self, block: Block, round_trips: NDArray[np.float32]) -> None:
-        self._streams.publish(block, round_trips)
+        self._streams.put(block, round_trips)
+        # In lockstep no tick is late.
+        if self.run.deadline is None:
+            self._streams.publish_all()
 
     def _on_end(self) -> None:
+        self._streams.publish_all()
         self._peers.look(force=True)
         self._reporter.publish_score()
 
@@ -141,7 +157,8 @@ class SimNode(Node):
             self.run.fail(rivalry)
 
     def _publish_clock(self) -> None:
-        self._clock_publisher.publish(ClockMessage(clock=stamp(self.run.stamp_ns)))
+        # As bytes: rclpy's conversion of a message takes longer than a tick may.
+        self._clock_publisher.publish(clock_bytes(self.run.stamp_ns))
 
     # Services and parameters.
 
@@ -157,7 +174,13 @@ class SimNode(Node):
 
     def _on_change(self, parameters: SimNodeParameters) -> None:
         self.parameters = parameters
+        self._period = _wall_period(parameters)
         self.run.adapt(parameters)
+
+
+def _wall_period(parameters: SimNodeParameters) -> float:
+    """Wall time between two ticks in real time [s]."""
+    return parameters.plant.control_period / parameters.run.real_time_factor
 
 
 def main() -> int:

@@ -1,7 +1,10 @@
 """Blocks of the instrument as Waveform and ControlTrace messages."""
 
+import struct
 import time
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,8 +27,19 @@ def stamp(nanoseconds: int) -> Time:
     return Time(sec=seconds, nanosec=rest)
 
 
+def clock_bytes(nanoseconds: int) -> bytes:
+    """Simulated time as a serialized rosgraph_msgs/Clock."""
+    return struct.pack("<4siI", b"\0\1\0\0", *divmod(nanoseconds, 1_000_000_000))
+
+
+_LONGEST_QUEUE = 500
+"""Messages that wait to be published at most: some seconds of a run that leaves no time for them."""
+
+
 class Streams:
     """Publishes every block of a run, so that recorders cost the control loop nothing per tick.
+
+    A block is taken over by `put` and published message by message, by `publish_one`, in the time that a tick leaves.
 
     Parameters
     ----------
@@ -46,6 +60,7 @@ class Streams:
             (self._publisher(node, channel.name), channel.scale(parameters), channel.unit) for channel in channels
         ]
         self._trace = node.create_publisher(ControlTrace, topics.CONTROL_TRACE, topics.STREAM_QOS)
+        self._queue: deque[Callable[[], None]] = deque()
 
     @staticmethod
     def _publisher(node: Node, topic: str) -> Any:
@@ -62,25 +77,48 @@ class Streams:
 
         A packet that was lost is sent again only while its publisher lives.
         """
+        self.publish_all()
         limit = time.monotonic() + timeout
         for publisher in (self._trace, *(publisher for publisher, *_ in self._channels)):
             publisher.wait_for_all_acked(Duration(seconds=max(limit - time.monotonic(), 0.0)))
 
-    def publish(self, block: Block, round_trip: NDArray[np.float32]) -> None:
-        """Publish a block and the round trips [s] of its ticks, (ticks,)."""
-        first = round(block.first_sample * self._sample_period * 1e9)
-        for samples, (publisher, scale, unit) in zip(block.samples, self._channels, strict=True):
-            if publisher.get_subscription_count():
-                publisher.publish(
-                    self._encode_waveform(
-                        first,
-                        first_sample=block.first_sample,
-                        sample_period=self._sample_period,
-                        samples=samples,
-                        scale=scale,
-                        unit=unit,
-                    )
+    def put(self, block: Block, round_trip: NDArray[np.float32]) -> None:
+        """Take over a block and the round trips [s] of its ticks, (ticks,)."""
+        for number in range(len(self._channels)):
+            self._queue.append(partial(self._publish_samples, block, number))
+        self._queue.append(partial(self._publish_trace, block, round_trip))
+        while len(self._queue) > _LONGEST_QUEUE:
+            self.publish_one()
+
+    @property
+    def waiting(self) -> int:
+        """Messages that wait to be published."""
+        return len(self._queue)
+
+    def publish_one(self) -> None:
+        """Publish the message that has waited longest."""
+        self._queue.popleft()()
+
+    def publish_all(self) -> None:
+        """Publish what waits."""
+        while self._queue:
+            self.publish_one()
+
+    def _publish_samples(self, block: Block, number: int) -> None:
+        publisher, scale, unit = self._channels[number]
+        if publisher.get_subscription_count():
+            publisher.publish(
+                self._encode_waveform(
+                    round(block.first_sample * self._sample_period * 1e9),
+                    first_sample=block.first_sample,
+                    sample_period=self._sample_period,
+                    samples=block.samples[number],
+                    scale=scale,
+                    unit=unit,
                 )
+            )
+
+    def _publish_trace(self, block: Block, round_trip: NDArray[np.float32]) -> None:
         if not self._trace.get_subscription_count():
             return
         rows = block.measurements

@@ -40,6 +40,11 @@ class Bench:
         return np.concatenate([np.zeros(0), *(trace.drive for trace in self.traces)]).reshape(-1, 3)
 
     @property
+    def last_z(self) -> float:
+        """Drive z applied last [V], as far as the trace has come; NaN before."""
+        return float(self.drives[-1, 2]) if self.traces else math.nan
+
+    @property
     def round_trips(self) -> np.ndarray:
         return np.concatenate([np.zeros(0), *(trace.round_trip for trace in self.traces)])
 
@@ -252,7 +257,7 @@ def test_silent_controller_has_the_sample_retracted_and_its_next_drive_brings_it
             "no valid drive from /afm/hand_made for 1 s (run.watchdog_timeout; 0 refused as NaN or infinite): "
             "the sample is retracted"
         )
-        b.graph.spin_until(lambda: not b.observer.status.in_contact and b.drives[-1, 2] == pytest.approx(-12.0))
+        b.graph.spin_until(lambda: not b.observer.status.in_contact and b.last_z == pytest.approx(-12.0))
         # run.retract_distance is 240 nm, 12 V here, gone in run.retract_time = 10 ms: 10 ticks of a tenth of the way.
         z = b.drives[:, 2]
         way = np.diff(z[np.flatnonzero(z == z[0])[-1] :])
@@ -270,7 +275,7 @@ def test_silent_controller_has_the_sample_retracted_and_its_next_drive_brings_it
         assert b.simulator.run.state == State.RETRACTED
         silent = False
         b.run_until(InstrumentStatus.RUNNING)
-        b.graph.spin_until(lambda: b.drives[-1, 2] == contact[0].voltage.z)
+        b.graph.spin_until(lambda: b.last_z == contact[0].voltage.z)
 
 
 def test_run_with_the_sample_retracted_is_not_valid_and_has_no_error_of_the_tip() -> None:

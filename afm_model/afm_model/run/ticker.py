@@ -77,8 +77,10 @@ class Ticker:
         if self._round_trips:
             round_trips = np.array(self._round_trips, np.float32)
             self._round_trips.clear()
-            counted = np.delete(round_trips, [i for i in self._doubtful if i < round_trips.size])
-            self._doubtful = [0] if round_trips.size in self._doubtful else []
+            counted = round_trips
+            if self._doubtful:
+                counted = np.delete(round_trips, [i for i in self._doubtful if i < round_trips.size])
+                self._doubtful = [0] if round_trips.size in self._doubtful else []
             self._delays.settle(counted)
             self._on_block(self._instrument.take_block(), round_trips)
         self._find_stop()

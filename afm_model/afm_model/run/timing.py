@@ -78,6 +78,10 @@ class Delays(NamedTuple):
     """Realtime: at each tick, since the measurement was published that the drive in force answers."""
 
 
+_SETTLED_TOGETHER = 2000
+"""Ticks whose wall times are counted at once."""
+
+
 class DelayLog:
     """Collects wall times tick by tick, as cheaply as a list does, and counts them block by block."""
 
@@ -87,8 +91,10 @@ class DelayLog:
     def reset(self) -> None:
         """Forget everything."""
         self._histograms = (Histogram(), Histogram(), Histogram())
+        self._round_trips: list[NDArray[np.floating]] = []
         self._lateness: list[float] = []
         self._ages: list[float] = []
+        self._unsettled = 0
 
     def note(self, lateness: float, command_age: float) -> None:
         """Realtime: how late a tick was, and how old the measurement behind the drive in force [s]."""
@@ -97,18 +103,29 @@ class DelayLog:
 
     def settle(self, round_trips: NDArray[np.floating]) -> None:
         """Count these round trips [s], and what was noted since the last call."""
-        for histogram, times in zip(
-            self._histograms, (round_trips, np.array(self._lateness), np.array(self._ages)), strict=True
-        ):
+        self._round_trips.append(round_trips)
+        self._unsettled += len(round_trips)
+        # A histogram takes its time once for many values: some ten microseconds, which a tick would feel.
+        if self._unsettled >= _SETTLED_TOGETHER:
+            self._count()
+
+    def _count(self) -> None:
+        if not self._round_trips:
+            return
+        gathered = (np.concatenate(self._round_trips), np.array(self._lateness), np.array(self._ages))
+        for histogram, times in zip(self._histograms, gathered, strict=True):
             histogram.add(times)
-        self._lateness.clear()
-        self._ages.clear()
+        self._unsettled = 0
+        for values in (self._round_trips, self._lateness, self._ages):
+            values.clear()
 
     @property
     def oldest_command(self) -> float:
         """Largest command age counted [s]."""
+        self._count()
         return self._histograms[2].largest
 
     def summary(self) -> Delays:
         """What was counted."""
+        self._count()
         return Delays(*(histogram.summary for histogram in self._histograms))
