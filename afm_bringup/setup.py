@@ -16,7 +16,6 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", sorted(glob("config/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.launch.py"))),
-        (f"share/{NAME}/scenarios", sorted(glob("scenarios/*.yaml"))),
     ],
     install_requires=["setuptools"],
     zip_safe=False,

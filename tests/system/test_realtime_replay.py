@@ -19,7 +19,7 @@ DURATION = 0.01
 
 def shortened(path: Path, **simulator: dict[str, Any]) -> Path:
     """The shipped realtime scenario, 2000 ticks of it, with other parameters for the simulator."""
-    content = yaml.safe_load((ROOT / "afm_bringup" / "scenarios" / "closed_loop_realtime.yaml").read_text())
+    content = yaml.safe_load((ROOT / "afm_model" / "afm_model" / "scenarios" / "closed_loop_realtime.yaml").read_text())
     parameters = content["/**/afm_sim_node"]["ros__parameters"]
     parameters["score"] = {"start": 0.0}
     parameters["run"]["duration"] = DURATION

@@ -11,7 +11,7 @@ from afm_model.parameters import Value
 from afm_model.physics import Microscope
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = (ROOT / "docs" / "scenarios", ROOT / "afm_bringup" / "scenarios")
+FOLDER = ROOT / "docs" / "scenarios"
 _Array = NDArray[np.float64]
 
 
@@ -56,11 +56,9 @@ class Runs:
         self._kept: dict[str, Simulation] = {}
 
     def scenario(self, name: str) -> Scenario:
-        """The scenario `name`.yaml of docs/scenarios or afm_bringup/scenarios."""
-        for folder in FOLDERS:
-            if (folder / f"{name}.yaml").exists():
-                return load_scenario(folder / f"{name}.yaml")
-        raise FileNotFoundError(f"there is no scenario {name}.yaml in {' or '.join(str(f) for f in FOLDERS)}")
+        """The scenario `name`: of docs/scenarios, or one that comes with afm_model."""
+        file = FOLDER / f"{name}.yaml"
+        return load_scenario(file if file.exists() else name)
 
     def __call__(self, name: str, **values: Value) -> Simulation:
         """The run of a scenario, with `values` in place of its own: `group__name` for group.name."""
