@@ -6,7 +6,7 @@ try:
     from rclpy.executors import ExternalShutdownException
     from rclpy.node import Node
 except ModuleNotFoundError as error:
-    raise SystemExit(f"error: {error}: run `. ./env.sh` in the clone first, once per terminal") from None
+    raise SystemExit(f"error: {error}: run `. ./env.sh` in the folder of the clone first, once per terminal") from None
 
 GAINS = {"x": (3e10, 6e5), "y": (3e10, 6e5), "z": (5.2e8, 8.4e4)}  # [V/m], [V s/m]
 

@@ -4,7 +4,16 @@ import argparse
 import json
 import sys
 
-from . import DivergenceError, DriveError, ParameterError, PartError, ScenarioError, load_scenario, scenario_names, simulate
+from . import (
+    DivergenceError,
+    DriveError,
+    ParameterError,
+    PartError,
+    ScenarioError,
+    load_scenario,
+    scenario_names,
+    simulate,
+)
 from .progress import bar
 from .registry import find
 from .scorecard import scorecard

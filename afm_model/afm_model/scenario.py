@@ -76,7 +76,8 @@ def load_scenario(
     Raises
     ------
     ScenarioError
-        If a file does not exist, cannot be read, is no parameter file, or names a section, parameter or value that does not exist.
+        If a file does not exist, cannot be read, is no parameter file, or names a section, parameter or value that
+        does not exist.
     """
     try:
         path = scenario_file(name)

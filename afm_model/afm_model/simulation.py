@@ -29,7 +29,7 @@ class Simulation:
     time: _Array  # (n,) simulated time of the ticks [s]
     measurements: NDArray[Any]  # (n,) records of afm_model.signals.MEASUREMENT
     truth: NDArray[Any]  # (n,) records of afm_model.signals.TRUTH: what no sensor sees, at the ticks
-    drives: _Array  # (n, 3) drive applied from each tick on [V]
+    drive: _Array  # (n, 3) applied from each tick on [V]
     time_samples: _Array  # (m,) [s]
     samples: _Array  # (channels, m)
     channels: tuple[Channel, ...]
@@ -104,7 +104,7 @@ class Simulation:
         ImportError
             If matplotlib is not installed.
         """
-        curves = Curves(self.time, self.position, self.reference, self.error, self.drives, self.lateral_force)
+        curves = Curves(self.time, self.position, self.reference, self.error, self.drive, self.lateral_force)
         return plot(curves, title)
 
 
@@ -148,7 +148,7 @@ def simulate(
         time=np.arange(len(measurements), dtype=np.float64) * parameters.plant.control_period,
         measurements=measurements,
         truth=instrument.truth_of(np.concatenate([block.states for block in blocks])),
-        drives=np.concatenate([block.drives for block in blocks]),
+        drive=np.concatenate([block.drives for block in blocks]),
         time_samples=np.arange(samples.shape[1], dtype=np.float64) * parameters.detector.sample_period,
         samples=samples,
         channels=instrument.channels,

@@ -1,7 +1,7 @@
 """The friction loop of a recording: lateral force against position along x, drawn into it when it is completed.
 
-The viewer plots over time only. So the loop is a drawing in a plane, of `WIDTH` by `HEIGHT`, with its ends written beside
-it; whoever wants the numbers takes those of position and lateral force.
+The viewer plots over time only. So the loop is a drawing in a plane, `WIDTH` by `HEIGHT`, with its ends written beside it.
+The numbers are those of position and lateral force.
 """
 
 import numpy as np

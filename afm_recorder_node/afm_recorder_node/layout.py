@@ -134,7 +134,9 @@ def signal(name: str, si_unit: str) -> Signal:
 def further(entities: Iterable[str]) -> list[str]:
     """Which of these entities are channels beyond those of CHANNELS."""
     others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE, FRICTION_LOOP}
-    return sorted(e for e in entities if e not in others and not e.startswith((f"{PARAMETERS}/", f"{FRICTION_LOOP}/", "/__")))
+    return sorted(
+        e for e in entities if e not in others and not e.startswith((f"{PARAMETERS}/", f"{FRICTION_LOOP}/", "/__"))
+    )
 
 
 def _plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
@@ -168,9 +170,7 @@ def blueprint(further: Iterable[str] = ()) -> rrb.Blueprint:
         rrb.Vertical(
             rrb.Grid(
                 rrb.Tabs(
-                    *_plots(
-                        "Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip"
-                    )
+                    *_plots("Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip")
                 ),
                 rrb.Vertical(*_plots("Tracking error", ERROR, z="Tracking error of the tip, z")),
                 rrb.Spatial2DView(

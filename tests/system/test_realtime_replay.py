@@ -37,7 +37,7 @@ def replayed(out: Path) -> tuple[dict[str, Any], Recording]:
     assert parameters.run.mode == card["mode"] == "realtime"
     again = simulate(parameters, Replay(recording.drive, parameters.plant.delay_ticks))
     assert again.trajectory_sha256 == card["trajectory_sha256"]
-    assert np.array_equal(again.drives, recording.drive)
+    assert np.array_equal(again.drive, recording.drive)
     assert len(recording.drive) == card["ticks"] == parameters.total_ticks
     return card, recording
 

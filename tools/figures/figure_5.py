@@ -72,9 +72,7 @@ def draw_forces(runs: Runs) -> Figure:
     t, f, u = 1e3 * run.time, friction(run), control_force(run)
     figure, axes = plt.subplots(3, 2, figsize=(style.WIDTH, 6.6), layout="constrained", sharey="row")
     for i, axis in enumerate("xy"):
-        axes[0, i].plot(
-            *envelope(t, f[:, i], 800), rasterized=True, **style.DENSE | {"color": style.SECOND["color"]}
-        )
+        axes[0, i].plot(*envelope(t, f[:, i], 800), rasterized=True, **style.DENSE | {"color": style.SECOND["color"]})
         axes[1, i].plot(*envelope(t, u[:, i]), rasterized=True, **style.DENSE)
         axes[0, i].set_title(f"({'ab'[i]}) friction along ${axis}$", loc="left")
         axes[1, i].set_title(f"({'cd'[i]}) control force along ${axis}$", loc="left")

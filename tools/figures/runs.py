@@ -97,7 +97,7 @@ def control_force(run: Simulation) -> _Array:
     mass = p.scanner.mass_ratio * p.cantilever.m_c
     stiffness = [mass * (2.0 * np.pi * f) ** 2 for f in (p.scanner.f_x, p.scanner.f_y)]
     newton_per_volt = np.array(stiffness) * [p.piezo.sensitivity_x, p.piezo.sensitivity_y]
-    return 1e9 * run.drives[:, :2] * newton_per_volt
+    return 1e9 * run.drive[:, :2] * newton_per_volt
 
 
 def errors(run: Simulation) -> _Array:
