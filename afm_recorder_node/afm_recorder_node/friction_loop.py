@@ -1,6 +1,6 @@
 """The friction loop of a recording: lateral force against position along x, drawn into it when it is completed.
 
-The viewer plots over time only. So the loop is a drawing in a plane, `WIDTH` by `HEIGHT`, with its ends written beside it.
+The viewer plots over time only. So the loop is a drawing in a plane, with its ends written beside it.
 The numbers are those of position and lateral force.
 """
 
@@ -76,7 +76,7 @@ class FrictionLoop:
             [WIDTH * (points[:, 0] - left) / (right - left), HEIGHT * (high - points[:, 1]) / (high - low)]
         )
         stream.log(layout.FRICTION_LOOP, rr.LineStrips2D([drawn], colors=[_LOOP], radii=[-0.7]), static=True)
-        frame = [[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT], [0, 0]]
+        frame = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT], [0, 0]])
         stream.log(
             f"{layout.FRICTION_LOOP}/frame", rr.LineStrips2D([frame], colors=[_FRAME], radii=[-0.5]), static=True
         )
