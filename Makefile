@@ -17,7 +17,7 @@ help:
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
 	@echo "make figures draw the figures of docs/paper.md again"
-	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes)"
+	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes on an idle machine)"
 	@echo "make clean   remove what was built, .venv and out/"
 
 setup:
