@@ -16,7 +16,7 @@ from afm_model.plotting import envelope
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "library.md"
-NAMES = ["closed_loop_realtime", "closed_loop_sgn", "closed_loop_tanh", "open_loop"]
+NAMES = sorted(file.stem for file in (ROOT / "afm_model" / "afm_model" / "scenarios").glob("*.yaml"))
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -51,6 +51,7 @@ def test_examples_of_the_page_run_and_the_one_of_our_law_gives_its_trajectory(tm
 
 def test_scenarios_that_come_with_the_package_are_loaded_by_name_and_a_file_counts_before_a_name(tmp_path, monkeypatch):
     assert scenario_names() == NAMES
+    assert {"closed_loop_realtime", "closed_loop_sgn", "closed_loop_tanh", "open_loop"} <= set(NAMES)
     for name in NAMES:
         assert load_scenario(name).name == name
         assert load_scenario(name).header.title
