@@ -21,7 +21,7 @@ setup(
     zip_safe=False,
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",
-    description="Scenarios, launch files and the session runner of the virtual atomic force microscope.",
+    description="Launch file and session runner of the virtual atomic force microscope.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -8,7 +8,8 @@ try:
 except ModuleNotFoundError as error:
     raise SystemExit(f"error: {error}: run `. ./env.sh` in the folder of the clone first, once per terminal") from None
 
-GAINS = {"x": (3e10, 6e5), "y": (3e10, 6e5), "z": (5.2e8, 8.4e4)}  # [V/m], [V s/m]
+# Along z those of the tanh law for small errors. [V/m], [V s/m]
+GAINS = {"x": (3e10, 6e5), "y": (3e10, 6e5), "z": (5.2e8, 8.4e4)}
 
 
 class PdController(Node):

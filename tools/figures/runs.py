@@ -86,9 +86,7 @@ def scored(run: Simulation) -> NDArray[np.bool_]:
 
 def friction(run: Simulation) -> _Array:
     """Friction on the scanner along x and y at the ticks, (n, 2) [nN]."""
-    stride = len(run.time_samples) // len(run.time)
-    y = run.channel("truth/lateral_force_y")[::stride]
-    return 1e9 * np.column_stack([run.lateral_force, y])
+    return 1e9 * np.column_stack([run.lateral_force, run.lateral_force_y])
 
 
 def control_force(run: Simulation) -> _Array:
