@@ -7,7 +7,7 @@ SHELL := bash
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
 PACKAGES := afm_model msgs afm_node_common afm_sim_node afm_controller_node afm_recorder_node afm_bringup tests
-MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/launch/* $(p)/scenarios/* $(p)/config/*))
+MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/launch/* $(p)/config/*))
 BUILT := ros2_ws/install/.built
 
 help:
@@ -17,7 +17,7 @@ help:
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
 	@echo "make figures draw the figures of docs/paper.md again"
-	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes)"
+	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes on an idle machine)"
 	@echo "make clean   remove what was built, .venv and out/"
 
 setup:

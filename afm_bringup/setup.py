@@ -16,13 +16,12 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", sorted(glob("config/*.yaml"))),
         (f"share/{NAME}/launch", sorted(glob("launch/*.launch.py"))),
-        (f"share/{NAME}/scenarios", sorted(glob("scenarios/*.yaml"))),
     ],
     install_requires=["setuptools"],
     zip_safe=False,
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",
-    description="Scenarios, launch files and the session runner of the virtual atomic force microscope.",
+    description="Launch file and session runner of the virtual atomic force microscope.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -48,7 +48,7 @@ for tool in gcc g++ cmake; do
     fail "$tool is missing: the ROS messages are compiled" "install it with: sudo apt install build-essential cmake"
 done
 
-echo "Setting up .venv with $("$python" --version), ROS 2: $ros (once, less than a minute) ..."
+echo "Setting up .venv with $("$python" --version), ROS 2: $ros (once: about 40 s of processor time, and what the network needs) ..."
 rm -rf .venv
 site=()
 [ "$ros" = wheels ] || site=(--system-site-packages)

@@ -132,7 +132,7 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
     add("tracking error, rms [nm]", *(_show(tracking[a]["rms_m"], 1e9) for a in AXES))
     add("tracking error, max [nm]", *(_show(tracking[a]["max_m"], 1e9) for a in AXES))
     add("  in % of amplitude (z: of the sample's)", *(_show(tracking[a]["max_percent"]) for a in AXES))
-    add("largest excursion [nm]", *(_show(card["extent_m"][a], 1e9) for a in AXES))
+    add("position, max [nm]", *(_show(card["extent_m"][a], 1e9) for a in AXES))
     variation = card["drive_total_variation_per_s"]
     add("drive, total variation [V/s]", *(_show(variation[a]) for a in AXES))
     facts = Table(show_header=False, box=None)

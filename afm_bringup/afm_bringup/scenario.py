@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-from afm_model.scenario import Scenario, ScenarioError, load_scenario
+from afm_model import Scenario, load_scenario
 from afm_node_common.process import InProcess
 from afm_recorder_node.parameters import RecorderParameters
-
-from .files import find_scenario
 
 _OURS = ("scenario", "/**/afm_sim_node", "/**/afm_controller_node", "/**/afm_recorder_node")
 
@@ -17,7 +15,7 @@ def read_scenario(name: str, overrides: Path | None = None) -> Scenario:
     Parameters
     ----------
     name : str
-        Name of one that comes with this package, or a file.
+        Name of one that comes with afm_model, or a file.
     overrides : Path, optional
         Parameter file that counts in place of the scenario's parameters.
 
@@ -26,11 +24,7 @@ def read_scenario(name: str, overrides: Path | None = None) -> Scenario:
     ScenarioError
         If it is not found or not allowed.
     """
-    try:
-        path = find_scenario(name)
-    except FileNotFoundError as error:
-        raise ScenarioError(str(error)) from None
-    return load_scenario(path, {"afm_recorder_node": RecorderParameters}, InProcess, overrides)
+    return load_scenario(name, {"afm_recorder_node": RecorderParameters}, InProcess, overrides)
 
 
 def foreign_sections(scenario: Scenario) -> list[str]:

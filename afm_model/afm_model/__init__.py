@@ -8,6 +8,7 @@ from .errors import DivergenceError, DriveError, ParameterError, PartError
 from .instrument import Block, Instrument, ScoreSummary
 from .parameters import ControllerParameters, InstrumentParameters, SimParameters, build, flatten, specifications
 from .scenario import Scenario, ScenarioError, load_scenario
+from .shipped import scenario_names
 from .simulation import Simulation, simulate
 from .sweeping import SweepError, sweep
 
@@ -36,6 +37,7 @@ __all__ = [
     "build",
     "flatten",
     "load_scenario",
+    "scenario_names",
     "simulate",
     "specifications",
     "sweep",

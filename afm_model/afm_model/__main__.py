@@ -1,11 +1,19 @@
-"""`python -m afm_model SCENARIO.yaml`: run a scenario in process and print its score."""
+"""`python -m afm_model SCENARIO`: run a scenario in process and print its score."""
 
 import argparse
 import json
 import sys
-from pathlib import Path
 
-from . import DivergenceError, DriveError, ParameterError, PartError, ScenarioError, load_scenario, simulate
+from . import (
+    DivergenceError,
+    DriveError,
+    ParameterError,
+    PartError,
+    ScenarioError,
+    load_scenario,
+    scenario_names,
+    simulate,
+)
 from .progress import bar
 from .registry import find
 from .scorecard import scorecard
@@ -14,7 +22,7 @@ from .scorecard import scorecard
 def main() -> int:
     """Entry point; the exit code is 2 if the scenario was refused."""
     parser = argparse.ArgumentParser(prog="python -m afm_model", description="Run a scenario in process, without ROS.")
-    parser.add_argument("scenario", type=Path, help="scenario file")
+    parser.add_argument("scenario", help=f"one of {', '.join(scenario_names())}, or a file")
     arguments = parser.parse_args()
     try:
         scenario = load_scenario(arguments.scenario)

@@ -157,7 +157,7 @@ def identify(drive: _Array, position: _Array, period: float) -> Scanner:
     Parameters
     ----------
     drive : ndarray (n, 3) [V]
-        Applied from each tick on: `Simulation.drives`, `Recording.drive`. It begins at rest.
+        Applied from each tick on: `Simulation.drive`, `Recording.drive`. It begins at rest.
     position : ndarray (n, 3) [m]
         As the sensors read it: `Simulation.position`, `Recording.position`.
     period : float [s]

@@ -4,6 +4,7 @@ Every name and value is checked here, before anything runs; no ROS is needed to 
 """
 
 import difflib
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +14,7 @@ from .errors import ParameterError
 from .law.timing import TIMING, SampledLaw
 from .parameters import ControllerParameters, Group, SimParameters, Value, build
 from .schema import with_parts
+from .shipped import scenario_file
 from .strict_yaml import YamlError, read_yaml
 
 
@@ -52,7 +54,7 @@ SECTIONS: dict[str, tuple[str, type[Group]]] = {
 
 
 def load_scenario(
-    path: Path,
+    name: str | os.PathLike[str],
     others: Mapping[str, type[Group]] | None = None,
     process: type[Group] | None = None,
     overrides: Path | None = None,
@@ -61,7 +63,8 @@ def load_scenario(
 
     Parameters
     ----------
-    path : Path
+    name : str or path
+        A file, or one of `afm_model.scenario_names()`: those that come with this package.
     others : mapping, optional
         Further nodes of ours, whose sections are checked as well: name of the node, its parameters.
     process : type[Group], optional
@@ -73,9 +76,14 @@ def load_scenario(
     Raises
     ------
     ScenarioError
-        If a file cannot be read, is no parameter file, or names a section, parameter or value that does not exist.
+        If a file does not exist, cannot be read, is no parameter file, or names a section, parameter or value that
+        does not exist.
     """
-    known = {name: group for name, (_, group) in SECTIONS.items()} | dict(others or {})
+    try:
+        path = scenario_file(name)
+    except FileNotFoundError as error:
+        raise ScenarioError(str(error)) from None
+    known = {node: group for node, (_, group) in SECTIONS.items()} | dict(others or {})
     sections: dict[str, dict[str, Any]] = {}
     for file in (path, overrides):
         if file is not None:

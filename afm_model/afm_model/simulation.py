@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,11 @@ from .instrument import Block, Instrument, ScoreSummary
 from .instrument.validity import doubts
 from .parameters import ControllerParameters, SimParameters
 from .parts.part import Channel
+from .plotting import Curves, plot
 from .run.simulated import Law, ticks_of_a_block, ticks_to_simulate
+
+if TYPE_CHECKING:
+    from .plotting import Figure
 
 _Array = NDArray[np.float64]
 
@@ -25,7 +29,7 @@ class Simulation:
     time: _Array  # (n,) simulated time of the ticks [s]
     measurements: NDArray[Any]  # (n,) records of afm_model.signals.MEASUREMENT
     truth: NDArray[Any]  # (n,) records of afm_model.signals.TRUTH: what no sensor sees, at the ticks
-    drives: _Array  # (n, 3) drive applied from each tick on [V]
+    drive: _Array  # (n, 3) applied from each tick on [V]
     time_samples: _Array  # (m,) [s]
     samples: _Array  # (channels, m)
     channels: tuple[Channel, ...]
@@ -49,14 +53,26 @@ class Simulation:
         return self.measurements["reference_position"]
 
     @property
+    def error(self) -> _Array:
+        """Tracking error as measured: x, y of the scanner, z of the tip (n, 3) [m]; the score's is the true one."""
+        error = self.position - self.reference
+        error[:, 2] = self.parameters.cantilever.a + self.deflection - self.reference[:, 2]
+        return error
+
+    @property
     def deflection(self) -> _Array:
         """Cantilever deflection at the ticks (n,) [m]."""
         return self.measurements["deflection"]
 
     @property
     def lateral_force(self) -> _Array:
-        """Lateral force x at the ticks (n,) [N]."""
+        """Lateral force along x at the ticks (n,) [N], as read from the photodetector."""
         return self.measurements["lateral_force"]
+
+    @property
+    def lateral_force_y(self) -> _Array:
+        """Lateral force along y at the ticks (n,) [N]: the true one, which no photodetector sees."""
+        return self.truth["friction"][:, 1]
 
     def channel(self, name: str) -> _Array:
         """Samples (m,) of a channel in SI units.
@@ -70,6 +86,26 @@ class Simulation:
             if channel.name == name:
                 return self.samples[number] * channel.scale(self.parameters)
         raise KeyError(f"no channel {name} was sampled; there are {', '.join(each.name for each in self.channels)}")
+
+    def plot(self, title: str = "") -> "Figure":
+        """Draw position and reference, errors, drive, lateral force and friction loop; needs matplotlib.
+
+        Parameters
+        ----------
+        title : str
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure of pyplot: a notebook shows it, `savefig` writes it to a file.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        curves = Curves(self.time, self.position, self.reference, self.error, self.drive, self.lateral_force)
+        return plot(curves, title)
 
 
 def simulate(
@@ -112,7 +148,7 @@ def simulate(
         time=np.arange(len(measurements), dtype=np.float64) * parameters.plant.control_period,
         measurements=measurements,
         truth=instrument.truth_of(np.concatenate([block.states for block in blocks])),
-        drives=np.concatenate([block.drives for block in blocks]),
+        drive=np.concatenate([block.drives for block in blocks]),
         time_samples=np.arange(samples.shape[1], dtype=np.float64) * parameters.detector.sample_period,
         samples=samples,
         channels=instrument.channels,

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
 from . import layout
+from .friction_loop import FrictionLoop
 
 _CHUNK_ROWS = 32_768
 """Rows of a chunk; one costs some 0.3 ms to read and 1 kB in the file."""
@@ -123,6 +124,7 @@ def series(batch: pa.RecordBatch) -> _Rows | None:
 def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
     written: Counter[str] = Counter()
     batches: dict[str, _Batch] = defaultdict(_Batch)
+    loop = FrictionLoop()
     with _ending(rr.RecordingStream(layout.APPLICATION, send_properties=False)) as stream:
         # Through the open file: what somebody puts under the name meanwhile is not followed.
         stream.set_sinks(rr.FileSink(f"/proc/self/fd/{file}"))
@@ -140,6 +142,7 @@ def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
                 batch = batches[chunk.entity_path]
                 batch.times.append(times)
                 batch.values.append(values.reshape(len(times), -1))
+                loop.put(chunk.entity_path, times, batch.values[-1])
                 batch.rows += len(times)
                 if batch.rows >= _CHUNK_ROWS:
                     send(chunk.entity_path)
@@ -149,6 +152,7 @@ def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
                 stream.flush(timeout_sec=_FLUSH_LIMIT)
         for entity in list(batches):
             send(entity)
+        loop.send(stream)
         stream.send_blueprint(layout.blueprint(layout.further(written)))
     return +written
 

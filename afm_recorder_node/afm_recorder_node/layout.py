@@ -25,6 +25,8 @@ PARAMETERS = "/parameters"
 
 SCORE = "/score"
 """Text of the score (YAML), when the run has one."""
+FRICTION_LOOP = "/friction_loop"
+"""Drawing of lateral force against position, in a complete recording."""
 
 _PLOTTED = {"m": ("nm", 1e9), "N": ("nN", 1e9), "s": ("us", 1e6)}
 
@@ -131,12 +133,31 @@ def signal(name: str, si_unit: str) -> Signal:
 
 def further(entities: Iterable[str]) -> list[str]:
     """Which of these entities are channels beyond those of CHANNELS."""
-    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE}
-    return sorted(e for e in entities if e not in others and not e.startswith((f"{PARAMETERS}/", "/__")))
+    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE, FRICTION_LOOP}
+    return sorted(
+        e for e in entities if e not in others and not e.startswith((f"{PARAMETERS}/", f"{FRICTION_LOOP}/", "/__"))
+    )
+
+
+def _plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
+    """A plot of signals, or of one axis of theirs. Its name says what it shows: a legend would stand on the curves."""
+    shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
+    return rrb.TimeSeriesView(
+        name=f"{name} [{signals[0].unit}]",
+        origin="/",
+        contents=[signal.entity for signal in signals],
+        overrides=None if axis is None else {signal.entity: [shown] for signal in signals},
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+
+
+def _plots(name: str, *signals: Signal, z: str | None = None) -> list[rrb.TimeSeriesView]:
+    """One plot for each axis; `z`: what that of z is called."""
+    return [_plot((axis == "z" and z) or f"{name}, {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
 
 
 def blueprint(further: Iterable[str] = ()) -> rrb.Blueprint:
-    """The arrangement of the viewer: signals in plots over simulated time; events, parameters and score below.
+    """The arrangement of the viewer: signals in plots over simulated time; score, events and parameters below.
 
     x and y follow the same reference and z is far smaller: each axis has a plot, so that none hides another.
 
@@ -145,41 +166,34 @@ def blueprint(further: Iterable[str] = ()) -> rrb.Blueprint:
     further : iterable of str
         Entities of channels beyond those of CHANNELS.
     """
-
-    def plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
-        shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
-        return rrb.TimeSeriesView(
-            name=name,
-            origin="/",
-            contents=[signal.entity for signal in signals],
-            overrides=None if axis is None else {signal.entity: [shown] for signal in signals},
-            plot_legend=rrb.PlotLegend(corner="RightTop"),
-        )
-
-    def plots(name: str, *signals: Signal) -> list[rrb.TimeSeriesView]:
-        return [plot(f"{name} along {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
-
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Grid(
-                plot("Deflection", DEFLECTION),
-                rrb.Tabs(*plots("Position and reference", POSITION, REFERENCE)),
-                plot("Lateral force", LATERAL_FORCE, LATERAL_FORCE_Y),
-                rrb.Tabs(*plots("Drive", DRIVE)),
-                plot("Normal force", NORMAL_FORCE),
-                rrb.Vertical(*plots("Tracking error", ERROR)),
-                grid_columns=2,
+                rrb.Tabs(
+                    *_plots("Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip")
+                ),
+                rrb.Vertical(*_plots("Tracking error", ERROR, z="Tracking error of the tip, z")),
+                rrb.Spatial2DView(
+                    name="Friction loop: lateral force against position, x", origin=FRICTION_LOOP, contents="$origin/**"
+                ),
+                rrb.Tabs(_plot("Lateral force, x", LATERAL_FORCE), _plot("Lateral force, y", LATERAL_FORCE_Y)),
+                rrb.Tabs(*_plots("Drive", DRIVE)),
+                rrb.Tabs(_plot("Deflection", DEFLECTION), _plot("Normal force", NORMAL_FORCE)),
+                grid_columns=3,
             ),
-            rrb.Tabs(
-                rrb.TextLogView(name="Events", origin=EVENTS),
+            rrb.Horizontal(
                 rrb.TextDocumentView(name="Score", origin=SCORE),
-                rrb.TextDocumentView(name="Parameters", origin=PARAMETERS),
-                rrb.TimeSeriesView(name="Changed parameters", origin="/", contents=[f"{PARAMETERS}/**"]),
-                plot("Round trip", ROUND_TRIP),
-                *(rrb.TimeSeriesView(name=name[1:], origin="/", contents=[name]) for name in further),
-                active_tab="Events",
+                rrb.Tabs(
+                    rrb.TextLogView(name="Events", origin=EVENTS),
+                    rrb.TextDocumentView(name="Parameters", origin=PARAMETERS),
+                    rrb.TimeSeriesView(name="Changed parameters", origin="/", contents=[f"{PARAMETERS}/**"]),
+                    _plot("Round trip", ROUND_TRIP),
+                    *(rrb.TimeSeriesView(name=name[1:], origin="/", contents=[name]) for name in further),
+                    active_tab="Events",
+                ),
+                column_shares=[1, 2],
             ),
-            row_shares=[4, 1],
+            row_shares=[3, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
         rrb.SelectionPanel(state="collapsed"),

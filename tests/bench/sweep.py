@@ -3,14 +3,13 @@
 import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import distributed
 
 from afm_model import Controller, Instrument, Scenario, load_scenario, sweep
 
-SCENARIO = Path(__file__).resolve().parents[2] / "afm_bringup" / "scenarios" / "closed_loop_tanh.yaml"
+SCENARIO = "closed_loop_tanh"
 RUNS = 16
 """Sets of the smaller sweep, for each worker; the larger one has twice as many."""
 REPEATS = 3

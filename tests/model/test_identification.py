@@ -61,7 +61,7 @@ def test_tip_stays_off_the_sample_while_the_scanner_is_shaken(quiet):
 
 
 def test_scanner_is_found_without_noise_within_a_few_millionths(quiet):
-    found = identify(quiet.drives, quiet.position, 5e-5).parameters()
+    found = identify(quiet.drive, quiet.position, 5e-5).parameters()
     for name, value in TRUE.items():
         assert found[f"scanner.{name}"] == pytest.approx(value, rel=1e-5)
     for axis, value in SENSITIVITY.items():
@@ -71,7 +71,7 @@ def test_scanner_is_found_without_noise_within_a_few_millionths(quiet):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_with_noise_resonances_are_right_within_a_thousandth_and_within_their_errors(seed):
     run = shaken(detector__position_noise=5e-11, piezo__dac_bits=16, piezo__limit=10.0, plant__seed=seed)
-    found = identify(run.drives, run.position, 5e-5)
+    found = identify(run.drive, run.position, 5e-5)
     for axis in AXES:
         resonator = getattr(found, axis)
         for name, true in (("f", TRUE[f"f_{axis}"]), ("xi", TRUE[f"xi_{axis}"]), ("sensitivity", SENSITIVITY[axis])):
@@ -88,7 +88,7 @@ def test_with_noise_resonances_are_right_within_a_thousandth_and_within_their_er
 def test_motion_in_contact_is_refused_with_the_axis_named(gap, reason):
     run = shaken(plant__gap=gap)
     with pytest.raises(ParameterError, match=reason):
-        identify(run.drives, run.position, 5e-5)
+        identify(run.drive, run.position, 5e-5)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_record_that_tells_nothing_is_refused(drive, position, reason):
 
 
 def test_parameter_file_gives_the_controller_what_was_found(quiet, tmp_path: Path):
-    found = identify(quiet.drives, quiet.position, 5e-5)
+    found = identify(quiet.drive, quiet.position, 5e-5)
     path = tmp_path / "scanner.yaml"
     write_parameters(found, path, {"identified from": "a test"})
     assert path.read_text().startswith("# identified from: a test\n")

@@ -39,7 +39,7 @@ def test_simulation_is_the_instrument_and_the_law_tick_by_tick():
     scope = session.instrument(VALUES, 100)
     measurements, drives, samples = session.joined(session.run(scope, session.controller({}), 2e-3))
     np.testing.assert_array_equal(numbers(done.measurements), numbers(measurements))
-    np.testing.assert_array_equal(done.drives, drives)
+    np.testing.assert_array_equal(done.drive, drives)
     np.testing.assert_array_equal(done.samples, samples)
     assert done.trajectory_sha256 == scope.trajectory_sha256()
     np.testing.assert_array_equal(done.score.rms, scope.score().rms)
@@ -87,7 +87,7 @@ def test_any_object_that_answers_can_close_the_loop():
             return measurement.view(MEASUREMENT)[0].drive.copy()
 
     done = simulate(simulator(1e-4), Hold())
-    assert (done.drives == done.drives[0]).all()
+    assert (done.drive == done.drive[0]).all()
     own = simulate(simulator(1e-4), Controller(ControllerParameters()))
     assert own.trajectory_sha256 == simulate(simulator(1e-4), ControllerParameters()).trajectory_sha256
 

@@ -8,7 +8,7 @@ import pytest
 from support import assert_nothing_left, session
 
 from afm_bringup.scenario import read_scenario
-from afm_model import ScenarioError
+from afm_model import ScenarioError, scenario_names
 
 SIMULATOR = "/**/afm_sim_node"
 CONTROLLER = "/**/afm_controller_node"
@@ -114,7 +114,7 @@ class Case:
 
 CASES = {
     "unknown scenario": Case(
-        ("unknown scenario closed_loop_tahn", "closed_loop_realtime, closed_loop_sgn, closed_loop_tanh, open_loop"),
+        ("unknown scenario closed_loop_tahn", ", ".join(scenario_names())),
         name="closed_loop_tahn",
     ),
     "folder as scenario": Case(("unknown scenario /tmp", "it must be one of", "or a file"), name="/tmp"),

@@ -3,6 +3,7 @@
 import json
 import math
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from support import ROOT, Graph, HandController, Observer, answer, assert_nothing_left, session, write_scenario
 
+from afm_model import ControllerParameters, SimParameters, build, simulate
 from afm_node_common import topics
 from afm_recorder_node.reader import read_recording
 
@@ -58,7 +60,34 @@ def test_ordinary_node_is_scored_and_ended_even_behind_another_process(scenario:
     # No more than that it tracks at all: without a drive the error is the reference itself, which goes up to 4.2 nm.
     assert 0.0 < card["tracking"]["x"]["max_m"] < 1e-9
     assert 0.0 < card["tracking"]["y"]["max_m"] < 1e-9
+    # Along z it does as our law does, so that scores can be compared; with the z drive left as it is z errs by more.
+    ours = simulate(build(SimParameters, SIMULATOR), ControllerParameters()).score
+    assert card["tracking"]["z"]["rms_m"] == pytest.approx(ours.rms[2], rel=0.05)
     assert_nothing_left()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        [str(EXAMPLE)],
+        *(["-m", f"afm_{name}"] for name in ("model", "bringup", "sim_node", "controller_node", "recorder_node")),
+    ],
+)
+def test_forgotten_environment_is_told_with_the_command_to_run(command: list[str]) -> None:
+    # -I and -S: a Python that finds none of the packages; -m looks into the clone, as it does in an ordinary terminal.
+    program = "import runpy, sys; sys.path.insert(0, '.'); "
+    program += (
+        f"runpy.run_module('{command[1]}', run_name='__main__')"
+        if command[0] == "-m"
+        else f"runpy.run_path('{command[0]}', run_name='__main__')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", program], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ")
+    assert "run `. ./env.sh` in " in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_controller_started_elsewhere_that_answers_nan_is_told_and_leaves_no_results(

@@ -19,7 +19,7 @@ DURATION = 0.01
 
 def shortened(path: Path, **simulator: dict[str, Any]) -> Path:
     """The shipped realtime scenario, 2000 ticks of it, with other parameters for the simulator."""
-    content = yaml.safe_load((ROOT / "afm_bringup" / "scenarios" / "closed_loop_realtime.yaml").read_text())
+    content = yaml.safe_load((ROOT / "afm_model" / "afm_model" / "scenarios" / "closed_loop_realtime.yaml").read_text())
     parameters = content["/**/afm_sim_node"]["ros__parameters"]
     parameters["score"] = {"start": 0.0}
     parameters["run"]["duration"] = DURATION
@@ -37,7 +37,7 @@ def replayed(out: Path) -> tuple[dict[str, Any], Recording]:
     assert parameters.run.mode == card["mode"] == "realtime"
     again = simulate(parameters, Replay(recording.drive, parameters.plant.delay_ticks))
     assert again.trajectory_sha256 == card["trajectory_sha256"]
-    assert np.array_equal(again.drives, recording.drive)
+    assert np.array_equal(again.drive, recording.drive)
     assert len(recording.drive) == card["ticks"] == parameters.total_ticks
     return card, recording
 

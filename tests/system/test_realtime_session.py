@@ -9,7 +9,7 @@ from support import ROOT, assert_nothing_left, session
 
 
 def test_closed_loop_in_real_time_tracks_although_drives_come_late(tmp_path: Path) -> None:
-    content = yaml.safe_load((ROOT / "afm_bringup" / "scenarios" / "closed_loop_realtime.yaml").read_text())
+    content = yaml.safe_load((ROOT / "afm_model" / "afm_model" / "scenarios" / "closed_loop_realtime.yaml").read_text())
     simulator = content["/**/afm_sim_node"]["ros__parameters"]
     # A machine that stands still must cost late drives here, not a retracted sample.
     simulator["run"] |= {"duration": 0.02, "watchdog_timeout": 1000.0}

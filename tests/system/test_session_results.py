@@ -201,7 +201,7 @@ def test_recording_holds_every_tick(recording: Recording, expected: Simulation) 
     close = {"rtol": 1e-14, "atol": 0.0}
     np.testing.assert_allclose(recording.position, expected.position, **close)
     np.testing.assert_allclose(recording.reference, expected.reference, **close)
-    np.testing.assert_allclose(recording.drive, expected.drives, **close)
+    np.testing.assert_allclose(recording.drive, expected.drive, **close)
     assert np.isfinite(recording.round_trip).all()
 
 

@@ -3,6 +3,8 @@
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
+from afm_model.plotting import envelope
+
 from . import style
 from .runs import Runs, control_force, units
 
@@ -20,7 +22,7 @@ def draw(runs: Runs) -> Figure:
         run = runs(name)
         unit = units(run.parameters)
         t, u = 1e3 * run.time, control_force(run)[:, 0]
-        row[0].plot(*style.envelope(t, u), rasterized=True, **(style.DENSE if law == "sgn" else style.MOTION))
+        row[0].plot(*envelope(t, u), rasterized=True, **(style.DENSE if law == "sgn" else style.MOTION))
         start, end = CLOSE_UP if t[-1] > CLOSE_UP[1] else (0.0, float(t[-1]))
         near = (t >= start - 1e-9) & (t <= end)
         row[1].step(1e3 * (t[near] - start), u[near], where="post", **style.MOTION)

@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 
 from afm_model import ControllerParameters
 from afm_model.law import TANH_GAP, lyapunov_matrix, ultimate_bound
+from afm_model.plotting import envelope
 
 from . import style
 from .runs import Runs, errors, units
@@ -61,8 +62,8 @@ def draw(runs: Runs) -> Figure:
         e = errors(run)
         t = 1e3 * run.time
         norm, V = np.linalg.norm(e, axis=1), lyapunov(e, bound.P)
-        top.plot(*style.envelope(t, norm), label=rf"$\|e\|$, $\alpha$ = {alpha:g}", **line)
-        bottom.plot(*style.envelope(t, V), label=rf"$V$, $\alpha$ = {alpha:g}", **line)
+        top.plot(*envelope(t, norm), label=rf"$\|e\|$, $\alpha$ = {alpha:g}", **line)
+        bottom.plot(*envelope(t, V), label=rf"$V$, $\alpha$ = {alpha:g}", **line)
         color = line["color"]
         top.axhline(bound.ultimate, color=color, lw=1.0, ls="--", label=f"ultimate bound {bound.ultimate:.2f}")
         top.axhline(bound.decrease, color=color, lw=1.0, ls=":", label=rf"$\dot V < 0$ outside {bound.decrease:.2f}")

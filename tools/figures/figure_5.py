@@ -6,6 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from afm_model.plotting import envelope
+
 from . import style
 from .runs import Runs, control_force, friction, units
 
@@ -23,23 +25,23 @@ def draw_motion(runs: Runs) -> Figure:
     figure, axes = plt.subplots(4, 2, figsize=(style.WIDTH, 8.2), layout="constrained")
     for i, axis in enumerate("xy"):
         left, right = axes[i]
-        left.plot(*style.envelope(t, 1e9 * run.position[:, i], 300), label=f"${axis}$", **style.MOTION)
-        left.plot(*style.envelope(t, 1e9 * run.reference[:, i], 300), label=f"${axis}_r$", **style.THIRD)
+        left.plot(*envelope(t, 1e9 * run.position[:, i], 300), label=f"${axis}$", **style.MOTION)
+        left.plot(*envelope(t, 1e9 * run.reference[:, i], 300), label=f"${axis}_r$", **style.THIRD)
         left.set_ylabel(f"${axis}$ [nm]")
         style.opposite(left, y=(f"${'XY'[i]}$ [$x_0$]", unit.length))
         rate = 1e6 * run.measurements.reference_velocity[:, i]
         speed = 1e6 * run.velocity[:, i]
-        right.plot(*style.envelope(t, speed), label=f"$\\dot {axis}$", rasterized=True, **style.DENSE)
-        right.plot(*style.envelope(t, rate, 300), label=f"$\\dot {axis}_r$", **_BLACK)
+        right.plot(*envelope(t, speed), label=f"$\\dot {axis}$", rasterized=True, **style.DENSE)
+        right.plot(*envelope(t, rate, 300), label=f"$\\dot {axis}_r$", **_BLACK)
         right.set_ylabel(f"$\\dot {axis}$ [µm/s]")
         style.opposite(right, y=(f"$\\dot {'XY'[i]}$ [$x_0\\omega_0$]", unit.speed))
     height = 1e12 * (run.deflection + run.parameters.cantilever.a)
     rise = 1e9 * run.measurements.deflection_rate
     setpoint = 1e12 * run.reference[:, 2]
     left, right = axes[2]
-    left.plot(*style.envelope(t, height), label="$z_c$", rasterized=True, **style.DENSE)
-    left.plot(*style.envelope(t, setpoint, 300), label="$z_r$", **_BLACK)
-    right.plot(*style.envelope(t, rise), label=r"$\dot z_c$", rasterized=True, **style.DENSE)
+    left.plot(*envelope(t, height), label="$z_c$", rasterized=True, **style.DENSE)
+    left.plot(*envelope(t, setpoint, 300), label="$z_r$", **_BLACK)
+    right.plot(*envelope(t, rise), label=r"$\dot z_c$", rasterized=True, **style.DENSE)
     left, right = axes[3]
     near = _close_up(left, t, height, CLOSE_UP, label="$z_c$")
     left.plot(1e3 * (t[near] - CLOSE_UP), setpoint[near], label="$z_r$", **_BLACK)
@@ -70,10 +72,8 @@ def draw_forces(runs: Runs) -> Figure:
     t, f, u = 1e3 * run.time, friction(run), control_force(run)
     figure, axes = plt.subplots(3, 2, figsize=(style.WIDTH, 6.6), layout="constrained", sharey="row")
     for i, axis in enumerate("xy"):
-        axes[0, i].plot(
-            *style.envelope(t, f[:, i], 800), rasterized=True, **style.DENSE | {"color": style.SECOND["color"]}
-        )
-        axes[1, i].plot(*style.envelope(t, u[:, i]), rasterized=True, **style.DENSE)
+        axes[0, i].plot(*envelope(t, f[:, i], 800), rasterized=True, **style.DENSE | {"color": style.SECOND["color"]})
+        axes[1, i].plot(*envelope(t, u[:, i]), rasterized=True, **style.DENSE)
         axes[0, i].set_title(f"({'ab'[i]}) friction along ${axis}$", loc="left")
         axes[1, i].set_title(f"({'cd'[i]}) control force along ${axis}$", loc="left")
     # The mean of the drive over 0.1 ms shows what the switching balances.
@@ -81,7 +81,7 @@ def draw_forces(runs: Runs) -> Figure:
     for i in range(2):
         mean = np.convolve(u[:, i], np.ones(n) / n, "valid")
         middle = t[: len(mean)] + 0.5 * (t[n - 1] - t[0])
-        axes[1, i].plot(*style.envelope(middle, mean, 600), label="mean over 0.1 ms", **style.MOTION)
+        axes[1, i].plot(*envelope(middle, mean, 600), label="mean over 0.1 ms", **style.MOTION)
         axes[1, i].set_ylim(-330.0, 430.0)
         axes[1, i].legend(loc="upper right")
     _close_up(axes[2, 0], t, f[:, 0], TURN)

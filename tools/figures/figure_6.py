@@ -3,6 +3,8 @@
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
+from afm_model.plotting import envelope
+
 from . import style
 from .runs import Runs, units
 
@@ -18,10 +20,10 @@ def draw(runs: Runs) -> Figure:
         t = 1e3 * run.time
         x, reference = 1e9 * run.position[:, 0], 1e9 * run.reference[:, 0]
         top, bottom = axes[:, column]
-        top.plot(*style.envelope(t, x), label="$x$", **style.MOTION)
-        top.plot(*style.envelope(t, reference), label="$x_r$", **style.THIRD)
+        top.plot(*envelope(t, x), label="$x$", **style.MOTION)
+        top.plot(*envelope(t, reference), label="$x_r$", **style.THIRD)
         scale, length = ((1.0, "nm"), (1e3, "pm"))[column]
-        bottom.plot(*style.envelope(t, scale * (x - reference)), rasterized=column == 1, **style.MOTION)
+        bottom.plot(*envelope(t, scale * (x - reference)), rasterized=column == 1, **style.MOTION)
         top.set(ylabel="$x$ [nm]")
         bottom.set(ylabel=f"$x - x_r$ [{length}]", xlabel="time [ms]")
         style.opposite(top, x=(r"$\tau$ [$1/\omega_0$]", unit.time), y=("$X$ [$x_0$]", unit.length))
@@ -29,7 +31,7 @@ def draw(runs: Runs) -> Figure:
     for ax, title in zip(axes.flat, ("(a) open loop", "(b) closed loop", "(c) error", "(d) error"), strict=True):
         ax.set_title(title, loc="left")
     axes[0, 0].plot(
-        *style.envelope(1e3 * soft.time, 1e9 * soft.position[:, 0]), label="$x$, compliant plant", **style.OVERLAY
+        *envelope(1e3 * soft.time, 1e9 * soft.position[:, 0]), label="$x$, compliant plant", **style.OVERLAY
     )
     for ax in axes[0]:
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3, columnspacing=1.2)

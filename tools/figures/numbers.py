@@ -110,7 +110,7 @@ def unknown(run: Simulation) -> NDArray[np.float64]:
     p = run.parameters
     eta_z, eta_c = (2.0 * np.pi * f / p.scales.w0 for f in (p.scanner.f_z, p.cantilever.f_c))
     mu, xi = p.scanner.mass_ratio, p.scanner.xi_z
-    u = run.drives[:, 2] * eta_z**2 * p.piezo.sensitivity_z / p.scales.z0
+    u = run.drive[:, 2] * eta_z**2 * p.piezo.sensitivity_z / p.scales.z0
     height = e[:, 0] + run.reference[:, 2] / p.scales.z0
     law = (u - (eta_z**2 + eta_c**2 / mu) * height - 2.0 * xi * eta_z * e[:, 1]) / (1.0 + 1.0 / mu)
     return np.asarray(np.diff(e[:, 1]) / (p.plant.control_period * p.scales.w0) - law[:-1])

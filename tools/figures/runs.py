@@ -11,7 +11,7 @@ from afm_model.parameters import Value
 from afm_model.physics import Microscope
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = (ROOT / "docs" / "scenarios", ROOT / "afm_bringup" / "scenarios")
+FOLDER = ROOT / "docs" / "scenarios"
 _Array = NDArray[np.float64]
 
 
@@ -56,11 +56,9 @@ class Runs:
         self._kept: dict[str, Simulation] = {}
 
     def scenario(self, name: str) -> Scenario:
-        """The scenario `name`.yaml of docs/scenarios or afm_bringup/scenarios."""
-        for folder in FOLDERS:
-            if (folder / f"{name}.yaml").exists():
-                return load_scenario(folder / f"{name}.yaml")
-        raise FileNotFoundError(f"there is no scenario {name}.yaml in {' or '.join(str(f) for f in FOLDERS)}")
+        """The scenario `name`: of docs/scenarios, or one that comes with afm_model."""
+        file = FOLDER / f"{name}.yaml"
+        return load_scenario(file if file.exists() else name)
 
     def __call__(self, name: str, **values: Value) -> Simulation:
         """The run of a scenario, with `values` in place of its own: `group__name` for group.name."""
@@ -88,9 +86,7 @@ def scored(run: Simulation) -> NDArray[np.bool_]:
 
 def friction(run: Simulation) -> _Array:
     """Friction on the scanner along x and y at the ticks, (n, 2) [nN]."""
-    stride = len(run.time_samples) // len(run.time)
-    y = run.channel("truth/lateral_force_y")[::stride]
-    return 1e9 * np.column_stack([run.lateral_force, y])
+    return 1e9 * np.column_stack([run.lateral_force, run.lateral_force_y])
 
 
 def control_force(run: Simulation) -> _Array:
@@ -99,7 +95,7 @@ def control_force(run: Simulation) -> _Array:
     mass = p.scanner.mass_ratio * p.cantilever.m_c
     stiffness = [mass * (2.0 * np.pi * f) ** 2 for f in (p.scanner.f_x, p.scanner.f_y)]
     newton_per_volt = np.array(stiffness) * [p.piezo.sensitivity_x, p.piezo.sensitivity_y]
-    return 1e9 * run.drives[:, :2] * newton_per_volt
+    return 1e9 * run.drive[:, :2] * newton_per_volt
 
 
 def errors(run: Simulation) -> _Array:

@@ -7,7 +7,6 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from PIL import Image
 
 WIDTH = 6.9
@@ -60,19 +59,6 @@ def opposite(ax: Axes, *, x: tuple[str, float] | None = None, y: tuple[str, floa
             ax.secondary_xaxis("top", functions=functions).set_xlabel(label)
         else:
             ax.secondary_yaxis("right", functions=functions).set_ylabel(label)
-
-
-def envelope(t: NDArray[np.float64], y: NDArray[np.float64], columns: int = 1200) -> tuple[NDArray[np.float64], ...]:
-    """Least and largest value in each of `columns` stretches of a dense trace: drawn, they look the same."""
-    width = len(t) // columns
-    if width < 4:
-        return t, y
-    n = len(t) // width * width
-    parts = y[:n].reshape(-1, width)
-    first = np.arange(0, n, width)
-    both = np.sort(np.column_stack([first + parts.argmin(axis=1), first + parts.argmax(axis=1)]), axis=1).ravel()
-    kept = np.unique(np.concatenate([[0], both, [len(t) - 1]]))
-    return t[kept], y[kept]
 
 
 def box(ax: Axes, place: tuple[float, float, float, float], x: tuple[float, float], y: tuple[float, float]) -> Axes:

@@ -20,7 +20,7 @@ class Replay:
     Parameters
     ----------
     drives : ndarray (n, 3) or (n, m, 3) [V]
-        Applied from each tick on, as recorded: `Recording.drive`, `Simulation.drives`; or at each of the m updates of
+        Applied from each tick on, as recorded: `Recording.drive`, `Simulation.drive`; or at each of the m updates of
         the DAC in a tick (`piezo.dac_period`): the channels drive_x, drive_y, drive_z at those times.
     delay_ticks : int
         `plant.delay_ticks` of the instrument. What is recorded has been delayed: it is given so many ticks sooner.

@@ -118,7 +118,7 @@ class RealtimeSimulation:
     trajectory_sha256: str
 
     @property
-    def drives(self) -> _Array:
+    def drive(self) -> _Array:
         """Drive applied from each tick on (n, 3) [V]."""
         return np.concatenate([block.drives for block in self.blocks])
 

@@ -285,7 +285,7 @@ def test_a_fault_is_the_same_by_its_seed_and_another_by_another(own):
     noise = once.deflection - once.truth.tip_height
     assert 0.0 < (noise != 0.0).mean() < 1.0
     # A drive that got lost: the one before holds.
-    held = (np.diff(once.drives[:, 0]) == 0.0).mean()
+    held = (np.diff(once.drive[:, 0]) == 0.0).mean()
     assert held == pytest.approx(0.1, abs=0.04)
 
 

@@ -114,8 +114,8 @@ def test_horizon_longer_than_the_latency_leaves_no_trace_of_it() -> None:
     )
     latency = Latency(median=2.5 * PERIOD, spread=0.5, loss=0.2, seed=3)
     late = simulate_realtime(parameters, Foresight(60), latency)
-    first = np.flatnonzero(late.drives[:, 0] > 0.0)[0]
-    assert np.array_equal(late.drives[first:, 0], 1e-3 * np.arange(first, 200))
+    first = np.flatnonzero(late.drive[:, 0] > 0.0)[0]
+    assert np.array_equal(late.drive[first:, 0], 1e-3 * np.arange(first, 200))
     counts = late.snapshot.counts
     assert counts.horizon_ticks > 20 and counts.drives_lost == first
 

@@ -94,7 +94,7 @@ def test_lost_drives_are_ticks_on_a_held_one_and_change_no_latency() -> None:
 def test_drives_that_overtake_one_another_are_put_in_force_by_their_sequence() -> None:
     late = simulate_realtime(parameters(), Counting(), Latency(median=2.0 * PERIOD, spread=1.0, seed=2))
     assert late.snapshot.counts.drives_outdated > 10
-    assert np.all(np.diff(late.drives[:, 0]) >= 0.0)
+    assert np.all(np.diff(late.drive[:, 0]) >= 0.0)
 
 
 @pytest.mark.parametrize("kind", ["lognormal", "normal"])
@@ -127,16 +127,16 @@ def test_silent_spell_retracts_the_sample_and_the_replay_of_its_drives_gives_the
     counts = live.snapshot.counts
     assert (counts.drives_refused, counts.ticks_retracted) == (99, 79)
     assert live.score.contact_fraction < 1.0
-    replayed = simulate(parameters(**values), Replay(live.drives))
+    replayed = simulate(parameters(**values), Replay(live.drive))
     assert replayed.trajectory_sha256 == live.trajectory_sha256
 
 
 @pytest.mark.parametrize("values", [{}, {"plant.delay_ticks": 3}, {"piezo.dac_bits": 12, "piezo.limit": 5.0}])
 def test_replay_of_recorded_drives_gives_the_trajectory_to_the_last_bit(values: dict[str, object]) -> None:
     live = run(Latency(median=0.9 * PERIOD, spread=0.3, seed=5), **values)
-    replayed = simulate(parameters(**values), Replay(live.drives, parameters(**values).plant.delay_ticks))
+    replayed = simulate(parameters(**values), Replay(live.drive, parameters(**values).plant.delay_ticks))
     assert replayed.trajectory_sha256 == live.trajectory_sha256
-    assert np.array_equal(replayed.drives, live.drives)
+    assert np.array_equal(replayed.drive, live.drive)
 
 
 def test_recorded_parameters_are_told_from_what_else_a_node_has() -> None:

@@ -1,0 +1,89 @@
+"""The friction loop of a recording: lateral force against position along x, drawn into it when it is completed.
+
+The viewer plots over time only. So the loop is a drawing in a plane, with its ends written beside it.
+The numbers are those of position and lateral force.
+"""
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from . import layout
+
+WIDTH, HEIGHT = 4.0, 3.0
+ROWS = 200_000
+"""Rows of each signal that count, the last ones: a long run is not one drawing."""
+POINTS = 50_000
+"""Points that are drawn at most."""
+_FRAME, _LOOP, _TEXT = (150, 150, 150), (160, 120, 220), 0.12
+
+
+class _Tail:
+    """The last rows of a signal."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
+
+    def put(self, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+        """Keep rows, and let those go that are no longer among the last."""
+        self._kept.append((times, values))
+        while sum(len(times) for times, _ in self._kept[1:]) >= ROWS:
+            self._kept.pop(0)
+
+    def rows(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Times and values, sorted."""
+        if not self._kept:
+            return np.empty(0, np.int64), np.empty(0)
+        times, values = (np.concatenate(column)[-ROWS:] for column in zip(*self._kept, strict=True))
+        order = np.argsort(times, kind="stable")
+        return times[order], values[order]
+
+
+class FrictionLoop:
+    """Gathers what the loop is drawn from, as the rows of a recording pass by."""
+
+    def __init__(self) -> None:
+        self._position, self._force = _Tail(), _Tail()
+
+    def put(self, entity: str, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+        """Rows of an entity: times (n,) [ns], values (n, width) as they stand in the recording."""
+        if entity == layout.POSITION.entity:
+            self._position.put(times, values[:, 0].copy())
+        elif entity == layout.LATERAL_FORCE.entity:
+            self._force.put(times, values[:, 0].copy())
+
+    def points(self) -> NDArray[np.float64]:
+        """Position [nm] and lateral force [nN] at the last control ticks, (n, 2); none if one of the two is missing."""
+        times, position = self._position.rows()
+        force_times, force = self._force.rows()
+        if not len(force):
+            return np.empty((0, 2))
+        inside = (times >= force_times[0]) & (times <= force_times[-1])
+        points = np.column_stack([position[inside], np.interp(times[inside], force_times, force)])
+        points = points[np.isfinite(points).all(axis=1)]
+        return points[:: -(-len(points) // POINTS) or 1]
+
+    def send(self, stream: rr.RecordingStream) -> None:
+        """Draw the loop into a recording; nothing if there is none."""
+        points = self.points()
+        if len(points) < 2:
+            return
+        (left, low), (right, high) = points.min(axis=0), points.max(axis=0)
+        if not (right > left and high > low):
+            return
+        # Downwards is positive in a plane of the viewer.
+        drawn = np.column_stack(
+            [WIDTH * (points[:, 0] - left) / (right - left), HEIGHT * (high - points[:, 1]) / (high - low)]
+        )
+        stream.log(layout.FRICTION_LOOP, rr.LineStrips2D([drawn], colors=[_LOOP], radii=[-0.7]), static=True)
+        frame = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT], [0, 0]])
+        stream.log(
+            f"{layout.FRICTION_LOOP}/frame", rr.LineStrips2D([frame], colors=[_FRAME], radii=[-0.5]), static=True
+        )
+        places = [[0, HEIGHT + _TEXT], [WIDTH, HEIGHT + _TEXT], [-_TEXT, HEIGHT], [-_TEXT, 0]]
+        ends = [f"{left:.3g} nm", f"{right:.3g} nm", f"{low:.3g} nN", f"{high:.3g} nN"]
+        stream.log(
+            f"{layout.FRICTION_LOOP}/ends",
+            rr.Points2D(places, labels=ends, colors=[_FRAME], radii=[-0.5], show_labels=True),
+            static=True,
+        )

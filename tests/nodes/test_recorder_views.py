@@ -1,0 +1,91 @@
+"""What the viewer shows of a recording: the friction loop, and an arrangement in which nothing hides anything."""
+
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun.blueprint as rrb
+
+from afm_recorder_node import layout
+from afm_recorder_node.complete import chunks
+from afm_recorder_node.friction_loop import HEIGHT, POINTS, ROWS, WIDTH, FrictionLoop
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.writer import RecordingWriter
+
+PERIOD = 1e-3
+
+
+def write(path: Path, position: np.ndarray, force: np.ndarray) -> None:
+    """A recording of a position along x [m] and a lateral force [N], sampled together."""
+    ticks = len(position)
+    along = np.zeros((ticks, 3))
+    along[:, 0] = position
+    with closing(RecordingWriter(path)) as writer:
+        for channel in layout.CHANNELS:
+            writer.channel(channel, 0, PERIOD, force if channel is layout.LATERAL_FORCE else np.zeros(ticks), 1.0)
+        columns = {"position": along, "reference": along, "drive": along}
+        writer.control(
+            0, PERIOD, **columns, deflection=np.zeros(ticks), round_trip=np.zeros(ticks), cantilever_height=0.0
+        )
+
+
+def drawn(path: Path, entity: str, component: str) -> list[object]:
+    found = [c.to_record_batch() for c in chunks(path) if c.entity_path == entity and c.is_static]
+    return [batch.column(component).to_pylist()[0] for batch in found]
+
+
+def test_complete_recording_holds_the_friction_loop_with_its_ends(tmp_path: Path) -> None:
+    phase = np.linspace(0.0, 2.0 * np.pi, 400)
+    write(tmp_path / "run.rrd", 5e-9 * np.sin(phase), 134e-9 * np.sign(np.cos(phase)))
+    ((strip,),) = drawn(tmp_path / "run.rrd", layout.FRICTION_LOOP, "LineStrips2D:strips")
+    points = np.array(strip)
+    assert points.shape == (400, 2)
+    # From edge to edge of its frame; a position to the right is drawn to the right, a force upwards upwards.
+    assert points.min(axis=0) == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert points.max(axis=0) == pytest.approx([WIDTH, HEIGHT], rel=1e-6)
+    assert points[0, 1] == 0.0
+    assert points[:, 0] == pytest.approx(WIDTH / 2 * (1.0 + np.sin(phase)), abs=1e-3)
+    (labels,) = drawn(tmp_path / "run.rrd", f"{layout.FRICTION_LOOP}/ends", "Points2D:labels")
+    assert labels == ["-5 nm", "5 nm", "-134 nN", "134 nN"]
+    # The drawing is no channel.
+    assert set(read_recording(tmp_path / "run.rrd").channels) == {signal.name for signal in layout.CHANNELS}
+
+
+def test_recording_without_motion_has_no_friction_loop(tmp_path: Path) -> None:
+    write(tmp_path / "run.rrd", np.zeros(100), np.zeros(100))
+    assert drawn(tmp_path / "run.rrd", layout.FRICTION_LOOP, "LineStrips2D:strips") == []
+
+
+def test_friction_loop_of_a_long_run_is_that_of_its_end_and_takes_no_more_memory() -> None:
+    loop = FrictionLoop()
+    count = ROWS // 4
+    for block in range(12):
+        times = np.arange(block * count, (block + 1) * count)
+        loop.put(layout.POSITION.entity, times, np.column_stack([times, times, times]).astype(float))
+        loop.put(layout.LATERAL_FORCE.entity, times, -times[:, np.newaxis].astype(float))
+    points = loop.points()
+    assert len(points) == POINTS
+    assert points[0, 0] == 12 * count - ROWS
+    assert points[:, 1] == pytest.approx(-points[:, 0])
+
+
+def views(part: object) -> list[rrb.View]:
+    if isinstance(part, rrb.View):
+        return [part]
+    return [view for inner in part.contents for view in views(inner)]
+
+
+def test_no_plot_of_the_arrangement_holds_two_axes_and_every_entity_is_shown() -> None:
+    shown = views(layout.blueprint(["/truth/creep_x"]).root_container)
+    entities = {entity for view in shown if isinstance(view.contents, list) for entity in view.contents}
+    signals = (*layout.TICKS, *layout.CHANNELS)
+    assert {signal.entity for signal in signals} | {"/truth/creep_x"} <= entities
+    assert {layout.SCORE, layout.EVENTS, layout.PARAMETERS, layout.FRICTION_LOOP} <= {view.origin for view in shown}
+    for signal in signals:
+        plots = [view for view in shown if isinstance(view.contents, list) and signal.entity in view.contents]
+        lines = [view.visualizer_overrides[signal.entity][0] for view in plots if view.visualizer_overrides]
+        seen = [line.visible_series.as_arrow_array().to_pylist() for line in lines]
+        # Three numbers are three plots with one of them each.
+        assert (len(plots), seen) == ((3, np.eye(3, dtype=bool).tolist()) if signal.width == 3 else (1, []))
+        assert all(view.properties["PlotLegend"].visible.as_arrow_array().to_pylist() == [False] for view in plots)
