@@ -6,11 +6,13 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 
 from afm_model import Command, Controller, flatten, signals
+from afm_model.errors import MalformedError
 from afm_model.records import size
 from afm_node_common import runner, topics
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
+from afm_node_common.ears import Drops
 from afm_node_common.parameters import declare
 from afm_node_common.process import ControllerNodeParameters
 

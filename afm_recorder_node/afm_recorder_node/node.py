@@ -16,12 +16,12 @@ from std_msgs.msg import Header
 
 from afm_model.run import State
 from afm_node_common import topics
+from afm_node_common.ears import Ears
 from afm_node_common.parameters import declare
 from afm_node_common.runner import run
 
 from . import checks, layout
 from .channels import Channels
-from .ears import Ears
 from .health import Health, Teller
 from .layout import Signal
 from .parameters import RecorderParameters
@@ -140,9 +140,9 @@ class RecorderNode(Node):
     def _publish(self) -> None:
         health = Health(
             ready=self._ready,
-            messages_dropped=self._ears.dropped + self.recorder.strays,
+            messages_dropped=self._ears.drops.count + self.recorder.strays,
             writing=not self.recorder.problem,
-            detail=self.recorder.problem or self._ears.last,
+            detail=self.recorder.problem or self._ears.drops.last,
             **asdict(self.recorder.counts()),
         )
         self._teller.tell(health, self.recorder.time_ns)

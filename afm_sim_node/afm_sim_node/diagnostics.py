@@ -46,6 +46,7 @@ def diagnostic_status(
         "drives refused": counts.drives_refused,
         "drives outdated": counts.drives_outdated,
         "drives ahead": counts.drives_ahead,
+        "drives malformed": counts.drives_malformed,
         "late ticks": counts.late_ticks,
         "periods missed": counts.periods_missed,
         "ticks retracted": counts.ticks_retracted,

@@ -63,6 +63,7 @@ def score_message(
         drives_refused=counts.drives_refused,
         drives_outdated=counts.drives_outdated,
         drives_ahead=counts.drives_ahead,
+        drives_malformed=counts.drives_malformed,
         late_ticks=counts.late_ticks,
         periods_missed=counts.periods_missed,
         ticks_retracted=counts.ticks_retracted,

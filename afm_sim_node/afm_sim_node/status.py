@@ -44,6 +44,7 @@ def status_message(
         drives_refused=counts.drives_refused,
         drives_outdated=counts.drives_outdated,
         drives_ahead=counts.drives_ahead,
+        drives_malformed=counts.drives_malformed,
         late_ticks=counts.late_ticks,
         periods_missed=counts.periods_missed,
         in_contact=run.in_contact,

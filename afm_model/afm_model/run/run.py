@@ -123,6 +123,7 @@ class Run:
             in_contact=instrument.in_contact,
             counts=replace(course.counts),
             refusal=course.refusal,
+            unreadable=course.unreadable,
         )
 
     def delays(self) -> Delays:
@@ -155,7 +156,7 @@ class Run:
         course = self._course
         course.ticker.flush()
         course.ticker.reset()
-        course.counts, course.refusal = Counts(), ""
+        course.counts, course.refusal, course.unreadable = Counts(), "", ""
         self._held = course.parameters.run.start_paused or self.state == State.PAUSED
         self._watch = Stopwatch(course.clock)
         self._life.go(Cause.RESET)
