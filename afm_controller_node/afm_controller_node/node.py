@@ -14,6 +14,7 @@ from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
 from afm_node_common.ears import Drops
 from afm_node_common.parameters import declare
+from afm_node_common.presence import Presence
 from afm_node_common.process import ControllerNodeParameters
 
 TUNABLE = ("law.",)
@@ -40,6 +41,9 @@ class ControllerNode(Node):
         self._encode = drive_codec(fast=fast).encode
         self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._outbox = Outbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
+        self.drops = Drops(self)
+        """Measurements that could not be read."""
+        self._presence = Presence(self)
         self._take, self._publish = self._inbox.take, self._outbox.publish
         self._log_law(parameters)
 
@@ -47,12 +51,17 @@ class ControllerNode(Node):
         """Answer one measurement if there is one.
 
         One that comes again (the simulator repeats what was not answered in time) gets the same answer: a law with a
-        state takes a step for each measurement, not for each message. A lower sequence begins another run.
+        state takes a step for each measurement, not for each message. A lower sequence begins another run. What cannot
+        be read is dropped: the law does not see it.
         """
         taken = self._take()
         if taken is None:
             return False
-        sequence, stamp_ns, measurement = self._decode(taken[0])
+        try:
+            sequence, stamp_ns, measurement = self._decode(taken[0])
+        except MalformedError as error:
+            self.drops.note(topics.MEASUREMENT, str(error))
+            return True
         if sequence != self._answered:
             if sequence < self._answered:
                 self._controller.reset()
@@ -66,10 +75,12 @@ class ControllerNode(Node):
         self._inbox.wait(timeout)
 
     def serve_periodic(self) -> None:
-        """Nothing to do now and then."""
+        """Look whether the simulator is there."""
+        self._presence.look()
 
     def destroy_node(self) -> None:
         """End the node."""
+        self._presence.close()
         self._inbox.close()
         self._outbox.close()
         super().destroy_node()

@@ -47,6 +47,7 @@ class Reporter:
         self._composed = DiagnosticArray()
         self._before = self._logged = run.snapshot()
         self._warnings: list[str] = []
+        self._recorders = 0
 
     def state_changed(self) -> None:
         """Log and publish the state, if it is another one."""
@@ -66,12 +67,19 @@ class Reporter:
 
     def publish_status(self) -> None:
         """Publish InstrumentStatus."""
+        recorders = self._streams.subscribers
+        if recorders != self._recorders:
+            self._log.info(
+                f"{'a recorder has come' if recorders > self._recorders else 'a recorder has gone'}: "
+                f"{recorders} receive every stream"
+            )
+            self._recorders = recorders
         self._status.publish(
             status_message(
                 self._run.snapshot(),
                 self._parameters,
                 controller=self._peers.controller,
-                recorders=self._streams.subscribers,
+                recorders=recorders,
                 warning="; ".join(self._warnings),
             )
         )
