@@ -1,5 +1,7 @@
 """The controller node: answers every measurement with a piezo drive, by one of the paper's laws."""
 
+import time
+
 import numpy as np
 from afm_msgs.msg import Measurement, PiezoDrive
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from afm_model import Command, Controller, flatten, signals
 from afm_model.errors import MalformedError
 from afm_model.records import size
 from afm_node_common import runner, topics
+from afm_node_common.chores import Chore, Chores
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
@@ -17,8 +20,13 @@ from afm_node_common.parameters import declare
 from afm_node_common.presence import Presence
 from afm_node_common.process import ControllerNodeParameters
 
+from .diagnostics import Diagnostics
+
 TUNABLE = ("law.",)
 """What may change while the controller runs: the law and its gains."""
+
+_PERIOD = 1.0
+"""Wall time between two looks at the simulator, and between two entries on /diagnostics [s]."""
 
 
 class ControllerNode(Node):
@@ -44,6 +52,12 @@ class ControllerNode(Node):
         self.drops = Drops(self)
         """Measurements that could not be read."""
         self._presence = Presence(self)
+        self._diagnostics = Diagnostics(self)
+        self._answers = 0
+        self._chores = Chores(
+            Chore(self._presence.look, _PERIOD),
+            Chore(self._publish_diagnostics, _PERIOD),
+        )
         self._take, self._publish = self._inbox.take, self._outbox.publish
         self._log_law(parameters)
 
@@ -67,6 +81,7 @@ class ControllerNode(Node):
                 self._controller.reset()
             self._drive = self._controller.answer(measurement, stamp_ns * 1e-9)
             self._answered = sequence
+            self._answers += 1
         self._publish(self._encode(sequence, stamp_ns, self._drive))
         return True
 
@@ -75,8 +90,8 @@ class ControllerNode(Node):
         self._inbox.wait(timeout)
 
     def serve_periodic(self) -> None:
-        """Look whether the simulator is there."""
-        self._presence.look()
+        """Look whether the simulator is there, or tell how this node is; no tick waits for both."""
+        self._chores.do_one(time.monotonic())
 
     def destroy_node(self) -> None:
         """End the node."""
@@ -88,6 +103,10 @@ class ControllerNode(Node):
     def _on_change(self, parameters: ControllerNodeParameters) -> None:
         self._controller.parameters = parameters
         self._log_law(parameters)
+
+    def _publish_diagnostics(self) -> None:
+        law = self._controller.parameters.law.kind
+        self._diagnostics.publish(law, self._answers, self.drops.count, self._presence.problem, self.drops.last)
 
     def _log_law(self, parameters: ControllerNodeParameters) -> None:
         kind, *others = flatten(parameters.law).items()

@@ -11,7 +11,6 @@ from .direct import Inbox
 
 SILENCE = 2.0
 """Wall time without a status after which a simulator is said to be silent [s]: one comes every 0.2 s in every state."""
-_LOOK_PERIOD = 1.0
 
 
 class Presence:
@@ -37,7 +36,6 @@ class Presence:
         self._topic = node.resolve_topic_name(topics.STATUS)
         self._name = "the simulator"
         self._heard_at: float | None = None
-        self._look_at = 0.0
         self._publishers: set[bytes] = set()
         # Beside an executor: a controller's next tick may be due in microseconds.
         self._inbox = Inbox(node, InstrumentStatus, topics.STATUS, topics.LATCHED_QOS) if subscribe else None
@@ -47,11 +45,8 @@ class Presence:
         self._heard_at = self._clock()
 
     def look(self) -> None:
-        """Log what has changed; to be called now and then. Does something once a second at most."""
+        """Log what has changed; to be called some times a second, or once."""
         now = self._clock()
-        if now < self._look_at:
-            return
-        self._look_at = now + _LOOK_PERIOD
         while self._inbox is not None and self._inbox.take() is not None:
             self.heard()
         if self._heard_at is None:

@@ -63,7 +63,7 @@ class Peers:
             )
 
     def _notice_restarts(self, infos: Sequence[TopicEndpointInfo]) -> None:
-        """Tell of a controller that has been killed and started again; of the old one nothing else is heard for long."""
+        """Tell of a controller that was killed and started again: the old one is still listed for some seconds."""
         for info in infos:
             for name in _names([info]):
                 known = self._known.setdefault(name, set())

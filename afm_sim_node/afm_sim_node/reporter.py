@@ -100,6 +100,8 @@ class Reporter:
         log_warnings(self._log, self._warnings)
         if run.state == State.RUNNING and len(self._peers.controllers) > 1:
             self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
+        if run.state != State.WAITING and self._peers.unheard:
+            self._warnings.insert(0, self._peers.unheard)
 
     def wait_for_delivery(self, timeout: float) -> None:
         """Wait until everybody has the score and the last status, at most `timeout` seconds of wall time."""

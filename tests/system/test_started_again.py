@@ -1,4 +1,4 @@
-"""A process that was killed and started again by hand: the others say so at once, not when the middleware has noticed."""
+"""A process that was killed and started again by hand: the others say so before the middleware has noticed."""
 
 import signal
 from pathlib import Path

@@ -95,6 +95,6 @@ def _require_few(what: str, most: int, control_period: float, of_name: str, of: 
     ratio = control_period / of
     if ratio > most:
         raise ValueError(
-            f"{of_name} = {of:g} s is not allowed with plant.control_period = {control_period:g} s: a control tick would "
-            f"have {ratio:.3g} {what}, and {most} are the most"
+            f"{of_name} = {of:g} s is not allowed with plant.control_period = {control_period:g} s: a control tick "
+            f"would have {ratio:.3g} {what}, and {most} are the most"
         )
