@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import MalformedError
+from ..command import Command
+from ..errors import DriveError, MalformedError
 from ..instrument import Instrument
 from ..parameters import SimParameters
 from .counts import Counts
@@ -51,7 +52,7 @@ class Course:
         self.counts.drives_malformed += 1
         self.unreadable = f"{error} from {self.link.controller or 'an unknown node'}"
 
-    def take(self) -> tuple[int, NDArray[np.float64]] | None:
+    def take(self) -> tuple[int, NDArray[np.float64] | Command | DriveError] | None:
         """The oldest drive not yet taken, as `Link.take`; what cannot be read is dropped on the way."""
         while True:
             try:
