@@ -86,6 +86,8 @@ def scorecard(
         "drives_outdated": score.drives_outdated,
         "drives_ahead": score.drives_ahead,
         "drives_malformed": score.drives_malformed,
+        "drives_clipped": score.drives_clipped,
+        "drives_steep": score.drives_steep,
         "scored_from_s": score.start,
         **scored(_summary(score)),
         "round_trip_us": _microseconds(score.round_trip),
@@ -149,6 +151,11 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
         (
             "drives lost, refused, outdated, ahead, malformed",
             ", ".join(str(card[f"drives_{which}"]) for which in ("lost", "refused", "outdated", "ahead", "malformed")),
+        ),
+        *(
+            [("drives clipped, too steep", f"{card['drives_clipped']}, {card['drives_steep']}")]
+            if card["drives_clipped"] or card["drives_steep"]
+            else []
         ),
         *([("ticks on a drive sent ahead", str(card["horizon_ticks"]))] if card["horizon_ticks"] else []),
         ("simulated, wall time [s]", f"{card['simulated_s']:.4g}, {card['wall_s']:.4g}"),

@@ -47,6 +47,8 @@ def diagnostic_status(
         "drives outdated": counts.drives_outdated,
         "drives ahead": counts.drives_ahead,
         "drives malformed": counts.drives_malformed,
+        "drives clipped": counts.drives_clipped,
+        "drives too steep": counts.drives_steep,
         "late ticks": counts.late_ticks,
         "periods missed": counts.periods_missed,
         "ticks retracted": counts.ticks_retracted,

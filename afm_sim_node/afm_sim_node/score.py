@@ -64,6 +64,8 @@ def score_message(
         drives_outdated=counts.drives_outdated,
         drives_ahead=counts.drives_ahead,
         drives_malformed=counts.drives_malformed,
+        drives_clipped=counts.drives_clipped,
+        drives_steep=counts.drives_steep,
         late_ticks=counts.late_ticks,
         periods_missed=counts.periods_missed,
         ticks_retracted=counts.ticks_retracted,

@@ -45,6 +45,8 @@ def status_message(
         drives_outdated=counts.drives_outdated,
         drives_ahead=counts.drives_ahead,
         drives_malformed=counts.drives_malformed,
+        drives_clipped=counts.drives_clipped,
+        drives_steep=counts.drives_steep,
         late_ticks=counts.late_ticks,
         periods_missed=counts.periods_missed,
         in_contact=run.in_contact,

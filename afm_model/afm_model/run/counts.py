@@ -21,6 +21,10 @@ class Counts:
     """Drives for a measurement that has not been published. None is put in force."""
     drives_malformed: int = 0
     """Drives that could not be read, or with a stamp that is no time of a run. None is put in force."""
+    drives_clipped: int = 0
+    """Updates of the drive at which it was beyond the range of the piezo, and clipped."""
+    drives_steep: int = 0
+    """Updates of the drive at which it was held back by the slew limit."""
     late_ticks: int = 0
     """realtime: ticks that began later than a period after their deadline."""
     periods_missed: int = 0

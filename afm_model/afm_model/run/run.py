@@ -121,7 +121,9 @@ class Run:
             elapsed=self._watch.elapsed,
             wanted_factor=run.real_time_factor if run.mode == "realtime" else None,
             in_contact=instrument.in_contact,
-            counts=replace(course.counts),
+            counts=replace(
+                course.counts, drives_clipped=instrument.drives_clipped, drives_steep=instrument.drives_steep
+            ),
             refusal=course.refusal,
             unreadable=course.unreadable,
         )
