@@ -21,8 +21,18 @@ fi
 . "$AFM_ROOT/.venv/bin/activate"
 COLCON_CURRENT_PREFIX="$AFM_ROOT/ros2_ws/install" . "$AFM_ROOT/ros2_ws/install/local_setup.sh"
 
-# The instrument stays on this machine unless you say otherwise.
+# The instrument stays on this machine unless you say otherwise (docs/security.md): nodes look for one another here only,
+# and Fast DDS listens on the loopback interface only. A profile of your own is left as it is.
 export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+AFM_LOOPBACK="$AFM_ROOT/afm_bringup/config/loopback.xml"
+if [ "$ROS_AUTOMATIC_DISCOVERY_RANGE" = LOCALHOST ] && [ -z "${ROS_STATIC_PEERS:-}" ]; then
+  export FASTRTPS_DEFAULT_PROFILES_FILE="${FASTRTPS_DEFAULT_PROFILES_FILE:-$AFM_LOOPBACK}" # Fast DDS 2
+  export FASTDDS_DEFAULT_PROFILES_FILE="${FASTDDS_DEFAULT_PROFILES_FILE:-$AFM_LOOPBACK}"   # Fast DDS 3
+else
+  [ "${FASTRTPS_DEFAULT_PROFILES_FILE:-}" != "$AFM_LOOPBACK" ] || unset FASTRTPS_DEFAULT_PROFILES_FILE
+  [ "${FASTDDS_DEFAULT_PROFILES_FILE:-}" != "$AFM_LOOPBACK" ] || unset FASTDDS_DEFAULT_PROFILES_FILE
+fi
+unset AFM_LOOPBACK
 
 # The wheels hold no ros2 command: a small stand-in runs executables, used only where there is no real one.
 if ! command -v ros2 >/dev/null 2>&1; then

@@ -13,6 +13,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_srvs.srv import Trigger
 
 from afm_node_common import topics
+from afm_node_common.ears import Ears
 from afm_node_common.shared_memory import shared_memory_cleanup
 
 
@@ -37,10 +38,10 @@ class Monitor:
         self.status: InstrumentStatus | None = None
         self.recorder: RecorderStatus | None = None
         self.score: Score | None = None
-        subscribe = self._node.create_subscription
-        subscribe(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
-        subscribe(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
-        subscribe(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
+        ears = Ears(self._node)
+        ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        ears.listen(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
+        ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         self._play = self._node.create_client(Trigger, topics.PLAY)
 
     def __enter__(self) -> "Monitor":

@@ -85,6 +85,9 @@ def scorecard(
         "drives_refused": score.drives_refused,
         "drives_outdated": score.drives_outdated,
         "drives_ahead": score.drives_ahead,
+        "drives_malformed": score.drives_malformed,
+        "drives_clipped": score.drives_clipped,
+        "drives_steep": score.drives_steep,
         "scored_from_s": score.start,
         **scored(_summary(score)),
         "round_trip_us": _microseconds(score.round_trip),
@@ -146,8 +149,13 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
         ("in contact, part of the time", f"{_show(card['contact_fraction'], 100)} %"),
         ("control ticks", str(card["ticks"])),
         (
-            "drives lost, refused, outdated, ahead",
-            ", ".join(str(card[f"drives_{which}"]) for which in ("lost", "refused", "outdated", "ahead")),
+            "drives lost, refused, outdated, ahead, malformed",
+            ", ".join(str(card[f"drives_{which}"]) for which in ("lost", "refused", "outdated", "ahead", "malformed")),
+        ),
+        *(
+            [("drives clipped, too steep", f"{card['drives_clipped']}, {card['drives_steep']}")]
+            if card["drives_clipped"] or card["drives_steep"]
+            else []
         ),
         *([("ticks on a drive sent ahead", str(card["horizon_ticks"]))] if card["horizon_ticks"] else []),
         ("simulated, wall time [s]", f"{card['simulated_s']:.4g}, {card['wall_s']:.4g}"),

@@ -1,21 +1,32 @@
 """The controller node: answers every measurement with a piezo drive, by one of the paper's laws."""
 
+import time
+
 import numpy as np
 from afm_msgs.msg import Measurement, PiezoDrive
 from numpy.typing import NDArray
 from rclpy.node import Node
 
 from afm_model import Command, Controller, flatten, signals
+from afm_model.errors import MalformedError
 from afm_model.records import size
 from afm_node_common import runner, topics
+from afm_node_common.chores import Chore, Chores
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
+from afm_node_common.ears import Drops
 from afm_node_common.parameters import declare
+from afm_node_common.presence import Presence
 from afm_node_common.process import ControllerNodeParameters
+
+from .diagnostics import Diagnostics
 
 TUNABLE = ("law.",)
 """What may change while the controller runs: the law and its gains."""
+
+_PERIOD = 1.0
+"""Wall time between two looks at the simulator, and between two entries on /diagnostics [s]."""
 
 
 class ControllerNode(Node):
@@ -38,6 +49,15 @@ class ControllerNode(Node):
         self._encode = drive_codec(fast=fast).encode
         self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._outbox = Outbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
+        self.drops = Drops(self)
+        """Measurements that could not be read."""
+        self._presence = Presence(self)
+        self._diagnostics = Diagnostics(self)
+        self._answers = 0
+        self._chores = Chores(
+            Chore(self._presence.look, _PERIOD),
+            Chore(self._publish_diagnostics, _PERIOD),
+        )
         self._take, self._publish = self._inbox.take, self._outbox.publish
         self._log_law(parameters)
 
@@ -45,17 +65,23 @@ class ControllerNode(Node):
         """Answer one measurement if there is one.
 
         One that comes again (the simulator repeats what was not answered in time) gets the same answer: a law with a
-        state takes a step for each measurement, not for each message. A lower sequence begins another run.
+        state takes a step for each measurement, not for each message. A lower sequence begins another run. What cannot
+        be read is dropped: the law does not see it.
         """
         taken = self._take()
         if taken is None:
             return False
-        sequence, stamp_ns, measurement = self._decode(taken[0])
+        try:
+            sequence, stamp_ns, measurement = self._decode(taken[0])
+        except MalformedError as error:
+            self.drops.note(topics.MEASUREMENT, str(error))
+            return True
         if sequence != self._answered:
             if sequence < self._answered:
                 self._controller.reset()
             self._drive = self._controller.answer(measurement, stamp_ns * 1e-9)
             self._answered = sequence
+            self._answers += 1
         self._publish(self._encode(sequence, stamp_ns, self._drive))
         return True
 
@@ -64,10 +90,12 @@ class ControllerNode(Node):
         self._inbox.wait(timeout)
 
     def serve_periodic(self) -> None:
-        """Nothing to do now and then."""
+        """Look whether the simulator is there, or tell how this node is; no tick waits for both."""
+        self._chores.do_one(time.monotonic())
 
     def destroy_node(self) -> None:
         """End the node."""
+        self._presence.close()
         self._inbox.close()
         self._outbox.close()
         super().destroy_node()
@@ -75,6 +103,10 @@ class ControllerNode(Node):
     def _on_change(self, parameters: ControllerNodeParameters) -> None:
         self._controller.parameters = parameters
         self._log_law(parameters)
+
+    def _publish_diagnostics(self) -> None:
+        law = self._controller.parameters.law.kind
+        self._diagnostics.publish(law, self._answers, self.drops.count, self._presence.problem, self.drops.last)
 
     def _log_law(self, parameters: ControllerNodeParameters) -> None:
         kind, *others = flatten(parameters.law).items()

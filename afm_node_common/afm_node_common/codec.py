@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from afm_msgs.msg import Measurement
+from afm_msgs.msg import Measurement, Telemetry
 from geometry_msgs.msg import Vector3
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
@@ -315,3 +315,8 @@ class BlockEncoder:
 def measurement_codec(*, fast: bool = True) -> Codec:
     """Codec of Measurement; values in the order of `afm_model.signals.MEASUREMENT`."""
     return Codec(Measurement, size(signals.MEASUREMENT), fast=fast)
+
+
+def telemetry_codec() -> Codec:
+    """Codec of Telemetry."""
+    return Codec(Telemetry, len(Telemetry.get_fields_and_field_types()) - 2)

@@ -14,6 +14,7 @@ PIEZO_DRIVE = "piezo_drive"
 DEFLECTION, LATERAL_FORCE, TRUTH_LATERAL_FORCE_Y, TRUTH_NORMAL_FORCE = (channel.name for channel in STANDARD)
 CONTROL_TRACE = "control_trace"
 STATUS = "status"
+TELEMETRY = "telemetry"
 SCORE = "score"
 RECORDER_STATUS = "recorder_status"
 

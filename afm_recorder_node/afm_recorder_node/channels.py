@@ -7,9 +7,9 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from afm_node_common import topics
+from afm_node_common.ears import Ears
 
 from . import checks, layout
-from .ears import Ears
 from .layout import Signal
 
 _TYPE = "afm_msgs/msg/Waveform"

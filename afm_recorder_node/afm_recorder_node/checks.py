@@ -6,13 +6,11 @@ from collections.abc import Sized
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
 from std_msgs.msg import Header
 
+from afm_node_common.ears import Senseless
+
 _LAST = 2**63 - 1
 """Largest number of a sample, and largest time in nanoseconds, that a recording can hold."""
 _UNIT_LENGTH = 16
-
-
-class Senseless(ValueError):
-    """A message that cannot be meant; says which field and what belongs there."""
 
 
 def waveform(message: Waveform, si_unit: str | None) -> None:

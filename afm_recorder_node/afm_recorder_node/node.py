@@ -16,12 +16,13 @@ from std_msgs.msg import Header
 
 from afm_model.run import State
 from afm_node_common import topics
+from afm_node_common.ears import Ears
 from afm_node_common.parameters import declare
+from afm_node_common.presence import Presence
 from afm_node_common.runner import run
 
 from . import checks, layout
 from .channels import Channels
-from .ears import Ears
 from .health import Health, Teller
 from .layout import Signal
 from .parameters import RecorderParameters
@@ -60,6 +61,7 @@ class RecorderNode(Node):
         self._ready = False
         self._ears = Ears(self)
         self._teller = Teller(self)
+        self._presence = Presence(self, subscribe=False)
         self._watch = ParameterWatch(self, self._ears, self._on_known, self._on_changed)
         self._channels = Channels(self, self._ears, self._on_waveform, self.recorder.further_channel)
         self._trace = self._ears.listen(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
@@ -102,6 +104,7 @@ class RecorderNode(Node):
 
     def _on_status(self, message: InstrumentStatus) -> None:
         checks.status(message)
+        self._presence.heard()
         self._status = message
         state = _STATES.get(message.state, f"state {message.state}")
         text = f"{state}: {message.detail}" if message.detail else state
@@ -125,6 +128,7 @@ class RecorderNode(Node):
             for info in self.get_publishers_info_by_topic(self.resolve_topic_name(topics.CONTROL_TRACE))
         ]
         parties = {self._status.controller, *instruments}
+        self._presence.look()
         self._watch.look(parties)
         self._channels.look()
         streams = [self._trace, *(self._channels.subscriptions[signal.name] for signal in layout.CHANNELS)]
@@ -140,9 +144,9 @@ class RecorderNode(Node):
     def _publish(self) -> None:
         health = Health(
             ready=self._ready,
-            messages_dropped=self._ears.dropped + self.recorder.strays,
+            messages_dropped=self._ears.drops.count + self.recorder.strays,
             writing=not self.recorder.problem,
-            detail=self.recorder.problem or self._ears.last,
+            detail=self.recorder.problem or self._presence.problem or self._ears.drops.last,
             **asdict(self.recorder.counts()),
         )
         self._teller.tell(health, self.recorder.time_ns)

@@ -12,8 +12,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 
-from .checks import Senseless
-from .ears import Ears
+from afm_node_common.ears import Ears, Senseless
 
 _ANSWER_TIME = 5.0
 """Wall time within which a node answers the parameter services, or has none [s]."""

@@ -14,16 +14,17 @@ from std_srvs.srv import Trigger
 from afm_model import Block
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
+from afm_node_common.chores import Chore, Chores
 from afm_node_common.parameters import declare
 from afm_node_common.process import SimNodeParameters
 
-from .chores import Chore, Chores
 from .link import TopicLink
 from .peers import Peers
 from .reporter import Reporter
 from .streams import Streams, clock_bytes
+from .telemetry import Telemetry
 
-TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout")
+TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout", "run.telemetry_rate")
 """What may change while the instrument runs."""
 
 _BLOCK_SAMPLES = 4000
@@ -63,6 +64,7 @@ class SimNode(Node):
         self.run.warm_up()
         self.step: Callable[[], bool] = self.run.step
         """One look at the inbox or the clock; True if something was done."""
+        self._telemetry = Telemetry(self, self.run)
         self._reporter = Reporter(self, self.run, self._link, self._peers, self._streams, parameters)
         self._clock_publisher = self.create_publisher(ClockMessage, topics.clock(self.get_namespace()), 1)
         for name, handler in (
@@ -110,6 +112,9 @@ class SimNode(Node):
         if now >= self._clock_at:
             self._clock_at = now + _CLOCK_PERIOD
             self._publish_clock()
+        # A few microseconds: it needs no turn of its own.
+        if rate := self.parameters.run.telemetry_rate:
+            self._telemetry.publish_at(now, 1.0 / rate)
         self._chores.do_one(now)
 
     def finish(self, spin_once: object) -> None:
@@ -122,6 +127,7 @@ class SimNode(Node):
     def destroy_node(self) -> None:
         """End the node."""
         self._link.close()
+        self._telemetry.close()
         super().destroy_node()
 
     # What the run calls.

@@ -30,6 +30,7 @@ class Peers:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._counted = 0
+        self._known: dict[str, set[bytes]] = {}
         self._drives = node.resolve_topic_name(topics.PIEZO_DRIVE)
         self._measurements = node.resolve_topic_name(topics.MEASUREMENT)
         self.controllers: list[str] = []
@@ -55,10 +56,22 @@ class Peers:
         self.unheard = (
             f"{' and '.join(_names(unheard))} publishes piezo_drive best effort: it must be reliable" if unheard else ""
         )
+        self._notice_restarts([info for info in infos if info not in unheard])
         if len(self.controllers) > 1 and self.controllers != before:
             self._node.get_logger().warning(
                 f"{self.controller} publish piezo_drive: each answers, the drives get mixed"
             )
+
+    def _notice_restarts(self, infos: Sequence[TopicEndpointInfo]) -> None:
+        """Tell of a controller that was killed and started again: the old one is still listed for some seconds."""
+        for info in infos:
+            for name in _names([info]):
+                known = self._known.setdefault(name, set())
+                if known and bytes(info.endpoint_gid) not in known:
+                    self._node.get_logger().warning(
+                        f"{name} publishes piezo_drive anew: it was started again, or there are two of that name"
+                    )
+                known.add(bytes(info.endpoint_gid))
 
     def rivalry(self) -> str:
         """The sentence about other simulators on the same topics; empty if this one is alone."""

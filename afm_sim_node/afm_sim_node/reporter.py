@@ -47,6 +47,7 @@ class Reporter:
         self._composed = DiagnosticArray()
         self._before = self._logged = run.snapshot()
         self._warnings: list[str] = []
+        self._recorders = 0
 
     def state_changed(self) -> None:
         """Log and publish the state, if it is another one."""
@@ -66,12 +67,19 @@ class Reporter:
 
     def publish_status(self) -> None:
         """Publish InstrumentStatus."""
+        recorders = self._streams.subscribers
+        if recorders != self._recorders:
+            self._log.info(
+                f"{'a recorder has come' if recorders > self._recorders else 'a recorder has gone'}: "
+                f"{recorders} receive every stream"
+            )
+            self._recorders = recorders
         self._status.publish(
             status_message(
                 self._run.snapshot(),
                 self._parameters,
                 controller=self._peers.controller,
-                recorders=self._streams.subscribers,
+                recorders=recorders,
                 warning="; ".join(self._warnings),
             )
         )
@@ -92,6 +100,8 @@ class Reporter:
         log_warnings(self._log, self._warnings)
         if run.state == State.RUNNING and len(self._peers.controllers) > 1:
             self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
+        if run.state != State.WAITING and self._peers.unheard:
+            self._warnings.insert(0, self._peers.unheard)
 
     def wait_for_delivery(self, timeout: float) -> None:
         """Wait until everybody has the score and the last status, at most `timeout` seconds of wall time."""

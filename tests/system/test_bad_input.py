@@ -67,6 +67,21 @@ NOT_ALLOWED = {
         section(SIMULATOR, "plant.control_period: 2.5e-6"),
         ("plant.control_period = 2.5e-06 s is not allowed: it must be a multiple of detector.sample_period = 1e-06 s",),
     ),
+    "step that would take longer than anybody lives": (
+        section(SIMULATOR, "plant.dt: 1.0e-20"),
+        (
+            "plant.dt = 1e-20 s is not allowed with plant.control_period = 2e-06 s",
+            "a control tick would have 2e+14 integration steps, and 10000000 are the most",
+        ),
+    ),
+    "period with more samples than there is memory": (
+        section(SIMULATOR, "plant.control_period: 1.0e+10", "plant.dt: 1.0e-6"),
+        ("plant.control_period = 1e+10 s: a control tick would have 1e+16 integration steps",),
+    ),
+    "period with more samples than are kept": (
+        section(SIMULATOR, "plant.control_period: 0.2"),
+        ("detector.sample_period = 1e-06 s is not allowed", "would have 2e+05 samples, and 100000 are the most"),
+    ),
     "sample that the tip cannot touch in one point": (
         section(SIMULATOR, "contact.R: 1.0e-5"),
         ("the tip cannot touch the sample in one point", "contact.R = 1e-05 m", "must be > 0"),

@@ -43,6 +43,8 @@ LOOP = record(
     "stride",  # integration steps in a period of the virtual ADC
     "update",  # integration steps between two updates of the DAC
     "delay",  # control periods from a command to the piezo
+    "clipped",  # updates of the drive since the start that were beyond its range
+    "steep",  # that were steeper than the slew limit
     "in_force",  # measurement that the drive in force answers
     "score_tick",  # first tick that is scored
     "control_period",  # [s]
@@ -51,10 +53,24 @@ LOOP = record(
     "sample_period",  # of the virtual ADC [s]
     "drive_lsb",  # [V]
     "drive_limit",
+    "slew_step",  # largest change at an update [V]; 0: any
     "deflection_sensitivity",  # [m/V]
     "lateral_sensitivity",  # [N/V]
     "position_noise",  # [m]
-    integers=("k", "row", "draw", "done", "substeps", "stride", "update", "delay", "in_force", "score_tick"),
+    integers=(
+        "k",
+        "row",
+        "draw",
+        "done",
+        "substeps",
+        "stride",
+        "update",
+        "delay",
+        "clipped",
+        "steep",
+        "in_force",
+        "score_tick",
+    ),
 )
 
 

@@ -1,4 +1,4 @@
-"""From a command to the drive that is in force: line of those on their way, horizon, fault, range, resolution."""
+"""From a command to the drive that is in force: line of those on their way, horizon, fault, range, slew, resolution."""
 
 import math
 from typing import Any
@@ -73,7 +73,19 @@ def put_in_force(m: Block, at: int, late: float, faults: Any) -> None:
     for axis in range(3):
         a.voltage[axis] = u.voltage[axis] if i <= 0 else u.horizon[i - 1, axis]
     on_drive(c.k * c.control_period + late, a, faults, m)
+    limit, step, before = c.drive_limit, c.slew_step, (x, y, z)
+    clipped = steep = 0
     for axis in range(3):
-        a.voltage[axis] = convert(a.voltage[axis], c.drive_lsb, c.drive_limit)
+        volts = a.voltage[axis]
+        if abs(volts) > limit > 0.0:
+            clipped = 1
+            volts = math.copysign(limit, volts)
+        change = volts - before[axis]
+        if abs(change) > step > 0.0:
+            steep = 1
+            volts = before[axis] + math.copysign(step, change)
+        a.voltage[axis] = convert(volts, c.drive_lsb, limit)
+    c.clipped += clipped
+    c.steep += steep
     if c.k >= c.score_tick:
         count_drive(record_at(m, g.score, SUMS), a.voltage[0] - x, a.voltage[1] - y, a.voltage[2] - z)

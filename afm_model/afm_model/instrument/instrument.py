@@ -24,7 +24,9 @@ from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
 
 _Array = NDArray[np.float64]
-_K, _ROW, _DRAW, _DONE = (list(LOOP.names or ()).index(name) for name in ("k", "row", "draw", "done"))
+_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP = (
+    list(LOOP.names or ()).index(name) for name in ("k", "row", "draw", "done", "clipped", "steep")
+)
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ class Instrument:
         c.sample_period = detector.sample_period
         c.drive_lsb = 2.0 * piezo.limit / 2**piezo.dac_bits if piezo.dac_bits > 0 else 0.0
         c.drive_limit = piezo.limit
+        c.slew_step = piezo.slew_limit * dac_period
         c.deflection_sensitivity = detector.deflection_sensitivity
         c.lateral_sensitivity = detector.lateral_sensitivity
         c.position_noise = detector.position_noise
@@ -117,7 +120,7 @@ class Instrument:
         # One stream for each source: to switch one on changes no other.
         seeds = np.random.SeedSequence(parameters.plant.seed).spawn(4)
         self._disturbance, self._noise, self._position_noise, self._faults = map(np.random.default_rng, seeds)
-        self._loop[[_K, _ROW, _DRAW, _DONE]] = 0
+        self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         for name in ("measurement", "applied", "commanded", "regulated", "effective", "truth", "detection", "score"):
             layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
@@ -177,6 +180,16 @@ class Instrument:
     def in_contact(self) -> bool:
         """Whether the tip touches the sample."""
         return bool(self._layout.record(self._block, "truth").contact != 0.0)
+
+    @property
+    def drives_clipped(self) -> int:
+        """Updates of the drive since the start at which it was beyond `piezo.limit` along some axis, and clipped."""
+        return int(self._loop[_CLIPPED])
+
+    @property
+    def drives_steep(self) -> int:
+        """Updates of the drive since the start at which `piezo.slew_limit` held it back along some axis."""
+        return int(self._loop[_STEEP])
 
     @property
     def block_full(self) -> bool:

@@ -15,6 +15,11 @@ from ..program import Reference
 from ..sample import PaperSample
 from ..schema import Group, Unit, flatten, specifications
 
+MAX_STEPS = 10_000_000
+"""Integration steps in a control tick at most: a second or two of computing, in which nothing else is done."""
+MAX_SAMPLES = 100_000
+"""Samples in a control tick at most. With noise on they take 4 kB of random numbers each."""
+
 
 class Score(Group):
     """What part of a run is scored."""
@@ -67,6 +72,8 @@ class InstrumentParameters(Microscope):
         if dac_period := self.piezo.dac_period:
             _require_multiple("piezo.dac_period", dac_period, "detector.sample_period", period)
             _require_multiple("plant.control_period", self.plant.control_period, "piezo.dac_period", dac_period)
+        _require_few("integration steps", MAX_STEPS, self.plant.control_period, "plant.dt", self.plant.dt)
+        _require_few("samples", MAX_SAMPLES, self.plant.control_period, "detector.sample_period", period)
         return self
 
     @model_validator(mode="after")
@@ -82,3 +89,12 @@ def _require_multiple(name: str, value: float, of_name: str, of: float) -> None:
     ratio = value / of
     if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-6 * ratio:
         raise ValueError(f"{name} = {value:g} s is not allowed: it must be a multiple of {of_name} = {of:g} s")
+
+
+def _require_few(what: str, most: int, control_period: float, of_name: str, of: float) -> None:
+    ratio = control_period / of
+    if ratio > most:
+        raise ValueError(
+            f"{of_name} = {of:g} s is not allowed with plant.control_period = {control_period:g} s: a control tick "
+            f"would have {ratio:.3g} {what}, and {most} are the most"
+        )

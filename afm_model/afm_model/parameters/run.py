@@ -3,6 +3,7 @@
 import math
 from typing import Annotated, Literal
 
+from annotated_types import Ge, Le
 from pydantic import Field
 
 from ..schema import Group, NonNegative, Positive, Unit
@@ -25,6 +26,9 @@ class Run(Group):
     real_time_factor: Positive = Field(1.0, description="realtime: simulated seconds per wall second")
     spin_time: Annotated[NonNegative, Unit("s")] = Field(
         0.0, description="realtime: wall time before each deadline in which the clock is polled instead of slept for"
+    )
+    telemetry_rate: Annotated[float, Ge(0), Le(50), Unit("Hz")] = Field(
+        50.0, description="messages on topic telemetry per second of wall time, at most; 0: none"
     )
     lockstep_timeout: Annotated[Positive, Unit("s")] = Field(
         5.0, description="lockstep: wall time without an answer after which the controller is reported"

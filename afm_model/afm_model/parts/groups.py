@@ -58,6 +58,9 @@ class PiezoParameters(Group):
     sensitivity_y: Annotated[float, Gt(0), Unit("m/V")] = Field(20e-9, description="static displacement per volt, y")
     sensitivity_z: Annotated[float, Gt(0), Unit("m/V")] = Field(20e-9, description="static displacement per volt, z")
     limit: Annotated[NonNegative, Unit("V")] = Field(0.0, description="drive saturates at +-limit; 0: no limit")
+    slew_limit: Annotated[NonNegative, Unit("V/s")] = Field(
+        0.0, description="the drive follows no faster, in steps at the updates of the DAC; 0: at once"
+    )
     dac_period: Annotated[NonNegative, Unit("s")] = Field(
         0.0,
         description="time between two updates of the drive, a multiple of detector.sample_period that divides "

@@ -19,6 +19,12 @@ class Counts:
     """Drives for a measurement older than the one answered last, or for that one again. None is put in force."""
     drives_ahead: int = 0
     """Drives for a measurement that has not been published. None is put in force."""
+    drives_malformed: int = 0
+    """Drives that could not be read, or with a stamp that is no time of a run. None is put in force."""
+    drives_clipped: int = 0
+    """Updates of the drive at which it was beyond the range of the piezo, and clipped."""
+    drives_steep: int = 0
+    """Updates of the drive at which it was held back by the slew limit."""
     late_ticks: int = 0
     """realtime: ticks that began later than a period after their deadline."""
     periods_missed: int = 0
@@ -44,6 +50,7 @@ class Snapshot:
     in_contact: bool
     counts: Counts
     refusal: str  # the sentence about the drive refused last; empty if none was
+    unreadable: str = ""  # a clause about the drive that could not be read last; empty if there was none
 
     @property
     def real_time_factor(self) -> float:

@@ -4,6 +4,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..command import Command
+from ..errors import DriveError, MalformedError
 from ..instrument import Instrument
 from ..parameters import SimParameters
 from .counts import Counts
@@ -29,6 +34,8 @@ class Course:
     """fail(sentence): the run ends in a fault."""
     refusal: str = ""
     """The sentence about the drive refused last."""
+    unreadable: str = ""
+    """A clause about the drive that could not be read last."""
 
     @property
     def controller(self) -> str:
@@ -39,6 +46,19 @@ class Course:
         """Count a drive that was refused, with a sentence about it."""
         self.counts.drives_refused += 1
         self.refusal = f"{problem} (answer to measurement {sequence} from {self.link.controller or 'an unknown node'})"
+
+    def drop(self, error: MalformedError) -> None:
+        """Count a drive that could not be read, with a clause about it."""
+        self.counts.drives_malformed += 1
+        self.unreadable = f"{error} from {self.link.controller or 'an unknown node'}"
+
+    def take(self) -> tuple[int, NDArray[np.float64] | Command | DriveError] | None:
+        """The oldest drive not yet taken, as `Link.take`; what cannot be read is dropped on the way."""
+        while True:
+            try:
+                return self.link.take()
+            except MalformedError as error:
+                self.drop(error)
 
 
 class Pacing(ABC):

@@ -27,6 +27,11 @@ class Link(ABC):
         What came and cannot be a drive is the error that says why.
 
         An array is valid until the next call.
+
+        Raises
+        ------
+        MalformedError
+            If what came cannot be read. It is taken then: the next call goes on behind it.
         """
 
     @abstractmethod

@@ -1,6 +1,6 @@
 """Lockstep: simulated time goes on with each answer."""
 
-from ..errors import DivergenceError, DriveError, PartError
+from ..errors import DivergenceError, DriveError, MalformedError, PartError
 from .course import Course, Pacing
 from .state import Cause
 
@@ -23,13 +23,15 @@ class Lockstep(Pacing):
         self._stalled = False
         self._wrong: list[int] = []
         self._wrong_at = 0  # tick at which they came
+        self._unread_at = -1  # tick at which something came last that cannot be read; -1: nothing has
 
     def start(self) -> None:
         """Ask for the first drive."""
         # What is still there answers the run before.
-        while self._take() is not None:
+        while self._course.take() is not None:
             pass
         self._wrong.clear()
+        self._unread_at = -1
         self.resume()
         self._publish(self._instrument.ticks, self._instrument.measurement)
 
@@ -50,7 +52,13 @@ class Lockstep(Pacing):
 
     def step(self) -> bool:
         """Take one answer if there is one."""
-        taken = self._take()
+        try:
+            taken = self._take()
+        except MalformedError as error:
+            self._course.drop(error)
+            self._unread_at = self._instrument.ticks
+            self._look_at_the_clock()
+            return True
         if taken is None:
             self._look_at_the_clock()
             return False
@@ -118,4 +126,6 @@ class Lockstep(Pacing):
         if self._wrong and self._wrong_at == ticks:
             sequences = ", ".join(map(str, self._wrong))
             return f"{name} sends drives with sequence {sequences}; measurement {ticks} has been waiting for {limit}"
+        if self._unread_at == ticks:
+            return f"no drive but {self._course.unreadable}; measurement {ticks} has been waiting for {limit}"
         return f"{name} has not answered measurement {ticks} within {limit}; still waiting"

@@ -36,7 +36,7 @@ class Realtime(Pacing):
     def start(self) -> None:
         """Hold the drive of the start; the first deadline is one period from now."""
         # What is still there answers the run before.
-        while self._course.link.take() is not None:
+        while self._course.take() is not None:
             pass
         self._drive = self._instrument.drive
         self._answered = -1
@@ -108,7 +108,7 @@ class Realtime(Pacing):
         """Put the newest valid drive in force; its round trip [s], NaN if none came since the last tick."""
         course, ticks = self._course, self._instrument.ticks
         taken_at = math.nan
-        while (taken := course.link.take()) is not None:
+        while (taken := course.take()) is not None:
             sequence, drive = taken
             if sequence > ticks:
                 course.counts.drives_ahead += 1
@@ -163,7 +163,11 @@ class Realtime(Pacing):
     def _unused(self) -> str:
         """Drives that came and were not put in force, for a sentence."""
         counts = self._course.counts
-        kinds = ((counts.drives_outdated, "for an older measurement"), (counts.drives_ahead, "for a future one"))
+        kinds = (
+            (counts.drives_outdated, "for an older measurement"),
+            (counts.drives_ahead, "for a future one"),
+            (counts.drives_malformed, "that cannot be read"),
+        )
         return "".join(f", {count} {kind}" for count, kind in kinds if count)
 
     @property

@@ -121,8 +121,11 @@ class Run:
             elapsed=self._watch.elapsed,
             wanted_factor=run.real_time_factor if run.mode == "realtime" else None,
             in_contact=instrument.in_contact,
-            counts=replace(course.counts),
+            counts=replace(
+                course.counts, drives_clipped=instrument.drives_clipped, drives_steep=instrument.drives_steep
+            ),
             refusal=course.refusal,
+            unreadable=course.unreadable,
         )
 
     def delays(self) -> Delays:
@@ -155,7 +158,7 @@ class Run:
         course = self._course
         course.ticker.flush()
         course.ticker.reset()
-        course.counts, course.refusal = Counts(), ""
+        course.counts, course.refusal, course.unreadable = Counts(), "", ""
         self._held = course.parameters.run.start_paused or self.state == State.PAUSED
         self._watch = Stopwatch(course.clock)
         self._life.go(Cause.RESET)

@@ -27,6 +27,8 @@ def warnings(before: Snapshot, now: Snapshot) -> list[str]:
         told.append(f"{outdated} drives answered an older measurement than one before them and were not put in force")
     if (ahead := b.drives_ahead - a.drives_ahead) > 0:
         told.append(f"{ahead} drives answered a measurement that has not been published and were not put in force")
+    if (malformed := b.drives_malformed - a.drives_malformed) > 0:
+        told.append(f"{malformed} drives could not be read and were dropped, the last: {now.unreadable}")
     return told
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import Block, Command, DriveError, SimParameters, build
+from afm_model.errors import MalformedError
 from afm_model.run import Link, Listeners, Run, State
 
 PERIOD = 2.0**-10
@@ -19,7 +20,7 @@ class HandLink(Link):
 
     def __init__(self, bench: "Bench") -> None:
         self._bench = bench
-        self._inbox: deque[tuple[float, int, NDArray[np.float64] | Command | DriveError]] = deque()
+        self._inbox: deque[tuple[float, int, NDArray[np.float64] | Command | DriveError | MalformedError]] = deque()
         self._arrived = 0.0
         self.published: list[int] = []
         self.is_ready = True
@@ -42,10 +43,16 @@ class HandLink(Link):
         """What answers measurement `sequence` and cannot be a drive."""
         self._inbox.append((self._bench.now, sequence, DriveError(reason)))
 
+    def send_nonsense(self) -> None:
+        """Something that is no drive."""
+        self._inbox.append((self._bench.now, -1, MalformedError("2 bytes that are no PiezoDrive")))
+
     def take(self) -> tuple[int, NDArray[np.float64] | Command | DriveError] | None:
         if not self._inbox:
             return None
         self._arrived, sequence, drive = self._inbox.popleft()
+        if isinstance(drive, MalformedError):
+            raise drive
         return sequence, drive
 
     def arrived(self) -> float:

@@ -90,6 +90,33 @@ def test_stall_says_what_the_controller_sends_in_place_of_an_answer() -> None:
     )
 
 
+def test_stall_says_that_what_the_controller_sends_cannot_be_read() -> None:
+    bench = started()
+    bench.answer()
+    bench.link.send_nonsense()
+    bench.run.step()
+    bench.now += 5.01
+    bench.run.step()
+    assert bench.told[-1] == (
+        State.STALLED,
+        "no drive but 2 bytes that are no PiezoDrive from /afm/hand; measurement 1 has been waiting for 5 s "
+        "(run.lockstep_timeout)",
+    )
+    bench.answer()
+    assert (bench.state, bench.ticks, bench.counts()) == (State.RUNNING, 2, {"drives_lost": 1, "drives_malformed": 1})
+
+
+def test_what_cannot_be_read_and_has_come_before_the_start_is_counted_and_does_no_harm() -> None:
+    bench = Bench("lockstep")
+    bench.link.send_nonsense()
+    bench.link.send(0, 9.0)
+    bench.link.send_nonsense()
+    assert bench.run.step()
+    bench.answer()
+    assert (bench.state, bench.ticks, bench.counts()) == (State.RUNNING, 1, {"drives_malformed": 2})
+    assert bench.drives[0, 0] == 0.0
+
+
 def test_stall_is_told_although_wrong_drives_keep_coming() -> None:
     bench = started()
     for sequence in range(100, 120):

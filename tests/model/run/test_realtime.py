@@ -126,6 +126,21 @@ def test_drive_that_is_not_finite_is_refused_and_named_and_the_one_before_holds(
     )
 
 
+def test_what_cannot_be_read_is_counted_and_keeps_no_drive_behind_it_from_its_tick() -> None:
+    bench = started(3)
+    for _ in range(3):
+        bench.link.send_nonsense()
+    bench.link.send(0, 0.05)
+    bench.link.send_nonsense()
+    bench.at(1)
+    bench.link.send_nonsense()
+    bench.at(2)
+    bench.at(3)
+    assert bench.drives[:, 0].tolist() == [0.05] * 3
+    assert bench.counts() == {"drives_lost": 2, "drives_malformed": 5}
+    assert bench.run.snapshot().unreadable == "2 bytes that are no PiezoDrive from /afm/hand"
+
+
 def test_drive_for_a_measurement_too_old_to_be_known_is_outdated() -> None:
     bench = started(**{"run.watchdog_timeout": 1e6})
     for k in range(1, 4098):

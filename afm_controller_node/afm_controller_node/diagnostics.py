@@ -1,0 +1,53 @@
+"""The controller as DiagnosticStatus, for ordinary tools."""
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+
+class Diagnostics:
+    """Publishes how the controller is.
+
+    Parameters
+    ----------
+    node : Node
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._answers = self._dropped = 0
+
+    def publish(self, law: str, answers: int, dropped: int, problem: str, last_dropped: str) -> None:
+        """Publish the entry.
+
+        Parameters
+        ----------
+        law : str
+            In force.
+        answers, dropped : int
+            Measurements answered, and messages that could not be read, since the start.
+        problem : str
+            What is the matter with the simulator; empty: nothing.
+        last_dropped : str
+            The sentence about the last message dropped.
+        """
+        level, message = DiagnosticStatus.OK, "answering" if answers > self._answers else "waiting for measurements"
+        if problem:
+            level, message = DiagnosticStatus.ERROR, problem
+        elif dropped > self._dropped:
+            level, message = DiagnosticStatus.WARN, last_dropped
+        self._answers, self._dropped = answers, dropped
+        values = {"law": law, "measurements answered": answers, "messages dropped": dropped}
+        array = DiagnosticArray(
+            status=[
+                DiagnosticStatus(
+                    level=level,
+                    name=f"{self._node.get_fully_qualified_name()}: controller",
+                    message=message,
+                    hardware_id="virtual AFM",
+                    values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+                )
+            ]
+        )
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)

@@ -1,0 +1,80 @@
+"""Notices that the simulator is gone, silent, or another one than before."""
+
+import time
+from collections.abc import Callable
+
+from afm_msgs.msg import InstrumentStatus
+from rclpy.node import Node
+
+from . import topics
+from .direct import Inbox
+
+SILENCE = 2.0
+"""Wall time without a status after which a simulator is said to be silent [s]: one comes every 0.2 s in every state."""
+
+
+class Presence:
+    """Knows by `status` whether the simulator is there.
+
+    The middleware itself notices that a process was killed only after some seconds, up to twenty.
+
+    Parameters
+    ----------
+    node : Node
+    subscribe : bool
+        False: the node listens to `status` itself and calls `heard`.
+    clock : callable
+        Steady wall time [s].
+
+    Call `close` before the node is destroyed.
+    """
+
+    def __init__(self, node: Node, *, subscribe: bool = True, clock: Callable[[], float] = time.monotonic) -> None:
+        self.problem = ""
+        """What is the matter with the simulator, in a sentence; empty: nothing, or none has been heard up to now."""
+        self._node, self._clock = node, clock
+        self._topic = node.resolve_topic_name(topics.STATUS)
+        self._name = "the simulator"
+        self._heard_at: float | None = None
+        self._publishers: set[bytes] = set()
+        # Beside an executor: a controller's next tick may be due in microseconds.
+        self._inbox = Inbox(node, InstrumentStatus, topics.STATUS, topics.LATCHED_QOS) if subscribe else None
+
+    def heard(self) -> None:
+        """A status has come."""
+        self._heard_at = self._clock()
+
+    def look(self) -> None:
+        """Log what has changed; to be called some times a second, or once."""
+        now = self._clock()
+        while self._inbox is not None and self._inbox.take() is not None:
+            self.heard()
+        if self._heard_at is None:
+            return
+        infos = self._node.get_publishers_info_by_topic(self._topic)
+        for info in infos:
+            # A name that is not known yet is told a moment later.
+            if not info.node_name.startswith("_"):
+                self._name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        publishers = {bytes(info.endpoint_gid) for info in infos}
+        if self._publishers and publishers - self._publishers:
+            self._node.get_logger().warning(
+                f"{self._name} publishes {self._topic} anew: it was started again, or there are two of that name"
+            )
+        self._publishers |= publishers
+        problem = ""
+        if not publishers:
+            problem = f"{self._name} has gone: nobody publishes {self._topic}"
+        elif now > self._heard_at + SILENCE:
+            problem = f"{self._name} has not told its status for {SILENCE:g} s: it stands still, or was killed"
+        if problem != self.problem:
+            before, self.problem = self.problem, problem
+            if problem:
+                self._node.get_logger().warning(problem)
+            elif before:
+                self._node.get_logger().info(f"{self._name} tells its status again")
+
+    def close(self) -> None:
+        """Let the node be destroyed."""
+        if self._inbox is not None:
+            self._inbox.close()

@@ -1,0 +1,275 @@
+"""Bytes that are no message: each is dropped, counted and named; no node ends of them, and the plant does not move."""
+
+import functools
+import random
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
+from rclpy.node import Node
+from support import Graph, HandController, Observer, answer, ros_arguments, run_in_process
+
+from afm_controller_node.node import ControllerNode
+from afm_model import (
+    Command,
+    Controller,
+    ControllerParameters,
+    DriveError,
+    Instrument,
+    SimParameters,
+    build,
+    records,
+    signals,
+)
+from afm_model.errors import MalformedError
+from afm_node_common import topics
+from afm_node_common.codec import Codec, measurement_codec
+from afm_node_common.drive_codec import drive_codec
+from afm_sim_node.node import SimNode
+
+SEED = 20
+MESSAGES = 10_000
+PERIOD = 2e-6
+TICKS = 100
+SIZE = {PiezoDrive: 3, Measurement: records.size(signals.MEASUREMENT)}
+CODEC: dict[type, Callable[..., Codec]] = {
+    PiezoDrive: functools.cache(drive_codec),
+    Measurement: functools.cache(measurement_codec),
+}
+
+
+def read(data: bytes, kind: type) -> tuple[int, int, bytes] | None:
+    """Sequence, stamp [ns] and the bytes of the values, by the rules of CDR alone; None for what is no message."""
+    size = SIZE[kind]
+    order = {b"\0\1": "<", b"\0\0": ">"}.get(data[:2])
+    if order is None or len(data) < 16:
+        return None
+    seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, 4)
+    at = 4 + -(-(12 + length) // 8) * 8
+    end = at + 8 + 8 * size
+    if length < 1 or len(data) < end or seconds < 0 or nanoseconds >= 10**9:
+        return None
+    if kind is PiezoDrive:  # a horizon, aligned to 8 if it holds anything
+        if len(data) < end + 12:
+            return None
+        count = struct.unpack_from(f"{order}I", data, end + 8)[0]
+        end += 16 + 24 * count if count else 12
+    if len(data) != end:
+        return None
+    frame = data[16 : 16 + length]
+    try:
+        frame.decode()
+    except UnicodeDecodeError:
+        return None
+    if frame.find(b"\0") != length - 1:
+        return None
+    values = np.frombuffer(data, f"{order}f8", size, at + 8).astype("<f8").tobytes()
+    return struct.unpack_from(f"{order}Q", data, at)[0], seconds * 10**9 + nanoseconds, values
+
+
+def message(rng: random.Random, kind: type) -> bytes:
+    """A message as somebody may write it who keeps the rules: any frame, either order of bytes."""
+    size = SIZE[kind]
+    order, label = rng.choice([("<", b"\0\1"), ("<", b"\0\1"), ("<", b"\0\1"), (">", b"\0\0")])
+    frame = (
+        rng.choice(["scanner", "scanner", "", "map", "\u00e5ngstr\u00f6m", "x" * rng.randrange(300)]).encode() + b"\0"
+    )
+    head = struct.pack(f"{order}iII", rng.randrange(2**31), rng.randrange(10**9), len(frame)) + frame
+    body = struct.pack(f"{order}Q{size}d", rng.randrange(2**64), *(rng.gauss(0.0, 1.0) for _ in range(size)))
+    if kind is PiezoDrive:
+        count = rng.choice([0, 0, 0, 1, 3])
+        body += struct.pack(f"{order}dI", 1e-6, count)
+        body += struct.pack(f"{order}4x{3 * count}d", *(rng.random() for _ in range(3 * count))) if count else b""
+    return label + b"\0\0" + head + rng.randbytes(-len(head) % 8) + body
+
+
+def spoiled(rng: random.Random, data: bytes) -> bytes:
+    """The message with something wrong in it, as a rule; sometimes what comes out is one again."""
+    out = bytearray(data)
+    kind = rng.randrange(9)
+    if kind == 0:
+        return data[: rng.randrange(len(data))]
+    if kind == 1:
+        return data + rng.randbytes(rng.randrange(1, 40))
+    if kind == 2:
+        return rng.randbytes(rng.randrange(120))
+    if kind == 3:  # any byte, the first ones more often
+        for _ in range(rng.randrange(1, 4)):
+            out[min(rng.randrange(len(out)), rng.randrange(len(out)))] = rng.randrange(256)
+    elif kind == 4:  # a stamp out of range
+        struct.pack_into("<iI", out, 4, *rng.choice([(-1, 0), (-(2**31), 5), (3, 10**9), (3, 2**32 - 1)]))
+    elif kind == 5:  # a length of the frame that is not its own
+        struct.pack_into("<I", out, 12, rng.choice([0, 1, 7, 9, 300, 2**31, 2**32 - 1, rng.randrange(2**32)]))
+    elif kind == 6 and len(out) > 17:  # no UTF-8, or a zero in the text
+        out[16 + rng.randrange(min(8, len(out) - 16))] = rng.choice([0, 0xFF, 0xC0, 0xED])
+    elif kind == 7:  # other kinds of encapsulation, with and without options
+        out[:4] = rng.choice([b"\0\0", b"\0\2", b"\0\3", b"\0\7", b"\0\x0b", b"\xff\xff", b"\0\1"]) + rng.randbytes(2)
+    else:  # a piece is missing, or there twice
+        at, length = rng.randrange(len(out)), rng.randrange(1, 12)
+        out[at : at + length] = b"" if rng.random() < 0.5 else out[at : at + length] * 2
+    return bytes(out)
+
+
+def nonsense(rng: random.Random, kind: type) -> bytes:
+    """Bytes that are no message, whatever happens."""
+    while True:
+        data = spoiled(rng, message(rng, kind))
+        if read(data, kind) is None:
+            return data
+
+
+# The codec.
+
+
+@pytest.mark.parametrize("fast", [True, False])
+@pytest.mark.parametrize("kind", [PiezoDrive, Measurement])
+def test_ten_thousand_spoiled_messages_are_read_right_or_refused(kind: type, fast: bool) -> None:
+    rng, decode = random.Random(SEED), CODEC[kind](fast=fast).decode
+    refused = 0
+    for number in range(MESSAGES // 4):
+        data = message(rng, kind)
+        data = data if number % 10 == 0 else spoiled(rng, data)
+        expected = read(data, kind)
+        if expected is None:
+            refused += 1
+            with pytest.raises(MalformedError, match=kind.__name__):
+                decode(data)
+        else:
+            sequence, stamp, values = decode(data)
+            assert (sequence, stamp) == expected[:2], (number, data.hex())
+            # A horizon that cannot be one is refused as a drive, not as bytes.
+            if not isinstance(values, DriveError):
+                first = values.voltage if isinstance(values, Command) else values
+                assert first.tobytes() == expected[2], (number, data.hex())
+    # Both kinds are there in number.
+    assert 0.5 < refused / (MESSAGES // 4) < 0.9
+
+
+@pytest.mark.parametrize("fast", [True, False])
+@pytest.mark.parametrize("kind", [PiezoDrive, Measurement])
+def test_refusal_says_what_is_wrong(kind: type, fast: bool) -> None:
+    codec, name = CODEC[kind](fast=fast), kind.__name__
+    whole = codec.encode(7, 11, np.arange(SIZE[kind], dtype=float))
+
+    def changed(at: int, news: bytes) -> bytes:
+        return whole[:at] + news + whole[at + len(news) :]
+
+    for data, sentence in (
+        (b"\0\1", f"2 bytes that are no {name} (RMWError)"),
+        (b"", f"0 bytes that are no {name} (they begin with 0x: plain CDR begins with 0x0001 or 0x0000)"),
+        (whole + b"\0" * 8, f"{len(whole) + 8} bytes for a {name} of {len(whole)}"),
+        (changed(4, struct.pack("<i", -1)), f"a {name} with stamp -1 s + 11 ns: it must be a time since the start"),
+        (
+            changed(8, struct.pack("<I", 10**9)),
+            f"a {name} with stamp 0 s + 1000000000 ns: it must be a time since the start",
+        ),
+        (changed(17, b"\xff"), f"a {name} whose frame_id is no text in UTF-8"),
+    ):
+        with pytest.raises(MalformedError) as caught:
+            codec.decode(data)
+        assert str(caught.value) == sentence
+
+
+# Over topics.
+
+
+class Saboteur(Node):
+    """Publishes any bytes on one topic of the control loop."""
+
+    def __init__(self, kind: type, topic: str) -> None:
+        super().__init__("saboteur", namespace=topics.NAMESPACE)
+        self._publisher = self.create_publisher(kind, topic, topics.CONTROL_QOS)
+        self._rng, self._kind, self.sent = random.Random(SEED), kind, 0
+
+    @property
+    def heard(self) -> bool:
+        return bool(self._publisher.get_subscription_count())
+
+    def send(self, count: int) -> None:
+        """Some messages that are none; no more at once than a queue holds."""
+        for _ in range(count):
+            self._publisher.publish(bytes.fromhex("0001") if self.sent == 0 else nonsense(self._rng, self._kind))
+            self.sent += 1
+
+
+def push(measurement: Measurement) -> PiezoDrive:
+    return answer(measurement, 1e-3 * (measurement.sequence % 5), 0.0)
+
+
+@contextmanager
+def bench(**parameters: object) -> Iterator[tuple[Graph, Observer, SimNode, Saboteur]]:
+    values = {"plant.control_period": PERIOD, "run.duration": TICKS * PERIOD} | parameters
+    with Graph(ros_arguments(values)) as graph:
+        observer, saboteur = graph.add(Observer()), graph.add(Saboteur(PiezoDrive, topics.PIEZO_DRIVE))
+        yield graph, observer, graph.add(SimNode()), saboteur
+
+
+def test_lockstep_run_among_nonsense_is_the_same_to_the_last_bit_and_all_of_it_is_counted() -> None:
+    with bench() as (graph, observer, simulator, saboteur):
+
+        def law(measurement: Measurement) -> Sequence[PiezoDrive]:
+            saboteur.send(3)
+            return [push(measurement)]
+
+        graph.add(HandController(law))
+        graph.spin_until(lambda: observer.scores)
+        instrument = Instrument(build(SimParameters, {"plant.control_period": PERIOD}))
+        z = instrument.drive[2]
+        run_in_process(instrument, lambda _: np.array([1e-3 * (instrument.ticks % 5), 0.0, z]), TICKS)
+        assert observer.scores[0].trajectory_sha256 == instrument.trajectory_sha256()
+        graph.spin_until(lambda: observer.status.state == InstrumentStatus.FINISHED)
+        # What was sent with the last answer may come after it.
+        assert 3 * TICKS - 3 <= observer.status.drives_malformed <= saboteur.sent
+        assert observer.scores[0].drives_malformed == observer.status.drives_malformed
+        assert "PiezoDrive" in simulator.run.snapshot().unreadable
+        assert "from /afm/hand_made and /afm/saboteur" in simulator.run.snapshot().unreadable
+
+
+def test_realtime_run_among_nonsense_goes_on_with_the_drives_and_warns() -> None:
+    with bench(
+        **{
+            "plant.control_period": 1e-3,
+            "detector.sample_period": 1e-4,
+            "run.mode": "realtime",
+            "run.duration": 0.0,
+            "run.watchdog_timeout": 1000.0,
+        }
+    ) as (graph, observer, simulator, saboteur):
+        counts = lambda: simulator.run.snapshot().counts  # noqa: E731
+        controller = graph.add(HandController(lambda measurement: [push(measurement)]))
+        graph.spin_until(lambda: simulator.run.ticking and saboteur.heard and len(controller.seen) > 5)
+        for _ in range(40):
+            saboteur.send(5)
+            graph.spin_until(lambda: counts().drives_malformed == saboteur.sent)
+        graph.spin_until(lambda: "could not be read and were dropped, the last: " in observer.status.warning)
+        assert observer.status.state == InstrumentStatus.RUNNING
+        # Drives went on being put in force.
+        assert counts().drives_lost < simulator.run.snapshot().ticks
+        assert counts().drives_refused == 0
+
+
+def test_controller_among_nonsense_answers_as_if_there_were_none() -> None:
+    with Graph(ros_arguments({"law.kind": "tanh"})) as graph:
+        controller = graph.add(ControllerNode())
+        saboteur = graph.add(Saboteur(Measurement, topics.MEASUREMENT))
+        drives: list[PiezoDrive] = []
+        saboteur.create_subscription(PiezoDrive, topics.PIEZO_DRIVE, drives.append, 100)
+        law = Controller(build(ControllerParameters, {"law.kind": "tanh"}))
+        codec, rng = measurement_codec(), np.random.default_rng(SEED)
+        publisher = saboteur.create_publisher(Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
+        graph.spin_until(lambda: saboteur.heard and publisher.get_subscription_count())
+        for sequence in range(60):
+            saboteur.send(5)
+            values = 1e-9 * rng.standard_normal(SIZE[Measurement])
+            publisher.publish(codec.encode(sequence, sequence * 1000, values))
+            graph.spin_until(
+                lambda sequence=sequence: len(drives) == sequence + 1 and controller.drops.count == saboteur.sent
+            )
+            expected = law.answer(values, sequence * 1e-6)
+            told = drives[-1]
+            assert told.sequence == sequence
+            assert [told.voltage.x, told.voltage.y, told.voltage.z] == expected.tolist()
+        assert "a message on /afm/measurement from /afm/saboteur was dropped: " in controller.drops.last

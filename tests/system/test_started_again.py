@@ -1,0 +1,72 @@
+"""A process that was killed and started again by hand: the others say so before the middleware has noticed."""
+
+import signal
+from pathlib import Path
+
+from support import Command, Graph, Observer, executable, remove_shared_memory_left, ros_arguments, wait_for_the_end_of
+
+PARAMETERS = {"run.lockstep_timeout": 1000.0}
+
+
+def node(name: str, tmp_path: Path, **parameters: object) -> Command:
+    return Command(executable(name, name), *ros_arguments(parameters), folder=tmp_path)
+
+
+def kill(command: Command) -> None:
+    command.process.send_signal(signal.SIGKILL)
+    command.process.wait()
+    wait_for_the_end_of([command.process.pid])
+
+
+def test_simulator_that_is_killed_and_started_again_is_told_by_controller_and_recorder(tmp_path: Path) -> None:
+    silent = "/afm/afm_sim_node has not told its status for 2 s: it stands still, or was killed"
+    anew = "/afm/afm_sim_node publishes /afm/status anew: it was started again, or there are two of that name"
+    with (
+        Graph() as graph,
+        node("afm_controller_node", tmp_path) as controller,
+        node("afm_recorder_node", tmp_path, path=str(tmp_path / "run.rrd")) as recorder,
+    ):
+        observer = graph.add(Observer())
+        with node("afm_sim_node", tmp_path, **PARAMETERS) as simulator:
+            simulator.wait_until(lambda: observer.status.ticks > 100 and observer.status.recorders, graph)
+            kill(simulator)
+        for each in (controller, recorder):
+            each.wait_until(lambda each=each: silent in each.text, graph)
+            assert anew not in each.text
+        with node("afm_sim_node", tmp_path, **PARAMETERS) as simulator:
+            for each in (controller, recorder):
+                each.wait_until(lambda each=each: anew in each.text, graph)
+                each.wait_until(lambda each=each: "/afm/afm_sim_node tells its status again" in each.text, graph)
+            for each in (simulator, controller, recorder):
+                each.interrupt()
+                assert each.wait(graph) == 0, each.told
+    remove_shared_memory_left()
+
+
+def test_controller_and_recorder_that_are_killed_and_started_again_are_told_by_the_simulator(tmp_path: Path) -> None:
+    path = str(tmp_path / "run.rrd")
+    with Graph() as graph, node("afm_sim_node", tmp_path, **PARAMETERS) as simulator:
+        observer = graph.add(Observer())
+        with (
+            node("afm_controller_node", tmp_path) as controller,
+            node("afm_recorder_node", tmp_path, path=path) as recorder,
+        ):
+            simulator.wait_until(lambda: observer.status.ticks > 100 and observer.status.recorders, graph)
+            kill(controller)
+            kill(recorder)
+        assert "anew" not in simulator.text
+        with (
+            node("afm_controller_node", tmp_path) as controller,
+            node("afm_recorder_node", tmp_path, path=path) as recorder,
+        ):
+            anew = "/afm/afm_controller_node publishes piezo_drive anew: it was started again, or there are two"
+            simulator.wait_until(lambda: anew in simulator.text, graph)
+            ticks = observer.status.ticks
+            simulator.wait_until(lambda: observer.status.ticks > ticks, graph)
+            simulator.wait_until(lambda: "a recorder has come: 2 receive every stream" in simulator.text, graph)
+            for each in (recorder, controller):
+                each.interrupt()
+                assert each.wait(graph) == 0, each.told
+        simulator.interrupt()
+        assert simulator.wait(graph) == 0, simulator.told
+    remove_shared_memory_left()
