@@ -140,7 +140,7 @@ class Scanner:
 
     def parameters(self) -> dict[str, float]:
         """Values by the names of the parameters: `scanner.f_x`, `scanner.xi_x`, `piezo.sensitivity_x` and so on."""
-        values = {}
+        values: dict[str, float] = {}
         for axis in AXES:
             found: Resonator = getattr(self, axis)
             values |= {

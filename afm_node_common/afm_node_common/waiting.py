@@ -129,12 +129,14 @@ class Waiting:
         events = [entity for entity in waitables if isinstance(entity, EventHandler)]
         others = [entity for entity in waitables if not isinstance(entity, EventHandler)]
         context = self._nodes[0].context
+        self._prompt = None
         try:
             prompt, self._events = _Look(context, handles, others), _Look(context, {}, events)
             prompt()
         except (ImportError, AttributeError, TypeError):
-            prompt = self._prompt = None
-        self._prompt = prompt if prompt is not None and prompt.sure else None
+            return
+        if prompt.sure:
+            self._prompt = prompt
 
     def _anything_ready(self) -> bool:
         if self._prompt is None or self._events is None:
