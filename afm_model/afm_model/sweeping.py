@@ -11,6 +11,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
@@ -22,16 +23,18 @@ from . import jit
 from .controller import Controller
 from .errors import DivergenceError, DriveError, ParameterError, PartError
 from .instrument import Instrument, score
+from .law import TimingWarning, disagreements
 from .parameters import ControllerParameters, Group, SimParameters, Value, build, flatten, specifications
 from .progress import reporting
 from .run.simulated import ticks_to_simulate
-from .scenario import SECTIONS, Scenario
+from .scenario import SECTIONS, Scenario, law_timing
 from .schema import with_parts
 from .simulation import run
 
 if TYPE_CHECKING:
     import pandas as pd
 
+_SIM, _LAW = "afm_sim_node", "afm_controller_node"
 _NODES: dict[str, type[Group]] = {node: group for node, (part, group) in SECTIONS.items() if part != "header"}
 _TEXTS = ("trajectory_sha256", "error")
 
@@ -93,6 +96,12 @@ def sweep(
         fields of `ScoreSummary` in SI units, vectors as `rms_x`, ranges as `friction_low`; and
         `error`, missing where all went well, else the sentence that tells why the set was refused or diverged.
 
+    Warns
+    -----
+    TimingWarning
+        If a law is made for another control period or delay than those of the plant. One that is made for those of the
+        scenario is made for those of each set, unless its own are swept.
+
     Raises
     ------
     ParameterError
@@ -115,6 +124,7 @@ def sweep(
     index = None if isinstance(parameters, Mapping) else parameters.index
     columns = _columns(scenario, parameters, grid)
     sets = _build_sets(scenario, columns)
+    _warn_of_timing(sets)
     rows: list[_Row] = [{"error": each} if isinstance(each, str) else {} for each in sets]
     runnable = [(number, each) for number, each in enumerate(sets) if not isinstance(each, str)]
     with reporting(progress, "sweeping") as report:
@@ -197,11 +207,11 @@ def _build_sets(scenario: Scenario, columns: Mapping[str, Sequence[Value]]) -> l
     # The same values again and again in a grid: each is checked once.
     built: dict[tuple[Any, ...], Group | str] = {}
 
-    def group(node: str, changed: Mapping[str, Value]) -> Group | str:
-        key = (node, *((name, type(value), value) for name, value in changed.items()))
+    def group(node: str, changed: Mapping[str, Value], kept: Mapping[str, Value]) -> Group | str:
+        key = (node, *((name, type(value), value) for name, value in [*changed.items(), *kept.items()]))
         if key not in built:
             try:
-                made = build(_NODES[node], {**flat[node], **changed})
+                made = build(_NODES[node], _of_the_parts(_NODES[node], {**flat[node], **kept}, changed))
                 if isinstance(made, SimParameters):
                     ticks_to_simulate(made)
                 built[key] = made
@@ -212,11 +222,40 @@ def _build_sets(scenario: Scenario, columns: Mapping[str, Sequence[Value]]) -> l
     names = {node: [name for name in columns if name.startswith(f"{node}.")] for node in base}
     total = len(next(iter(columns.values()))) if columns else 1
     sets: list[_Set | str] = []
+    follows = not disagreements(scenario.controller.law, scenario.sim.plant)
     for i in range(total):
-        sim, law = (group(node, {name[len(node) + 1 :]: columns[name][i] for name in names[node]}) for node in base)
+        changed = {node: {name[len(node) + 1 :]: columns[name][i] for name in names[node]} for node in base}
+        sim = group(_SIM, changed[_SIM], {})
+        timing: dict[str, Value] = {}
+        # A law that is made for the plant of the scenario is made for that of each set.
+        if follows and isinstance(sim, SimParameters):
+            with suppress(ParameterError):
+                timing = law_timing({"law.kind": flat[_LAW]["law.kind"], **changed[_LAW]}, sim)
+        law = group(_LAW, changed[_LAW], timing)
         refused = [each for each in (sim, law) if isinstance(each, str)]
         sets.append("; ".join(refused) if refused else (sim, law))  # type: ignore[arg-type]
     return sets
+
+
+def _warn_of_timing(sets: Sequence[_Set | str]) -> None:
+    """Warn of the sets whose law is made for another period or delay than those of the plant."""
+    told = [disagreements(each[1].law, each[0].plant) for each in sets if not isinstance(each, str)]
+    if others := [sentences[0] for sentences in told if sentences]:
+        warnings.warn(f"in {len(others)} of {len(sets)} sets {others[0]}", TimingWarning, stacklevel=3)
+
+
+def _of_the_parts(model: type[Group], base: Mapping[str, Value], changed: Mapping[str, Value]) -> dict[str, Value]:
+    """`base` with what is changed; where another part is chosen, without the parameters that the new one does not have.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such part.
+    """
+    if not any(name.endswith(".kind") for name in changed):
+        return {**base, **changed}
+    known = {each.name for each in specifications(with_parts(model, {**base, **changed}))}
+    return {name: value for name, value in base.items() if name in known} | dict(changed)
 
 
 def _tasks(sets: Sequence[tuple[int, _Set]], processors: int) -> list[list[tuple[int, _Set]]]:

@@ -15,7 +15,7 @@ from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
 from .super_twisting import SUPER_TWISTING
-from .timing import SampledLaw, disagreements
+from .timing import SampledLaw, TimingWarning, disagreements
 
 EXTERNAL = -2
 """Number of the law that is not here: the drive comes from elsewhere."""
@@ -42,6 +42,7 @@ __all__ = [
     "TANH_GAP",
     "PaperLaw",
     "SampledLaw",
+    "TimingWarning",
     "control",
     "disagreements",
     "error_matrix",
