@@ -3,6 +3,7 @@
 from importlib.metadata import PackageNotFoundError, version
 
 from .command import Command
+from .comparing import Comparison, compare
 from .controller import Controller
 from .errors import DivergenceError, DriveError, ParameterError, PartError
 from .instrument import Block, Instrument, ScoreSummary
@@ -19,6 +20,7 @@ except PackageNotFoundError:  # run from its sources
 __all__ = [
     "Block",
     "Command",
+    "Comparison",
     "Controller",
     "ControllerParameters",
     "DivergenceError",
@@ -34,6 +36,7 @@ __all__ = [
     "Simulation",
     "SweepError",
     "build",
+    "compare",
     "flatten",
     "load_scenario",
     "simulate",

@@ -59,6 +59,6 @@ def _unstable(sim: SimParameters, controller: ControllerParameters) -> list[str]
     ]
     return [
         f"along {loop.axis} the loop cannot be stable: sliding steadily, its linear model grows by "
-        f"{loop.radius:.3g} in each control period and must grow by <= 1 (law {controller.law.kind}, plant.control_period = "
+        f"{loop.radius:.3g} in each control period, and may by <= 1 (law {controller.law.kind}, plant.control_period = "
         f"{plant.control_period:g} s, plant.delay_ticks = {loop.delay_ticks}); it is stable {', and '.join(limits)}"
     ]

@@ -22,9 +22,9 @@ from .instrument import Instrument
 from .jit import plain
 from .parameters import ControllerParameters, SimParameters, Value, build, flatten
 from .plant.constants import plant_constants
-from .records import record_at, size
+from .records import place, record_at, size
 from .registry import find
-from .signals import DRIVE, MEASUREMENT
+from .signals import COMMAND, MEASUREMENT
 
 _Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
@@ -146,7 +146,7 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     return LinearLoop(sim.plant.control_period, d, matrix, float(np.abs(values[worst])), axis, cuts)
 
 
-def _friction(sim: SimParameters) -> _Array:
+def nominal_friction(sim: SimParameters) -> _Array:
     """Friction of a flat sample at the setpoint, (3,) [w0^2 x0], against a motion along the reference."""
     p = plant_constants(sim)
     f = plain(bound_of_load)(p["f_s"], 1.0, _static_load(sim, p) / p["L_s"])
@@ -181,7 +181,7 @@ def _plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, 
     spring = np.array([k, c, -k, -c])
     F[5, 4:8] -= spring / p["mu"]
     F[7, 4:8] += spring
-    f = _friction(sim)
+    f = nominal_friction(sim)
     load = np.array([0.0, -f[0], 0.0, -f[1], 0.0, 0.0, 0.0, 0.0])
     E = expm(np.block([[F, G, load[:, None]], [np.zeros((4, _PLANT + 4))]]) * sim.scales.w0 * period)
     return E[:_PLANT, :_PLANT], E[:_PLANT, _PLANT : _PLANT + 3], E[:_PLANT, _PLANT + 3]
@@ -218,6 +218,7 @@ def _measurement_at_rest(sim: SimParameters) -> _Array:
     y = instrument.measurement.copy()
     record = record_at(y, 0, MEASUREMENT)
     record.velocity[:] = record.reference_velocity[:] = record.reference_acceleration[:] = 0.0
+    record.drive_sequence = record.newest_drive_sequence = 0
     record.deflection_rate = record.lateral_force = record.lateral_voltage = 0.0
     record.reference_position[:2] = record.position[:2]
     return y
@@ -234,7 +235,7 @@ def _measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Arr
     delay = sim.plant.delay_ticks if sampled else 0
     A, B, load = _plant_matrices(sim, period)
     force = record_at(y := at_rest.copy(), 0, MEASUREMENT)
-    force.lateral_force = _friction(sim)[0] * sim.units.lateral_force
+    force.lateral_force = nominal_friction(sim)[0] * sim.units.lateral_force
     force.lateral_voltage = force.lateral_force / sim.detector.lateral_sensitivity
     start = record_at(at_rest, 0, MEASUREMENT).drive.copy()
     flight = [start] * (delay + 1)
@@ -251,10 +252,10 @@ def _measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Arr
 
 
 def _ask(law: Controller, y: _Array) -> _Array:
-    drive = np.zeros(size(DRIVE))
-    answer(law.block, 0.0, y, drive)
+    command = np.zeros(size(COMMAND))
+    answer(law.block, 0.0, y, command)
     law.raise_errors()
-    return drive
+    return command[place(COMMAND, "voltage") :][:3]
 
 
 def _law_scales(law: Controller, sliding: _Array, C: _Array) -> tuple[_Array, _Array]:

@@ -14,6 +14,7 @@ import signal
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
@@ -109,8 +110,33 @@ def sweep(
     SweepError
         If a package is missing, or the scheduler or its workers do not answer or have other sources.
     """
+    pandas = require_scattering(scheduler, workers)
+    index = None if isinstance(parameters, Mapping) else parameters.index
+    columns = _columns(scenario, parameters, grid)
+    sets = _build_sets(scenario, columns)
+    _warn_of_timing(sets)
+    rows: list[_Row] = [{"error": each} if isinstance(each, str) else {} for each in sets]
+    runnable = [(number, each) for number, each in enumerate(sets) if not isinstance(each, str)]
+    with reporting(progress, "sweeping") as report:
+        done = len(sets) - len(runnable)
+        report(done, len(sets))
+        for number, row in scattered(partial(_run_set, fingerprint=fingerprint), runnable, scheduler, workers):
+            rows[number] = row
+            done += 1
+            report(done, len(sets))
+    return _table(pandas, columns, rows, index, fingerprint)
+
+
+def require_scattering(scheduler: str | None, workers: int | None) -> Any:
+    """The package pandas, if many instruments can be run here.
+
+    Raises
+    ------
+    SweepError, ParameterError
+        As `sweep`.
+    """
     try:
-        import distributed
+        import distributed  # noqa: F401
         import pandas
     except ImportError as error:
         raise SweepError(
@@ -121,23 +147,30 @@ def sweep(
         raise SweepError(_UNGUARDED)
     if workers is not None and (workers < 1 or scheduler is not None):
         raise ParameterError(f"workers = {workers} is not allowed: it must be >= 1, and not given with a scheduler")
-    index = None if isinstance(parameters, Mapping) else parameters.index
-    columns = _columns(scenario, parameters, grid)
-    sets = _build_sets(scenario, columns)
-    _warn_of_timing(sets)
-    rows: list[_Row] = [{"error": each} if isinstance(each, str) else {} for each in sets]
-    runnable = [(number, each) for number, each in enumerate(sets) if not isinstance(each, str)]
-    with reporting(progress, "sweeping") as report:
-        done = len(sets) - len(runnable)
-        report(done, len(sets))
-        if runnable:
-            with _client(distributed, scheduler, workers) as (client, processors):
-                for numbers, results in _results(distributed, client, _tasks(runnable, processors), fingerprint):
-                    for number, row in zip(numbers, results, strict=True):
-                        rows[number] = row
-                    done += len(results)
-                    report(done, len(sets))
-    return _table(pandas, columns, rows, index, fingerprint)
+    return pandas
+
+
+def scattered(
+    run_one: Callable[..., _Row], sets: Sequence[tuple[int, Any]], scheduler: str | None, workers: int | None
+) -> Iterator[tuple[int, _Row]]:
+    """Run numbered sets over processes; the number and the row of each, as they are done.
+
+    Parameters
+    ----------
+    run_one : callable
+        Called with the items of a set in a worker; importable there.
+    sets : sequence of (number, set)
+        A set is a tuple that begins with its SimParameters.
+    scheduler, workers
+        As in `sweep`.
+    """
+    import distributed
+
+    if not sets:
+        return
+    with _client(distributed, scheduler, workers) as (client, processors):
+        for numbers, rows in _results(distributed, client, _tasks(sets, processors), run_one):
+            yield from zip(numbers, rows, strict=True)
 
 
 def _columns(
@@ -258,11 +291,11 @@ def _of_the_parts(model: type[Group], base: Mapping[str, Value], changed: Mappin
     return {name: value for name, value in base.items() if name in known} | dict(changed)
 
 
-def _tasks(sets: Sequence[tuple[int, _Set]], processors: int) -> list[list[tuple[int, _Set]]]:
+def _tasks(sets: Sequence[tuple[int, Any]], processors: int) -> list[list[tuple[int, Any]]]:
     """Sets in portions of similar work: large enough for Dask's share to vanish, small enough to end together."""
-    steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, _) in sets]
+    steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, *_) in sets]
     portion = min(_TASK_STEPS, sum(steps) / (8 * processors))
-    tasks: list[list[tuple[int, _Set]]] = []
+    tasks: list[list[tuple[int, Any]]] = []
     filled = portion
     for each, work in zip(sets, steps, strict=True):
         if filled >= portion:
@@ -274,7 +307,7 @@ def _tasks(sets: Sequence[tuple[int, _Set]], processors: int) -> list[list[tuple
 
 
 def _results(
-    distributed: Any, client: Any, tasks: Sequence[Sequence[tuple[int, _Set]]], fingerprint: bool
+    distributed: Any, client: Any, tasks: Sequence[Sequence[tuple[int, Any]]], run_one: Callable[..., _Row]
 ) -> Iterator[tuple[list[int], list[_Row]]]:
     """Numbers and results of the sets of each task, as they are done."""
     sets = [[each for _, each in task] for task in tasks]
@@ -282,7 +315,7 @@ def _results(
 
     # A set is a kilobyte; that many of them are large is no surprise.
     with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
-        futures = client.map(_run_sets, sets, fingerprint=fingerprint, sources=jit.FINGERPRINT, pure=False)
+        futures = client.map(_run_sets, sets, run_one=run_one, sources=jit.FINGERPRINT, pure=False)
     numbers = {future.key: [number for number, _ in task] for future, task in zip(futures, tasks, strict=True)}
     for future in distributed.as_completed(futures, loop=client.loop):
         try:
@@ -340,11 +373,11 @@ def _interrupt_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _run_sets(sets: Sequence[_Set], fingerprint: bool, sources: str) -> list[_Row]:
+def _run_sets(sets: Sequence[Any], run_one: Callable[..., _Row], sources: str) -> list[_Row]:
     """Task of a worker: run some sets, one after the other."""
     if sources != jit.FINGERPRINT:
         raise SweepError("a worker has other sources of afm_model, or another numba, than the process that sweeps")
-    return [_run_set(sim, law, fingerprint) for sim, law in sets]
+    return [run_one(*each) for each in sets]
 
 
 def _run_set(parameters: SimParameters, law: ControllerParameters, fingerprint: bool = True) -> _Row:
