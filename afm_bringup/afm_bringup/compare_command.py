@@ -33,7 +33,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--periods", nargs="+", type=float, default=[5e-5, 2e-4], help="control periods [s]")
     parser.add_argument("--delays", nargs="+", type=int, default=[0, 1], help="delays in control periods")
     parser.add_argument(
-        "--noise", nargs="+", type=float, default=[0.0], help="levels of noise; 1: see docs/controllers.md"
+        "--noise", nargs="+", type=float, default=[0.0], help="levels of noise, see docs/controllers.md"
     )
     parser.add_argument("--friction", nargs="+", type=float, default=[1.0], help="true friction over nominal friction")
     parser.add_argument(

@@ -37,6 +37,8 @@ _NAMES = {
     "z_rms": "z, rms [nm]",
 }
 _SCALES = {"tip_force": 1e9, "contact": 100.0, "z_rms": 1e9}
+_TOP = 1000.0
+"""Error [%] beyond which nothing is told apart."""
 _MARKERS = "osD^vP*Xhp<>"
 
 
@@ -45,18 +47,17 @@ def page(comparison: Comparison) -> str:
     figures = [errors_by_period(comparison), chatter_by_error(comparison)]
     pictures = "\n".join(f'<p><img alt="" src="data:image/svg+xml;base64,{_svg(figure)}"></p>' for figure in figures)
     varied = ", ".join(
-        f"{name.replace('_', ' ')}: {', '.join(f'{each:g}' if isinstance(each, float) else str(each) for each in values)}"
+        f"{name.replace('_', ' ')}: {', '.join(map(_condition, comparison.table[name].unique()))}"
         for name in CONDITIONS
-        if len(values := list(comparison.table[name].unique()))
     )
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>Control laws compared</title><style>{_STYLE}</style></head><body>
 <h1>Control laws compared</h1>
 <p>{len(comparison.table)} runs. {escape(varied)}.</p>
-<p>Every law has the same measurements, and is told period and delay if it asks for them. What else it is told stands in the last
-column. The error is that of the worse of x and y in percent of the amplitude; chatter is the total variation of the drive
-over that of a smooth one; the margin is the smallest distance of the open loop from -1. Medians over all runs; a run that
-diverged counts as infinite. Small figures: the place among all laws.</p>
+<p>Every law has the same measurements, and is told period and delay if it asks for them. What else it is told stands
+in the last column. The error is that of the worse of x and y in percent of the amplitude; chatter is the total
+variation of the drive over that of a smooth one; the margin is the smallest distance of the open loop from -1. Medians
+over all runs; a run that diverged counts as infinite. Small figures: the place among all laws.</p>
 {_ranking(comparison)}
 {pictures}
 <details><summary>All runs</summary>
@@ -64,6 +65,10 @@ diverged counts as infinite. Small figures: the place among all laws.</p>
 </details>
 </body></html>
 """
+
+
+def _condition(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _number(value: Any, scale: float = 1.0) -> str:
@@ -77,7 +82,7 @@ def _ranking(comparison: Comparison) -> str:
     rows = []
     for row in comparison.ranking().to_dict("records"):
         cells = "".join(
-            f"<td>{_number(row[name], _SCALES.get(name, 1.0))} <small>{row[f'rank_{name}']}</small></td>"
+            f"<td>{_number(row[name], _SCALES.get(name, 1.0))} <small>{row['rank_' + name]}</small></td>"
             for name in names
         )
         rows.append(
@@ -95,9 +100,7 @@ def _runs(comparison: Comparison) -> str:
     rows = []
     for row in comparison.table.to_dict("records"):
         failed = isinstance(row["error"], str)
-        conditions = "".join(
-            f"<td>{row[name] if isinstance(row[name], str) else format(row[name], 'g')}</td>" for name in CONDITIONS
-        )
+        conditions = "".join(f"<td>{_condition(row[name])}</td>" for name in CONDITIONS)
         numbers = "".join(f"<td>{_number(row[name], _SCALES.get(name, 1.0))}</td>" for name in _NAMES)
         told = f'<td class="text">{escape(row["error"])}</td>' if failed else "<td></td>"
         kind = ' class="bad"' if failed else ""
@@ -130,22 +133,26 @@ def errors_by_period(comparison: Comparison) -> Figure:
     figure, axes = plt.subplots(
         1, len(delays), figsize=(1.5 + 3.6 * len(delays), 4.2), sharey=True, squeeze=False, layout="constrained"
     )
-    finite = table["error_max"].dropna()
-    top = 10.0 ** math.ceil(math.log10(max(finite.max() if len(finite) else 1.0, 10.0)) + 0.3)
     for panel, delay in zip(axes[0], delays, strict=True):
         of_delay = table[table["delay_ticks"] == delay]
         for law, look in _looks(comparison).items():
             runs = of_delay[of_delay["law"] == law].sort_values("period")
             lost = runs["error_max"].isna()
-            panel.plot(1e6 * runs["period"], runs["error_max"].fillna(top), lw=1.2, ms=5, **look)
-            panel.plot(1e6 * runs["period"][lost], [top] * int(lost.sum()), "x", color="k", ms=9, mew=1.5, zorder=3)
+            shown = runs["error_max"].fillna(_TOP).clip(upper=_TOP)
+            panel.plot(1e6 * runs["period"], shown, lw=1.2, ms=5, **look)
+            panel.plot(1e6 * runs["period"][lost], shown[lost], "x", color="k", ms=9, mew=1.5, zorder=3)
         panel.axhline(UNDER, color="0.6", lw=0.8, ls="--")
-        panel.set(xscale="log", yscale="log", xlabel="control period [µs]", title=f"delay {delay} periods")
-        panel.set_ylim(top=1.6 * top)
+        panel.set(
+            xscale="log",
+            yscale="log",
+            xlabel="control period [µs]",
+            title=f"delay: {delay} control period{'s' if delay != 1 else ''}",
+        )
+        panel.set_ylim(top=1.6 * _TOP)
         panel.grid(alpha=0.25, which="major")
     axes[0][0].set_ylabel("error, max [% of amplitude]")
     conditions = f"reference {first['reference']} rad/s, friction {first['friction']:g}, noise {first['noise']:g}"
-    figure.suptitle(f"Error over the control period ({conditions}; crosses: diverged)", fontsize="medium")
+    figure.suptitle(f"{conditions}; crosses: diverged", fontsize="small")
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return figure
 
@@ -161,6 +168,6 @@ def chatter_by_error(comparison: Comparison) -> Figure:
         panel.axvline(UNDER, color="0.6", lw=0.8, ls="--")
         panel.set(xscale="log", yscale="log", xlabel="error, max [% of amplitude]", ylabel=_NAMES[name])
         panel.grid(alpha=0.25, which="major")
-    figure.suptitle("All runs that finished: what the error costs", fontsize="medium")
+    figure.suptitle("all runs that finished", fontsize="small")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return figure

@@ -6,8 +6,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import ParameterError
+from ..law import PaperLaw
 from ..parameters import ControllerParameters, Value, build
 from ..registry import find, names
+
+_OF_THE_PAPER = "positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction"
+"""Knowledge of the paper's laws."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,10 @@ class Contender:
     @property
     def knowledge(self) -> str:
         """What it uses and knows, as the law declares it."""
-        return str(getattr(load_law(self.kind), "knowledge", "") or "not declared")
+        law = load_law(self.kind)
+        if getattr(law, "parameters", None) is PaperLaw:
+            return _OF_THE_PAPER
+        return str(getattr(law, "knowledge", "") or "not declared")
 
 
 def contender(text: str) -> Contender:
