@@ -23,7 +23,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "laws",
         nargs="*",
-        default=[name for name in names("law") if name != "open_loop"],
+        default=[name for name in names("law") if name not in ("open_loop", "chirp")],
         metavar="LAW",
         help="a law by its name, or module:NAME of a law or of a class of your own; with parameters in quotes: "
         "'tanh alpha=0.4'",
