@@ -2,7 +2,7 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long build setup lint figures bench clean
+.PHONY: help demo test test-long build setup lint figures maps bench clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
@@ -17,6 +17,7 @@ help:
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
 	@echo "make figures draw the figures of docs/paper.md again"
+	@echo "make maps    draw again where each law holds: docs/figures/maps, bode (some minutes)"
 	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes on an idle machine)"
 	@echo "make clean   remove what was built, .venv and out/"
 
@@ -44,6 +45,9 @@ lint: build
 
 figures: build
 	@. ./env.sh && python tools/make_figures.py
+
+maps: build
+	@. ./env.sh && python tools/make_maps.py
 
 bench: build
 	@. ./env.sh && python tests/bench

@@ -26,6 +26,7 @@ setup(
     entry_points={
         "console_scripts": [
             "check_scenario = afm_bringup.__main__:check_scenario",
+            "compare = afm_bringup.__main__:compare",
             "composed = afm_bringup.__main__:composed",
             "identify = afm_bringup.__main__:identify",
             "scorecard = afm_bringup.__main__:scorecard",

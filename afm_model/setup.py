@@ -14,7 +14,11 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     install_requires=["setuptools", "numpy", "scipy", "numba", "pydantic>=2", "pyyaml", "rich"],
-    extras_require={"plot": ["matplotlib"], "sweep": ["dask", "distributed", "pandas"]},
+    extras_require={
+        "plot": ["matplotlib"],
+        "sweep": ["dask", "distributed", "pandas"],
+        "margins": ["control"],
+    },
     zip_safe=False,
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",

@@ -20,6 +20,7 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("afm_controller_node", ControllerNodeParameters, LAW_TUNABLE),
     ("afm_recorder_node", RecorderParameters, ()),
 )
+CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py", "cpp_controller/src/cpp_controller.cpp")
 EXAMPLES = ("kalman", "patches", "height_map", "creep", "viscous", "bursts")
 
 
@@ -80,7 +81,13 @@ def pages() -> dict[Path, str]:
     for name in EXAMPLES:
         source = (ROOT / "examples" / "parts" / f"{name}.py").read_text().rstrip()
         extending = between_marks(extending, name, f"```python\n{source}\n```")
+    controllers = (DOCS / "controllers.md").read_text()
+    for name in CONTROLLERS:
+        path = ROOT / "examples" / name
+        language = {".py": "python", ".cpp": "cpp"}[path.suffix]
+        controllers = between_marks(controllers, path.stem, f"```{language}\n{path.read_text().rstrip()}\n```")
     return {
+        DOCS / "controllers.md": controllers,
         DOCS / "parameters.md": parameters(),
         DOCS / "extending.md": extending,
         DOCS / "architecture.md": between_marks((DOCS / "architecture.md").read_text(), "rooms", rooms()),

@@ -10,6 +10,11 @@ def session() -> int:
     return start("afm_bringup.command")
 
 
+def compare() -> int:
+    """Exit code of a comparison of laws; see `afm_bringup.compare_command`."""
+    return start("afm_bringup.compare_command")
+
+
 def composed() -> int:
     """Exit code of simulator and controller in one process; see `afm_bringup.composed`."""
     return start("afm_bringup.composed")

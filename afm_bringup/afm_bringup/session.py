@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from afm_model import Scenario
-from afm_model.registry import find
+from afm_model.checks import start_warnings
 from afm_node_common import topics
 from afm_recorder_node.reader import RecordingError, read_recording
 
@@ -99,8 +99,7 @@ class Session:
             If SIGINT, SIGTERM or SIGHUP came; the recording up to there is kept.
         """
         if self._controller in (OWN, COMPOSED):
-            controller, period = self._scenario.controller, self._scenario.sim.plant.control_period
-            for sentence in find("law", controller.law.kind).warnings(controller, period):
+            for sentence in start_warnings(self._scenario.sim, self._scenario.controller):
                 _say(f"warning: {sentence}")
         for number in _SIGNALS:
             # nohup has a program ignore SIGHUP: that stays.

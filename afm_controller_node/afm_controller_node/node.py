@@ -9,6 +9,7 @@ from rclpy.node import Node
 
 from afm_model import Command, Controller, flatten, signals
 from afm_model.errors import MalformedError
+from afm_model.law import SampledLaw
 from afm_model.records import size
 from afm_node_common import runner, topics
 from afm_node_common.chores import Chore, Chores
@@ -43,6 +44,7 @@ class ControllerNode(Node):
         self._controller.answer(np.zeros(size(signals.MEASUREMENT)))
         self._controller.reset()
         self._answered = -1  # sequence of the measurement answered last
+        self._period_unknown = True  # before a measurement has told the control period
         self._drive: NDArray[np.float64] | Command = np.zeros(3)
         fast = parameters.process.fast_codec
         self._decode = measurement_codec(fast=fast).decode
@@ -76,6 +78,8 @@ class ControllerNode(Node):
         except MalformedError as error:
             self.drops.note(topics.MEASUREMENT, str(error))
             return True
+        if self._period_unknown and sequence > 0:
+            self._check_period(stamp_ns * 1e-9 / sequence)
         if sequence != self._answered:
             if sequence < self._answered:
                 self._controller.reset()
@@ -99,6 +103,16 @@ class ControllerNode(Node):
         self._inbox.close()
         self._outbox.close()
         super().destroy_node()
+
+    def _check_period(self, period: float) -> None:
+        """Warn of a law that is made for another control period [s] than that in which measurements are taken."""
+        self._period_unknown = False
+        law = self._controller.parameters.law
+        if isinstance(law, SampledLaw) and abs(law.period - period) > 1e-6 * period:
+            self.get_logger().warning(
+                f"the law is made for another rate: law.period = {law.period:g} s, and a measurement is taken every "
+                f"{period:g} s"
+            )
 
     def _on_change(self, parameters: ControllerNodeParameters) -> None:
         self._controller.parameters = parameters

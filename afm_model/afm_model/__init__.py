@@ -3,6 +3,7 @@
 from importlib.metadata import PackageNotFoundError, version
 
 from .command import Command
+from .comparing import Comparison, compare
 from .controller import Controller
 from .errors import DivergenceError, DriveError, ParameterError, PartError
 from .instrument import Block, Instrument, ScoreSummary
@@ -20,6 +21,7 @@ except PackageNotFoundError:  # run from its sources
 __all__ = [
     "Block",
     "Command",
+    "Comparison",
     "Controller",
     "ControllerParameters",
     "DivergenceError",
@@ -35,6 +37,7 @@ __all__ = [
     "Simulation",
     "SweepError",
     "build",
+    "compare",
     "flatten",
     "load_scenario",
     "scenario_names",

@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+import warnings
 
 from . import (
     DivergenceError,
@@ -14,8 +15,9 @@ from . import (
     scenario_names,
     simulate,
 )
+from .checks import start_warnings
+from .law import TimingWarning
 from .progress import bar
-from .registry import find
 from .scorecard import scorecard
 
 
@@ -26,10 +28,10 @@ def main() -> int:
     arguments = parser.parse_args()
     try:
         scenario = load_scenario(arguments.scenario)
-        law = find("law", scenario.controller.law.kind)
-        for sentence in law.warnings(scenario.controller, scenario.sim.plant.control_period):
+        for sentence in start_warnings(scenario.sim, scenario.controller):
             print(f"warning: {sentence}", file=sys.stderr)
-        with bar("simulating") as report:
+        with warnings.catch_warnings(), bar("simulating") as report:
+            warnings.simplefilter("ignore", TimingWarning)  # told already
             run = simulate(scenario.sim, scenario.controller, progress=report)
     except (ScenarioError, ParameterError, PartError, DriveError, DivergenceError) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -1,5 +1,6 @@
 """A scenario in process, without ROS: the same instrument and law, the same bytes as the lockstep run over topics."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from .controller import Controller
 from .instrument import Block, Instrument, ScoreSummary
 from .instrument.validity import doubts
+from .law import TimingWarning, disagreements
 from .parameters import ControllerParameters, SimParameters
 from .parts.part import Channel
 from .plotting import Curves, plot
@@ -128,6 +130,11 @@ def simulate(
     -------
     Simulation
 
+    Warns
+    -----
+    TimingWarning
+        If the law is made for another control period or delay than those of the plant.
+
     Raises
     ------
     ParameterError
@@ -139,6 +146,9 @@ def simulate(
     PartError
         If a part of somebody else's does not work.
     """
+    law = _parameters_of(controller)
+    for sentence in disagreements(law.law, parameters.plant) if law is not None else []:
+        warnings.warn(sentence, TimingWarning, stacklevel=2)
     blocks: list[Block] = []
     instrument = run(parameters, controller, blocks.append, progress=progress)
     samples = np.concatenate([block.samples for block in blocks], axis=1)
@@ -153,7 +163,7 @@ def simulate(
         samples=samples,
         channels=instrument.channels,
         score=instrument.score(),
-        doubts=doubts(parameters, instrument.score(), _parameters_of(controller)),
+        doubts=doubts(parameters, instrument.score(), law),
         trajectory_sha256=instrument.trajectory_sha256(),
     )
 

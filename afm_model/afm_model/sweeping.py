@@ -11,8 +11,10 @@ import logging
 import multiprocessing
 import os
 import signal
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
@@ -22,16 +24,18 @@ from . import jit
 from .controller import Controller
 from .errors import DivergenceError, DriveError, ParameterError, PartError
 from .instrument import Instrument, score
+from .law import TimingWarning, disagreements
 from .parameters import ControllerParameters, Group, SimParameters, Value, build, flatten, specifications
 from .progress import reporting
 from .run.simulated import ticks_to_simulate
-from .scenario import SECTIONS, Scenario
+from .scenario import SECTIONS, Scenario, law_timing
 from .schema import with_parts
 from .simulation import run
 
 if TYPE_CHECKING:
     import pandas as pd
 
+_SIM, _LAW = "afm_sim_node", "afm_controller_node"
 _NODES: dict[str, type[Group]] = {node: group for node, (part, group) in SECTIONS.items() if part != "header"}
 _TEXTS = ("trajectory_sha256", "error")
 
@@ -93,6 +97,12 @@ def sweep(
         fields of `ScoreSummary` in SI units, vectors as `rms_x`, ranges as `friction_low`; and
         `error`, missing where all went well, else the sentence that tells why the set was refused or diverged.
 
+    Warns
+    -----
+    TimingWarning
+        If a law is made for another control period or delay than those of the plant. One that is made for those of the
+        scenario is made for those of each set, unless its own are swept.
+
     Raises
     ------
     ParameterError
@@ -100,8 +110,33 @@ def sweep(
     SweepError
         If a package is missing, or the scheduler or its workers do not answer or have other sources.
     """
+    pandas = require_scattering(scheduler, workers)
+    index = None if isinstance(parameters, Mapping) else parameters.index
+    columns = _columns(scenario, parameters, grid)
+    sets = _build_sets(scenario, columns)
+    _warn_of_timing(sets)
+    rows: list[_Row] = [{"error": each} if isinstance(each, str) else {} for each in sets]
+    runnable = [(number, each) for number, each in enumerate(sets) if not isinstance(each, str)]
+    with reporting(progress, "sweeping") as report:
+        done = len(sets) - len(runnable)
+        report(done, len(sets))
+        for number, row in scattered(partial(_run_set, fingerprint=fingerprint), runnable, scheduler, workers):
+            rows[number] = row
+            done += 1
+            report(done, len(sets))
+    return _table(pandas, columns, rows, index, fingerprint)
+
+
+def require_scattering(scheduler: str | None, workers: int | None) -> Any:
+    """The package pandas, if many instruments can be run here.
+
+    Raises
+    ------
+    SweepError, ParameterError
+        As `sweep`.
+    """
     try:
-        import distributed
+        import distributed  # noqa: F401
         import pandas
     except ImportError as error:
         raise SweepError(
@@ -112,22 +147,30 @@ def sweep(
         raise SweepError(_UNGUARDED)
     if workers is not None and (workers < 1 or scheduler is not None):
         raise ParameterError(f"workers = {workers} is not allowed: it must be >= 1, and not given with a scheduler")
-    index = None if isinstance(parameters, Mapping) else parameters.index
-    columns = _columns(scenario, parameters, grid)
-    sets = _build_sets(scenario, columns)
-    rows: list[_Row] = [{"error": each} if isinstance(each, str) else {} for each in sets]
-    runnable = [(number, each) for number, each in enumerate(sets) if not isinstance(each, str)]
-    with reporting(progress, "sweeping") as report:
-        done = len(sets) - len(runnable)
-        report(done, len(sets))
-        if runnable:
-            with _client(distributed, scheduler, workers) as (client, processors):
-                for numbers, results in _results(distributed, client, _tasks(runnable, processors), fingerprint):
-                    for number, row in zip(numbers, results, strict=True):
-                        rows[number] = row
-                    done += len(results)
-                    report(done, len(sets))
-    return _table(pandas, columns, rows, index, fingerprint)
+    return pandas
+
+
+def scattered(
+    run_one: Callable[..., _Row], sets: Sequence[tuple[int, Any]], scheduler: str | None, workers: int | None
+) -> Iterator[tuple[int, _Row]]:
+    """Run numbered sets over processes; the number and the row of each, as they are done.
+
+    Parameters
+    ----------
+    run_one : callable
+        Called with the items of a set in a worker; importable there.
+    sets : sequence of (number, set)
+        A set is a tuple that begins with its SimParameters.
+    scheduler, workers
+        As in `sweep`.
+    """
+    import distributed
+
+    if not sets:
+        return
+    with _client(distributed, scheduler, workers) as (client, processors):
+        for numbers, rows in _results(distributed, client, _tasks(sets, processors), run_one):
+            yield from zip(numbers, rows, strict=True)
 
 
 def _columns(
@@ -197,11 +240,11 @@ def _build_sets(scenario: Scenario, columns: Mapping[str, Sequence[Value]]) -> l
     # The same values again and again in a grid: each is checked once.
     built: dict[tuple[Any, ...], Group | str] = {}
 
-    def group(node: str, changed: Mapping[str, Value]) -> Group | str:
-        key = (node, *((name, type(value), value) for name, value in changed.items()))
+    def group(node: str, changed: Mapping[str, Value], kept: Mapping[str, Value]) -> Group | str:
+        key = (node, *((name, type(value), value) for name, value in [*changed.items(), *kept.items()]))
         if key not in built:
             try:
-                made = build(_NODES[node], {**flat[node], **changed})
+                made = build(_NODES[node], _of_the_parts(_NODES[node], {**flat[node], **kept}, changed))
                 if isinstance(made, SimParameters):
                     ticks_to_simulate(made)
                 built[key] = made
@@ -212,18 +255,47 @@ def _build_sets(scenario: Scenario, columns: Mapping[str, Sequence[Value]]) -> l
     names = {node: [name for name in columns if name.startswith(f"{node}.")] for node in base}
     total = len(next(iter(columns.values()))) if columns else 1
     sets: list[_Set | str] = []
+    follows = not disagreements(scenario.controller.law, scenario.sim.plant)
     for i in range(total):
-        sim, law = (group(node, {name[len(node) + 1 :]: columns[name][i] for name in names[node]}) for node in base)
+        changed = {node: {name[len(node) + 1 :]: columns[name][i] for name in names[node]} for node in base}
+        sim = group(_SIM, changed[_SIM], {})
+        timing: dict[str, Value] = {}
+        # A law that is made for the plant of the scenario is made for that of each set.
+        if follows and isinstance(sim, SimParameters):
+            with suppress(ParameterError):
+                timing = law_timing({"law.kind": flat[_LAW]["law.kind"], **changed[_LAW]}, sim)
+        law = group(_LAW, changed[_LAW], timing)
         refused = [each for each in (sim, law) if isinstance(each, str)]
         sets.append("; ".join(refused) if refused else (sim, law))  # type: ignore[arg-type]
     return sets
 
 
-def _tasks(sets: Sequence[tuple[int, _Set]], processors: int) -> list[list[tuple[int, _Set]]]:
+def _warn_of_timing(sets: Sequence[_Set | str]) -> None:
+    """Warn of the sets whose law is made for another period or delay than those of the plant."""
+    told = [disagreements(each[1].law, each[0].plant) for each in sets if not isinstance(each, str)]
+    if others := [sentences[0] for sentences in told if sentences]:
+        warnings.warn(f"in {len(others)} of {len(sets)} sets {others[0]}", TimingWarning, stacklevel=3)
+
+
+def _of_the_parts(model: type[Group], base: Mapping[str, Value], changed: Mapping[str, Value]) -> dict[str, Value]:
+    """`base` with what is changed; where another part is chosen, without the parameters that the new one does not have.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such part.
+    """
+    if not any(name.endswith(".kind") for name in changed):
+        return {**base, **changed}
+    known = {each.name for each in specifications(with_parts(model, {**base, **changed}))}
+    return {name: value for name, value in base.items() if name in known} | dict(changed)
+
+
+def _tasks(sets: Sequence[tuple[int, Any]], processors: int) -> list[list[tuple[int, Any]]]:
     """Sets in portions of similar work: large enough for Dask's share to vanish, small enough to end together."""
-    steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, _) in sets]
+    steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, *_) in sets]
     portion = min(_TASK_STEPS, sum(steps) / (8 * processors))
-    tasks: list[list[tuple[int, _Set]]] = []
+    tasks: list[list[tuple[int, Any]]] = []
     filled = portion
     for each, work in zip(sets, steps, strict=True):
         if filled >= portion:
@@ -235,7 +307,7 @@ def _tasks(sets: Sequence[tuple[int, _Set]], processors: int) -> list[list[tuple
 
 
 def _results(
-    distributed: Any, client: Any, tasks: Sequence[Sequence[tuple[int, _Set]]], fingerprint: bool
+    distributed: Any, client: Any, tasks: Sequence[Sequence[tuple[int, Any]]], run_one: Callable[..., _Row]
 ) -> Iterator[tuple[list[int], list[_Row]]]:
     """Numbers and results of the sets of each task, as they are done."""
     sets = [[each for _, each in task] for task in tasks]
@@ -243,7 +315,7 @@ def _results(
 
     # A set is a kilobyte; that many of them are large is no surprise.
     with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
-        futures = client.map(_run_sets, sets, fingerprint=fingerprint, sources=jit.FINGERPRINT, pure=False)
+        futures = client.map(_run_sets, sets, run_one=run_one, sources=jit.FINGERPRINT, pure=False)
     numbers = {future.key: [number for number, _ in task] for future, task in zip(futures, tasks, strict=True)}
     for future in distributed.as_completed(futures, loop=client.loop):
         try:
@@ -301,11 +373,11 @@ def _interrupt_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _run_sets(sets: Sequence[_Set], fingerprint: bool, sources: str) -> list[_Row]:
+def _run_sets(sets: Sequence[Any], run_one: Callable[..., _Row], sources: str) -> list[_Row]:
     """Task of a worker: run some sets, one after the other."""
     if sources != jit.FINGERPRINT:
         raise SweepError("a worker has other sources of afm_model, or another numba, than the process that sweeps")
-    return [_run_set(sim, law, fingerprint) for sim, law in sets]
+    return [run_one(*each) for each in sets]
 
 
 def _run_set(parameters: SimParameters, law: ControllerParameters, fingerprint: bool = True) -> _Row:

@@ -7,7 +7,7 @@ from ..parts.call import call
 from ..parts.header import LAW_HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
-from . import paper
+from . import paper, paper_tracking
 from .chirp import CHIRP
 from .implicit import IMPLICIT
 from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
@@ -15,7 +15,7 @@ from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
 from .super_twisting import SUPER_TWISTING
-from .timing import SampledLaw, disagreements
+from .timing import SampledLaw, TimingWarning, disagreements
 
 EXTERNAL = -2
 """Number of the law that is not here: the drive comes from elsewhere."""
@@ -23,7 +23,7 @@ PARTS = paper.PARTS
 _OF_THE_PAPER = len(paper.PARTS)
 register(*PARTS)
 # The others are called by address, like those of somebody else's: the compiled loop knows the paper's alone.
-register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER, CHIRP)
+register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER, *paper_tracking.PARTS, CHIRP)
 
 
 @kernel
@@ -42,6 +42,7 @@ __all__ = [
     "TANH_GAP",
     "PaperLaw",
     "SampledLaw",
+    "TimingWarning",
     "control",
     "disagreements",
     "error_matrix",

@@ -55,7 +55,8 @@ def tustin(b: list[float], a: list[float], hold: float) -> tuple[float, ...]:
     """b_0, b_1, b_2, a_1, a_2 of b(s) / a(s), coefficients of (s^2, s, 1), by s = (2 / hold) (z - 1) / (z + 1)."""
     bases = [np.polymul([1.0, -1.0], [1.0, -1.0]), np.array([1.0, 0.0, -1.0]), np.polymul([1.0, 1.0], [1.0, 1.0])]
     scales = [(2.0 / hold) ** 2, 2.0 / hold, 1.0]
-    above, below = (sum(c * s * base for c, s, base in zip(each, scales, bases, strict=True)) for each in (b, a))
+    weights = np.array([scale * base for scale, base in zip(scales, bases, strict=True)])
+    above, below = np.array(b) @ weights, np.array(a) @ weights
     numbers = np.concatenate([above, below[1:]]) / below[0]
     return tuple(float(number) for number in numbers)
 

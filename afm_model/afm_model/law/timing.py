@@ -5,7 +5,7 @@ from typing import Annotated
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from ..parts.groups import LawParameters
+from ..parts.groups import LawParameters, PlantParameters
 from ..schema import Positive, Unit
 
 
@@ -20,21 +20,24 @@ class SampledLaw(LawParameters):
     )
 
 
+class TimingWarning(UserWarning):
+    """A law is made for another control period or delay than those of the plant."""
+
+
 TIMING = ("period", "delay_ticks")
 """Names of the parameters of `SampledLaw`."""
 
 
-def disagreements(law: LawParameters, control_period: float, delay_ticks: int) -> list[str]:
+def disagreements(law: LawParameters, plant: PlantParameters) -> list[str]:
     """Where a law is made for another period or delay than those of the plant, a sentence each.
 
     Parameters
     ----------
     law : LawParameters
         Of any law; one that is not made for a period has nothing to disagree.
-    control_period : float [s]
-    delay_ticks : int
-        Those of the plant.
+    plant : PlantParameters
     """
+    control_period, delay_ticks = plant.control_period, plant.delay_ticks
     if not isinstance(law, SampledLaw):
         return []
     told = []

@@ -1,0 +1,87 @@
+"""`ros2 run afm_bringup compare`: laws side by side, in process; a table, a ranking and a page of pictures."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
+from afm_model.registry import names
+
+from .compare_page import page
+from .scenario import read_scenario
+
+CSV, LATEX, PAGE = "comparison.csv", "ranking.tex", "comparison.html"
+"""Files in the folder of the results."""
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="compare",
+        description="Run laws under every combination of the conditions given, in process, and rank them.",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    parser.add_argument(
+        "laws",
+        nargs="*",
+        default=[name for name in names("law") if name not in ("open_loop", "chirp")],
+        metavar="LAW",
+        help="a law by its name, or module:NAME of a law or of a class of your own; with parameters in quotes: "
+        "'tanh alpha=0.4'",
+    )
+    parser.add_argument("--out", required=True, type=Path, help="folder for the results")
+    parser.add_argument("--scenario", help="scenario that tells what all runs have in common")
+    parser.add_argument("--periods", nargs="+", type=float, default=[5e-5, 2e-4], help="control periods [s]")
+    parser.add_argument("--delays", nargs="+", type=int, default=[0, 1], help="delays in control periods")
+    parser.add_argument(
+        "--noise", nargs="+", type=float, default=[0.0], help="levels of noise, see docs/controllers.md"
+    )
+    parser.add_argument("--friction", nargs="+", type=float, default=[1.0], help="true friction over nominal friction")
+    parser.add_argument(
+        "--references", nargs="+", default=["sine 50"], metavar="'SHAPE OMEGA'", help="shape and frequency [rad/s]"
+    )
+    parser.add_argument("--cycles", type=float, default=1.5, help="length of a run in periods of the reference")
+    parser.add_argument("--workers", type=int, help="processes; as many as there are processors if not given")
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Entry point; the exit code is 2 for what is not allowed, 1 if the results cannot be written."""
+    arguments = _arguments()
+    try:
+        comparison = compare(
+            arguments.laws,
+            read_scenario(arguments.scenario) if arguments.scenario else None,
+            periods=arguments.periods,
+            delay_ticks=arguments.delays,
+            noise=arguments.noise,
+            friction=arguments.friction,
+            references=arguments.references,
+            cycles=arguments.cycles,
+            workers=arguments.workers,
+        )
+    except (ParameterError, ScenarioError, SweepError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    try:
+        write(comparison, arguments.out)
+    except OSError as error:
+        print(f"error: {arguments.out} cannot be written: {error.strerror}", file=sys.stderr)
+        return 1
+    show = ["law", "runs", "finished", "good", "error_max", "chatter", "tip_force", "margin"]
+    print(comparison.ranking()[show].to_string(index=False, float_format="%.3g"))
+    print(f"{arguments.out / PAGE}, {CSV}, {LATEX}")
+    return 0
+
+
+def write(comparison: Comparison, folder: Path) -> None:
+    """Write table, ranking and page into a folder.
+
+    Raises
+    ------
+    OSError
+        If they cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    comparison.to_csv(folder / CSV)
+    (folder / LATEX).write_text(comparison.to_latex())
+    (folder / PAGE).write_text(page(comparison))

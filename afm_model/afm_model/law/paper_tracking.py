@@ -1,0 +1,58 @@
+"""law.kind sgn_tracking, tanh_tracking: the paper's laws along x and y, the loop of the sampled laws along z.
+
+The paper's law along z diverges from cdot_z w0 T = 2 on, docs/theory.md C17. With the same loop along z as the others,
+its laws along x and y can be compared at rates where they could not run at all.
+"""
+
+from typing import Any
+
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.part import Law, Numbers, Tree
+from ..records import record
+from . import height, paper, scanner
+from .paper import PaperLaw
+from .timing import SampledLaw
+
+
+class PaperTracking(PaperLaw, SampledLaw):
+    """Gains of the paper's laws; those along z, and z_rate, are not used."""
+
+    kind: str = Field("tanh_tracking", description="control law")
+
+
+# Cantilever and scales mean the same to both.
+_FIELDS = tuple(dict.fromkeys((*(paper.CONSTANTS.names or ()), *scanner.FIELDS, *height.FIELDS)))
+CONSTANTS = record(*_FIELDS, vectors=scanner.VECTORS)
+STATE = record(*scanner.STATE_FIELDS, *height.STATE_FIELDS, vectors=scanner.STATE_VECTORS)
+
+
+def _values(parameters: Tree) -> Numbers:
+    kind = parameters.law.kind.removesuffix("_tracking")
+    as_paper = parameters.model_copy(update={"law": parameters.law.model_copy(update={"kind": kind})})
+    of_paper = paper.PARTS[paper.KINDS[kind]].values(as_paper)
+    return {**of_paper, **scanner.scanner_values(parameters), **height.height_values(parameters)}
+
+
+@kernel
+def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+    """See `afm_model.parts.Law`."""
+    paper.control(t, y, u, p, s)
+    scanner.follow_flight(y, p, s)
+    height.control_height(y, u, p, s)
+    s.started = 1.0
+
+
+PARTS = tuple(
+    Law(
+        name=f"{kind}_tracking",
+        parameters=PaperTracking,
+        constants=CONSTANTS,
+        state=STATE,
+        values=_values,
+        control=control,
+        knowledge="positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction",
+    )
+    for kind in ("sgn", "tanh")
+)
