@@ -33,7 +33,7 @@ fi
 # With .venv active it is the one in there, which is about to be removed.
 python=$("$python" -c 'import sys; print(sys._base_executable)')
 
-wanted="$ros $("$python" --version) $(cat requirements/base.txt requirements/ros-jazzy.txt tools/bootstrap.sh tools/patch_wheels.py | cksum)"
+wanted="$ros $("$python" --version) $(cat requirements/base.txt requirements/ros-jazzy.txt requirements/ros-jazzy.lock requirements/uv.lock tools/bootstrap.sh tools/patch_wheels.py | cksum)"
 if [ "$(cat .venv/.complete 2>/dev/null)" = "$wanted" ]; then
   exit 0
 fi
@@ -53,12 +53,14 @@ rm -rf .venv
 site=()
 [ "$ros" = wheels ] || site=(--system-site-packages)
 "$python" -m venv "${site[@]}" .venv
+# Every file is checked against its hash. Beside a ROS 2 of your own the versions of the distribution must be able to stay, so
+# that only what base.txt names is pinned there.
 packages=(-r requirements/base.txt)
-[ "$ros" = wheels ] && packages+=(-r requirements/ros-jazzy.txt)
+[ "$ros" = wheels ] && packages=(--require-hashes -r requirements/ros-jazzy.lock)
 pip=(.venv/bin/python -m pip install --disable-pip-version-check)
 # uv does in half the time what pip does; where it cannot (pip has its own settings), pip does it. Copies: the
 # wheels are patched below, and links would reach into the cache of uv.
-if ! { "${pip[@]}" uv==0.13.8 && .venv/bin/uv pip install --link-mode copy --compile-bytecode --python .venv/bin/python "${packages[@]}" &&
+if ! { "${pip[@]}" --require-hashes -r requirements/uv.lock && .venv/bin/uv pip install --link-mode copy --compile-bytecode --python .venv/bin/python "${packages[@]}" &&
   .venv/bin/python -m pip uninstall --yes uv; } \
   > .venv/uv.log 2>&1 && ! "${pip[@]}" "${packages[@]}" > .venv/pip.log 2>&1; then
   tail -n 15 .venv/pip.log >&2

@@ -149,12 +149,12 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
         ("in contact, part of the time", f"{_show(card['contact_fraction'], 100)} %"),
         ("control ticks", str(card["ticks"])),
         (
-            "drives lost, refused, outdated, ahead, malformed",
-            ", ".join(str(card[f"drives_{which}"]) for which in ("lost", "refused", "outdated", "ahead", "malformed")),
+            "drives lost, refused, outdated, ahead",
+            ", ".join(str(card[f"drives_{which}"]) for which in ("lost", "refused", "outdated", "ahead")),
         ),
         *(
-            [("drives clipped, too steep", f"{card['drives_clipped']}, {card['drives_steep']}")]
-            if card["drives_clipped"] or card["drives_steep"]
+            [("drives malformed, clipped, too steep", ", ".join(map(str, odd)))]
+            if any(odd := [card[f"drives_{which}"] for which in ("malformed", "clipped", "steep")])
             else []
         ),
         *([("ticks on a drive sent ahead", str(card["horizon_ticks"]))] if card["horizon_ticks"] else []),

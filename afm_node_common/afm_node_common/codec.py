@@ -45,9 +45,12 @@ class _Layout:
         self.head = struct.Struct(f"<2s2xiI{4 + length}s{padding}xQ")
         sequence = self.head.size - 8
         self.padding = slice(sequence - padding, sequence)
-        self.size = self.head.size + 8 * size + tail
-        # To the end, wherever that is: another number of bytes does not fit the values.
-        self.body = slice(self.head.size, None)
+        # The same, the numbers, and the last four bytes of what stands behind them.
+        end = f"{tail - 4}x4s" if tail else "0s"
+        whole = struct.Struct(f"{self.head.format}{8 * size}s{end}")
+        self.size = whole.size
+        self.unpack = whole.unpack
+        """Unpack a message; struct.error if it has another number of bytes."""
 
 
 def body(message: Any, size: int) -> NDArray[np.float64]:
@@ -113,10 +116,8 @@ class Codec:
         self._layouts = {length: _Layout(length, size, len(tail)) for length in range(1, _LONGEST_FRAME + 2)}
         self._layout = layout = self._layouts[len(FRAME) + 1]
         self._frame_in = b""
-        # With room for the tail, so that a message of another length does not fit.
-        buffer = np.zeros(8 * size + len(tail), np.uint8)
-        self._values = buffer[: 8 * size].view(np.float64)
-        self._values_bytes = memoryview(buffer)
+        self._values = np.zeros(size)
+        self._values_bytes = memoryview(self._values).cast("B")
         # Out: what stands between stamp and sequence, and before them.
         self._frame = struct.pack("<I", layout.length) + FRAME.encode() + bytes(layout.head.size - 24 - len(FRAME))
         self._pack_head = partial(struct.Struct(f"<4siI{len(self._frame)}sQ").pack, LITTLE_ENDIAN_CDR + b"\0\0")
@@ -157,7 +158,7 @@ class Codec:
         seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
         return b"".join((self._pack_head(seconds, nanoseconds, self._frame, sequence), values, self._tail))
 
-    def decode(self, data: bytes) -> tuple[int, int, NDArray[np.float64]]:
+    def decode(self, data: bytes) -> tuple[int, int, Any]:
         """Sequence, stamp [ns] and values (size,) of a message; the array is valid until the next call.
 
         Raises
@@ -166,18 +167,22 @@ class Codec:
             If these bytes are not one message of this type and nothing else, with a frame_id in UTF-8 and a stamp that
             is not before 0.
         """
-        layout = self._layout
         try:
-            kind, seconds, nanoseconds, frame, sequence = layout.head.unpack_from(data)
-            if frame == self._frame_in and kind == LITTLE_ENDIAN_CDR and seconds >= 0 and nanoseconds < NANOSECONDS:
-                self._values_bytes[:] = data[layout.body]
-                if data.endswith(self._end):
-                    return sequence, seconds * NANOSECONDS + nanoseconds, self._values
-        except (struct.error, ValueError):
-            pass  # too short for this layout, or too long
+            kind, seconds, nanoseconds, frame, sequence, numbers, end = self._layout.unpack(data)
+        except struct.error:  # too short for this layout, or too long
+            return self._decode_other(data)
+        if (
+            frame == self._frame_in
+            and end == self._end
+            and kind == LITTLE_ENDIAN_CDR
+            and seconds >= 0
+            and nanoseconds < NANOSECONDS
+        ):
+            self._values_bytes[:] = numbers
+            return sequence, seconds * NANOSECONDS + nanoseconds, self._values
         return self._decode_other(data)
 
-    def _decode_other(self, data: bytes) -> tuple[int, int, NDArray[np.float64]]:
+    def _decode_other(self, data: bytes) -> tuple[int, int, Any]:
         """As `decode`, for a message that is laid out otherwise than the one before, or not as we know it."""
         if self.fast and data[:2] == LITTLE_ENDIAN_CDR:
             layout = self._layouts.get(int.from_bytes(data[12:16], "little"))

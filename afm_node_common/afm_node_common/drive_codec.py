@@ -25,7 +25,7 @@ _VOLTAGE, _DRIVE = 24, 24  # bytes
 
 
 class DriveCodec(Codec):
-    """Encoder and decoder of PiezoDrive.
+    """Encoder and decoder of PiezoDrive. What `decode` gives in place of an array: see `Drive`.
 
     Parameters
     ----------
@@ -50,10 +50,6 @@ class DriveCodec(Codec):
             return bytes(serialize_message(message))
         head = super().encode(sequence, stamp_ns, values.voltage)[: -len(_NO_HORIZON)]
         return head + _PERIOD_AND_COUNT.pack(values.horizon_period, len(values.horizon)) + values.horizon.tobytes()
-
-    def decode(self, data: bytes) -> tuple[int, int, Any]:
-        """Sequence, stamp [ns] and drive of a message: see `Codec.decode`, and `Drive` for what a drive may be."""
-        return super().decode(data)
 
     def _decode_other(self, data: bytes) -> tuple[int, int, Any]:
         return self._decode_horizon(data) or super()._decode_other(data)

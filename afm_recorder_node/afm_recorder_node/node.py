@@ -146,7 +146,7 @@ class RecorderNode(Node):
             ready=self._ready,
             messages_dropped=self._ears.drops.count + self.recorder.strays,
             writing=not self.recorder.problem,
-            detail=self.recorder.problem or self._presence.problem or self._ears.drops.last,
+            detail=self.recorder.problem or "; ".join(filter(None, (self._presence.problem, self._ears.drops.last))),
             **asdict(self.recorder.counts()),
         )
         self._teller.tell(health, self.recorder.time_ns)

@@ -71,3 +71,22 @@ def test_hooks_of_pre_commit_are_the_tools_of_the_lint_script() -> None:
     lint = (ROOT / "tools" / "lint.sh").read_text().splitlines()
     for line in lint[lint.index("ruff check .") :]:
         assert line.removesuffix(" .").removesuffix(" --check") in entries
+
+
+def test_every_requirement_is_locked_in_its_version_with_hashes_and_no_address() -> None:
+    folder = ROOT / "requirements"
+    lock = (folder / "ros-jazzy.lock").read_text()
+    assert not re.search(r"https?:|file:|index-url|find-links", lock + (folder / "uv.lock").read_text())
+    locked: dict[str, str] = {}
+    for entry in re.split(r"\n(?=\S)", lock.strip()):
+        found = re.match(r"([A-Za-z0-9_.-]+)==([^\s;]+)(?: ;[^\\\n]*)? \\\n", entry)
+        assert found, entry
+        assert re.fullmatch(r"(\s+--hash=sha256:[0-9a-f]{64}(?: \\)?)+", entry[found.end() - 1 :]), entry
+        locked[found[1].lower()] = found[2]
+    wanted = re.findall(
+        r"^([A-Za-z0-9_.-]+)(?:\[\w+\])?==(\S+)$",
+        (folder / "base.txt").read_text() + (folder / "ros-jazzy.txt").read_text(),
+        re.MULTILINE,
+    )
+    assert len(wanted) > 100
+    assert {name.lower().replace("_", "-"): version for name, version in wanted}.items() <= locked.items()
