@@ -23,9 +23,8 @@ def message_headers() -> list[str]:
 
 def compile_cpp(*arguments: str | Path) -> None:
     assert COMPILER, "a C++ compiler is needed to build the workspace, and here"
-    done = subprocess.run(
-        [COMPILER, "-std=c++17", "-Wall", "-Werror", *map(str, arguments)], capture_output=True, text=True
-    )
+    command = [COMPILER, "-std=c++17", "-Wall", "-Werror", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 
 
@@ -34,14 +33,14 @@ def test_node_in_cpp_compiles_against_the_messages_of_this_workspace():
     compile_cpp("-fsyntax-only", f"-I{EXAMPLE / 'include'}", f"-I{STAND_IN}", *message_headers(), source)
 
 
-def test_law_in_cpp_gives_the_numbers_of_the_node_in_python(tmp_path, rng=np.random.default_rng(5)):
+def test_law_in_cpp_gives_the_numbers_of_the_node_in_python(tmp_path):
     (tmp_path / "main.cpp").write_text(
         '#include <cstdio>\n#include "pd_law.hpp"\n'
         "int main() {\n  double r, x, v, w;\n"
         '  while (std::scanf("%la %la %la %la", &r, &x, &v, &w) == 4) std::printf("%a\\n", PdLaw()(r, x, v, w));\n}\n'
     )
     compile_cpp(f"-I{EXAMPLE / 'include'}", tmp_path / "main.cpp", "-o", tmp_path / "law")
-    cases = rng.normal(size=(20, 4)) * [5e-9, 5e-9, 1e-6, 1e-6]
+    cases = np.random.default_rng(5).normal(size=(20, 4)) * [5e-9, 5e-9, 1e-6, 1e-6]
     lines = "\n".join(" ".join(float(each).hex() for each in case) for case in cases)
     done = subprocess.run([tmp_path / "law"], input=lines, capture_output=True, text=True, check=True)
     answered = [float.fromhex(line) for line in done.stdout.split()]
