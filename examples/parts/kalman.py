@@ -7,13 +7,13 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import solve_discrete_are
 
-from afm_model.parts import Law, LawParameters, Unit, kernel, record
+from afm_model.law import SampledLaw
+from afm_model.parts import Law, Unit, kernel, record
 
 
-class Kalman(LawParameters):
-    """Gains and noise of the filter."""
+class Kalman(SampledLaw):
+    """Gains and noise of the filter, which is made for law.period."""
 
-    period: Annotated[float, Unit("s")] = Field(2e-6, gt=0, description="control period, as plant.control_period")
     bandwidth: Annotated[float, Unit("rad/s")] = Field(1e4, gt=0, description="bandwidth of the loop along x and y")
     position_noise: Annotated[float, Unit("m")] = Field(5e-11, gt=0, description="rms noise of the position sensors")
     jerk: Annotated[float, Unit("m/s^2")] = Field(0.5, gt=0, description="rms acceleration that the filter expects")

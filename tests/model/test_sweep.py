@@ -19,7 +19,8 @@ import pandas as pd
 import pytest
 
 from afm_model import ParameterError, Scenario, SweepError, jit, simulate, sweep
-from afm_model.parameters import ControllerParameters, SimParameters, build
+from afm_model.law import TimingWarning
+from afm_model.parameters import ControllerParameters, SimParameters, build, flatten
 
 ROOT = Path(__file__).resolve().parents[2]
 SIM = {
@@ -285,3 +286,26 @@ def test_script_without_a_guard_is_told_in_the_worker_that_reads_it_and_in_itsel
     monkeypatch.setattr(multiprocessing.current_process(), "_inheriting", True, raising=False)
     with pytest.raises(SweepError, match=r'^in a script, sweep must be called under if __name__ == "__main__":'):
         sweep(scenario(), {SEED: [1]}, progress=False)
+
+
+def test_laws_of_every_kind_are_swept_each_made_for_the_plant_of_its_set(cluster):
+    kind, period = "afm_controller_node.law.kind", "afm_sim_node.plant.control_period"
+    sets = {kind: ["sgn", "pid", "observer"], period: [4e-6, 2e-5]}
+    base = scenario(**{"detector.noise": 0.0, "detector.position_noise": 0.0, "detector.sample_period": 1e-6})
+    table = sweep(base, sets, scheduler=cluster, fingerprint=True, progress=False)
+    assert table["error"].isna().all()
+    for _, row in table[table[kind] != "sgn"].iterrows():
+        sim = build(SimParameters, flatten(base.sim) | {"plant.control_period": row[period]})
+        own = {"law.kind": row[kind], "law.period": row[period]}
+        assert row["trajectory_sha256"] == simulate(sim, build(ControllerParameters, own)).trajectory_sha256
+
+
+def test_law_that_is_left_at_another_period_is_warned_of_and_run(cluster):
+    sets = {
+        "afm_controller_node.law.kind": ["observer"],
+        "afm_controller_node.law.period": [1e-5],
+        "afm_controller_node.law.delay_ticks": [0],
+    }
+    with pytest.warns(TimingWarning, match=r"in 1 of 1 sets the law is made for another rate: law.period = 1e-05 s"):
+        table = sweep(scenario(), sets, scheduler=cluster, progress=False)
+    assert table["error"].isna().all()

@@ -90,3 +90,11 @@ def test_score_of_a_run_that_ends_before_scoring_is_nan_throughout(tmp_path: Pat
         "contact_fraction",
     ):
         assert np.isnan(getattr(score, name)).all(), f"{name} = {getattr(score, name)}"
+
+
+@pytest.mark.parametrize(("period", "told"), [(4e-6, True), (PERIOD, False)])
+def test_controller_warns_of_a_law_that_is_made_for_another_period(tmp_path, capfd, period, told) -> None:
+    with two_nodes(tmp_path, "observer", 20, **{"plant.control_period": period}) as (graph, observer):
+        graph.spin_until(lambda: observer.scores)
+    sentence = "the law is made for another rate: law.period = 2e-06 s, and a measurement is taken every 4e-06 s"
+    assert (sentence in capfd.readouterr().err) == told

@@ -26,7 +26,7 @@ class FeedbackLaw(SampledLaw):
 
 
 def time_constant(parameters: Tree) -> float:
-    """Of the tracking error [1/w0]: as given, or one control period and the delay."""
+    """Of the tracking error [1/w0]: as given, or one control period and the delay, docs/laws.md (6.1)."""
     law = parameters.law
     return float(parameters.scales.w0 * (law.time_constant or (1 + law.delay_ticks) * law.period))
 

@@ -1,4 +1,4 @@
-"""The loop along z that all sampled laws share: the sample follows what the tip rides on. docs/laws.md, section 2."""
+"""The loop along z that all sampled laws share: the sample follows what the tip rides on. docs/laws.md (2.1)."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""law.kind implicit: sliding mode in backward Euler, on the disc of friction; docs/laws.md, section 4.
+"""law.kind implicit: sliding mode in backward Euler, on the disc of friction; docs/laws.md (4.1), (4.2).
 
 Acary, Brogliato, Orlov, DOI 10.1109/TAC.2011.2174676.
 """

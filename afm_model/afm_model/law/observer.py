@@ -1,4 +1,4 @@
-"""law.kind observer: state feedback with a disturbance observer, predicted through the delay; docs/laws.md, section 6.
+"""law.kind observer: state feedback with a disturbance observer, predicted through the delay; docs/laws.md (6.1).
 
 Ohnishi, Shibata, Murakami, DOI 10.1109/3516.491410.
 """

@@ -1,7 +1,7 @@
 """law.kind sgn_tracking, tanh_tracking: the paper's laws along x and y, the loop of the sampled laws along z.
 
-The paper's law along z diverges from cdot_z w0 T = 2 on, docs/theory.md C17. With the same loop along z as the others,
-its laws along x and y can be compared at rates where they could not run at all.
+Along z: docs/laws.md (2.1). The paper's law there diverges from cdot_z w0 T = 2 on, docs/theory.md C17. With the same
+loop along z as the others, its laws along x and y can be compared at rates where they could not run at all.
 """
 
 from typing import Any

@@ -1,4 +1,4 @@
-"""law.kind pid: what users of a microscope have, PID on the position sensors; docs/laws.md, section 3.
+"""law.kind pid: what users of a microscope have, PID on the position sensors; docs/laws.md (3.1).
 
 Tuned by the SIMC rules: Skogestad, DOI 10.1016/S0959-1524(02)00062-8.
 """

@@ -1,7 +1,7 @@
 """The free scanner as a sampled law knows it: exact steps under a held drive, drives in flight, reference ahead.
 
 Each axis is x'' = U - eta^2 x - 2 xi eta x' - a in the units of the paper (1/w0, x0 or z0); the load a is friction
-along x and y, and N / mu along z. docs/laws.md, section 1.
+along x and y, and N / mu along z. docs/laws.md (1.1) to (1.3).
 """
 
 import math

@@ -1,4 +1,4 @@
-"""law.kind super_twisting: the super-twisting algorithm, discretised implicitly; docs/laws.md, section 5.
+"""law.kind super_twisting: the super-twisting algorithm, discretised implicitly; docs/laws.md (5.1), (5.2).
 
 Gains: Levant, DOI 10.1080/0020717031000099029, and Moreno, Osorio, DOI 10.1109/TAC.2012.2186179. Discrete form:
 Koch, Reichhartinger, DOI 10.1016/j.automatica.2019.05.040.
