@@ -163,7 +163,8 @@ def test_page_without_a_place_for_the_table_is_refused(tmp_path):
 
 def test_links_of_the_pages_lead_to_files():
     for name in ("paper.md", "theory.md", "numerics.md", "laws.md", "controllers.md"):
-        targets = re.findall(r"\]\(([^)#]+)\)", (DOCS / name).read_text())
+        prose = re.sub(r"```.*?```", "", (DOCS / name).read_text(), flags=re.DOTALL)  # code has other brackets
+        targets = re.findall(r"\]\(([^)#]+)\)", prose)
         assert targets, name
         for target in targets:
             if not target.startswith("http"):
