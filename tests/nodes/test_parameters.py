@@ -20,9 +20,9 @@ from afm_node_common.parameters import declare
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 
 TUNABLE = ("law.",)
-NO_FUZZY = (
-    "law.kind = fuzzy is not allowed: there is no law fuzzy: it must be one of "
-    f"{', '.join(names('law'))}, or module:NAME of a part of your own"
+NO_LAW = (
+    f"law.kind = lqr is not allowed: there is no law lqr: it must be one of {', '.join(names('law'))}, "
+    "or module:NAME of a part of your own"
 )
 TOO_SMALL = "some parameter of law tanh is too large or too small to compute with"
 
@@ -134,7 +134,7 @@ def test_values_given_at_start_are_taken_and_a_whole_number_will_do(make: Callab
         ({"law__alpha": -3.0}, "law.alpha = -3.0 is not allowed: it must be a finite number > 0"),
         ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number > 0"),
         ({"law__alpha": "steep"}, "law.alpha = steep is not allowed: it must be a finite number > 0"),
-        ({"law__kind": "fuzzy"}, NO_FUZZY),
+        ({"law__kind": "lqr"}, NO_LAW),
         ({"cantilever__a": math.inf}, "cantilever.a = inf m is not allowed: it must be a finite number"),
         ({"law__alpha": True}, "law.alpha = True is not allowed: it must be a finite number > 0"),
     ],
@@ -171,7 +171,7 @@ def test_change_of_a_tunable_parameter_arrives_checked(graph: Graph, make: Calla
     [
         ({"law__alpha": 0.0}, "law.alpha = 0.0 is not allowed: it must be a finite number > 0"),
         ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number > 0"),
-        ({"law__kind": "fuzzy"}, NO_FUZZY),
+        ({"law__kind": "lqr"}, NO_LAW),
     ],
 )
 def test_change_that_is_not_allowed_is_refused_with_a_reason_and_the_old_value_stays(

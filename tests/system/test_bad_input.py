@@ -55,8 +55,8 @@ NOT_ALLOWED = {
         ("law.alpha = True is not allowed: it must be a finite number > 0",),
     ),
     "parameter that is no choice": (
-        section(CONTROLLER, "law.kind: fuzzy"),
-        ("law.kind = fuzzy is not allowed: there is no law fuzzy: it must be one of open_loop, sgn, tanh",),
+        section(CONTROLLER, "law.kind: lqr"),
+        ("law.kind = lqr is not allowed: there is no law lqr: it must be one of open_loop, sgn, tanh",),
     ),
     "parameter of the recorder": (
         section("/**/afm_recorder_node", "live_port: 70000"),

@@ -86,16 +86,16 @@ def compare(
             conditions = dict(zip(CONDITIONS, values, strict=True))
             # The instrument must allow what is asked of it; a law may refuse its rate, which is a result.
             sim = instrument_under(common, conditions)
-            job: tuple[Any, ...]
             try:
                 controller = law_under(common, law, conditions) if law.is_part else None
             except ParameterError as error:
                 rows.append({"law": law.label, **conditions, "error": str(error)})
                 continue
+            # The margin is that of what the law is told: nominal friction, no noise. It is found once.
             timing = values[:2]
-            job = (sim, controller, law.kind, timing not in linearised)
+            told = instrument_under(common, conditions | {"noise": 0.0, "friction": 1.0})
+            jobs.append((len(rows), (sim, controller, law.kind, None if timing in linearised else told)))
             linearised.add(timing)
-            jobs.append((len(rows), job))
             rows.append({"law": law.label, **conditions})
     with reporting(progress, "comparing") as report:
         done = len(rows) - len(jobs)
@@ -104,7 +104,6 @@ def compare(
             rows[number] |= results
             done += 1
             report(done, len(rows))
-    # The margin does not depend on noise, friction and reference: it is found once.
     margins = {(row["law"], *_timing(row)): row["margin"] for row in rows if "margin" in row}
     for row in rows:
         row["margin"] = margins.get((row["law"], *_timing(row)), math.nan)

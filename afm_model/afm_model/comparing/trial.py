@@ -62,7 +62,7 @@ class Drives:
 
 
 def run_trial(
-    sim: SimParameters, controller: ControllerParameters | None, kind: str, with_margin: bool
+    sim: SimParameters, controller: ControllerParameters | None, kind: str, told: SimParameters | None
 ) -> dict[str, Any]:
     """The numbers of one run.
 
@@ -72,29 +72,29 @@ def run_trial(
     controller : ControllerParameters or None
         None: `kind` names a class that is called with `sim` and makes an object with `answer(measurement)`.
     kind : str
-    with_margin : bool
-        Whether the loop is linearised.
+    told : SimParameters or None
+        The instrument with which the loop is linearised; None: it is not.
 
     Returns
     -------
     dict
         NUMBERS, `trajectory_sha256`, and `error` if it diverged or was refused.
     """
-    told: dict[str, Any] = {}
-    if with_margin:
-        told["margin"] = math.nan if controller is None else margin(sim, controller)
+    row: dict[str, Any] = {}
+    if told is not None:
+        row["margin"] = math.nan if controller is None else margin(told, controller)
     drives = Drives(sim)
     try:
         law = controller if controller is not None else load_law(kind)(sim)
         instrument = run(sim, law, drives.take, block_ticks=_BLOCK_TICKS)
     except (ParameterError, PartError, DriveError, DivergenceError) as error:
-        return told | {"error": str(error)}
+        return row | {"error": str(error)}
     except Exception as error:
         # An object of somebody else's may raise anything; it costs no other run.
-        return told | {"error": f"law {kind}: {type(error).__name__}: {error}"}
+        return row | {"error": f"law {kind}: {type(error).__name__}: {error}"}
     score = instrument.score()
     amplitude = max(abs(each) for each in sim.reference.amplitude)
-    return told | {
+    return row | {
         "error_max": float(np.nanmax(score.max_percent[:2])),
         "error_rms": 100.0 * float(np.max(score.rms[:2])) / amplitude,
         "chatter": drives.variation / drives.smooth_variation if drives.smooth_variation > 0.0 else math.nan,
