@@ -1,0 +1,62 @@
+"""The friction-predicting law: estimate, predict through the drives in flight, decide."""
+
+from typing import Any
+
+from ...jit import kernel
+from .ask import ask
+from .constants import KNOWN
+from .decide import decide
+from .estimate import take_height, take_strength
+from .plant import predict
+from .reference import take_reference
+
+
+@kernel
+def shift_plan(slots: int, p: Any, s: Any) -> None:
+    """Drop the slots that are over; the last drive holds."""
+    last = p.delay + p.count - 1
+    for i in range(last + 1):
+        for axis in range(3):
+            s.plan[i, axis] = s.plan[min(i + slots, last), axis]
+
+
+@kernel
+def take_sample(y: Any, p: Any, s: Any) -> None:
+    """Learn from the measurement what is to be learned of the sample."""
+    s.Q = p.a + y.deflection / p.z0
+    s.load = p.w + p.eta_c2 * (s.Q - p.a)
+    if p.surface != KNOWN:
+        take_height(p, s)
+    if p.identified:
+        u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
+        take_strength(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
+
+
+@kernel
+def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+    """See `afm_model.parts.Law`."""
+    take_reference(y, p, s)
+    speed = p.x0 * p.w0
+    if s.started == 0.0:
+        for i in range(p.delay + p.count):
+            for axis in range(3):
+                s.plan[i, axis] = y.drive[axis] / p.volts[axis]
+    else:
+        shift_plan(max(1, int((t - s.time) * p.w0 / p.slot + 0.5)), p, s)
+    s.X, s.Y, s.Z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
+    s.V_X, s.V_Y, s.V_Z = y.velocity[0] / speed, y.velocity[1] / speed, y.velocity[2] / (p.z0 * p.w0)
+    take_sample(y, p, s)
+    s.at_x, s.at_y = s.X, s.Y
+    for i in range(p.delay):
+        predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
+    first = p.delay * p.slot
+    ask(first, p.horizon + (p.count - 1) * p.fine, p, s)
+    for i in range(p.count):
+        if i > 0:
+            k = p.delay + i - 1
+            predict(s.plan[k, 0], s.plan[k, 1], s.plan[k, 2], p, s)
+        decide(i * p.fine, p.delay + i, p, s)
+    for axis in range(3):
+        u.voltage[axis] = s.plan[p.delay, axis] * p.volts[axis]
+    s.time = t
+    s.started = 1.0

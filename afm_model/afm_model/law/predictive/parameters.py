@@ -1,0 +1,36 @@
+"""Parameters of the friction-predicting law."""
+
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field
+
+from ...parts.groups import LawParameters
+from ...schema import NonNegative, Positive, Unit
+
+
+class PredictiveLaw(LawParameters):
+    """What the friction-predicting law knows and assumes. Its gains follow from the microscope and the period."""
+
+    kind: str = Field("predictive", description="friction-predicting control, docs/laws.md")
+    period: Annotated[Positive, Unit("s")] = Field(5e-5, description="control period, as plant.control_period")
+    delay_ticks: Annotated[int, Ge(0), Le(64)] = Field(
+        0, description="control periods from a measurement to the drive that answers it, as plant.delay_ticks"
+    )
+    surface: Literal["known", "observed", "learned"] = Field(
+        "observed",
+        description="height of the sample along the reference: known: that of sample.*; observed: from tip and "
+        "scanner, continued; learned: observed, and kept along the line of the reference",
+    )
+    friction: Literal["nominal", "identified"] = Field(
+        "identified", description="bound of friction: nominal: that of contact.*; identified: from the lateral force"
+    )
+    response: Annotated[NonNegative, Unit("s")] = Field(
+        0.0, description="time in which an error vanishes; 0: 1/w0, but neither below a control period nor above two"
+    )
+    height: Annotated[Positive, Unit("m")] = Field(
+        12.5e-9, description="largest height of the sample about its mean, for an observed surface"
+    )
+    wave_number: Annotated[Positive, Unit("rad/m")] = Field(
+        2e9, description="largest wave number of the sample along x and y, for an observed surface"
+    )

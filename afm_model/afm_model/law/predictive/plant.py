@@ -1,0 +1,64 @@
+"""The nominal plant: what a drive does to the scanner, set-valued friction included."""
+
+from typing import Any
+
+from ...friction.disc import friction_impulse
+from ...jit import kernel
+from ...sample.paper import surface
+from .constants import KNOWN
+
+REACH = 0.7
+"""Phase of the shortest wave up to which a slope is continued."""
+
+
+@kernel
+def look(x: float, y: float, p: Any, s: Any) -> None:
+    """Height, curvature and strength of friction of the sample at (x, y).
+
+    A surface that is not known is continued along its slope, as far as its shortest wave allows.
+    """
+    d_x, d_y = x - s.at_x, y - s.at_y
+    way = p.wave_number * (abs(d_x) + abs(d_y))
+    part = REACH / way if way > REACH else 1.0
+    s.here = s.ratio + part * (s.ratio_x * d_x + s.ratio_y * d_y)
+    if p.surface == KNOWN:
+        surface(x, y, s, p, 0)
+    else:
+        s.height = s.H + part * (s.H_x * d_x + s.H_y * d_y)
+        s.curvature = 0.0
+        s.strength = 1.0
+
+
+@kernel
+def nominal_bound(load: float, p: Any, s: Any) -> float:
+    """Bound of friction of the contact as it is believed to be, at the place looked at."""
+    return s.strength * (p.f_0 + s.curvature * (p.f_1 + p.f_2 * s.curvature)) * (1.0 + p.f_load * (load - p.load_0))
+
+
+@kernel
+def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
+    """Move the scanner on by a slot under a constant drive.
+
+    Half drift, kick, half drift as in docs/theory.md (37) to (41). Along z tip and sample move as one.
+    """
+    h = p.dt
+    half = 0.5 * h
+    d_x, d_y, d_z = half * p.damping[0], half * p.damping[1], half * p.damping[2]
+    for i in range(p.steps):
+        s.X += half * s.V_X
+        s.Y += half * s.V_Y
+        s.Z += half * s.V_Z
+        look(s.X, s.Y, p, s)
+        tip = s.Z + s.height - p.delta - p.delta_curvature * s.curvature
+        load = p.w + p.eta_c2 * (tip - p.a)
+        p_x = (1.0 - d_x) * s.V_X + h * (u_x - p.stiffness[0] * s.X)
+        p_y = (1.0 - d_y) * s.V_Y + h * (u_y - p.stiffness[1] * s.Y)
+        f = s.here * nominal_bound(load, p, s)
+        j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, 1.0 + d_x, 1.0 + d_y, h * f)
+        s.V_X = 0.0 if stick else (p_x - j_x) / (1.0 + d_x)
+        s.V_Y = 0.0 if stick else (p_y - j_y) / (1.0 + d_y)
+        rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
+        s.V_Z = ((1.0 - d_z) * s.V_Z + h * (u_z - p.stiffness[2] * s.Z - rest)) / (1.0 + d_z)
+        s.X += half * s.V_X
+        s.Y += half * s.V_Y
+        s.Z += half * s.V_Z
