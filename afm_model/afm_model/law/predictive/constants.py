@@ -80,7 +80,7 @@ def values(parameters: Tree) -> Numbers:
     mu, m_c = scanner.mass_ratio, cantilever.m_c
     lateral_force, normal_force = mu * m_c * w0**2 * x0, m_c * w0**2 * z0
     hold = law.period * w0
-    slots, spare = 1, 0
+    slots, spare = law.packet, law.spare
     slot = hold / slots
     division = grid(slot, law.response * w0)
     eta = {axis: 2.0 * math.pi * getattr(scanner, f"f_{axis}") / w0 for axis in "xyz"}

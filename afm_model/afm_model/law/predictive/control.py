@@ -4,9 +4,10 @@ from typing import Any
 
 from ...jit import kernel
 from .ask import ask
-from .constants import KNOWN
+from .constants import KNOWN, LEARNED
 from .decide import decide
-from .estimate import take_height, take_strength
+from .estimate import measured_height, take_height, take_ratio
+from .map import write_map
 from .plant import predict
 from .reference import take_reference
 
@@ -25,11 +26,18 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
     """Learn from the measurement what is to be learned of the sample."""
     s.Q = p.a + y.deflection / p.z0
     s.load = p.w + p.eta_c2 * (s.Q - p.a)
+    if s.V_X == 0.0 and s.V_Y == 0.0:
+        # At rest the tip follows the scanner along z; while it slips along a line that it tracks it hardly moves.
+        held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
+        s.load += y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
     if p.surface != KNOWN:
         take_height(p, s)
+    ratio = 0.0
     if p.identified:
         u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
-        take_strength(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
+        ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
+    if p.surface == LEARNED:
+        write_map(measured_height(p, s), ratio, p, s)
 
 
 @kernel
@@ -47,15 +55,12 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     s.V_X, s.V_Y, s.V_Z = y.velocity[0] / speed, y.velocity[1] / speed, y.velocity[2] / (p.z0 * p.w0)
     take_sample(y, p, s)
     s.at_x, s.at_y = s.X, s.Y
-    for i in range(p.delay):
-        predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
-    first = p.delay * p.slot
-    ask(first, p.horizon + (p.count - 1) * p.fine, p, s)
-    for i in range(p.count):
-        if i > 0:
-            k = p.delay + i - 1
-            predict(s.plan[k, 0], s.plan[k, 1], s.plan[k, 2], p, s)
-        decide(i * p.fine, p.delay + i, p, s)
+    ask(p.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
+    for i in range(p.delay + p.count):
+        if i >= p.delay:
+            decide((i - p.delay) * p.fine, i, p, s)
+        if i < p.delay + p.count - 1:
+            predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
     for axis in range(3):
         u.voltage[axis] = s.plan[p.delay, axis] * p.volts[axis]
     s.time = t

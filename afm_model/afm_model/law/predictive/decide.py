@@ -19,6 +19,10 @@ def drive(axis: int, at: int, e: float, e_rate: float, p: Any, s: Any) -> float:
 def decide(at: int, slot: int, p: Any, s: Any) -> None:
     """Write the drive of a slot that begins with the fine interval `at` into the plan, from the predicted state."""
     e_x, e_y = s.X - s.path[at, 0, 0], s.Y - s.path[at, 1, 0]
+    # Far from the line the scanner comes back no faster than the reference moves.
+    far, most = math.sqrt(e_x * e_x + e_y * e_y), 2.0 * s.fastest * p.hold
+    if far > most > 0.0:
+        e_x, e_y = e_x * most / far, e_y * most / far
     e_z, e_zrate = s.Z - s.path[at, 2, 0], s.V_Z - s.path[at, 2, 1]
     u_z = drive(2, at, e_z, e_zrate, p, s)
     # Friction in the slot opposes the motion towards the line as well: the direction of the reference, turned.

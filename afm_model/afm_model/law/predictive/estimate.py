@@ -5,58 +5,102 @@ from typing import Any
 
 from ...jit import kernel
 from .constants import KNOWN
-from .plant import look, nominal_bound
+from .map import raise_map
+from .plant import beyond, look, nominal_bound
 
 ROUGH = 0.35
-"""Rms second derivative of a surface over height times the square of the wave number along a line."""
-_INDEX = 0.6
-"""Largest tracking index: beyond it what is measured counts alone."""
+"""Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
+_INDEX = 10.0
+"""Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
 _FLOOR = 2e-4
-"""Noise of a height [z0] and of a strength, from a load that is not quite static."""
+"""Noise of a height [z0] and of a ratio, from a load that is not quite static."""
+VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
+"""What is followed: value and slopes; covariances of value and slope; direction of the last step; mean, phase
+gone in it."""
 
 
 @kernel
-def track(rough: float, way: float) -> tuple[float, float]:
-    """Gains of a tracking filter over a step `way` of a quantity whose second derivative has rms `rough`.
+def begin(f: Any, value: float, size: float, p: Any) -> None:
+    """Begin to follow a quantity of amplitude `size`."""
+    for i in range(10):
+        f[i] = 0.0
+    f[VALUE] = f[MEAN] = value
+    f[OF_VALUE] = _FLOOR * _FLOOR
+    f[OF_SLOPE] = (size * p.wave_number) ** 2
 
-    The steady state of the Kalman filter of value and slope (P. R. Kalata, IEEE Trans. Aerosp. Electron. Syst. 20 (1984)
-    174, doi:10.1109/TAES.1984.310438); where it is sampled coarsely the tracking index is limited.
+
+@kernel
+def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, p: Any) -> None:
+    """Kalman filter of value and slope along the way, a step d further on.
+
+    The second derivative is taken as constant in a step and independent from step to step, as in the tracking filters of
+    P. R. Kalata, IEEE Trans. Aerosp. Electron. Syst. 20 (1984) 174, doi:10.1109/TAES.1984.310438.
+
+    Parameters
+    ----------
+    f : vector
+    measured : float
+    d_x, d_y : float [x0]
+    size : float
+        Amplitude of the quantity.
     """
-    spread = rough * way * way
-    index = min(spread / _FLOOR, _INDEX)
-    r = (4.0 + index - math.sqrt(8.0 * index + index * index)) / 4.0
-    alpha = 1.0 - r * r
-    return alpha, 2.0 * (2.0 - alpha) - 4.0 * math.sqrt(1.0 - alpha)
+    way = math.sqrt(d_x * d_x + d_y * d_y)
+    both, of_slope = f[OF_BOTH], f[OF_SLOPE]
+    slope, q, t_x, t_y = 0.0, 0.0, 0.0, 0.0
+    if way > 0.0:
+        t_x, t_y = d_x / way, d_y / way
+        q = p.wave_number * (abs(t_x) + abs(t_y))
+        slope = f[SLOPE_X] * t_x + f[SLOPE_Y] * t_y
+        if t_x * f[WAY_X] + t_y * f[WAY_Y] < 0.0:
+            both = -both
+    steepest = size * q
+    bend = ROUGH * size * q * q * way
+    of_value = f[OF_VALUE] + way * (2.0 * both + way * of_slope) + 0.25 * bend * bend * way * way
+    both += way * of_slope + 0.5 * bend * bend * way
+    of_slope += bend * bend
+    # Neither is less certain than for any place.
+    if way > 0.0 and of_slope > steepest * steepest:
+        both *= steepest * steepest / of_slope
+        of_slope = steepest * steepest
+    if of_value > size * size:
+        both *= size * size / of_value
+        of_value = size * size
+    expected = beyond(f, d_x, d_y, p)
+    noise = max(_FLOOR, min(bend * way / _INDEX, size))
+    gain, gain_slope = of_value / (of_value + noise * noise), both / (of_value + noise * noise)
+    # The mean is that of the way gone, at most over a few waves.
+    f[GONE] = min(f[GONE] + q * way, 8.0 * math.pi)
+    if way > 0.0:
+        f[MEAN] += min(q * way / f[GONE], 1.0) * (measured - f[MEAN])
+    f[VALUE] = expected + gain * (measured - expected)
+    if way > 0.0:
+        slope = min(max(slope + gain_slope * (measured - expected), -steepest), steepest)
+        f[SLOPE_X], f[SLOPE_Y], f[WAY_X], f[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
+    f[OF_SLOPE] = of_slope - gain_slope * both
+    f[OF_VALUE] = (1.0 - gain) * of_value
+    f[OF_BOTH] = (1.0 - gain) * both
 
 
 @kernel
-def wave_number(d_x: float, d_y: float, p: Any) -> float:
-    """Largest wave number of the surface along the direction d [1/x0]."""
-    return p.wave_number * (abs(d_x) + abs(d_y))
+def measured_height(p: Any, s: Any) -> float:
+    """Of the sample under the tip [z0], H = Q - Z + delta, the contact at rest."""
+    return s.Q - s.Z + p.delta + p.delta_load * (s.load - p.load_0)
 
 
 @kernel
 def take_height(p: Any, s: Any) -> None:
-    """Follow the height of the sample under the tip, H = Q - Z + delta, and its slope along the way."""
-    H = s.Q - s.Z + p.delta + p.delta_load * (s.load - p.load_0)
+    """Follow the height of the sample under the tip, and its slope along the way."""
+    H = measured_height(p, s)
     if s.started == 0.0:
-        s.H = H
-        return
-    d_x, d_y = s.X - s.at_x, s.Y - s.at_y
-    way = math.sqrt(d_x * d_x + d_y * d_y)
-    if way == 0.0:
-        return
-    q = wave_number(d_x / way, d_y / way, p)
-    alpha, beta = track(ROUGH * p.height * q * q, way)
-    innovation = H - (s.H + s.H_x * d_x + s.H_y * d_y)
-    s.H += s.H_x * d_x + s.H_y * d_y + alpha * innovation
-    s.H_x += beta * innovation * d_x / (way * way)
-    s.H_y += beta * innovation * d_y / (way * way)
+        begin(s.H, H, p.height, p)
+    else:
+        follow(s.H, H, s.X - s.at_x, s.Y - s.at_y, p.height, p)
 
 
 @kernel
-def take_strength(force: float, u_x: float, u_y: float, p: Any, s: Any) -> None:
-    """Follow the strength of friction from the lateral force along x while the tip slips, from the balance at rest.
+def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
+    """Follow the bound of friction over the nominal one, from the lateral force while the tip slips and from the balance
+    of forces at rest.
 
     Parameters
     ----------
@@ -64,31 +108,35 @@ def take_strength(force: float, u_x: float, u_y: float, p: Any, s: Any) -> None:
         Friction along x.
     u_x, u_y : float [w0^2 x0]
         Drive in force until now.
+
+    Returns
+    -------
+    float
+        What was measured; zero if nothing was.
     """
     look(s.X, s.Y, p, s)
     nominal = nominal_bound(s.load, p, s)
     speed = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
     if speed == 0.0:
         b_x, b_y = u_x - p.stiffness[0] * s.X, u_y - p.stiffness[1] * s.Y
-        s.ratio = max(s.ratio, math.sqrt(b_x * b_x + b_y * b_y) / nominal)
-        return
+        held = math.sqrt(b_x * b_x + b_y * b_y) / nominal
+        if held > s.here + p.ripple:
+            raise_map(held - s.here, s)
+        s.ratio[VALUE] = max(s.ratio[VALUE], held)
+        s.ratio[MEAN] = max(s.ratio[MEAN], held)
+        return 0.0
     if abs(s.V_X) < 0.3 * speed:
-        return
+        return 0.0
     measured = force * speed / (s.V_X * nominal)
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
-    way = math.sqrt(d_x * d_x + d_y * d_y)
-    if way == 0.0:
-        return
-    q = wave_number(d_x / way, d_y / way, p)
     s.slips += 1.0
     if p.surface == KNOWN:
         # Nothing of it is left to follow but what changes slowly: the mean over a wave of the surface.
-        s.ratio += max(1.0 / s.slips, way * q / (2.0 * math.pi)) * (measured - s.ratio)
-        return
-    alpha, beta = track(ROUGH * p.ripple * q * q, way)
-    alpha = max(alpha, 1.0 / s.slips)
-    innovation = measured - (s.ratio + s.ratio_x * d_x + s.ratio_y * d_y)
-    s.ratio += s.ratio_x * d_x + s.ratio_y * d_y + alpha * innovation
-    if s.slips > 1.0:
-        s.ratio_x += beta * innovation * d_x / (way * way)
-        s.ratio_y += beta * innovation * d_y / (way * way)
+        phase = p.wave_number * (abs(d_x) + abs(d_y))
+        s.ratio[VALUE] += max(1.0 / s.slips, phase / (2.0 * math.pi)) * (measured - s.ratio[VALUE])
+        s.ratio[MEAN] = s.ratio[VALUE]
+    elif s.slips == 1.0:
+        begin(s.ratio, measured, p.ripple, p)
+    else:
+        follow(s.ratio, measured, d_x, d_y, p.ripple, p)
+    return measured

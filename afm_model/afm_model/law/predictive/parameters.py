@@ -17,6 +17,10 @@ class PredictiveLaw(LawParameters):
     delay_ticks: Annotated[int, Ge(0), Le(64)] = Field(
         0, description="control periods from a measurement to the drive that answers it, as plant.delay_ticks"
     )
+    packet: Annotated[int, Ge(1), Le(64)] = Field(1, description="drives in a control period, each with its time")
+    spare: Annotated[int, Ge(0), Le(16)] = Field(
+        0, description="control periods beyond the next for which an answer holds drives, played when the next one is late"
+    )
     surface: Literal["known", "observed", "learned"] = Field(
         "observed",
         description="height of the sample along the reference: known: that of sample.*; observed: from tip and "

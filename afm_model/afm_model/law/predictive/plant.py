@@ -1,32 +1,43 @@
 """The nominal plant: what a drive does to the scanner, set-valued friction included."""
 
+import math
 from typing import Any
 
 from ...friction.disc import friction_impulse
 from ...jit import kernel
 from ...sample.paper import surface
-from .constants import KNOWN
+from .constants import KNOWN, LEARNED
+from .map import read_map
 
 REACH = 0.7
 """Phase of the shortest wave up to which a slope is continued."""
 
 
 @kernel
-def look(x: float, y: float, p: Any, s: Any) -> None:
-    """Height, curvature and strength of friction of the sample at (x, y).
+def beyond(f: Any, d_x: float, d_y: float, p: Any) -> float:
+    """A quantity of the sample a step d beyond where it is known, from its value, slopes and mean.
 
-    A surface that is not known is continued along its slope, as far as its shortest wave allows.
+    It is continued along its slope as far as its shortest wave allows; farther on its mean is what is most likely.
     """
-    d_x, d_y = x - s.at_x, y - s.at_y
-    way = p.wave_number * (abs(d_x) + abs(d_y))
-    part = REACH / way if way > REACH else 1.0
-    s.here = s.ratio + part * (s.ratio_x * d_x + s.ratio_y * d_y)
+    phase = p.wave_number * (abs(d_x) + abs(d_y))
+    if phase <= REACH:
+        return f[0] + f[1] * d_x + f[2] * d_y
+    value = f[0] + (f[1] * d_x + f[2] * d_y) * REACH / phase
+    return value + (1.0 - math.exp(REACH - phase)) * (f[8] - value)
+
+
+@kernel
+def look(x: float, y: float, p: Any, s: Any) -> None:
+    """Height, curvature and strength of friction of the sample at (x, y)."""
+    s.here = beyond(s.ratio, x - s.at_x, y - s.at_y, p)
     if p.surface == KNOWN:
         surface(x, y, s, p, 0)
-    else:
-        s.height = s.H + part * (s.H_x * d_x + s.H_y * d_y)
-        s.curvature = 0.0
-        s.strength = 1.0
+        return
+    s.curvature = 0.0
+    s.strength = 1.0
+    s.height = beyond(s.H, x - s.at_x, y - s.at_y, p)
+    if p.surface == LEARNED:
+        read_map(x, y, s)
 
 
 @kernel

@@ -21,6 +21,7 @@ def take_reference(y: Any, p: Any, s: Any) -> None:
         s.p[axis] = y.reference_position[axis] / length
         s.v[axis] = y.reference_velocity[axis] / (length * p.w0)
         s.acc[axis] = y.reference_acceleration[axis] / (length * p.w0 * p.w0)
+    s.fastest = max(s.fastest, math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1]))
     for axis in range(2):
         if s.started != 0.0:
             moved = s.p[axis] - s.p_last[axis]
