@@ -8,12 +8,15 @@ from ...contact.jkr import indentation_of_u, radius_at_zero_load, u_of_load
 from ...friction.strength import bound_of_load
 from ...parts.part import Numbers, Tree
 from ...records import record
+from ...signals import LONGEST_HORIZON
 from .gains import gains, grid
 
 INTERVALS = 512
 """Fine intervals that the law can look ahead."""
-SLOTS = 256
-"""Drives that can be in flight or in one answer."""
+SLOTS = LONGEST_HORIZON + 1
+"""Drives of one answer, those in force before it included."""
+ANSWERS = 32
+"""Last answers that are kept."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
 _STEP = 0.05

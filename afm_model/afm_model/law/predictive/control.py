@@ -7,18 +7,10 @@ from .ask import ask
 from .constants import KNOWN, LEARNED
 from .decide import decide
 from .estimate import measured_height, take_height, take_ratio
+from .flight import answer, recall, remember
 from .map import write_map
 from .plant import predict
 from .reference import take_reference
-
-
-@kernel
-def shift_plan(slots: int, p: Any, s: Any) -> None:
-    """Drop the slots that are over; the last drive holds."""
-    last = p.delay + p.count - 1
-    for i in range(last + 1):
-        for axis in range(3):
-            s.plan[i, axis] = s.plan[min(i + slots, last), axis]
 
 
 @kernel
@@ -45,12 +37,11 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     take_reference(y, p, s)
     speed = p.x0 * p.w0
+    k = int(t * p.w0 / p.hold + 0.5)
     if s.started == 0.0:
-        for i in range(p.delay + p.count):
-            for axis in range(3):
-                s.plan[i, axis] = y.drive[axis] / p.volts[axis]
-    else:
-        shift_plan(max(1, int((t - s.time) * p.w0 / p.slot + 0.5)), p, s)
+        for axis in range(3):
+            s.start[axis] = y.drive[axis] / p.volts[axis]
+    recall(k, y, p, s)
     s.X, s.Y, s.Z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
     s.V_X, s.V_Y, s.V_Z = y.velocity[0] / speed, y.velocity[1] / speed, y.velocity[2] / (p.z0 * p.w0)
     take_sample(y, p, s)
@@ -61,7 +52,6 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
             decide((i - p.delay) * p.fine, i, p, s)
         if i < p.delay + p.count - 1:
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
-    for axis in range(3):
-        u.voltage[axis] = s.plan[p.delay, axis] * p.volts[axis]
-    s.time = t
+    remember(k, p, s)
+    answer(u, p, s)
     s.started = 1.0

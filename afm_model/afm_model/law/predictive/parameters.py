@@ -5,18 +5,14 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from ...parts.groups import LawParameters
 from ...schema import NonNegative, Positive, Unit
+from ..timing import SampledLaw
 
 
-class PredictiveLaw(LawParameters):
+class PredictiveLaw(SampledLaw):
     """What the friction-predicting law knows and assumes. Its gains follow from the microscope and the period."""
 
     kind: str = Field("predictive", description="friction-predicting control, docs/laws.md")
-    period: Annotated[Positive, Unit("s")] = Field(5e-5, description="control period, as plant.control_period")
-    delay_ticks: Annotated[int, Ge(0), Le(64)] = Field(
-        0, description="control periods from a measurement to the drive that answers it, as plant.delay_ticks"
-    )
     packet: Annotated[int, Ge(1), Le(64)] = Field(1, description="drives in a control period, each with its time")
     spare: Annotated[int, Ge(0), Le(16)] = Field(
         0, description="control periods beyond the next for which an answer holds drives, played when the next one is late"

@@ -4,12 +4,14 @@ import numpy as np
 
 from ...parts.part import Numbers, Tree
 from ...records import record
-from .constants import INTERVALS, SLOTS
+from .constants import ANSWERS, INTERVALS, SLOTS
 from .map import LENGTH, NODES, SPACING
 
 STATE = record(
     "started",
-    "time",  # of the last measurement [s]
+    "start",  # drive at the start
+    "answered",  # the last measurements answered, and the drives of each answer
+    "sent",
     "X",  # the scanner as measured or estimated, then as predicted
     "Y",
     "Z",
@@ -62,9 +64,13 @@ STATE = record(
     "asked",  # what each fine interval asks for
     "friction",  # bound of friction in it
     "direction",  # and its direction
+    integers=("answered",),
     arrays={
         "H": (10,),
         "ratio": (10,),
+        "start": (3,),
+        "answered": (ANSWERS,),
+        "sent": (ANSWERS, SLOTS, 3),
         "plan": (SLOTS, 3),
         "map_H": (NODES,),
         "map_ratio": (NODES,),
@@ -95,5 +101,6 @@ def start(parameters: Tree) -> Numbers:
     apart = np.abs(np.subtract.outer(np.arange(NODES), np.arange(NODES)))
     apart = np.minimum(apart, NODES - apart) * SPACING / LENGTH
     first["covariance"] = first["prior"] = np.exp(-0.5 * apart**2)
+    first["answered"] = -1
     first["visited"] = np.inf
     return {name: first[name] for name in STATE.names or ()}
