@@ -3,6 +3,7 @@
 from ...parts.part import Law
 from .constants import CONSTANTS, values
 from .control import control
+from .limits import check, warnings
 from .parameters import PredictiveLaw
 from .state import STATE, start
 
@@ -13,6 +14,8 @@ PREDICTIVE = Law(
     state=STATE,
     values=values,
     start=start,
+    check=check,
+    warnings=warnings,
     control=control,
 )
 

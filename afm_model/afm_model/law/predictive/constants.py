@@ -9,7 +9,7 @@ from ...friction.strength import bound_of_load
 from ...parts.part import Numbers, Tree
 from ...records import record
 from ...signals import LONGEST_HORIZON
-from .gains import gains, grid
+from .gains import gains, grid, observer_gains
 
 INTERVALS = 512
 """Fine intervals that the law can look ahead."""
@@ -19,6 +19,10 @@ ANSWERS = 32
 """Last answers that are kept."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
+_FLOOR = 2e-4
+"""Noise of a height [z0] and of a ratio, from a load that is not quite static."""
+_WAVE = 63.0
+"""Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _STEP = 0.05
 """Longest step of the prediction [1/w0]."""
 
@@ -54,6 +58,10 @@ _SCALARS = (
     "height",  # largest height and wave number assumed
     "wave_number",
     "ripple",  # of the strength, from that curvature
+    "measured",
+    "position_noise",
+    "height_noise",
+    "ratio_noise",
     "x0",
     "z0",
     "w0",
@@ -69,9 +77,10 @@ CONSTANTS = record(
     "Phi",
     "Gamma",
     "G",
+    "L",  # of the observer
     vectors=("stiffness", "damping", "volts"),
-    integers=("slots", "delay", "count", "fine", "horizon", "steps", "surface", "identified"),
-    arrays={"K": (3, 2), "Phi": (3, 2, 2), "Gamma": (3, 2), "G": (3, INTERVALS, 2)},
+    integers=("slots", "delay", "count", "fine", "horizon", "steps", "surface", "identified", "measured"),
+    arrays={"K": (3, 2), "L": (3, 2), "Phi": (3, 2, 2), "Gamma": (3, 2), "G": (3, INTERVALS, 2)},
 )
 
 
@@ -119,6 +128,16 @@ def values(parameters: Tree) -> Numbers:
     small = 0.01 / r
     f_0, up, down = bound(0.0, load_0), bound(small, load_0), bound(-small, load_0)
     dn = 1e-3 * L_s
+    measured = law.feedback == "measured"
+    height_noise = math.hypot(_FLOOR, law.deflection_noise / z0 if measured else 0.0)
+    ratio_noise = math.hypot(_FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
+    ripple = abs(up - down) / (2.0 * small * f_0) * (law.wave_number * x0) ** 2 * law.height / z0
+    noise = law.position_noise / x0
+    # What averaging over a wave leaves of the noise of the ratio; along z the tip's load hardly disturbs the scanner.
+    left = ratio_noise * math.sqrt(hold / _WAVE)
+    disturbances = (left * f_0, left * f_0, _FLOOR * eta_c**2 / mu)
+    noises = (noise, noise, law.position_noise / z0)
+    L = [observer_gains(stiffness[i], damping[i], hold, disturbances[i], noises[i]) for i in range(3)]
     return {
         "hold": hold,
         "slot": slot,
@@ -150,7 +169,12 @@ def values(parameters: Tree) -> Numbers:
         "k_y": getattr(sample, "k_y", 0.0) * x0,
         "height": law.height / z0,
         "wave_number": law.wave_number * x0,
-        "ripple": abs(up - down) / (2.0 * small * f_0) * (law.wave_number * x0) ** 2 * law.height / z0,
+        "ripple": ripple,
+        "measured": measured,
+        "position_noise": noise,
+        "height_noise": height_noise,
+        "ratio_noise": ratio_noise,
+        "L": np.array(L),
         "x0": x0,
         "z0": z0,
         "w0": w0,

@@ -9,6 +9,7 @@ from .decide import decide
 from .estimate import measured_height, take_height, take_ratio
 from .flight import answer, recall, remember
 from .map import write_map
+from .observer import observe
 from .plant import predict
 from .reference import take_reference
 
@@ -36,14 +37,12 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
 def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     take_reference(y, p, s)
-    speed = p.x0 * p.w0
     k = int(t * p.w0 / p.hold + 0.5)
     if s.started == 0.0:
         for axis in range(3):
             s.start[axis] = y.drive[axis] / p.volts[axis]
     recall(k, y, p, s)
-    s.X, s.Y, s.Z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
-    s.V_X, s.V_Y, s.V_Z = y.velocity[0] / speed, y.velocity[1] / speed, y.velocity[2] / (p.z0 * p.w0)
+    observe(k, y, p, s)
     take_sample(y, p, s)
     s.at_x, s.at_y = s.X, s.Y
     ask(p.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)

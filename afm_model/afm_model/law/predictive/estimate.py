@@ -12,25 +12,23 @@ ROUGH = 0.35
 """Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
-_FLOOR = 2e-4
-"""Noise of a height [z0] and of a ratio, from a load that is not quite static."""
 VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
 """What is followed: value and slopes; covariances of value and slope; direction of the last step; mean, phase
 gone in it."""
 
 
 @kernel
-def begin(f: Any, value: float, size: float, p: Any) -> None:
+def begin(f: Any, value: float, size: float, floor: float, p: Any) -> None:
     """Begin to follow a quantity of amplitude `size`."""
     for i in range(10):
         f[i] = 0.0
     f[VALUE] = f[MEAN] = value
-    f[OF_VALUE] = _FLOOR * _FLOOR
+    f[OF_VALUE] = floor * floor
     f[OF_SLOPE] = (size * p.wave_number) ** 2
 
 
 @kernel
-def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, p: Any) -> None:
+def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: float, p: Any) -> None:
     """Kalman filter of value and slope along the way, a step d further on.
 
     The second derivative is taken as constant in a step and independent from step to step, as in the tracking filters of
@@ -41,8 +39,8 @@ def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, p: Any)
     f : vector
     measured : float
     d_x, d_y : float [x0]
-    size : float
-        Amplitude of the quantity.
+    size, floor : float
+        Amplitude of the quantity; noise of the measurement.
     """
     way = math.sqrt(d_x * d_x + d_y * d_y)
     both, of_slope = f[OF_BOTH], f[OF_SLOPE]
@@ -66,7 +64,7 @@ def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, p: Any)
         both *= size * size / of_value
         of_value = size * size
     expected = beyond(f, d_x, d_y, p)
-    noise = max(_FLOOR, min(bend * way / _INDEX, size))
+    noise = max(floor, min(bend * way / _INDEX, size))
     gain, gain_slope = of_value / (of_value + noise * noise), both / (of_value + noise * noise)
     # The mean is that of the way gone, at most over a few waves.
     f[GONE] = min(f[GONE] + q * way, 8.0 * math.pi)
@@ -92,9 +90,18 @@ def take_height(p: Any, s: Any) -> None:
     """Follow the height of the sample under the tip, and its slope along the way."""
     H = measured_height(p, s)
     if s.started == 0.0:
-        begin(s.H, H, p.height, p)
+        begin(s.H, H, p.height, p.height_noise, p)
     else:
-        follow(s.H, H, s.X - s.at_x, s.Y - s.at_y, p.height, p)
+        follow(s.H, H, s.X - s.at_x, s.Y - s.at_y, p.height, p.height_noise, p)
+
+
+@kernel
+def lift(change: float, p: Any, s: Any) -> None:
+    """Raise the bound of friction over the nominal one, here and, if it is by more than a slope explains, everywhere."""
+    s.ratio[VALUE] += change
+    s.ratio[MEAN] += change
+    if change > p.ripple:
+        raise_map(change, s)
 
 
 @kernel
@@ -120,12 +127,10 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
     if speed == 0.0:
         b_x, b_y = u_x - p.stiffness[0] * s.X, u_y - p.stiffness[1] * s.Y
         held = math.sqrt(b_x * b_x + b_y * b_y) / nominal
-        if held > s.here + p.ripple:
-            raise_map(held - s.here, s)
-        s.ratio[VALUE] = max(s.ratio[VALUE], held)
-        s.ratio[MEAN] = max(s.ratio[MEAN], held)
+        if held > s.here:
+            lift(held - s.here, p, s)
         return 0.0
-    if abs(s.V_X) < 0.3 * speed:
+    if abs(s.V_X) <= 0.3 * speed:
         return 0.0
     measured = force * speed / (s.V_X * nominal)
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
@@ -136,7 +141,7 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
         s.ratio[VALUE] += max(1.0 / s.slips, phase / (2.0 * math.pi)) * (measured - s.ratio[VALUE])
         s.ratio[MEAN] = s.ratio[VALUE]
     elif s.slips == 1.0:
-        begin(s.ratio, measured, p.ripple, p)
+        begin(s.ratio, measured, p.ripple, p.ratio_noise, p)
     else:
-        follow(s.ratio, measured, d_x, d_y, p.ripple, p)
+        follow(s.ratio, measured, d_x, d_y, p.ripple, p.ratio_noise, p)
     return measured

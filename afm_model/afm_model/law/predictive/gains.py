@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_discrete_are
 
 _Array = NDArray[np.float64]
 
@@ -88,3 +88,22 @@ def gains(stiffness: float, damping: float, hold: float, division: Grid) -> Gain
     # The drive asked for in an interval is the rate asked for over Gamma.
     G[:, 1] += np.repeat(of_means, fine) * weight / (fine * Gamma[1])
     return Gains(K, G, Phi, Gamma)
+
+
+def observer_gains(stiffness: float, damping: float, period: float, disturbance: float, noise: float) -> _Array:
+    """Steady gains (2,) of the Kalman filter of position and rate, corrected by positions.
+
+    Parameters
+    ----------
+    stiffness, damping : float [w0^2], [w0]
+    period : float [1/w0]
+    disturbance : float
+        Rms acceleration that is not known, constant over a period and independent of the others.
+    noise : float
+        Rms noise of the position.
+    """
+    Phi, Gamma = transition(stiffness, damping, period)
+    C = np.array([[1.0, 0.0]])
+    # In units of the noise, so that the equation is well scaled.
+    P = solve_discrete_are(Phi.T, C.T, np.outer(Gamma, Gamma) * (disturbance / noise) ** 2, np.eye(1))
+    return P[:, 0] / (P[0, 0] + 1.0)

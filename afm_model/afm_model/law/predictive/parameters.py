@@ -17,6 +17,12 @@ class PredictiveLaw(SampledLaw):
     spare: Annotated[int, Ge(0), Le(16)] = Field(
         0, description="control periods beyond the next for which an answer holds drives, played when the next one is late"
     )
+    feedback: Literal["full", "measured"] = Field(
+        "full", description="full: positions and rates as measured; measured: an observer that positions correct"
+    )
+    position_noise: Annotated[Positive, Unit("m")] = Field(5e-11, description="measured: rms noise of a position")
+    deflection_noise: Annotated[NonNegative, Unit("m")] = Field(1e-11, description="measured: rms noise of the deflection")
+    force_noise: Annotated[NonNegative, Unit("N")] = Field(5e-11, description="measured: rms noise of the lateral force")
     surface: Literal["known", "observed", "learned"] = Field(
         "observed",
         description="height of the sample along the reference: known: that of sample.*; observed: from tip and "

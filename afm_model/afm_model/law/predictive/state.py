@@ -12,6 +12,8 @@ STATE = record(
     "start",  # drive at the start
     "answered",  # the last measurements answered, and the drives of each answer
     "sent",
+    "last",  # number of the last measurement
+    "estimate",  # position and rate there
     "X",  # the scanner as measured or estimated, then as predicted
     "Y",
     "Z",
@@ -64,10 +66,11 @@ STATE = record(
     "asked",  # what each fine interval asks for
     "friction",  # bound of friction in it
     "direction",  # and its direction
-    integers=("answered",),
+    integers=("answered", "last"),
     arrays={
         "H": (10,),
         "ratio": (10,),
+        "estimate": (6,),
         "start": (3,),
         "answered": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),
