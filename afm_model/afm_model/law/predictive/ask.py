@@ -1,9 +1,9 @@
-"""What the reference asks of the drive: reference, friction along it and the height of the sample, interval by interval."""
+"""What is asked of the drive, interval by interval: the reference, friction along it, the height of the sample."""
 
 import math
 from typing import Any
 
-from ...jit import kernel
+from ...jit import kernel, routine
 from .plant import look, nominal_bound
 from .reference import continue_reference
 
@@ -46,7 +46,7 @@ def ask_of_z(first: float, n: int, p: Any, s: Any) -> None:
         ask_of(2, i, (p.w + p.eta_c2 * (s.p[2] - z - p.a)) / (p.mu + 1.0), p, s)
 
 
-@kernel
+@routine
 def ask(first: float, n: int, p: Any, s: Any) -> None:
     """Write path, friction, direction and what is asked for n fine intervals from the time `first` on."""
     continue_reference(0, first, n, p, s)

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ...jit import kernel
+from ...jit import kernel, routine
 
 
 @kernel
@@ -15,7 +15,7 @@ def drive(axis: int, at: int, e: float, e_rate: float, p: Any, s: Any) -> float:
     return u
 
 
-@kernel
+@routine
 def decide(at: int, slot: int, p: Any, s: Any) -> None:
     """Write the drive of a slot that begins with the fine interval `at` into the plan, from the predicted state."""
     e_x, e_y = s.X - s.path[at, 0, 0], s.Y - s.path[at, 1, 0]

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ...jit import kernel
+from ...jit import kernel, routine
 from .constants import KNOWN
 from .map import raise_map
 from .plant import beyond, look, nominal_bound
@@ -13,8 +13,8 @@ ROUGH = 0.35
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
 VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
-"""What is followed: value and slopes; covariances of value and slope; direction of the last step; mean, phase
-gone in it."""
+"""What is followed: value and slopes; covariances of value and slope; direction of the last step; mean, phase gone in
+it."""
 
 
 @kernel
@@ -27,12 +27,12 @@ def begin(f: Any, value: float, size: float, floor: float, p: Any) -> None:
     f[OF_SLOPE] = (size * p.wave_number) ** 2
 
 
-@kernel
+@routine
 def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: float, p: Any) -> None:
     """Kalman filter of value and slope along the way, a step d further on.
 
-    The second derivative is taken as constant in a step and independent from step to step, as in the tracking filters of
-    P. R. Kalata, IEEE Trans. Aerosp. Electron. Syst. 20 (1984) 174, doi:10.1109/TAES.1984.310438.
+    The second derivative is taken as constant in a step and independent from step to step, as in the tracking filters
+    of P. R. Kalata, IEEE Trans. Aerosp. Electron. Syst. 20 (1984) 174, doi:10.1109/TAES.1984.310438.
 
     Parameters
     ----------
@@ -96,18 +96,10 @@ def take_height(p: Any, s: Any) -> None:
 
 
 @kernel
-def lift(change: float, p: Any, s: Any) -> None:
-    """Raise the bound of friction over the nominal one, here and, if it is by more than a slope explains, everywhere."""
-    s.ratio[VALUE] += change
-    s.ratio[MEAN] += change
-    if change > p.ripple:
-        raise_map(change, s)
-
-
-@kernel
 def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
-    """Follow the bound of friction over the nominal one, from the lateral force while the tip slips and from the balance
-    of forces at rest.
+    """Follow the bound of friction over the nominal one.
+
+    It comes from the lateral force while the tip slips, and from the balance of forces at rest.
 
     Parameters
     ----------
@@ -127,8 +119,11 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
     if speed == 0.0:
         b_x, b_y = u_x - p.stiffness[0] * s.X, u_y - p.stiffness[1] * s.Y
         held = math.sqrt(b_x * b_x + b_y * b_y) / nominal
-        if held > s.here:
-            lift(held - s.here, p, s)
+        s.ratio[VALUE] = max(s.ratio[VALUE], held)
+        s.ratio[MEAN] = max(s.ratio[MEAN], held)
+        # What a slope does not explain holds everywhere.
+        if held > s.here + p.ripple:
+            raise_map(held - s.here, s)
         return 0.0
     if abs(s.V_X) <= 0.3 * speed:
         return 0.0

@@ -42,7 +42,7 @@ def remember(k: int, p: Any, s: Any) -> None:
 
 @kernel
 def answer(u: Any, p: Any, s: Any) -> None:
-    """Write the plan into the answer: the drive that is first in force and, where there are more, all with their times."""
+    """Write the plan into the answer: the drive that is first in force or, of more, all with their times."""
     for axis in range(3):
         u.voltage[axis] = s.plan[p.delay, axis] * p.volts[axis]
     u.horizon_count = 0

@@ -53,8 +53,8 @@ def gains(stiffness: float, damping: float, hold: float, division: Grid) -> Gain
     """Gains of q'' = U - stiffness q - damping q' - d under a drive U that is held.
 
     The drives of all holds of the horizon are the least squares solution of small errors at the ends of the fine
-    intervals and of small distance, weighted by fine T^4, from what the reference asks for in the mean of each hold; the
-    first of them is applied.
+    intervals and of small distance, weighted by fine T^4, from what the reference asks for in the mean of each hold;
+    the first of them is applied.
 
     Parameters
     ----------

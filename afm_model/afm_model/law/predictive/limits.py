@@ -27,8 +27,8 @@ def check(parameters: Tree) -> None:
     ahead = division.fine * (division.holds + law.packet * (1 + law.spare) - 1)
     if ahead > INTERVALS:
         raise ValueError(
-            f"law.period = {law.period:g} s with law.packet = {law.packet} and law.response = {law.response:g} s is not "
-            f"allowed: the law would look {ahead} intervals ahead and must not look farther than {INTERVALS}; raise "
+            f"law.period = {law.period:g} s is not allowed with law.packet = {law.packet}, law.response = "
+            f"{law.response:g} s: the law would look {ahead} intervals ahead and must not look farther than {INTERVALS}; raise "
             f"law.packet or lower law.response"
         )
 
@@ -38,8 +38,8 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
     law, scanner = parameters.law, parameters.scanner
     slot = control_period / law.packet
     return [
-        f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet = "
-        f"{2.0 * math.pi * f * slot:.3g} should be < 3.14 (scanner.f_{axis} = {f:g} Hz, plant.control_period = "
+        f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet "
+        f"= {2.0 * math.pi * f * slot:.3g} should be < 3.14 (scanner.f_{axis} = {f:g} Hz, plant.control_period = "
         f"{control_period:g} s, law.packet = {law.packet})"
         for axis, f in (("x", scanner.f_x), ("y", scanner.f_y), ("z", scanner.f_z))
         if 2.0 * f * slot >= 1.0

@@ -1,4 +1,4 @@
-"""Height and strength of friction along the line of the reference, as a Gaussian process that every measurement updates.
+"""Height and friction along the line of the reference, as a Gaussian process that every measurement updates.
 
 Cubic B-splines on a ring of nodes; their coefficients are jointly Gaussian with a squared exponential covariance, so
 that few measurements make a smooth map and its variance tells where it is known.
@@ -7,7 +7,7 @@ that few measurements make a smooth map and its variance tells where it is known
 import math
 from typing import Any
 
-from ...jit import kernel
+from ...jit import kernel, routine
 
 NODES = 128
 SPACING = 0.5
@@ -17,7 +17,8 @@ LENGTH = 0.85
 NEAR = 0.4
 """What is as far from the line still counts as on it [x0]."""
 FADE = 1.5e-5
-"""Part of the variance of the prior that returns in a radian of the shortest wave: over a few waves that of one measurement."""
+"""Part of the variance of the prior that returns in a radian of the shortest wave: in a few waves that of one
+measurement."""
 KNOWN_WELL = 1e-2
 """Variance over that of the prior below which the map counts."""
 AGE = 2.0 * math.pi
@@ -39,7 +40,12 @@ def place(x: float, y: float, s: Any) -> tuple[float, bool]:
 def weights(f: float) -> tuple[float, float, float, float]:
     """Of the four nodes around the fraction f of an interval."""
     g = 1.0 - f
-    return g * g * g / 6.0, (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0, (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0, f * f * f / 6.0
+    return (
+        g * g * g / 6.0,
+        (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0,
+        (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0,
+        f * f * f / 6.0,
+    )
 
 
 @kernel
@@ -51,7 +57,7 @@ def read_map(x: float, y: float, s: Any) -> None:
         return
     first = math.floor(along)
     w = weights(along - first)
-    i = int(first) - 1
+    i = first - 1
     H, ratio, variance = 0.0, 0.0, 0.0
     for a in range(4):
         at = (i + a) % NODES
@@ -86,7 +92,7 @@ def raise_map(change: float, s: Any) -> None:
         s.map_ratio[i] += change
 
 
-@kernel
+@routine
 def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
     """Kalman update by a height, and a ratio if that is positive, measured where the scanner is."""
     draw_line(p, s)
@@ -98,7 +104,8 @@ def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
     step_x, step_y = s.X - s.at_x, s.Y - s.at_y
     step = math.sqrt(step_x * step_x + step_y * step_y)
     s.way += step
-    # Height and ratio have one covariance: they are written together, while the tip slips. What the first slip shows is not that of a load at rest.
+    # Height and ratio have one covariance: they are written together, while the tip slips. In the first slip the load
+    # is not that at rest.
     if step == 0.0 or (p.identified and ratio == 0.0) or s.way < AGE * s.pitch / SPACING:
         return
     if along < s.least - 1.0 or along > s.most + 1.0:
@@ -113,7 +120,7 @@ def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
     s.written = 1.0
     first = math.floor(along)
     w = weights(along - first)
-    i = int(first) - 1
+    i = first - 1
     # The faster the tip runs over the surface the less its load is that at rest.
     swing = (SPACING / s.pitch) ** 2 * (s.V_X * s.V_X + s.V_Y * s.V_Y) * p.height * p.f_load / p.ripple
     variance, innovation, change = NOISE + swing * swing, H, ratio
@@ -123,7 +130,8 @@ def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
             s.gain[j] += w[a] * s.covariance[(i + a) % NODES, j]
     # What the tip has passed between two measurements is known by both.
     before, _ = place(s.at_x, s.at_y, s)
-    for j in range(int(math.floor(max(min(before, along), s.least))) - 1, int(math.floor(along if along > before else min(before, s.most))) + 3):
+    before = min(max(before, s.least), s.most)
+    for j in range(math.floor(min(before, along)) - 1, math.floor(max(before, along)) + 3):
         s.visited[j % NODES] = min(s.visited[j % NODES], s.way)
     for a in range(4):
         at = (i + a) % NODES

@@ -2,9 +2,10 @@
 
 from typing import Any
 
-from ...jit import kernel
+from ...jit import kernel, routine
 from .constants import ANSWERS
 from .plant import predict
+
 
 @kernel
 def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
@@ -19,7 +20,7 @@ def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
                 predict(s.sent[i, at, 0], s.sent[i, at, 1], s.sent[i, at, 2], p, s)
 
 
-@kernel
+@routine
 def observe(k: int, y: Any, p: Any, s: Any) -> None:
     """Put position and rate of the scanner at measurement k into the state."""
     x, y_, z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0

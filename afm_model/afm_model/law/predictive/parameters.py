@@ -15,14 +15,19 @@ class PredictiveLaw(SampledLaw):
     kind: str = Field("predictive", description="friction-predicting control, docs/laws.md")
     packet: Annotated[int, Ge(1), Le(64)] = Field(1, description="drives in a control period, each with its time")
     spare: Annotated[int, Ge(0), Le(16)] = Field(
-        0, description="control periods beyond the next for which an answer holds drives, played when the next one is late"
+        0,
+        description="further control periods for which an answer holds drives, played while the next one is late",
     )
     feedback: Literal["full", "measured"] = Field(
         "full", description="full: positions and rates as measured; measured: an observer that positions correct"
     )
     position_noise: Annotated[Positive, Unit("m")] = Field(5e-11, description="measured: rms noise of a position")
-    deflection_noise: Annotated[NonNegative, Unit("m")] = Field(1e-11, description="measured: rms noise of the deflection")
-    force_noise: Annotated[NonNegative, Unit("N")] = Field(5e-11, description="measured: rms noise of the lateral force")
+    deflection_noise: Annotated[NonNegative, Unit("m")] = Field(
+        1e-11, description="measured: rms noise of the deflection"
+    )
+    force_noise: Annotated[NonNegative, Unit("N")] = Field(
+        5e-11, description="measured: rms noise of the lateral force"
+    )
     surface: Literal["known", "observed", "learned"] = Field(
         "observed",
         description="height of the sample along the reference: known: that of sample.*; observed: from tip and "

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from ...friction.disc import friction_impulse
-from ...jit import kernel
+from ...jit import kernel, routine
 from ...sample.paper import surface
 from .constants import KNOWN, LEARNED
 from .map import read_map
@@ -26,7 +26,7 @@ def beyond(f: Any, d_x: float, d_y: float, p: Any) -> float:
     return value + (1.0 - math.exp(REACH - phase)) * (f[8] - value)
 
 
-@kernel
+@routine
 def look(x: float, y: float, p: Any, s: Any) -> None:
     """Height, curvature and strength of friction of the sample at (x, y)."""
     s.here = beyond(s.ratio, x - s.at_x, y - s.at_y, p)
@@ -46,7 +46,7 @@ def nominal_bound(load: float, p: Any, s: Any) -> float:
     return s.strength * (p.f_0 + s.curvature * (p.f_1 + p.f_2 * s.curvature)) * (1.0 + p.f_load * (load - p.load_0))
 
 
-@kernel
+@routine
 def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
     """Move the scanner on by a slot under a constant drive.
 
@@ -55,7 +55,7 @@ def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
     h = p.dt
     half = 0.5 * h
     d_x, d_y, d_z = half * p.damping[0], half * p.damping[1], half * p.damping[2]
-    for i in range(p.steps):
+    for _ in range(p.steps):
         s.X += half * s.V_X
         s.Y += half * s.V_Y
         s.Z += half * s.V_Z
