@@ -60,6 +60,7 @@ _SCALARS = (
     "ripple",  # of the strength, from that curvature
     "measured",
     "position_noise",
+    "uncertain",  # variance of an estimated position, x and y
     "height_noise",
     "ratio_noise",
     "x0",
@@ -172,6 +173,7 @@ def values(parameters: Tree) -> Numbers:
         "ripple": ripple,
         "measured": measured,
         "position_noise": noise,
+        "uncertain": max(L[0][0], L[1][0]) * noise**2,
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
         "L": np.array(L),

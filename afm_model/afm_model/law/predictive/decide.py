@@ -30,7 +30,11 @@ def decide(at: int, slot: int, p: Any, s: Any) -> None:
     r_x, r_y = s.path[end, 0, 0] - s.path[at, 0, 0], s.path[end, 1, 0] - s.path[at, 1, 0]
     way = math.sqrt(r_x * r_x + r_y * r_y)
     n_x, n_y = (-r_y / way, r_x / way) if way > 0.0 else (0.0, 0.0)
-    nu = min(max(-p.turn * (e_x * n_x + e_y * n_y) / way, -0.5), 0.5) if way > 0.0 else 0.0
+    off = e_x * n_x + e_y * n_y
+    if p.measured != 0 and off != 0.0:
+        # Of an estimated error only what exceeds its own uncertainty turns the direction.
+        off *= max(0.0, 1.0 - p.uncertain / (off * off))
+    nu = min(max(-p.turn * off / way, -0.5), 0.5) if way > 0.0 else 0.0
     changed_x, changed_y = 0.0, 0.0
     for j in range(p.fine):
         # The load follows the error along z, which the held drive leaves.
