@@ -157,12 +157,20 @@ def test_a_sample_that_is_turned_upside_down_is_no_worse():
     assert error(run(5e-5, 1, {}, sample__beta=-12.5e-9).score) < 0.15
 
 
+@pytest.mark.parametrize("known", [EXACT, LOW, HIGH])
 @pytest.mark.parametrize("period", [5e-5, 2e-4])
-def test_positions_alone_are_enough_where_the_surface_is_known(period):
-    law = {"law.surface": "known", "law.feedback": "measured"}
-    result = run(period, 1, law, 1.0, 1.5, **{name.replace(".", "__"): value for name, value in NOISE.items()})
-    assert error(result.score) < 0.8
+def test_positions_alone_are_enough_where_the_surface_is_known(period, known):
+    noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
+    result = run(period, 1, {"law.feedback": "measured", **known}, 2.0, 3.0, **noise)
+    assert error(result.score) < 0.6
+    assert smoothness(result) < 2.0
     assert result.score.contact_fraction == 1.0
+
+
+def test_positions_alone_and_an_unknown_surface_are_warned_of():
+    law = registry.find("law", "predictive")
+    (told,) = law.warnings(build(ControllerParameters, {"law.kind": "predictive", "law.feedback": "measured"}), 5e-5)
+    assert "law.feedback = measured needs law.surface = known, it is observed" in told
 
 
 def test_the_same_measurements_give_the_same_drives_after_a_reset():

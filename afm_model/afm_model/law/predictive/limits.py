@@ -37,7 +37,13 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
     """Axes whose resonance is too fast for a held drive: beyond half a period of it the scanner swings in between."""
     law, scanner = parameters.law, parameters.scanner
     slot = control_period / law.packet
-    return [
+    told = []
+    if law.feedback == "measured" and law.surface != "known":
+        told.append(
+            f"along x and y the error will be tens of percent: law.feedback = measured needs law.surface = known, "
+            f"it is {law.surface} (docs/laws.md)"
+        )
+    return told + [
         f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet "
         f"= {2.0 * math.pi * f * slot:.3g} should be < 3.14 (scanner.f_{axis} = {f:g} Hz, plant.control_period = "
         f"{control_period:g} s, law.packet = {law.packet})"
