@@ -51,7 +51,9 @@ def parameters(period: float, delay: int, law: dict[str, Any], plant: dict[str, 
     return build(SimParameters, sim), build(ControllerParameters, timing | law)
 
 
-def run(period: float, delay: int, law: dict[str, Any], first: float = 0.5, periods: float = 1.0, **plant) -> Simulation:
+def run(
+    period: float, delay: int, law: dict[str, Any], first: float = 0.5, periods: float = 1.0, **plant
+) -> Simulation:
     """In lockstep; names of plant with __ for the dot."""
     given = {name.replace("__", "."): value for name, value in plant.items()}
     return simulate(*parameters(period, delay, law, given, first, periods))

@@ -1,4 +1,4 @@
-"""Gains of a held drive by least squares over a horizon: docs/laws.md, friction-predicting control, (1) to (4)."""
+"""Gains of a held drive by least squares over a horizon: docs/laws.md, Friction-predicting control, its (2) to (4)."""
 
 import math
 from typing import NamedTuple

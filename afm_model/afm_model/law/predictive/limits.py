@@ -28,8 +28,8 @@ def check(parameters: Tree) -> None:
     if ahead > INTERVALS:
         raise ValueError(
             f"law.period = {law.period:g} s is not allowed with law.packet = {law.packet}, law.response = "
-            f"{law.response:g} s: the law would look {ahead} intervals ahead and must not look farther than {INTERVALS}; raise "
-            f"law.packet or lower law.response"
+            f"{law.response:g} s: the law would look {ahead} intervals ahead and must not look farther than "
+            f"{INTERVALS}; raise law.packet or lower law.response"
         )
 
 
