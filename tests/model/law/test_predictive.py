@@ -159,7 +159,7 @@ def test_a_sample_that_is_turned_upside_down_is_no_worse():
     assert error(run(5e-5, 1, {}, sample__beta=-12.5e-9).score) < 0.15
 
 
-@pytest.mark.parametrize("known", [EXACT, LOW, HIGH])
+@pytest.mark.parametrize("known", [EXACT, LOW, HIGH], ids=["exact", "low", "high"])
 @pytest.mark.parametrize("period", [5e-5, 2e-4])
 def test_positions_alone_are_enough_where_the_surface_is_known(period, known):
     noise = {name.replace(".", "__"): value for name, value in NOISE.items()}

@@ -38,9 +38,6 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     take_reference(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)
-    if s.started == 0.0:
-        for axis in range(3):
-            s.start[axis] = y.drive[axis] / p.volts[axis]
     recall(k, y, p, s)
     observe(k, y, p, s)
     take_sample(y, p, s)

@@ -125,16 +125,9 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
         if held > s.here + p.ripple:
             raise_map(held - s.here, s)
         return 0.0
-    t_x, t_y = s.V_X / speed, s.V_Y / speed
-    if p.measured != 0:
-        # An estimated direction is noise: that of the reference is taken while the tip goes about that way.
-        asked = math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
-        if t_x * s.v[0] + t_y * s.v[1] < 0.9 * asked or asked == 0.0:
-            return 0.0
-        t_x, t_y = s.v[0] / asked, s.v[1] / asked
-    if abs(t_x) <= 0.3:
+    if abs(s.V_X) <= 0.3 * speed:
         return 0.0
-    measured = force / (t_x * nominal)
+    measured = force * speed / (s.V_X * nominal)
     if p.measured != 0:
         # Whether the tip slips is only estimated, and at rest the force is less than the bound: that falls no faster
         # than the steepest slope lets it on the way of the reference.

@@ -11,7 +11,7 @@ def recall(k: int, y: Any, p: Any, s: Any) -> None:
     """Write into the plan the drives that are in force until the answer to measurement k is.
 
     An answer is in force from the delay after its measurement on, or from its arrival if that is later; what has not
-    arrived yet is taken to be there in the next period. Until the first the drive of the start is.
+    arrived yet is taken to be there in the next period. Where none is known the drive that is in force stays.
     """
     for j in range(p.delay):
         ahead = j // p.slots
@@ -24,7 +24,7 @@ def recall(k: int, y: Any, p: Any, s: Any) -> None:
                 answered = max(answered, s.answered[back])
         if answered < 0:
             for axis in range(3):
-                s.plan[j, axis] = s.start[axis]
+                s.plan[j, axis] = y.drive[axis] / p.volts[axis]
         else:
             at = min((k - answered) * p.slots + j, p.delay + p.count - 1)
             for axis in range(3):

@@ -9,7 +9,6 @@ from .map import LENGTH, NODES, SPACING
 
 STATE = record(
     "started",
-    "start",  # drive at the start
     "answered",  # the last measurements answered, and the drives of each answer
     "sent",
     "last",  # number of the last measurement
@@ -71,7 +70,6 @@ STATE = record(
         "H": (10,),
         "ratio": (10,),
         "estimate": (6,),
-        "start": (3,),
         "answered": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),
         "plan": (SLOTS, 3),
