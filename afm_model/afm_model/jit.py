@@ -71,6 +71,14 @@ def kernel(function: _F) -> _F:
         return numba.njit(function, cache=True, error_model="numpy", forceinline=True)
 
 
+def routine(function: _F) -> _F:
+    """As `kernel`, but called, not compiled into its callers: for what is long and is called from several places."""
+    if config.DISABLE_JIT:
+        return function
+    with _cache_here():
+        return numba.njit(function, cache=True, error_model="numpy")
+
+
 def is_compiled(function: object) -> bool:
     """Whether `function` was made by numba, to be compiled; not if `NUMBA_DISABLE_JIT` is set."""
     return isinstance(function, numba.core.dispatcher.Dispatcher)

@@ -141,7 +141,7 @@ def test_node_that_dies_ends_the_launch_with_code_1_and_its_name(endless: str, t
 
 
 REFUSED = {
-    "scenario": ({"scenario": "nonesuch"}, "unknown scenario nonesuch: it must be one of closed_loop_realtime"),
+    "scenario": ({"scenario": "nonesuch"}, "unknown scenario nonesuch: it must be one of closed_loop_predictive"),
     "controller": ({"controller": "no_such_program --fast"}, "controller:=no_such_program --fast is not allowed"),
     "mode": ({"mode": "hasty"}, "mode"),
 }

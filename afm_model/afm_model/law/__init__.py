@@ -14,6 +14,7 @@ from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
+from .predictive import PREDICTIVE
 from .super_twisting import SUPER_TWISTING
 from .timing import SampledLaw, TimingWarning, disagreements
 
@@ -23,7 +24,7 @@ PARTS = paper.PARTS
 _OF_THE_PAPER = len(paper.PARTS)
 register(*PARTS)
 # The others are called by address, like those of somebody else's: the compiled loop knows the paper's alone.
-register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER, *paper_tracking.PARTS, CHIRP)
+register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER, PREDICTIVE, *paper_tracking.PARTS, CHIRP)
 
 
 @kernel

@@ -4,8 +4,9 @@ from pydantic import model_validator
 
 from .. import registry
 from ..law import PaperLaw
-from ..physics import Cantilever, Scales, Scanner
+from ..physics import Cantilever, Contact, Scales, Scanner
 from ..piezo import PiezoParameters
+from ..sample import PaperSample
 from ..schema import Group
 
 
@@ -17,6 +18,8 @@ class ControllerParameters(Group):
     cantilever: Cantilever = Cantilever()
     scales: Scales = Scales()
     piezo: PiezoParameters = PiezoParameters()
+    contact: Contact = Contact()
+    sample: PaperSample = PaperSample()
 
     @model_validator(mode="after")
     def _law_allows(self) -> "ControllerParameters":

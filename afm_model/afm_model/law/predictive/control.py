@@ -1,0 +1,53 @@
+"""The friction-predicting law: estimate, predict through the drives in flight, decide."""
+
+from typing import Any
+
+from ...jit import kernel
+from .ask import ask
+from .constants import KNOWN, LEARNED
+from .decide import decide
+from .estimate import measured_height, take_height, take_ratio
+from .flight import answer, recall, remember
+from .map import write_map
+from .observer import observe
+from .plant import predict
+from .reference import take_reference
+
+
+@kernel
+def take_sample(y: Any, p: Any, s: Any) -> None:
+    """Learn from the measurement what is to be learned of the sample."""
+    s.Q = p.a + y.deflection / p.z0
+    s.load = p.w + p.eta_c2 * (s.Q - p.a)
+    if s.V_X == 0.0 and s.V_Y == 0.0:
+        # At rest the tip follows the scanner along z; while it slips along a line that it tracks it hardly moves.
+        held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
+        s.load += y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
+    if p.surface != KNOWN:
+        take_height(p, s)
+    ratio = 0.0
+    if p.identified:
+        u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
+        ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
+    if p.surface == LEARNED:
+        write_map(measured_height(p, s), ratio, p, s)
+
+
+@kernel
+def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+    """See `afm_model.parts.Law`."""
+    take_reference(y, p, s)
+    k = int(t * p.w0 / p.hold + 0.5)
+    recall(k, y, p, s)
+    observe(k, y, p, s)
+    take_sample(y, p, s)
+    s.at_x, s.at_y = s.X, s.Y
+    ask(p.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
+    for i in range(p.delay + p.count):
+        if i >= p.delay:
+            decide((i - p.delay) * p.fine, i, p, s)
+        if i < p.delay + p.count - 1:
+            predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
+    remember(k, p, s)
+    answer(u, p, s)
+    s.started = 1.0

@@ -1,0 +1,56 @@
+"""The drive of one slot."""
+
+import math
+from typing import Any
+
+from ...jit import kernel, routine
+
+
+@kernel
+def drive(axis: int, at: int, e: float, e_rate: float, p: Any, s: Any) -> float:
+    """Least squares drive of one axis from interval `at` on, error e at its beginning."""
+    u = -p.K[axis, 0] * e - p.K[axis, 1] * e_rate
+    for j in range(p.horizon):
+        u += p.G[axis, j, 0] * s.asked[at + j, axis, 0] + p.G[axis, j, 1] * s.asked[at + j, axis, 1]
+    return u
+
+
+@routine
+def decide(at: int, slot: int, p: Any, s: Any) -> None:
+    """Write the drive of a slot that begins with the fine interval `at` into the plan, from the predicted state."""
+    e_x, e_y = s.X - s.path[at, 0, 0], s.Y - s.path[at, 1, 0]
+    # Far from the line the scanner comes back no faster than the reference moves.
+    far, most = math.sqrt(e_x * e_x + e_y * e_y), 2.0 * s.fastest * p.hold
+    if far > most > 0.0:
+        e_x, e_y = e_x * most / far, e_y * most / far
+    e_z, e_zrate = s.Z - s.path[at, 2, 0], s.V_Z - s.path[at, 2, 1]
+    u_z = drive(2, at, e_z, e_zrate, p, s)
+    # Friction in the slot opposes the motion towards the line as well: the direction of the reference, turned.
+    end = at + p.fine
+    r_x, r_y = s.path[end, 0, 0] - s.path[at, 0, 0], s.path[end, 1, 0] - s.path[at, 1, 0]
+    way = math.sqrt(r_x * r_x + r_y * r_y)
+    n_x, n_y = (-r_y / way, r_x / way) if way > 0.0 else (0.0, 0.0)
+    off = e_x * n_x + e_y * n_y
+    if p.measured != 0 and off != 0.0:
+        # Of an estimated error only what exceeds its own uncertainty turns the direction.
+        off *= max(0.0, 1.0 - p.uncertain / (off * off))
+    nu = min(max(-p.turn * off / way, -0.5), 0.5) if way > 0.0 else 0.0
+    changed_x, changed_y = 0.0, 0.0
+    for j in range(p.fine):
+        # The load follows the error along z, which the held drive leaves.
+        before = e_z
+        e_z, e_zrate = (
+            p.Phi[2, 0, 0] * e_z + p.Phi[2, 0, 1] * e_zrate + p.Gamma[2, 0] * u_z - s.asked[at + j, 2, 0],
+            p.Phi[2, 1, 0] * e_z + p.Phi[2, 1, 1] * e_zrate + p.Gamma[2, 1] * u_z - s.asked[at + j, 2, 1],
+        )
+        f = s.friction[at + j] * (1.0 + p.f_load * p.eta_c2 * 0.5 * (before + e_z))
+        d_x, d_y = s.direction[at + j, 0] + nu * n_x, s.direction[at + j, 1] + nu * n_y
+        size = math.sqrt(d_x * d_x + d_y * d_y)
+        if size > 0.0:
+            change = f * d_x / size - s.friction[at + j] * s.direction[at + j, 0]
+            changed_x += change * (p.G[0, j, 0] * p.Gamma[0, 0] + p.G[0, j, 1] * p.Gamma[0, 1])
+            change = f * d_y / size - s.friction[at + j] * s.direction[at + j, 1]
+            changed_y += change * (p.G[1, j, 0] * p.Gamma[1, 0] + p.G[1, j, 1] * p.Gamma[1, 1])
+    s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
+    s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y
+    s.plan[slot, 2] = u_z

@@ -1,0 +1,147 @@
+"""What the law learns of the sample: its height under the tip and the strength of friction, with their slopes."""
+
+import math
+from typing import Any
+
+from ...jit import kernel, routine
+from .constants import KNOWN
+from .map import raise_map
+from .plant import beyond, look, nominal_bound
+
+ROUGH = 0.35
+"""Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
+_INDEX = 10.0
+"""Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
+VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
+"""What is followed: value and slopes; covariances of value and slope; direction of the last step; mean, phase gone in
+it."""
+
+
+@kernel
+def begin(f: Any, value: float, size: float, floor: float, p: Any) -> None:
+    """Begin to follow a quantity of amplitude `size`."""
+    for i in range(10):
+        f[i] = 0.0
+    f[VALUE] = f[MEAN] = value
+    f[OF_VALUE] = floor * floor
+    f[OF_SLOPE] = (size * p.wave_number) ** 2
+
+
+@routine
+def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: float, p: Any) -> None:
+    """Kalman filter of value and slope along the way, a step d further on.
+
+    The second derivative is taken as constant in a step and independent from step to step, as in the tracking filters
+    of P. R. Kalata, IEEE Trans. Aerosp. Electron. Syst. 20 (1984) 174, doi:10.1109/TAES.1984.310438.
+
+    Parameters
+    ----------
+    f : vector
+    measured : float
+    d_x, d_y : float [x0]
+    size, floor : float
+        Amplitude of the quantity; noise of the measurement.
+    """
+    way = math.sqrt(d_x * d_x + d_y * d_y)
+    both, of_slope = f[OF_BOTH], f[OF_SLOPE]
+    slope, q, t_x, t_y = 0.0, 0.0, 0.0, 0.0
+    if way > 0.0:
+        t_x, t_y = d_x / way, d_y / way
+        q = p.wave_number * (abs(t_x) + abs(t_y))
+        slope = f[SLOPE_X] * t_x + f[SLOPE_Y] * t_y
+        if t_x * f[WAY_X] + t_y * f[WAY_Y] < 0.0:
+            both = -both
+    steepest = size * q
+    bend = ROUGH * size * q * q * way
+    of_value = f[OF_VALUE] + way * (2.0 * both + way * of_slope) + 0.25 * bend * bend * way * way
+    both += way * of_slope + 0.5 * bend * bend * way
+    of_slope += bend * bend
+    # Neither is less certain than for any place.
+    if way > 0.0 and of_slope > steepest * steepest:
+        both *= steepest * steepest / of_slope
+        of_slope = steepest * steepest
+    if of_value > size * size:
+        both *= size * size / of_value
+        of_value = size * size
+    expected = beyond(f, d_x, d_y, p)
+    noise = max(floor, min(bend * way / _INDEX, size))
+    gain, gain_slope = of_value / (of_value + noise * noise), both / (of_value + noise * noise)
+    # The mean is that of the way gone, at most over a few waves.
+    f[GONE] = min(f[GONE] + q * way, 8.0 * math.pi)
+    if way > 0.0:
+        f[MEAN] += min(q * way / f[GONE], 1.0) * (measured - f[MEAN])
+    f[VALUE] = expected + gain * (measured - expected)
+    if way > 0.0:
+        slope = min(max(slope + gain_slope * (measured - expected), -steepest), steepest)
+        f[SLOPE_X], f[SLOPE_Y], f[WAY_X], f[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
+    f[OF_SLOPE] = of_slope - gain_slope * both
+    f[OF_VALUE] = (1.0 - gain) * of_value
+    f[OF_BOTH] = (1.0 - gain) * both
+
+
+@kernel
+def measured_height(p: Any, s: Any) -> float:
+    """Of the sample under the tip [z0], H = Q - Z + delta, the contact at rest."""
+    return s.Q - s.Z + p.delta + p.delta_load * (s.load - p.load_0)
+
+
+@kernel
+def take_height(p: Any, s: Any) -> None:
+    """Follow the height of the sample under the tip, and its slope along the way."""
+    H = measured_height(p, s)
+    if s.started == 0.0:
+        begin(s.H, H, p.height, p.height_noise, p)
+    else:
+        follow(s.H, H, s.X - s.at_x, s.Y - s.at_y, p.height, p.height_noise, p)
+
+
+@kernel
+def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
+    """Follow the bound of friction over the nominal one.
+
+    It comes from the lateral force while the tip slips, and from the balance of forces at rest.
+
+    Parameters
+    ----------
+    force : float [m_p w0^2 x0]
+        Friction along x.
+    u_x, u_y : float [w0^2 x0]
+        Drive in force until now.
+
+    Returns
+    -------
+    float
+        What was measured; zero if nothing was.
+    """
+    look(s.X, s.Y, p, s)
+    nominal = nominal_bound(s.load, p, s)
+    speed = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
+    if speed == 0.0:
+        b_x, b_y = u_x - p.stiffness[0] * s.X, u_y - p.stiffness[1] * s.Y
+        held = math.sqrt(b_x * b_x + b_y * b_y) / nominal
+        s.ratio[VALUE] = max(s.ratio[VALUE], held)
+        s.ratio[MEAN] = max(s.ratio[MEAN], held)
+        # What a slope does not explain holds everywhere.
+        if held > s.here + p.ripple:
+            raise_map(held - s.here, s)
+        return 0.0
+    if abs(s.V_X) <= 0.3 * speed:
+        return 0.0
+    measured = force * speed / (s.V_X * nominal)
+    if p.measured != 0:
+        # Whether the tip slips is only estimated, and at rest the force is less than the bound: that falls no faster
+        # than the steepest slope lets it on the way of the reference.
+        steepest = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1]))
+        measured = max(measured, s.here - steepest * p.hold)
+    d_x, d_y = s.X - s.at_x, s.Y - s.at_y
+    s.slips += 1.0
+    if p.surface == KNOWN:
+        # Nothing of it is left to follow but what changes slowly: the mean over a wave of the surface.
+        phase = p.wave_number * (abs(d_x) + abs(d_y))
+        s.ratio[VALUE] += max(1.0 / s.slips, phase / (2.0 * math.pi)) * (measured - s.ratio[VALUE])
+        s.ratio[MEAN] = s.ratio[VALUE]
+    elif s.slips == 1.0:
+        begin(s.ratio, measured, p.ripple, p.ratio_noise, p)
+    else:
+        follow(s.ratio, measured, d_x, d_y, p.ripple, p.ratio_noise, p)
+    return measured

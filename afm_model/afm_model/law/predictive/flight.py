@@ -1,0 +1,55 @@
+"""Which drives are on their way: what was answered to the last measurements, slot by slot."""
+
+from typing import Any
+
+from ...jit import kernel
+from .constants import ANSWERS
+
+
+@kernel
+def recall(k: int, y: Any, p: Any, s: Any) -> None:
+    """Write into the plan the drives that are in force until the answer to measurement k is.
+
+    An answer is in force from the delay after its measurement on, or from its arrival if that is later; what has not
+    arrived yet is taken to be there in the next period. Where none is known the drive that is in force stays.
+    """
+    for j in range(p.delay):
+        ahead = j // p.slots
+        newest = k - p.delay // p.slots + ahead
+        if ahead == 0:
+            newest = min(newest, y.newest_drive_sequence)
+        answered = -1
+        for back in range(ANSWERS):
+            if s.answered[back] <= newest:
+                answered = max(answered, s.answered[back])
+        if answered < 0:
+            for axis in range(3):
+                s.plan[j, axis] = y.drive[axis] / p.volts[axis]
+        else:
+            at = min((k - answered) * p.slots + j, p.delay + p.count - 1)
+            for axis in range(3):
+                s.plan[j, axis] = s.sent[answered % ANSWERS, at, axis]
+
+
+@kernel
+def remember(k: int, p: Any, s: Any) -> None:
+    """Keep the answer to measurement k."""
+    s.answered[k % ANSWERS] = k
+    for i in range(p.delay + p.count):
+        for axis in range(3):
+            s.sent[k % ANSWERS, i, axis] = s.plan[i, axis]
+
+
+@kernel
+def answer(u: Any, p: Any, s: Any) -> None:
+    """Write the plan into the answer: the drive that is first in force or, of more, all with their times."""
+    for axis in range(3):
+        u.voltage[axis] = s.plan[p.delay, axis] * p.volts[axis]
+    u.horizon_count = 0
+    if p.count > 1:
+        u.horizon_period = p.slot / p.w0
+        u.horizon_count = p.delay + p.count - 1
+        for axis in range(3):
+            u.voltage[axis] = s.plan[0, axis] * p.volts[axis]
+            for i in range(u.horizon_count):
+                u.horizon[i, axis] = s.plan[i + 1, axis] * p.volts[axis]

@@ -1,0 +1,150 @@
+"""Height and friction along the line of the reference, as a Gaussian process that every measurement updates.
+
+Cubic B-splines on a ring of nodes; their coefficients are jointly Gaussian with a squared exponential covariance, so
+that few measurements make a smooth map and its variance tells where it is known.
+"""
+
+import math
+from typing import Any
+
+from ...jit import kernel, routine
+
+NODES = 128
+SPACING = 0.5
+"""Between two nodes, over the inverse of the largest wave number."""
+LENGTH = 0.85
+"""Correlation length, over the same."""
+NEAR = 0.4
+"""What is as far from the line still counts as on it [x0]."""
+FADE = 1.5e-5
+"""Part of the variance of the prior that returns in a radian of the shortest wave: in a few waves that of one
+measurement."""
+KNOWN_WELL = 1e-2
+"""Variance over that of the prior below which the map counts."""
+AGE = 2.0 * math.pi
+"""Phase of the shortest wave that the tip must have gone since its first visit before the map counts at a place."""
+NOISE = 1.5e-4
+"""Variance of a measurement over that of the prior: 0.02 nm of the default height."""
+
+
+@kernel
+def place(x: float, y: float, s: Any) -> tuple[float, bool]:
+    """Position along the line in nodes, and whether (x, y) is on it."""
+    d_x, d_y = x - s.line_x, y - s.line_y
+    along = (d_x * s.line_tx + d_y * s.line_ty) / s.pitch
+    off = d_x * s.line_ty - d_y * s.line_tx
+    return along, s.pitch > 0.0 and abs(off) < NEAR
+
+
+@kernel
+def weights(f: float) -> tuple[float, float, float, float]:
+    """Of the four nodes around the fraction f of an interval."""
+    g = 1.0 - f
+    return (
+        g * g * g / 6.0,
+        (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0,
+        (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0,
+        f * f * f / 6.0,
+    )
+
+
+@kernel
+def read_map(x: float, y: float, s: Any) -> None:
+    """Put height and strength at (x, y) into the state, if the tip was there before."""
+    along, on = place(x, y, s)
+    # The ring is longer than the line, or it knows nothing.
+    if not on or s.most - s.least > NODES - 8:
+        return
+    first = math.floor(along)
+    w = weights(along - first)
+    i = first - 1
+    H, ratio, variance = 0.0, 0.0, 0.0
+    for a in range(4):
+        at = (i + a) % NODES
+        H += w[a] * s.map_H[at]
+        ratio += w[a] * s.map_ratio[at]
+        if s.way - s.visited[at] < AGE * s.pitch / SPACING:
+            return
+        for b in range(4):
+            variance += w[a] * w[b] * s.covariance[at, (i + b) % NODES]
+    if variance > KNOWN_WELL:
+        return
+    s.height = H
+    if s.gripped != 0.0:
+        s.here = ratio
+
+
+@kernel
+def draw_line(p: Any, s: Any) -> None:
+    """Lay the line along the reference, once it moves."""
+    speed = math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
+    if s.pitch > 0.0 or speed == 0.0:
+        return
+    s.line_x, s.line_y = s.p[0], s.p[1]
+    s.line_tx, s.line_ty = s.v[0] / speed, s.v[1] / speed
+    s.pitch = SPACING / (p.wave_number * (abs(s.line_tx) + abs(s.line_ty)))
+
+
+@kernel
+def raise_map(change: float, s: Any) -> None:
+    """Friction that holds more than the map allows is stronger everywhere."""
+    for i in range(NODES):
+        s.map_ratio[i] += change
+
+
+@routine
+def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
+    """Kalman update by a height, and a ratio if that is positive, measured where the scanner is."""
+    draw_line(p, s)
+    asked, on = place(s.p[0], s.p[1], s)
+    s.least, s.most = min(s.least, asked), max(s.most, asked)
+    along, on = place(s.X, s.Y, s)
+    if not on:
+        return
+    step_x, step_y = s.X - s.at_x, s.Y - s.at_y
+    step = math.sqrt(step_x * step_x + step_y * step_y)
+    s.way += step
+    # Height and ratio have one covariance: they are written together, while the tip slips. In the first slip the load
+    # is not that at rest.
+    if step == 0.0 or (p.identified and ratio == 0.0) or s.way < AGE * s.pitch / SPACING:
+        return
+    if along < s.least - 1.0 or along > s.most + 1.0:
+        return
+    if s.written == 0.0:
+        for i in range(NODES):
+            s.map_H[i] = H
+    if ratio > 0.0 and s.gripped == 0.0:
+        s.gripped = 1.0
+        for i in range(NODES):
+            s.map_ratio[i] = ratio
+    s.written = 1.0
+    first = math.floor(along)
+    w = weights(along - first)
+    i = first - 1
+    # The faster the tip runs over the surface the less its load is that at rest.
+    swing = (SPACING / s.pitch) ** 2 * (s.V_X * s.V_X + s.V_Y * s.V_Y) * p.height * p.f_load / p.ripple
+    variance, innovation, change = NOISE + swing * swing, H, ratio
+    for j in range(NODES):
+        s.gain[j] = 0.0
+        for a in range(4):
+            s.gain[j] += w[a] * s.covariance[(i + a) % NODES, j]
+    # What the tip has passed between two measurements is known by both.
+    before, _ = place(s.at_x, s.at_y, s)
+    before = min(max(before, s.least), s.most)
+    for j in range(math.floor(min(before, along)) - 1, math.floor(max(before, along)) + 3):
+        s.visited[j % NODES] = min(s.visited[j % NODES], s.way)
+    for a in range(4):
+        at = (i + a) % NODES
+        variance += w[a] * s.gain[at]
+        innovation -= w[a] * s.map_H[at]
+        change -= w[a] * s.map_ratio[at]
+    for j in range(NODES):
+        s.map_H[j] += s.gain[j] * innovation / variance
+        if ratio > 0.0:
+            s.map_ratio[j] += s.gain[j] * change / variance
+    fade = FADE * step * SPACING / s.pitch
+    for j in range(NODES):
+        weight = s.gain[j] / variance
+        for k in range(NODES):
+            seen = s.covariance[j, k] - weight * s.gain[k]
+            s.covariance[j, k] = seen + fade * (s.prior[j, k] - seen)

@@ -1,0 +1,107 @@
+"""State of the friction-predicting law."""
+
+import numpy as np
+
+from ...parts.part import Numbers, Tree
+from ...records import record
+from .constants import ANSWERS, INTERVALS, SLOTS
+from .map import LENGTH, NODES, SPACING
+
+STATE = record(
+    "started",
+    "answered",  # the last measurements answered, and the drives of each answer
+    "sent",
+    "last",  # number of the last measurement
+    "estimate",  # position and rate there
+    "X",  # the scanner as measured or estimated, then as predicted
+    "Y",
+    "Z",
+    "V_X",
+    "V_Y",
+    "V_Z",
+    "Q",  # the tip
+    "load",  # on it
+    "at_x",  # where the scanner was at the last measurement
+    "at_y",
+    "H",  # height of the sample under the tip there, and its slopes along the way: afm_model.law.predictive.estimate
+    "ratio",  # bound of friction over the nominal one there, in the same way
+    "slips",  # measurements of it
+    "here",  # strength at the place looked at
+    "height",  # the sample at one place, as afm_model.signals.SURFACE
+    "slope_x",
+    "slope_y",
+    "curvature",
+    "curvature_xx",
+    "curvature_yy",
+    "curvature_xy",
+    "strength",
+    "plan",  # drives of the slots from now on
+    "line_x",  # the line: a place on it, its direction, distance of the nodes, part of it visited [nodes]
+    "line_y",
+    "line_tx",
+    "line_ty",
+    "pitch",
+    "least",
+    "most",
+    "way",  # gone on it
+    "written",
+    "gripped",
+    "map_H",  # the map along it, and its covariance over that of the prior
+    "map_ratio",
+    "covariance",
+    "prior",
+    "visited",  # way at the first visit
+    "gain",
+    "fastest",  # speed of the reference so far
+    "p",  # reference now: position, rate, acceleration of x, y; as it was; sums of its frequency
+    "v",
+    "acc",
+    "p_last",
+    "acc_last",
+    "sum_pa",
+    "sum_pp",
+    "omega",
+    "path",  # reference at the ends of the fine intervals: X, Y, Z and rates
+    "asked",  # what each fine interval asks for
+    "friction",  # bound of friction in it
+    "direction",  # and its direction
+    integers=("answered", "last"),
+    arrays={
+        "H": (10,),
+        "ratio": (10,),
+        "estimate": (6,),
+        "answered": (ANSWERS,),
+        "sent": (ANSWERS, SLOTS, 3),
+        "plan": (SLOTS, 3),
+        "map_H": (NODES,),
+        "map_ratio": (NODES,),
+        "covariance": (NODES, NODES),
+        "prior": (NODES, NODES),
+        "gain": (NODES,),
+        "visited": (NODES,),
+        "p": (3,),
+        "v": (3,),
+        "acc": (3,),
+        "p_last": (2,),
+        "acc_last": (2,),
+        "sum_pa": (2,),
+        "sum_pp": (2,),
+        "omega": (2,),
+        "path": (INTERVALS + 1, 3, 2),
+        "asked": (INTERVALS, 3, 2),
+        "friction": (INTERVALS + 1,),
+        "direction": (INTERVALS, 2),
+    },
+)
+
+
+def start(parameters: Tree) -> Numbers:
+    """Nothing is known; a bound of friction that is to be found is approached from below."""
+    first = np.zeros(1, STATE)[0]
+    first["ratio"][[0, 8]] = 0.75 if parameters.law.friction == "identified" else 1.0
+    apart = np.abs(np.subtract.outer(np.arange(NODES), np.arange(NODES)))
+    apart = np.minimum(apart, NODES - apart) * SPACING / LENGTH
+    first["covariance"] = first["prior"] = np.exp(-0.5 * apart**2)
+    first["answered"] = -1
+    first["visited"] = np.inf
+    return {name: first[name] for name in STATE.names or ()}

@@ -1,0 +1,124 @@
+"""Claims about what the friction-predicting law learns: reference, height and friction of the sample, the map."""
+
+import math
+
+import numpy as np
+import pytest
+
+from afm_model import ControllerParameters, build
+from afm_model.law.predictive import PREDICTIVE
+from afm_model.law.predictive.constants import CONSTANTS, values
+from afm_model.law.predictive.estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
+from afm_model.law.predictive.map import NODES, read_map, write_map
+from afm_model.law.predictive.plant import beyond
+from afm_model.law.predictive.reference import continue_reference, take_reference
+from afm_model.law.predictive.state import STATE, start
+from afm_model.signals import MEASUREMENT
+
+from ..tables import record_of
+
+X0, W0 = 2.5e-10, 1e4
+
+
+def records(**law):
+    """Constants and state of the law."""
+    parameters = build(ControllerParameters, {"law.kind": "predictive", **{f"law.{k}": v for k, v in law.items()}})
+    return record_of(CONSTANTS, **values(parameters)), record_of(STATE, **start(parameters))
+
+
+SINE = (
+    lambda t: 20.0 * math.sin(0.005 * t) + 3.0,
+    lambda t: 0.1 * math.cos(0.005 * t),
+    lambda t: -5e-4 * math.sin(0.005 * t),
+)
+PARABOLA = (lambda t: 1.0 + 0.2 * t - 0.01 * t * t, lambda t: 0.2 - 0.02 * t, lambda t: -0.02)
+LINE = (lambda t: -2.0 + 0.1 * t, lambda t: 0.1, lambda t: 0.0)
+
+
+@pytest.mark.parametrize("course", [SINE, PARABOLA, LINE])
+def test_a_sine_a_parabola_and_a_line_are_continued_as_they_go_on(course):
+    p, s = records(period=2e-4)
+    position, rate, acceleration = course
+    for k in range(4):
+        t = 2.0 * k
+        y = record_of(
+            MEASUREMENT,
+            reference_position=(X0 * position(t), 0.0, 0.0),
+            reference_velocity=(X0 * W0 * rate(t), 0.0, 0.0),
+            reference_acceleration=(X0 * W0**2 * acceleration(t), 0.0, 0.0),
+        )
+        take_reference(y, p, s)
+        s.started = 1.0
+    continue_reference(0, 2.0, 40, p, s)
+    ahead = 6.0 + 2.0 + p.tau * np.arange(41)
+    # The frequency comes from differences of doubles.
+    assert s.path[:41, 0, 0] == pytest.approx([position(t) for t in ahead], abs=1e-6)
+    assert s.path[:41, 0, 1] == pytest.approx([rate(t) for t in ahead], abs=1e-6)
+
+
+def height(along):
+    """The paper's sample on its diagonal [z0]."""
+    return 0.0625 * (1.0 - math.cos(along / math.sqrt(2.0)))
+
+
+def test_height_and_slope_of_a_wave_are_followed():
+    p, s = records()
+    step = 0.07
+    begin(s.H, height(0.0), p.height, p.height_noise, p)
+    for k in range(1, 2000):
+        follow(s.H, height(k * step), step / math.sqrt(2.0), step / math.sqrt(2.0), p.height, p.height_noise, p)
+        if k > 100:
+            assert s.H[VALUE] == pytest.approx(height(k * step), abs=2e-4)
+            slope = (s.H[SLOPE_X] + s.H[SLOPE_Y]) / math.sqrt(2.0)
+            # A tenth of the steepest slope: it lags by some of its steps.
+            assert slope == pytest.approx(0.0442 * math.sin(k * step / math.sqrt(2.0)), abs=4.4e-3)
+    assert s.H[MEAN] == pytest.approx(0.0625, abs=0.01)
+
+
+def test_far_ahead_the_mean_is_what_is_expected():
+    p, s = records()
+    s.H[VALUE], s.H[SLOPE_X], s.H[MEAN] = 0.1, 0.02, 0.06
+    assert beyond(s.H, 0.5, 0.0, p) == pytest.approx(0.11, rel=1e-12)
+    assert beyond(s.H, 60.0, 0.0, p) == pytest.approx(0.06, abs=1e-6)
+
+
+def travel(p, s, ways, noise, rng):
+    """Write the map on the way along the diagonal."""
+    s.v[0] = s.v[1] = 0.1
+    for along in ways:
+        s.X = s.Y = along / math.sqrt(2.0)
+        s.p[0] = s.p[1] = s.X
+        write_map(height(along) + noise * rng.normal(), 1.0 + 0.1 * height(along), p, s)
+        s.at_x, s.at_y = s.X, s.Y
+
+
+def test_the_map_knows_height_and_friction_after_one_pass(rng):
+    p, s = records(surface="learned")
+    travel(p, s, np.arange(0.0, 40.0, 0.28), 1e-4, rng)
+    for along in np.arange(12.0, 28.0, 0.3):
+        s.height = s.here = math.nan
+        read_map(along / math.sqrt(2.0), along / math.sqrt(2.0), s)
+        assert s.height == pytest.approx(height(along), abs=5e-4)
+        assert s.here == pytest.approx(1.0 + 0.1 * height(along), abs=5e-4)
+
+
+def test_the_map_tells_nothing_ahead_and_beside_the_line(rng):
+    p, s = records(surface="learned")
+    travel(p, s, np.arange(0.0, 30.0, 0.28), 0.0, rng)
+    for x, y in ((23.0, 23.0), (10.0, 11.0)):
+        s.height = math.nan
+        read_map(x, y, s)
+        assert math.isnan(s.height)
+
+
+def test_the_covariance_of_the_map_stays_one(rng):
+    p, s = records(surface="learned")
+    travel(p, s, 28.0 * np.sin(np.arange(0.0, 20.0, 0.01)), 1e-4, rng)
+    covariance = np.array(s.covariance)
+    assert covariance.shape == (NODES, NODES)
+    assert covariance == pytest.approx(covariance.T, abs=1e-12)
+    assert np.linalg.eigvalsh(covariance)[0] > -1e-9
+
+
+def test_the_part_is_chosen_by_its_name():
+    assert build(ControllerParameters, {"law.kind": "predictive"}).law.kind == PREDICTIVE.name

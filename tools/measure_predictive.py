@@ -1,0 +1,174 @@
+"""Measure the friction-predicting law; prints the tables of its section in docs/laws.md.
+
+python tools/measure_predictive.py            # print
+python tools/measure_predictive.py --write    # and put them into docs/laws.md
+"""
+
+import argparse
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from afm_model import Controller, ControllerParameters, SimParameters, Simulation, build, simulate
+from afm_model.run import Latency, simulate_realtime
+
+sys.path.insert(0, str(Path(__file__).parent))
+from make_docs import between_marks
+
+PAGE = Path(__file__).parent.parent / "docs" / "laws.md"
+PERIOD = 2.0 * math.pi / 50.0
+"""Of the reference [s]."""
+TAU = 0.91e9
+"""Shear strength of the contact [Pa]."""
+PACKET = {"law.packet": 20, "law.spare": 1}
+RATES: tuple[tuple[str, float, int, dict[str, Any]], ...] = (
+    ("50 us", 5e-5, 0, {}),
+    ("50 us + 1", 5e-5, 1, {}),
+    ("50 us + 6", 5e-5, 6, {}),
+    ("200 us + 1", 2e-4, 1, {}),
+    ("1 ms + 1", 1e-3, 1, {}),
+    ("1 ms + 1, packets", 1e-3, 1, PACKET),
+)
+KNOWN = {"law.surface": "known"}
+KNOWLEDGE: tuple[tuple[str, dict[str, Any], float], ...] = (
+    ("surface and friction known", {**KNOWN, "law.friction": "nominal"}, 0.5),
+    ("surface known, friction 20 % low", {**KNOWN, "contact.tau": 0.8 * TAU}, 0.5),
+    ("surface known, friction 20 % high", {**KNOWN, "contact.tau": 1.2 * TAU}, 0.5),
+    ("nothing known", {"contact.tau": 0.8 * TAU}, 0.5),
+    ("learned, third period", {"law.surface": "learned", "contact.tau": 0.8 * TAU}, 2.0),
+    ("learned, sixth period", {"law.surface": "learned", "contact.tau": 0.8 * TAU}, 5.0),
+)
+"""What the law is told, and the period of the reference from which the run is scored, for half a period at least."""
+NOISE = {
+    "detector.noise": 1e-3,
+    "detector.position_noise": 5e-11,
+    "detector.adc_bits": 16,
+    "piezo.limit": 10.0,
+    "piezo.dac_bits": 16,
+}
+
+
+def parameters(
+    period: float, delay: int, law: dict[str, Any], plant: dict[str, Any], first: float
+) -> tuple[SimParameters, ControllerParameters]:
+    """Of a run that is scored from period `first` of the reference to the end of a period."""
+    sim = {
+        "run.duration": (math.floor(first) + 1.0) * PERIOD,
+        "score.start": first * PERIOD,
+        "plant.control_period": period,
+        "plant.delay_ticks": delay,
+        "piezo.dac_period": period / law.get("law.packet", 1),
+    }
+    timing = {"law.kind": "predictive", "law.period": period, "law.delay_ticks": delay}
+    return build(SimParameters, sim | plant), build(ControllerParameters, timing | law)
+
+
+def smoothness(result: Simulation) -> float:
+    """Variation of the drive over that of the drive that follows the reference without error, worse of x and y."""
+    sim = result.parameters
+    w0, x0 = sim.scales.w0, sim.scales.x0
+    scored = result.time >= sim.score_start
+    unit = {"reference_position": x0, "reference_velocity": x0 * w0, "reference_acceleration": x0 * w0**2}
+    x, v, a = (result.measurements[name][:, :2] / size for name, size in unit.items())
+    bound = result.truth["friction_bound"][:, None] / sim.units.lateral_force
+    eta = 2.0 * math.pi * np.array([sim.scanner.f_x, sim.scanner.f_y]) / w0
+    xi = np.array([sim.scanner.xi_x, sim.scanner.xi_y])
+    ideal = a + 2.0 * xi * eta * v + eta**2 * x + bound * v / np.linalg.norm(v, axis=1, keepdims=True)
+    volts = ideal * x0 / (eta**2 * np.array([sim.piezo.sensitivity_x, sim.piezo.sensitivity_y]))
+    least = np.abs(np.diff(volts[scored], axis=0)).sum(axis=0)
+    return float(max(np.abs(np.diff(result.drives[scored, :2], axis=0)).sum(axis=0) / least))
+
+
+def figures(score: Any) -> list[str]:
+    """Largest and rms error of x and y, the worse one [%], and rms error of z [nm]."""
+    percent = 100.0 * max(score.rms[:2]) / 5e-9
+    lost = "" if score.contact_fraction == 1.0 else " (contact lost)"
+    return [f"{max(score.max_percent[:2]):.2g}", f"{percent:.2g}", f"{1e9 * score.rms[2]:.2g}{lost}"]
+
+
+def table(head: list[str], rows: list[list[str]]) -> list[str]:
+    """In Markdown."""
+    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
+
+
+def knowledge() -> list[str]:
+    """Every rate with every knowledge, everything measured without noise."""
+    rows = []
+    for rate, period, delay, law in RATES:
+        for told, known, first in KNOWLEDGE:
+            if delay == 0 and "learned" in told:
+                continue
+            result = simulate(*parameters(period, delay, law | known, {}, first))
+            rows.append([rate, told, *figures(result.score), f"{smoothness(result):.2f}"])
+    return table(["period + delay", "knowledge", "max [%]", "rms [%]", "z rms [nm]", "TV"], rows)
+
+
+def noise() -> list[str]:
+    """Positions, deflection and lateral force alone, with noise and converters."""
+    rows = []
+    for rate, period, delay, law in (RATES[1], RATES[3]):
+        for told, known, _ in KNOWLEDGE[:4]:
+            for first in (0.5, 2.0):
+                measured = {"law.feedback": "measured"} | law | known
+                result = simulate(*parameters(period, delay, measured, NOISE, first))
+                rows.append([rate, told, f"{first:g}", *figures(result.score), f"{smoothness(result):.2f}"])
+    return table(["period + delay", "knowledge", "from period", "max [%]", "rms [%]", "z rms [nm]", "TV"], rows)
+
+
+def late() -> list[str]:
+    """A fifth of the drives comes a period late."""
+    rows = []
+    for rate, period, _, law in RATES[1], RATES[3], RATES[5]:
+        for spare in (0, 1):
+            told = {**KNOWN, "contact.tau": 0.8 * TAU, **law, "law.spare": spare}
+            sim, _ = parameters(period, 0, told, {}, 0.5)
+            _, controller = parameters(period, 1, told, {}, 0.5)
+            latency = Latency(kind="normal", median=0.8 * period, spread=0.297, seed=2)
+            result = simulate_realtime(sim, Controller(controller), latency)
+            rows.append([rate, str(spare), *figures(result.score)])
+    return table(["period + delay", "spare periods", "max [%]", "rms [%]", "z rms [nm]"], rows)
+
+
+def cost() -> list[str]:
+    """Time of an answer, the best of some stretches [us]."""
+    rows = []
+    for told, period, delay, law in (
+        ("50 us + 1, nothing known", 5e-5, 1, {}),
+        ("50 us + 6, nothing known", 5e-5, 6, {}),
+        ("50 us + 1, learned", 5e-5, 1, {"law.surface": "learned"}),
+        ("200 us + 1, nothing known", 2e-4, 1, {}),
+        ("1 ms + 1, packet of 40", 1e-3, 1, PACKET),
+    ):
+        sim, controller = parameters(period, delay, law, {}, 0.5)
+        result, answering = simulate(sim, controller), Controller(controller)
+        given = [np.asarray(m).reshape(1).view(np.float64) for m in result.measurements[:100]]
+        best = math.inf
+        for _ in range(20):
+            answering.reset()
+            begin = time.perf_counter()
+            for k, measurement in enumerate(given):
+                answering.answer(measurement, k * period)
+            best = min(best, (time.perf_counter() - begin) / len(given))
+        rows.append([told, f"{1e6 * best:.0f}"])
+    return table(["", "us an answer"], rows)
+
+
+def main() -> int:
+    """Print or write the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/laws.md")
+    write = parser.parse_args().write
+    for mark, measured in (("knowledge", knowledge), ("noise", noise), ("late", late), ("cost", cost)):
+        text = "\n".join(measured())
+        print(text, flush=True)
+        if write:
+            PAGE.write_text(between_marks(PAGE.read_text(), f"predictive {mark}", text))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
