@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from ..controller import Controller
 from ..errors import ParameterError
 from ..parameters import ControllerParameters, SimParameters, build, flatten
-from .law import jacobian, law_scales, measurement_sliding
+from ..records import size
+from ..registry import find
+from .law import LinearError, jacobian, law_scales, measurement_sliding
 from .plant import AXES, STATES, plant_matrices, sensors
 
 _Array = NDArray[np.float64]
@@ -99,6 +101,10 @@ class LinearLoop:
         return np.array([(cut.C @ np.linalg.solve(each * identity - cut.A, cut.B) + cut.D).item() for each in z])
 
 
+LARGEST = 500
+"""Numbers of state beyond which a linear model takes more time and memory than it is worth."""
+
+
 def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoop:
     """Linear model of a law on an instrument.
 
@@ -116,11 +122,18 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     Raises
     ------
     LinearError
-        If the law switches or counts, so that small changes have no proportional answer.
+        If the law switches or counts, so that small changes have no proportional answer; if law and delay have more than
+        LARGEST numbers of state.
     ParameterError, PartError
         If law or instrument cannot be made.
     """
     law, C = Controller(controller), sensors(sim)
+    own = size(find("law", controller.law.kind).state)
+    if own + 3 * sim.plant.delay_ticks > LARGEST:
+        raise LinearError(
+            f"law {controller.law.kind} with {own} numbers of state and plant.delay_ticks = {sim.plant.delay_ticks} has "
+            f"no linear model that can be handled: {LARGEST} numbers are the most"
+        )
     A, B, _ = plant_matrices(sim, sim.plant.control_period)
     sliding = measurement_sliding(sim, law, C)
     states, inputs = law_scales(law, sliding, C)

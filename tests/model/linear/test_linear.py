@@ -116,3 +116,12 @@ def test_period_that_the_instrument_cannot_have_counts_as_unstable():
 @pytest.mark.parametrize("limit", [-1, 0, 3, 7])
 def test_limit_is_found_where_it_is(limit):
     assert largest(lambda n: n <= limit, 7) == limit
+
+
+@pytest.mark.parametrize(("law", "delay"), [("predictive", 0), ("pid", 10_000)], ids=["of the law", "of the delay"])
+def test_a_loop_with_more_numbers_than_can_be_handled_has_no_linear_model(law, delay):
+    values = {"plant.control_period": 5e-5, "plant.delay_ticks": delay}
+    sim = build(SimParameters, values)
+    controller = build(ControllerParameters, {"law.kind": law, "law.period": 5e-5, "law.delay_ticks": min(delay, 5)})
+    with pytest.raises(LinearError, match=r"500 numbers are the most"):
+        linearise(sim, controller)
