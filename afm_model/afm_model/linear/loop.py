@@ -122,8 +122,8 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     Raises
     ------
     LinearError
-        If the law switches or counts, so that small changes have no proportional answer; if law and delay have more than
-        LARGEST numbers of state.
+        If the law switches or counts, so that small changes have no proportional answer; if law and delay have more
+        than LARGEST numbers of state.
     ParameterError, PartError
         If law or instrument cannot be made.
     """
@@ -131,8 +131,8 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     own = size(find("law", controller.law.kind).state)
     if own + 3 * sim.plant.delay_ticks > LARGEST:
         raise LinearError(
-            f"law {controller.law.kind} with {own} numbers of state and plant.delay_ticks = {sim.plant.delay_ticks} has "
-            f"no linear model that can be handled: {LARGEST} numbers are the most"
+            f"law {controller.law.kind} with {own} numbers of state and plant.delay_ticks = {sim.plant.delay_ticks} "
+            f"has no linear model that can be handled: {LARGEST} numbers are the most"
         )
     A, B, _ = plant_matrices(sim, sim.plant.control_period)
     sliding = measurement_sliding(sim, law, C)
