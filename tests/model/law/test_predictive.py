@@ -77,7 +77,7 @@ def smoothness(result: Simulation) -> float:
     ideal = a + 2.0 * xi * eta * v + eta**2 * x + bound * v / np.linalg.norm(v, axis=1, keepdims=True)
     volts = ideal * x0 / (eta**2 * np.array([sim.piezo.sensitivity_x, sim.piezo.sensitivity_y]))
     least = np.abs(np.diff(volts[scored], axis=0)).sum(axis=0)
-    return max(np.abs(np.diff(result.drives[scored, :2], axis=0)).sum(axis=0) / least)
+    return max(np.abs(np.diff(result.drive[scored, :2], axis=0)).sum(axis=0) / least)
 
 
 class Case(NamedTuple):
