@@ -196,6 +196,13 @@ class Plant(Part):
     ----------
     rest : callable
         (parameters, p, s, m) -> drive (x, y, z) [V] that holds the start; writes the state at the start into s.
+    map : callable, optional
+        Parameters -> array of float64, read-only for the kernel, at m[plant_map of HEADER]: a table, say.
+    sample_in_si : bool
+        The plant takes slopes and curvatures of the sample in SI, not in scaled coordinates, and checks by itself whether
+        its tip touches the sample in one point.
+    warnings : callable
+        Parameters -> what is implausible, a sentence each.
     """
 
     family = "plant"
@@ -207,6 +214,9 @@ class Plant(Part):
     step: Kernel
     observe: Kernel
     rest: Callable[[Any, Any, Any, Any], tuple[float, float, float]]
+    map: Callable[[Any], NDArray[np.float64]] | None = None
+    sample_in_si: bool = False
+    warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,15 +7,16 @@ from ..parts.call import call
 from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
-from . import compliant, paper
+from . import compliant, lever, paper
 from .compliant import COMPLIANT
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
+from .lever import LEVER
 from .paper import PAPER, Z_COMPUTED, Z_HELD, Z_UNIFORM
 from .state import STATE
 from .steps import stable_step
 
-PARTS = (COMPLIANT, PAPER)
+PARTS = (COMPLIANT, PAPER, LEVER)
 register(*PARTS)
 
 
@@ -29,6 +30,9 @@ def step(v: Any, r: Any, m: Block) -> None:
     elif g.plant == 1:
         p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
         paper.step(v, r, p, s, m)
+    elif g.plant == 2:
+        p, s = record_at(m, g.plant_constants, lever.CONSTANTS), record_at(m, g.plant_state, lever.STATE)
+        lever.step(v, r, p, s, m)
     else:
         constants, state = pointer_at(m, g.plant_constants), pointer_at(m, g.plant_state)
         call(g.plant_step, (v, r, constants, state, pointer_at(m, 0)))
@@ -38,7 +42,9 @@ def step(v: Any, r: Any, m: Block) -> None:
 def tell(o: Any, m: Block) -> None:
     """Write the truth of the plant of the block m into the record o."""
     g = record_at(m, 0, HEADER)
-    if g.plant >= 0:
+    if g.plant == 2:
+        lever.observe(record_at(m, g.plant_constants, lever.CONSTANTS), record_at(m, g.plant_state, lever.STATE), o)
+    elif g.plant >= 0:
         observe(record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE), o)
     else:
         call(g.plant_observe, (pointer_at(m, g.plant_constants), pointer_at(m, g.plant_state), o))
@@ -47,6 +53,7 @@ def tell(o: Any, m: Block) -> None:
 __all__ = [
     "COMPLIANT",
     "CONSTANTS",
+    "LEVER",
     "PAPER",
     "PARTS",
     "STATE",

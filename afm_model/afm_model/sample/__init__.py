@@ -8,10 +8,12 @@ from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
 from ..signals import SURFACE
-from . import paper
+from . import flat, paper, plane
+from .flat import FLAT
 from .paper import PAPER, PaperSample
+from .plane import PLANE
 
-PARTS = (PAPER,)
+PARTS = (PAPER, FLAT, PLANE)
 register(*PARTS)
 
 
@@ -20,11 +22,16 @@ def surface(x: float, y: float, m: Block) -> Any:
     """The sample of the block m at (x, y) [x0], as a record of SURFACE that the next call writes over."""
     g = record_at(m, 0, HEADER)
     h = record_at(m, g.surface, SURFACE)
+    h.adhesion = 1.0
     if g.sample == 0:
         paper.surface(x, y, h, record_at(m, g.sample_constants, paper.CONSTANTS), 0)
+    elif g.sample == 1:
+        flat.surface(x, y, h, 0, 0)
+    elif g.sample == 2:
+        plane.surface(x, y, h, record_at(m, g.sample_constants, plane.CONSTANTS), 0)
     else:
         call(g.sample_surface, (x, y, h, pointer_at(m, g.sample_constants), pointer_at(m, g.sample_map)))
     return h
 
 
-__all__ = ["PAPER", "PARTS", "PaperSample", "surface"]
+__all__ = ["FLAT", "PAPER", "PARTS", "PLANE", "PaperSample", "surface"]
