@@ -57,7 +57,7 @@ class Branch:
     def solve(self, indentation: _Array) -> tuple[_Array, _Array]:
         """Contact radius and force at indentations (n,), none below `least_indentation`: bisection to round-off."""
         low, high = np.full(indentation.shape, self.end), np.full(indentation.shape, self.far)
-        for _ in range(200):
+        for _ in range(70):
             middle = 0.5 * (low + high)
             short = self.at(middle)[2] < indentation
             low, high = np.where(short, middle, low), np.where(short, high, middle)

@@ -18,10 +18,10 @@ from .maugis import branch
 NODES = 1025
 REACH = 16.0
 """Largest s in the table: indentations up to 256, forces up to 4000 pi w R_e."""
-_HEAD = 5
+_HEAD = 6
 ROW = _HEAD + 4 * NODES
 """Numbers of a row: indentation and force at the end of the branch; shift and force offset of the Hertz contact beyond
-the table, and the shift for its radius; then force, its slope, radius, its slope at each node."""
+the table, factor and shift for its radius; then force, its slope, radius, its slope at each node."""
 STEP = 0.01
 """Largest step of lambda between rows: linear interpolation between them is then exact to 2e-5."""
 
@@ -44,9 +44,11 @@ def _row(model: str, transition: float) -> NDArray[np.float64]:
     d = exact.least_indentation + s * s
     a, force = exact.solve(d)
     forces, radii = CubicSpline(s, force), CubicSpline(s, a)
-    # F = F_off + (d + shift)^(3/2), a^2 = d + shift_a.
+    # F = offset + (d + shift)^(3/2); a^2 = d + factor d^(1/4) + shift_a, as adhesion widens a large contact.
     shift = (forces(REACH, 1) / (2.0 * REACH) / 1.5) ** 2 - d[-1]
-    head = [d[0], force[0], shift, force[-1] - (d[-1] + shift) ** 1.5, a[-1] ** 2 - d[-1]]
+    factor = 4.0 * d[-1] ** 0.75 * (a[-1] * radii(REACH, 1) / REACH - 1.0)
+    shift_a = a[-1] ** 2 - d[-1] - factor * d[-1] ** 0.25
+    head = [d[0], force[0], shift, force[-1] - (d[-1] + shift) ** 1.5, factor, shift_a]
     return np.concatenate([head, np.stack([force, forces(s, 1), a, radii(s, 1)], axis=1).ravel()])
 
 
@@ -98,8 +100,9 @@ def _in_row(beyond: float, d: float, t: Any, at: int) -> tuple[float, float, flo
     spacing = REACH / (NODES - 1)
     if s >= REACH:
         root = math.sqrt(d + t[at + 2])
-        a = math.sqrt(d + t[at + 4])
-        return t[at + 3] + root * root * root, 1.5 * root, a, 0.5 / a
+        fourth = d**0.25
+        a = math.sqrt(d + t[at + 4] * fourth + t[at + 5])
+        return t[at + 3] + root * root * root, 1.5 * root, a, (0.5 + 0.125 * t[at + 4] * fourth / d) / a
     place = s / spacing
     j = min(int(place), NODES - 2)
     f = place - j

@@ -199,8 +199,8 @@ class Plant(Part):
     map : callable, optional
         Parameters -> array of float64, read-only for the kernel, at m[plant_map of HEADER]: a table, say.
     sample_in_si : bool
-        The plant takes slopes and curvatures of the sample in SI, not in scaled coordinates, and checks by itself whether
-        its tip touches the sample in one point.
+        The plant takes slopes and curvatures of the sample in SI, not in scaled coordinates, and checks by itself
+        whether its tip touches the sample in one point.
     warnings : callable
         Parameters -> what is implausible, a sentence each.
     """

@@ -28,9 +28,7 @@ class Mode:
     slope: float  # of the end over its deflection
 
 
-MODE = tuple(
-    Mode((x / WAVE_NUMBERS[0]) ** 2, 12.0 / x**4, end_slope(x)) for x in WAVE_NUMBERS
-)
+MODE = tuple(Mode((x / WAVE_NUMBERS[0]) ** 2, 12.0 / x**4, end_slope(x)) for x in WAVE_NUMBERS)
 
 
 @dataclass(frozen=True)

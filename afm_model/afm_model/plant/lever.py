@@ -1,8 +1,8 @@
 """Plant `lever`: a stiff scanner, a cantilever that bends and twists, a tip that sticks and slides.
 
 The scanner is three damped oscillators, the bending of the cantilever one to three; torsion, bending sideways and the
-higher bending modes follow the force without delay. Friction acts between tip and sample, set-valued, behind the lateral
-stiffness 8 G* a of the contact. Scheme: implicit midpoint rule, the contact solved at mid-step; docs/lever.md.
+higher bending modes follow the force without delay. Friction acts between tip and sample, set-valued, behind the
+lateral stiffness 8 G* a of the contact. Scheme: implicit midpoint rule, the contact solved at mid-step; docs/lever.md.
 """
 
 import math
@@ -11,7 +11,7 @@ from typing import Any
 from ..contact.table import table
 from ..jit import kernel
 from ..parts.header import HEADER
-from ..parts.part import Channel, Plant, Tree
+from ..parts.part import Channel, Plant
 from ..records import record, record_at
 from ..sample import surface
 from .lever_check import check, warnings

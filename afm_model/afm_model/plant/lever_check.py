@@ -27,14 +27,15 @@ def check(parameters: Tree) -> None:
     turn = 2.0 * math.pi * c.f0 * beam.MODE[plant.modes - 1].frequency * plant.dt
     if turn > RESOLVED:
         raise ValueError(
-            f"plant.dt = {plant.dt:g} s is not allowed: bending mode {plant.modes} turns by {turn:.3g} rad in a step and "
-            f"must turn by at most {RESOLVED:g}: take plant.dt <= {plant.dt * RESOLVED / turn:.3g} s, or fewer plant.modes"
+            f"plant.dt = {plant.dt:g} s is not allowed: bending mode {plant.modes} turns by {turn:.3g} rad in a step "
+            f"and must turn by at most {RESOLVED:g}: take plant.dt <= {plant.dt * RESOLVED / turn:.3g} s, or fewer "
+            f"plant.modes"
         )
     fastest = max(s.f_x, s.f_y, s.f_z)
     if (turn := 2.0 * math.pi * fastest * plant.dt) > RESOLVED_SCANNER:
         raise ValueError(
-            f"plant.dt = {plant.dt:g} s is not allowed: the scanner's resonance of {fastest:g} Hz turns by {turn:.3g} rad "
-            f"in a step: take plant.dt <= {plant.dt * RESOLVED_SCANNER / turn:.3g} s"
+            f"plant.dt = {plant.dt:g} s is not allowed: the scanner's resonance of {fastest:g} Hz turns by "
+            f"{turn:.3g} rad in a step: take plant.dt <= {plant.dt * RESOLVED_SCANNER / turn:.3g} s"
         )
     bend = sample_curvature(parameters) * c.tip_radius
     if bend >= 1.0:
@@ -56,8 +57,8 @@ def _refuse_of_other_plants(parameters: Tree) -> None:
         for leaf, value in flatten(given).items():
             if value != usual[leaf] and (name, leaf) != ("cantilever", "a"):
                 raise ValueError(
-                    f"{name}.{leaf} = {value} has no effect with plant.kind = lever, which takes cantilever, scanner and "
-                    f"contact from plant.*: leave it out"
+                    f"{name}.{leaf} = {value} has no effect with plant.kind = lever, which takes cantilever, scanner "
+                    f"and contact from plant.*: leave it out"
                 )
 
 
@@ -89,8 +90,8 @@ def warnings(parameters: Tree) -> list[str]:
     density = mass / (c.length * c.width * c.thickness)
     if not 700.0 <= density <= 12000.0:
         found.append(
-            f"plant.k = {c.k:g} N/m, plant.f0 = {c.f0:g} Hz and the dimensions of the cantilever do not go together: they "
-            f"make its density {density:.3g} kg/m^3"
+            f"plant.k = {c.k:g} N/m, plant.f0 = {c.f0:g} Hz and the dimensions of the cantilever do not go together: "
+            f"they make its density {density:.3g} kg/m^3"
         )
     for axis in "xyz":
         k, f = getattr(s, f"k_{axis}"), getattr(s, f"f_{axis}")

@@ -111,7 +111,11 @@ def lever_constants(parameters: Tree) -> Numbers:
         modes["mode_shown"][i] = 2.0 / 3.0 * mode.slope
     # What follows without delay, along the cantilever (1) and across it (2); then in the laboratory's y and z.
     rest = beam.rest(plant.modes)
-    r11, r12, r22 = (arm / L) ** 2 * rest.turn_by_couple / c.k, arm / L * rest.turn_by_force / c.k, rest.end_by_force / c.k
+    r11, r12, r22 = (
+        (arm / L) ** 2 * rest.turn_by_couple / c.k,
+        arm / L * rest.turn_by_force / c.k,
+        rest.end_by_force / c.k,
+    )
     static = {
         "rest_x": arm**2 / c.k_torsion + 1.0 / c.k_in_plane,
         "rest_yy": cos**2 * r11 + 2.0 * cos * sin * r12 + sin**2 * r22,

@@ -147,8 +147,8 @@ def slide(
 ) -> tuple[float, float, float, float, float, float]:
     """Indentation and direction of a tip that slides, together: Newton's method in both, docs/lever.md (22).
 
-    The direction d must lie along the way slid, so that friction always takes energy: what a step slides is small against
-    what the cantilever gives way, and a direction that is nearly right would drive the tip.
+    The direction d must lie along the way slid, so that friction always takes energy: what a step slides is small
+    against what the cantilever gives way, and a direction that is nearly right would drive the tip.
 
     Returns
     -------

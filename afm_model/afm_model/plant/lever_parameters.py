@@ -83,9 +83,7 @@ class LeverGroup(PlantParameters):
         k_in_plane = self.k_in_plane or (preset.k_in_plane if same else 0.0)
         slender = chosen.thickness / chosen.width
         by_shape = chosen.k * chosen.length**2 * 2.0 / (3.0 * (1.0 + POISSON)) * (1.0 - 0.63 * slender)
-        return chosen._replace(
-            k_torsion=k_torsion or by_shape, k_in_plane=k_in_plane or chosen.k / slender**2
-        )
+        return chosen._replace(k_torsion=k_torsion or by_shape, k_in_plane=k_in_plane or chosen.k / slender**2)
 
     @property
     def scanner_numbers(self) -> ScannerPreset:

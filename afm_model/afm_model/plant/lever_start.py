@@ -46,10 +46,11 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     C_zz = p.rest_zz + sum(c * z * z for c, z in zip(each, p.mode_z, strict=True))
     raised = parameters.reference.z_r - p.a
     for _ in range(_PASSES):
+        before = s.U_x, s.U_y
         H = surface(s.U_x / p.x0, s.U_y / p.x0, m)
         place_frame(H, p, s, m, at)
-        slope = np.array([-H.slope_x * p.rise, -H.slope_y * p.rise, -1.0])
-        n = -slope / np.linalg.norm(slope)
+        n = np.array([H.slope_x * p.rise, H.slope_y * p.rise, 1.0])
+        n /= np.linalg.norm(n)
         if plant.gap > 0.0:
             s.delta = -plant.gap * n[2]
         else:
@@ -59,6 +60,8 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
         s.X, s.Y = -s.F_x / scanner.k_x, -s.F_y / scanner.k_y
         s.U_x = s.X - p.rest_x * s.F_x - s.delta * n[0]
         s.U_y = s.Y - C_yy * s.F_y - C_yz * s.F_z - s.delta * n[1]
+        if before == (s.U_x, s.U_y):
+            break
     s.A_x, s.A_y, s.stuck = s.U_x, s.U_y, float(s.a > 0.0)
     for i in range(3):
         s.q[i] = each[i] * (p.mode_y[i] * s.F_y + p.mode_z[i] * s.F_z)
@@ -86,14 +89,15 @@ def _indentation(load: float, parameters: Tree, p: Any, s: Any, m: Any, at: int)
         high *= 1.5
     else:
         raise ParameterError(f"the load of {load:.4g} N at reference.z_r is beyond what a contact bears")
-    grid = s.end + np.linspace(0.0, 1.0, 2000) ** 2 * (high - s.end)
+    grid = s.end + np.linspace(0.0, 1.0, 400) ** 2 * (high - s.end)
     forces = np.array([force(delta) for delta in grid])
     weakest = int(np.argmin(forces))
     if load <= forces[weakest]:
         raise ParameterError(
             f"the tip does not touch the sample at rest: at reference.z_r = {parameters.reference.z_r:g} m and "
-            f"cantilever.a = {parameters.cantilever.a:g} m the load is {load:.4g} N and must be > {forces[weakest]:.4g} N, "
-            f"the pull-off force: raise reference.z_r, lower cantilever.a, or start free with plant.gap > 0"
+            f"cantilever.a = {parameters.cantilever.a:g} m the load is {load:.4g} N and must be > "
+            f"{forces[weakest]:.4g} N, the pull-off force: raise reference.z_r, lower cantilever.a, or start free with "
+            f"plant.gap > 0"
         )
     low = float(grid[weakest])
     for _ in range(100):
