@@ -12,6 +12,7 @@ from .compliant import COMPLIANT
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
 from .lever import LEVER
+from .lever_constants import CONSTANTS as LEVER_CONSTANTS
 from .paper import PAPER, Z_COMPUTED, Z_HELD, Z_UNIFORM
 from .state import STATE
 from .steps import stable_step
@@ -31,7 +32,7 @@ def step(v: Any, r: Any, m: Block) -> None:
         p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
         paper.step(v, r, p, s, m)
     elif g.plant == 2:
-        p, s = record_at(m, g.plant_constants, lever.CONSTANTS), record_at(m, g.plant_state, lever.STATE)
+        p, s = record_at(m, g.plant_constants, LEVER_CONSTANTS), record_at(m, g.plant_state, lever.STATE)
         lever.step(v, r, p, s, m)
     else:
         constants, state = pointer_at(m, g.plant_constants), pointer_at(m, g.plant_state)
@@ -43,7 +44,7 @@ def tell(o: Any, m: Block) -> None:
     """Write the truth of the plant of the block m into the record o."""
     g = record_at(m, 0, HEADER)
     if g.plant == 2:
-        lever.observe(record_at(m, g.plant_constants, lever.CONSTANTS), record_at(m, g.plant_state, lever.STATE), o)
+        lever.observe(record_at(m, g.plant_constants, LEVER_CONSTANTS), record_at(m, g.plant_state, lever.STATE), o)
     elif g.plant >= 0:
         observe(record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE), o)
     else:

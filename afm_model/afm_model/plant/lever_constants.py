@@ -133,8 +133,8 @@ def lever_constants(parameters: Tree) -> Numbers:
         scanner["inverse"].append(inverse)
         scanner["push"].append(half * w2 * inverse / getattr(s, f"k_{axis}"))
     total = {f"W_{name}": static[f"rest_{name}"] for name in ("x", "yy", "yz", "zz")}
-    for name, axis in (("x", 0), ("yy", 1), ("zz", 2)):
-        total[f"W_{name}"] += half * scanner["push"][axis]
+    for name, push in zip(("x", "yy", "zz"), scanner["push"], strict=True):
+        total[f"W_{name}"] += half * push
     for push, y, z in zip(modes["mode_push"], modes["mode_y"], modes["mode_z"], strict=True):
         total["W_yy"] += half * push * y * y
         total["W_yz"] += half * push * y * z

@@ -9,6 +9,7 @@ from afm_model.instrument.block import Layout
 from afm_model.jit import kernel
 from afm_model.parts.header import HEADER
 from afm_model.plant import LEVER, lever
+from afm_model.plant.lever_constants import CONSTANTS
 from afm_model.records import pointer_at, record_at
 from afm_model.signals import DRIVE
 
@@ -18,7 +19,7 @@ BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
 @kernel
 def _advance(m: np.ndarray, u: np.ndarray, states: np.ndarray) -> None:
     g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.plant_constants, lever.CONSTANTS), record_at(m, g.plant_state, lever.STATE)
+    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, lever.STATE)
     v = record_at(m, g.effective, DRIVE)
     for i in range(len(u)):
         for axis in range(3):

@@ -86,7 +86,8 @@ def test_hysteresis_of_a_force_curve_is_pull_off_less_snap_in():
     back = np.linspace(12e-9, -30e-9, 30_000)
     r = b.run(raised(np.concatenate([z, back])))
     made, lost = int(np.argmax(r.a > 0.0)), len(r) - int(np.argmax(r.a[::-1] > 0.0)) - 1
-    # Height of the sample where contact is made: the tip 1.5 D above; where it is lost: the spring drawn out by the force.
+    # Height of the sample where contact is made, the tip 1.5 D above; and where it is lost, the spring drawn out by the
+    # force.
     exact, unit = branch("maugis", b.plant.transition), b.plant.contact_units.indentation
     d = exact.least_indentation + np.linspace(0.0, 2.0, 2000) ** 2
     at_pull_off = float(d[np.argmin(exact.solve(d)[1])]) * unit
