@@ -177,12 +177,18 @@ class Onboard(Part):
     """What runs inside the instrument at the rate of the virtual ADC: `regulate(t, d, r, u, p, s)` may change drive u.
 
     d is the photodetector's last sample, r the reference of the control tick.
+
+    Parameters
+    ----------
+    begin : callable
+        (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s.
     """
 
     family = "onboard"
     functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, DRIVE, CONSTANTS, STATE)}
 
     regulate: Kernel
+    begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
 
 
 @dataclass(frozen=True, kw_only=True)
