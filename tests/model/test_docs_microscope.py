@@ -21,12 +21,14 @@ def test_scenario_of_the_page_is_a_friction_loop_of_25_N_per_m(tmp_path):
     run = simulate(build(SimParameters, short), scenario.controller)
     assert run.doubts == []
     force = run.channel("lateral_force")
-    # After the turn at 25 ms the tip sticks: force against the way of the scanner, which is recorded at every tick.
+    # After the turn at 25 ms the tip sticks, not all the time: on its way through zero friction along x lets it go along
+    # y, where the z loop and the tilt of the cantilever push it.
     every = len(force) // len(run.position)
-    here = (run.channel("truth/stuck")[::every] > 0.0) & (run.time > 25.1e-3)
-    assert here.sum() > 50
-    slope = np.polyfit(run.position[here, 0], force[::every][here], 1)[0]
-    assert slope == pytest.approx(25.3, rel=1e-2)
+    stuck = run.channel("truth/stuck")[::every] > 0.0
+    here = np.flatnonzero(stuck[1:] & stuck[:-1] & (run.time[1:] > 25.1e-3))
+    assert len(here) > 50
+    slopes = np.diff(force[::every])[here] / np.diff(run.position[:, 0])[here]
+    assert np.median(slopes) == pytest.approx(25.3, rel=1e-2)
     assert np.ptp(run.channel("truth/place_x")) > 1e-9
     assert 3.5e-9 < force.max() < 4.5e-9
     assert run.score.contact_fraction == 1.0
