@@ -21,8 +21,8 @@ def test_scenario_of_the_page_is_a_friction_loop_of_25_N_per_m(tmp_path):
     run = simulate(build(SimParameters, short), scenario.controller)
     assert run.doubts == []
     force = run.channel("lateral_force")
-    # After the turn at 25 ms the tip sticks, not all the time: on its way through zero friction along x lets it go along
-    # y, where the z loop and the tilt of the cantilever push it.
+    # After the turn at 25 ms the tip sticks, not all the time: on its way through zero friction along x lets it go
+    # along y, where the z loop and the tilt of the cantilever push it.
     every = len(force) // len(run.position)
     stuck = run.channel("truth/stuck")[::every] > 0.0
     here = np.flatnonzero(stuck[1:] & stuck[:-1] & (run.time[1:] > 25.1e-3))

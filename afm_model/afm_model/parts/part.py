@@ -237,6 +237,9 @@ class Sample(Part):
         Parameters -> height amplitude [m], by which the error along z is judged; 0 if there is none.
     curvature : callable
         Parameters -> largest |mean curvature| [z0/x0^2], for the longest step and the contact.
+    contrast : callable, optional
+        Parameters -> least and largest (w/w_0)^2 R_e/R, work of adhesion and effective radius over those of the plant,
+        for the plant `lever`; by default what the curvature makes of it.
     """
 
     family = "sample"
@@ -246,6 +249,7 @@ class Sample(Part):
     map: Callable[[Any], NDArray[np.float64]] | None = None
     height: Callable[[Any], float] = lambda parameters: 0.0
     curvature: Callable[[Any], float] = lambda parameters: 0.0
+    contrast: Callable[[Any], tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

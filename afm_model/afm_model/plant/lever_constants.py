@@ -68,8 +68,13 @@ def rows(parameters: Tree) -> Any:
 
 def contrast(parameters: Tree) -> tuple[float, float]:
     """Least and largest (w^2 R_e)^(1/3) on the sample, over that on a flat one of the plant's own materials."""
-    bend = sample_curvature(parameters) * parameters.plant.cantilever_numbers.tip_radius
-    return (1.0 + bend) ** (-1.0 / 3.0), (1.0 - bend) ** (-1.0 / 3.0)
+    of_sample = registry.find("sample", parameters.sample.kind).contrast
+    if of_sample is not None:
+        low, high = of_sample(parameters)
+    else:
+        bend = sample_curvature(parameters) * parameters.plant.cantilever_numbers.tip_radius
+        low, high = 1.0 / (1.0 + bend), 1.0 / (1.0 - bend)
+    return low ** (1.0 / 3.0), high ** (1.0 / 3.0)
 
 
 def sample_curvature(parameters: Tree) -> float:

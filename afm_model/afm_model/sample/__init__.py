@@ -10,11 +10,17 @@ from ..registry import register
 from ..signals import SURFACE
 from . import flat, paper, plane
 from .flat import FLAT
+from .grating import GRATING
+from .height_map import MAP
 from .paper import PAPER, PaperSample
+from .patches import PATCHES
 from .plane import PLANE
+from .rough import ROUGH
 
 PARTS = (PAPER, FLAT, PLANE)
 register(*PARTS)
+# The others are called by address, like those of somebody else's.
+register(GRATING, PATCHES, ROUGH, MAP)
 
 
 @kernel
@@ -34,4 +40,4 @@ def surface(x: float, y: float, m: Block) -> Any:
     return h
 
 
-__all__ = ["FLAT", "PAPER", "PARTS", "PLANE", "PaperSample", "surface"]
+__all__ = ["FLAT", "GRATING", "MAP", "PAPER", "PARTS", "PATCHES", "PLANE", "ROUGH", "PaperSample", "surface"]
