@@ -22,7 +22,7 @@ _HEAD = 6
 ROW = _HEAD + 4 * NODES
 """Numbers of a row: indentation and force at the end of the branch; shift and force offset of the Hertz contact beyond
 the table, factor and shift for its radius; then force, its slope, radius, its slope at each node."""
-STEP = 0.02
+STEP = 0.015
 """Largest step of lambda between rows: linear interpolation between them is then exact to 2e-5."""
 
 

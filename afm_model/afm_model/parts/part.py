@@ -181,7 +181,8 @@ class Onboard(Part):
     Parameters
     ----------
     begin : callable
-        (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s.
+        (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
+        called if the part has a state.
     """
 
     family = "onboard"

@@ -44,6 +44,8 @@ CONSTANTS = record(
     "hamaker_radius",  # Hamaker constant times R [J m]
     "stiffness_per_radius",  # 8 G* [Pa]
     "friction_per_area",  # tau [Pa]
+    "strengthening",  # growth of friction with the velocity [1]
+    "slow_way",  # velocity from which it grows, times h [m]
     "rows",  # of the contact's table
     "row_first",  # its transition parameter, and the step from row to row
     "row_step",
@@ -160,6 +162,8 @@ def lever_constants(parameters: Tree) -> Numbers:
         "hamaker_radius": pair.hamaker * c.tip_radius,
         "stiffness_per_radius": 8.0 * pair.G,
         "friction_per_area": pair.tau,
+        "strengthening": plant.strengthening,
+        "slow_way": plant.slow * h,
         "rows": len(table),
         "row_first": table[0],
         "row_step": table[1] - table[0] if len(table) > 1 else 1.0,

@@ -127,6 +127,34 @@ def hold(e_1: float, e_2: float, k: float, w_11: float, w_12: float, w_22: float
 
 
 @kernel
+def strengthened(bound: float, drawn: float, give: float, p: Any) -> float:
+    """Friction of a tip that slides faster the larger it is, F = F_max (1 + b ln(1 + v / v_0)), docs/lever.md (24).
+
+    Parameters
+    ----------
+    bound : float [N]
+        F_max, friction at rest.
+    drawn : float [m]
+        Way to go in this step along the direction of sliding, if friction were zero.
+    give : float [m/N]
+        How far the tip and its contact give way under friction.
+    """
+    slid = drawn - give * bound
+    if p.strengthening == 0.0 or slid <= 0.0:
+        return bound
+    # In y = ln(1 + v / v_0) the balance is concave: Newton's method from beyond the root does not step over it.
+    y = min(slid / (give * bound * p.strengthening), math.log(1.0 + slid / p.slow_way))
+    for _ in range(30):
+        way = p.slow_way * math.exp(y)
+        excess = drawn - give * bound * (1.0 + p.strengthening * y) - (way - p.slow_way)
+        change = excess / (give * bound * p.strengthening + way)
+        y += change
+        if abs(change) < 1e-13:
+            break
+    return bound * (1.0 + p.strengthening * max(y, 0.0))
+
+
+@kernel
 def slide(
     delta: float,
     d_1: float,
@@ -159,6 +187,10 @@ def slide(
         N, stiffness, bound, growth, a = normal(x, f, p, m, at)
         along, across = w_n1 * d_1 + w_n2 * d_2, w_n2 * d_1 - w_n1 * d_2
         g_1, g_2 = e_1 - w_n1 * N, e_2 - w_n2 * N
+        if p.strengthening != 0.0 and a > 0.0:
+            give = d_1 * (w_11 * d_1 + 2.0 * w_12 * d_2) + w_22 * d_2 * d_2 + 1.0 / (p.stiffness_per_radius * a)
+            rest, bound = bound, strengthened(bound, g_1 * d_1 + g_2 * d_2, give, p)
+            growth *= bound / rest
         turn = (w_11 - w_22) * d_1 * d_2 + w_12 * (d_2 * d_2 - d_1 * d_1)
         turning = (w_11 - w_22) * (d_1 * d_1 - d_2 * d_2) + 4.0 * w_12 * d_1 * d_2
         r_1 = target - x - w_nn * N - along * bound

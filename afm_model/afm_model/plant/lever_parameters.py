@@ -60,6 +60,10 @@ class LeverGroup(PlantParameters):
     G: Annotated[NonNegative, Unit("Pa")] = Field(0.0, description=f"reduced shear modulus G*; {_PRESET}")
     work_of_adhesion: Annotated[NonNegative, Unit("J/m^2")] = Field(0.0, description=f"work of adhesion; {_PRESET}")
     tau: Annotated[NonNegative, Unit("Pa")] = Field(0.0, description=f"interfacial shear strength; {_PRESET}")
+    strengthening: NonNegative = Field(
+        0.0, description="growth of friction with the velocity of sliding: F (1 + strengthening ln(1 + v / slow))"
+    )
+    slow: Annotated[Positive, Unit("m/s")] = Field(1e-6, description="velocity from which friction grows")
     hamaker: Annotated[NonNegative, Unit("J")] = Field(
         0.0, description=f"Hamaker constant of the attraction before contact; {_PRESET}"
     )

@@ -259,6 +259,27 @@ def test_friction_opposes_sliding_in_every_direction_with_the_same_size():
     assert cosine.min() > 0.99
 
 
+@pytest.mark.parametrize("speed", [1e-7, 1e-6, 1e-4])
+def test_friction_grows_with_the_logarithm_of_the_velocity(speed):
+    b = LeverBench(**UPRIGHT, plant__strengthening=0.08, plant__slow=3e-7)
+    bound = float(b.s.F_max)
+    # To the edge of sliding, then steadily.
+    b.run(along(np.linspace(0.0, 0.3e-9, 2000)))
+    n = 4000
+    r = b.run(along(0.3e-9 + speed * 1e-6 * np.arange(1, n + 1)))
+    expected = bound * (1.0 + 0.08 * math.log(1.0 + speed / 3e-7))
+    assert r.F_x[-100:] == pytest.approx(expected, rel=1e-3)
+    assert r.stuck[-1] == 0.0
+
+
+def test_rest_is_exact_with_friction_that_grows_with_the_velocity():
+    b = LeverBench(**STIFF, plant__strengthening=0.1, plant__slow=1e-9)
+    b.run(along(np.linspace(0.0, 1e-9, 1000)))
+    r = b.run(np.tile([0.8e-9, 0.0, 0.0], (20_000, 1)))
+    assert r.stuck[-10_000:].all()
+    assert len(set(r.A_x[-10_000:].tolist())) == 1
+
+
 def energy(b: LeverBench, r: Any) -> np.ndarray:
     """Of the bending modes, at rest the scanner's share is constant [J]; without contact and static springs."""
     c = b.plant.cantilever_numbers
