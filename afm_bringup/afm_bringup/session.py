@@ -98,9 +98,13 @@ class Session:
         Interrupted
             If SIGINT, SIGTERM or SIGHUP came; the recording up to there is kept.
         """
+        sim = self._scenario.sim
         if self._controller in (OWN, COMPOSED):
-            for sentence in start_warnings(self._scenario.sim, self._scenario.controller):
-                _say(f"warning: {sentence}")
+            told = start_warnings(sim, self._scenario.controller)
+        else:
+            told = find("plant", sim.plant.kind).warnings(sim)
+        for sentence in told:
+            _say(f"warning: {sentence}")
         for number in _SIGNALS:
             # nohup has a program ignore SIGHUP: that stays.
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
