@@ -3,6 +3,7 @@
 import math
 
 from .. import registry
+from ..errors import ParameterError
 from ..parts.part import Tree
 from ..physics import Cantilever, Contact, Scanner
 from ..schema import flatten
@@ -38,13 +39,20 @@ def check(parameters: Tree) -> None:
             f"plant.dt = {plant.dt:g} s is not allowed: the scanner's resonance of {fastest:g} Hz turns by "
             f"{turn:.3g} rad in a step: take plant.dt <= {plant.dt * RESOLVED_SCANNER / turn:.3g} s"
         )
-    bend = sample_curvature(parameters) * c.tip_radius
-    # A sample that tells its contrast has checked that itself, with the place.
+
+
+def require_blunt_sample(parameters: Tree) -> None:
+    """Raise ParameterError if the sample is sharper than the tip: asked when an instrument is made.
+
+    A sample that tells its contrast has checked that itself, with the place.
+    """
+    bend = sample_curvature(parameters) * parameters.plant.cantilever_numbers.tip_radius
     if bend >= 1.0 and registry.find("sample", parameters.sample.kind).contrast is None:
-        raise ValueError(
+        R = parameters.plant.cantilever_numbers.tip_radius
+        raise ParameterError(
             f"sample.kind = {parameters.sample.kind} is sharper than the tip: its radius of curvature is down to "
-            f"{c.tip_radius / bend:.3g} m and must be > plant.tip_radius = {c.tip_radius:g} m: take a sharper tip or a "
-            f"smoother sample"
+            f"{R / bend:.3g} m and must be > plant.tip_radius = {R:g} m: take a sharper tip or a smoother sample, "
+            f"such as sample.kind = flat"
         )
 
 

@@ -75,7 +75,8 @@ def contrast(parameters: Tree) -> tuple[float, float]:
         low, high = of_sample(parameters)
     else:
         bend = sample_curvature(parameters) * parameters.plant.cantilever_numbers.tip_radius
-        low, high = 1.0 / (1.0 + bend), 1.0 / (1.0 - bend)
+        # One that is sharper than the tip is refused at the start.
+        low, high = (1.0 / (1.0 + bend), 1.0 / (1.0 - bend)) if bend < 1.0 else (1.0, 1.0)
     return low ** (1.0 / 3.0), high ** (1.0 / 3.0)
 
 

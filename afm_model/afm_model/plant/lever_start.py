@@ -10,6 +10,7 @@ from ..parts.header import HEADER
 from ..parts.part import Tree
 from ..records import record_at
 from ..sample import surface
+from .lever_check import require_blunt_sample
 from .lever_contact import normal, place_frame
 
 _PASSES = 60
@@ -34,8 +35,10 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     Raises
     ------
     ParameterError
-        If the cantilever would have to pull harder than the contact holds, or push harder than the table reaches.
+        If the sample is sharper than the tip, or the cantilever would have to pull harder than the contact holds or push
+        harder than it bears.
     """
+    require_blunt_sample(parameters)
     plant = parameters.plant
     at = record_at(m, 0, HEADER).plant_map
     scanner = plant.scanner_numbers

@@ -364,7 +364,6 @@ def test_the_instrument_reads_deflection_from_slope_and_lateral_force_from_torsi
         ({"plant.dt": 2e-6, "detector.sample_period": 2e-6}, "bending mode 2 turns by"),
         ({"plant.width": 1e-3}, "a cantilever is longer than wide"),
         ({"scanner.f_x": 800.0}, "scanner.f_x = 800.0 has no effect with plant.kind = lever"),
-        ({"sample.kind": "paper"}, "is sharper than the tip"),
         ({"plant.f_x": 2e5}, "the scanner's resonance of 200000 Hz turns by"),
         ({"plant.lever": "ppp_nothing"}, "must be one of ppp_lfmr, contal_g, snl_10b"),
     ],
@@ -372,6 +371,12 @@ def test_the_instrument_reads_deflection_from_slope_and_lateral_force_from_torsi
 def test_what_cannot_be_is_refused_in_one_sentence(values, told):
     with pytest.raises(ParameterError, match=told):
         build(InstrumentParameters, BASE | values)
+
+
+def test_the_sample_of_the_paper_is_sharper_than_any_tip():
+    # In SI its radius of curvature is 0.02 nm.
+    with pytest.raises(ParameterError, match=r"sample\.kind = paper is sharper than the tip: .* down to 2e-11 m"):
+        Instrument(build(InstrumentParameters, BASE | {"sample.kind": "paper"}))
 
 
 def test_a_setpoint_beyond_pull_off_is_refused():
