@@ -35,8 +35,8 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     Raises
     ------
     ParameterError
-        If the sample is sharper than the tip, or the cantilever would have to pull harder than the contact holds or push
-        harder than it bears.
+        If the sample is sharper than the tip, or the cantilever would have to pull harder than the contact holds or
+        push harder than it bears.
     """
     require_blunt_sample(parameters)
     plant = parameters.plant

@@ -1,5 +1,6 @@
 """Height maps from files: .npy, .gsf, .gwy, images. Rows go along y, upwards."""
 
+import importlib
 import struct
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +26,8 @@ def read_field(path: str) -> Field:
     Parameters
     ----------
     path : str
-        Of .npy and images the unit is the user's; .gsf and .gwy are in metres. Images are read as grey, 0 to 1.
+        Of .npy and images the unit is the user's; .gsf and .gwy are in metres. Images are read as grey, 0 to 1, those in
+        floating point as they are.
 
     Raises
     ------
@@ -56,14 +58,16 @@ def read_field(path: str) -> Field:
 
 
 def _image(path: str) -> Field:
-    from matplotlib.image import imread
-
-    picture = np.asarray(imread(path), dtype=np.float64)
-    if picture.ndim == 3:
-        picture = picture[..., :3].mean(axis=2)
-    if picture.max() > 1.0:
-        picture = picture / 255.0
-    return Field(picture[::-1], 0.0, 0.0)
+    try:
+        # Needed for images alone; whoever has matplotlib has it.
+        image: Any = importlib.import_module("PIL.Image")
+    except ImportError:
+        raise ValueError("images need the package Pillow, which is not installed") from None
+    with image.open(path) as picture:
+        # 16 bits and floating point stay what they are.
+        kind = picture.mode[0]
+        grey = np.asarray(picture if kind in "IF" else picture.convert("L"), dtype=np.float64)
+    return Field(grey[::-1] / {"I": 65535.0, "F": 1.0}.get(kind, 255.0), 0.0, 0.0)
 
 
 def _gsf(content: bytes) -> Field:
