@@ -8,22 +8,20 @@ from ..parts.groups import OnboardParameters
 from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
-from . import pi
 from .none import NONE
 from .pi import PI, PiParameters
 
-PARTS = (NONE, PI)
+PARTS = (NONE,)
 register(*PARTS)
+# Called by address, like one of somebody else's.
+register(PI)
 
 
 @kernel
 def regulate(t: float, d: Any, r: Any, u: Any, m: Block) -> None:
     """Let the onboard part of the block m change drive u; see `afm_model.parts.Onboard`."""
     g = record_at(m, 0, HEADER)
-    if g.onboard == 1:
-        p, s = record_at(m, g.onboard_constants, pi.CONSTANTS), record_at(m, g.onboard_state, pi.STATE)
-        pi.regulate(t, d, r, u, p, s)
-    elif g.onboard != 0:
+    if g.onboard != 0:
         call(g.onboard_regulate, (t, d, r, u, pointer_at(m, g.onboard_constants), pointer_at(m, g.onboard_state)))
 
 

@@ -7,18 +7,19 @@ from ..parts.call import call
 from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
-from . import compliant, lever, paper
+from . import compliant, paper
 from .compliant import COMPLIANT
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
 from .lever import LEVER
-from .lever_constants import CONSTANTS as LEVER_CONSTANTS
 from .paper import PAPER, Z_COMPUTED, Z_HELD, Z_UNIFORM
 from .state import STATE
 from .steps import stable_step
 
-PARTS = (COMPLIANT, PAPER, LEVER)
+PARTS = (COMPLIANT, PAPER)
 register(*PARTS)
+# Called by address, like those of somebody else's: the compiled loop knows the paper's alone.
+register(LEVER)
 
 
 @kernel
@@ -31,9 +32,6 @@ def step(v: Any, r: Any, m: Block) -> None:
     elif g.plant == 1:
         p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
         paper.step(v, r, p, s, m)
-    elif g.plant == 2:
-        p, s = record_at(m, g.plant_constants, LEVER_CONSTANTS), record_at(m, g.plant_state, lever.STATE)
-        lever.step(v, r, p, s, m)
     else:
         constants, state = pointer_at(m, g.plant_constants), pointer_at(m, g.plant_state)
         call(g.plant_step, (v, r, constants, state, pointer_at(m, 0)))
@@ -43,9 +41,7 @@ def step(v: Any, r: Any, m: Block) -> None:
 def tell(o: Any, m: Block) -> None:
     """Write the truth of the plant of the block m into the record o."""
     g = record_at(m, 0, HEADER)
-    if g.plant == 2:
-        lever.observe(record_at(m, g.plant_constants, LEVER_CONSTANTS), record_at(m, g.plant_state, lever.STATE), o)
-    elif g.plant >= 0:
+    if g.plant >= 0:
         observe(record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE), o)
     else:
         call(g.plant_observe, (pointer_at(m, g.plant_constants), pointer_at(m, g.plant_state), o))

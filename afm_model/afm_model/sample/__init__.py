@@ -8,7 +8,7 @@ from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
 from ..signals import SURFACE
-from . import flat, paper, plane
+from . import paper
 from .flat import FLAT
 from .grating import GRATING
 from .height_map import MAP
@@ -17,10 +17,10 @@ from .patches import PATCHES
 from .plane import PLANE
 from .rough import ROUGH
 
-PARTS = (PAPER, FLAT, PLANE)
+PARTS = (PAPER,)
 register(*PARTS)
 # The others are called by address, like those of somebody else's.
-register(GRATING, PATCHES, ROUGH, MAP)
+register(FLAT, PLANE, GRATING, PATCHES, ROUGH, MAP)
 
 
 @kernel
@@ -31,10 +31,6 @@ def surface(x: float, y: float, m: Block) -> Any:
     h.adhesion = 1.0
     if g.sample == 0:
         paper.surface(x, y, h, record_at(m, g.sample_constants, paper.CONSTANTS), 0)
-    elif g.sample == 1:
-        flat.surface(x, y, h, 0, 0)
-    elif g.sample == 2:
-        plane.surface(x, y, h, record_at(m, g.sample_constants, plane.CONSTANTS), 0)
     else:
         call(g.sample_surface, (x, y, h, pointer_at(m, g.sample_constants), pointer_at(m, g.sample_map)))
     return h

@@ -26,8 +26,8 @@ def read_field(path: str) -> Field:
     Parameters
     ----------
     path : str
-        Of .npy and images the unit is the user's; .gsf and .gwy are in metres. Images are read as grey, 0 to 1, those in
-        floating point as they are.
+        Of .npy and images the unit is the user's; .gsf and .gwy are in metres. Images are read as grey, 0 to 1, those
+        in floating point as they are.
 
     Raises
     ------
