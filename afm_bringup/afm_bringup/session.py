@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from afm_model import Scenario
 from afm_model.checks import start_warnings
+from afm_model.registry import find
 from afm_node_common import topics
 from afm_recorder_node.reader import RecordingError, read_recording
 

@@ -13,10 +13,10 @@ _MOST_PERIODS = 64
 
 
 def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list[str]:
-    """What is implausible in the plant, and why a loop cannot work as it is set up, a sentence each, with number and limit.
+    """What is implausible in the plant, and why a loop cannot work as it is set up, a sentence each, with its limit.
 
-    Of the loop: what the law itself tells of its rate; whether it is made for this period and delay; whether the linearised loop is
-    stable, and up to which period or delay it would be.
+    Of the loop: what the law itself tells of its rate; whether it is made for this period and delay; whether the
+    linearised loop is stable, and up to which period or delay it would be.
 
     Parameters
     ----------

@@ -2,7 +2,8 @@
 
 In s both are smooth up to the end of the branch, where d-derivatives are infinite. Beyond the table the contact is that
 of Hertz, joined with equal value and slope. Short of the contact the force is the van der Waals attraction of a sphere,
--H R_e / (6 D^2), with the distance D counted so that the force is continuous where contact begins.
+-H R_e / (6 D^2), with the distance D counted so that the force is continuous where contact begins; docs/lever.md (12),
+(13).
 """
 
 import math

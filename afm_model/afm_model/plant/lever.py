@@ -2,7 +2,8 @@
 
 The scanner is three damped oscillators, the bending of the cantilever one to three; torsion, bending sideways and the
 higher bending modes follow the force without delay. Friction acts between tip and sample, set-valued, behind the
-lateral stiffness 8 G* a of the contact. Scheme: implicit midpoint rule, the contact solved at mid-step; docs/lever.md.
+lateral stiffness 8 G* a of the contact. Scheme: implicit midpoint rule, the contact solved at mid-step;
+docs/lever.md (14) to (23).
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Which parameters the plant `lever` can be made of, and which are implausible."""
+"""Which parameters the plant `lever` can be made of, and which are implausible; docs/lever.md (8), (15)."""
 
 import math
 
@@ -11,7 +11,7 @@ from . import beam
 from .lever_constants import sample_curvature
 
 RESOLVED = 1.5
-"""Angle [rad] by which the fastest bending mode may turn in a step, docs/lever.md."""
+"""Angle [rad] by which the fastest bending mode may turn in a step."""
 RESOLVED_SCANNER = 0.5
 """The same for a resonance of the scanner."""
 

@@ -1,4 +1,4 @@
-"""State of the plant `lever` at the start: at rest in contact at the setpoint, or free."""
+"""State of the plant `lever` at the start: at rest in contact at the setpoint, or free; docs/lever.md (3), (17)."""
 
 from typing import Any
 

@@ -2,6 +2,7 @@
 
 The profile is the path of the apex of a spherical tip that rolls over it: flats stay, slopes move out by
 R tan(angle/2), an outer edge of radius r is followed with r + R, an inner one with r - R.
+The curvature is that of the edges, docs/lever.md (8).
 """
 
 import math

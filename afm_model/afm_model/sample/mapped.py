@@ -196,7 +196,7 @@ def surface(x: float, y: float, h: Any, p: Any, values: Any) -> None:
     curved_y /= p.pitch_y * p.pitch_y
     mean = -0.5 * (curved_x + curved_y)
     if p.dilated != 0.0:
-        # Of the path of the apex: R_e = R (1 - mean R), told as the curvature of which the plant makes it.
+        # Of the path of the apex: R_e = R (1 - mean R), told as the curvature of which docs/lever.md (8) makes it.
         ratio = min(max(1.0 - mean * p.R, LEAST_RADIUS), LARGEST_RADIUS)
         mean = (1.0 / ratio - 1.0) / p.R
     lateral, scale = p.x0 / p.z0, p.x0 * p.x0 / p.z0
