@@ -13,6 +13,7 @@ class ElementBeam:
     """
 
     def __init__(self, k: float, L: float, f0: float) -> None:
+        self._length = L
         l = L / ELEMENTS  # noqa: E741
         EI = k * L**3 / 3.0
         bend = EI / l**3 * np.array(
@@ -44,4 +45,6 @@ class ElementBeam:
         """(2, 2) deflection and slope of the end per force and couple there."""
         loads = np.zeros((len(self.K), 2))
         loads[-2, 0] = loads[-1, 1] = 1.0
-        return solve(self.K, loads)[-2:]
+        # Slopes counted per length: metres and radians are far apart.
+        scale = np.tile([1.0, 1.0 / self._length], len(self.K) // 2)
+        return (scale[:, None] * solve(scale[:, None] * self.K * scale, scale[:, None] * loads))[-2:]
