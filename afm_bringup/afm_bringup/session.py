@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from afm_model import Scenario
 from afm_model.checks import start_warnings
+from afm_model.registry import find
 from afm_node_common import topics
 from afm_recorder_node.reader import RecordingError, read_recording
 
@@ -98,9 +99,13 @@ class Session:
         Interrupted
             If SIGINT, SIGTERM or SIGHUP came; the recording up to there is kept.
         """
+        sim = self._scenario.sim
         if self._controller in (OWN, COMPOSED):
-            for sentence in start_warnings(self._scenario.sim, self._scenario.controller):
-                _say(f"warning: {sentence}")
+            told = start_warnings(sim, self._scenario.controller)
+        else:
+            told = find("plant", sim.plant.kind).warnings(sim)
+        for sentence in told:
+            _say(f"warning: {sentence}")
         for number in _SIGNALS:
             # nohup has a program ignore SIGHUP: that stays.
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:

@@ -1,4 +1,4 @@
-"""What can be said before a run: whether a law can work at this rate and delay."""
+"""What can be said before a run: what is implausible, whether a law can work at this rate and delay."""
 
 import numpy as np
 
@@ -13,10 +13,10 @@ _MOST_PERIODS = 64
 
 
 def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list[str]:
-    """Why a loop cannot work as it is set up, a sentence each, with axis, number and limit.
+    """What is implausible in the plant, and why a loop cannot work as it is set up, a sentence each, with its limit.
 
-    What the law itself tells of its rate; whether it is made for this period and delay; whether the linearised loop is
-    stable, and up to which period or delay it would be.
+    Of the loop: what the law itself tells of its rate; whether it is made for this period and delay; whether the
+    linearised loop is stable, and up to which period or delay it would be.
 
     Parameters
     ----------
@@ -24,7 +24,8 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
     controller : ControllerParameters
     """
     plant = sim.plant
-    told: list[str] = find("law", controller.law.kind).warnings(controller, plant.control_period)
+    told: list[str] = [*find("plant", plant.kind).warnings(sim)]
+    told += find("law", controller.law.kind).warnings(controller, plant.control_period)
     others = disagreements(controller.law, plant)
     # Limits of a law that is made for something else tell nothing; those of the paper's laws without delay are known
     # exactly, and told by themselves.

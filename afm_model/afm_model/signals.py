@@ -58,6 +58,7 @@ SURFACE = record(
     "curvature_yy",
     "curvature_xy",
     "strength",  # friction strength over that of contact.tau [1]
+    "adhesion",  # work of adhesion over that of the plant [1]; 1 if the sample does not write it; plant lever
 )
 """The sample at one place."""
 
@@ -71,6 +72,8 @@ TRUTH = record(
     "normal_force",  # [N]
     "contact",  # 1.0 in contact, 0.0 out of it
     "stuck",  # 1.0 while the contact does not slide at all
+    "deflection_excess",  # deflection that the photodiode shows beyond tip_height [m]
+    "lateral_excess",  # lateral force that it shows beyond friction [N]
     vectors=("position", "velocity", "friction"),
 )
 """What a plant tells of its state, without noise."""

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import kernel
+import lever
 import loops
 import machine
 import realtime
@@ -24,7 +25,7 @@ from rich.markup import escape
 from rich.table import Table
 
 PERIODS = (2e-6, 1e-5, 2e-5, 5e-5)
-PARTS = ("kernel", "composed", "processes", "recorder", "realtime", "startup", "sweep")
+PARTS = ("kernel", "lever", "composed", "processes", "recorder", "realtime", "startup", "sweep")
 
 
 class Report:
@@ -62,6 +63,15 @@ def bench_kernel(report: Report, folder: Path) -> None:
             c["ratio"],
         )
     report.add("plant, times real time at a step of 1 us", f"{numba['real_time_factor']:.1f}")
+
+
+def bench_lever(report: Report) -> None:
+    """The plant lever with each preset, whole runs."""
+    report.begin("the plant lever")
+    figures = report.data["lever"] = lever.measure()
+    for name, row in figures.items():
+        report.add(f"lever, {name}: ns a step", f"{row['ns_per_step']:.0f}")
+        report.add("  times real time", f"{row['real_time_factor']:.1f}")
 
 
 def bench_composed(report: Report, folder: Path, ticks: int) -> None:
@@ -189,6 +199,7 @@ def main() -> int:
         folder = Path(name)
         parts = {
             "kernel": lambda: bench_kernel(report, folder),
+            "lever": lambda: bench_lever(report),
             "composed": lambda: bench_composed(report, folder, arguments.ticks),
             "processes": lambda: bench_processes(report, folder, arguments.ticks),
             "recorder": lambda: bench_recorder(report, folder, arguments.ticks),

@@ -44,8 +44,8 @@ def _values(parameters: Tree) -> Numbers:
 @kernel
 def detect(o: Any, d: Any, p: Any, s: Any, r: Any) -> None:
     """See `afm_model.parts.Detector`."""
-    deflection = (o.tip_height - p.a) / p.deflection_sensitivity + p.noise * r[0]
-    lateral = o.friction[0] / p.lateral_sensitivity + p.noise * r[1]
+    deflection = (o.tip_height - p.a + o.deflection_excess) / p.deflection_sensitivity + p.noise * r[0]
+    lateral = (o.friction[0] + o.lateral_excess) / p.lateral_sensitivity + p.noise * r[1]
     d.deflection_voltage = convert(deflection, p.adc_lsb, p.adc_limit)
     d.lateral_voltage = convert(lateral, p.adc_lsb, p.adc_limit)
 

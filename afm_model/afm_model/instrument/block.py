@@ -2,7 +2,7 @@
 
 In order: the header, which tells where everything else stands; the loop's own record; constants of the parts; what is
 recorded of a tick (states of the parts, measurement, applied drive); what travels inside a tick; sums of the score;
-places of the channels; the line of drives on their way; the map of the sample.
+places of the channels; the line of drives on their way; the maps of sample and plant.
 """
 
 from typing import Any
@@ -116,6 +116,8 @@ class Layout:
         self.places["line"] = self._reserve(line_slots(parameters) * size(COMMAND))
         self._map = _map_of(self.parts["sample"], parameters)
         self.places["sample_map"] = self._reserve(self._map.size)
+        self._plant_map = _map_of(self.parts["plant"], parameters)
+        self.places["plant_map"] = self._reserve(self._plant_map.size)
         self.size = self._end
         # A row of the random numbers.
         draws = {family: each.part.draws for family, each in self.parts.items()}
@@ -169,6 +171,7 @@ class Layout:
         for number, channel in enumerate(self.channels):
             block[self.places["channels"] + number] = self.place(channel.field)
         block[self.places["sample_map"] : self.places["sample_map"] + self._map.size] = self._map
+        block[self.places["plant_map"] : self.places["plant_map"] + self._plant_map.size] = self._plant_map
         return block
 
     def record(self, block: NDArray[np.float64], name: str) -> Any:
@@ -188,7 +191,7 @@ def line_slots(parameters: InstrumentParameters) -> int:
 
 
 def _map_of(each: Assembled, parameters: InstrumentParameters) -> NDArray[np.float64]:
-    """Map of the sample, or none."""
+    """Map of a sample or plant, or none."""
     make = getattr(each.part, "map", None)
     if make is None:
         return np.zeros(0)

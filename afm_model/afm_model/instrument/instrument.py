@@ -137,6 +137,9 @@ class Instrument:
                 )
         for name in ("applied", "regulated", "effective"):
             layout.array(block, name)[:] = held
+        onboard: Any = layout.parts["onboard"].part
+        if onboard.state.names:
+            onboard.begin(parameters, layout.record(block, "onboard_state"), held)
         line = layout.places["line"]
         on_their_way = [line + slot * size(COMMAND) for slot in range(line_slots(parameters))]
         for command in (layout.places["commanded"], *on_their_way):

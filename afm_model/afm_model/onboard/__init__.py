@@ -9,9 +9,12 @@ from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
 from .none import NONE
+from .pi import PI, PiParameters
 
 PARTS = (NONE,)
 register(*PARTS)
+# Called by address, like one of somebody else's.
+register(PI)
 
 
 @kernel
@@ -22,4 +25,4 @@ def regulate(t: float, d: Any, r: Any, u: Any, m: Block) -> None:
         call(g.onboard_regulate, (t, d, r, u, pointer_at(m, g.onboard_constants), pointer_at(m, g.onboard_state)))
 
 
-__all__ = ["NONE", "PARTS", "OnboardParameters", "regulate"]
+__all__ = ["NONE", "PARTS", "PI", "OnboardParameters", "PiParameters", "regulate"]

@@ -48,6 +48,8 @@ class InstrumentParameters(Microscope):
 
     @model_validator(mode="after")
     def _tip_touches_in_one_point(self) -> "InstrumentParameters":
+        if registry.find("plant", self.plant.kind).sample_in_si:
+            return self
         curvature = registry.find("sample", self.sample.kind).curvature(self)
         kappa_r = curvature * self.contact.R / self.scales.z0
         if kappa_r >= 1.0:

@@ -24,6 +24,7 @@ _OF_THE_LOOP = [
     "detection",
     "surface",
     "sample_map",
+    "plant_map",
     "score",
     "hashed",
     "hashed_end",
@@ -42,8 +43,8 @@ its state begin.
 
 Then where the rest begins: the record of the loop; measurement; the drive as commanded, as applied (behind range,
 resolution, delay), as changed by the onboard part, as the piezo makes it; the reference at this tick
-and at the next; truth, detection, surface; the map of the
-sample; sums of the score; what is hashed; the line of drives on their way; the places of the channels.
+and at the next; truth, detection, surface; the maps of sample
+and plant; sums of the score; what is hashed; the line of drives on their way; the places of the channels.
 
 Last, where in a row of the random numbers those of the plant, the sensors, the detector and the fault begin, and how
 long a row is.

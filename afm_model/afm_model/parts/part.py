@@ -177,12 +177,19 @@ class Onboard(Part):
     """What runs inside the instrument at the rate of the virtual ADC: `regulate(t, d, r, u, p, s)` may change drive u.
 
     d is the photodetector's last sample, r the reference of the control tick.
+
+    Parameters
+    ----------
+    begin : callable
+        (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
+        called if the part has a state.
     """
 
     family = "onboard"
     functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, DRIVE, CONSTANTS, STATE)}
 
     regulate: Kernel
+    begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,6 +203,13 @@ class Plant(Part):
     ----------
     rest : callable
         (parameters, p, s, m) -> drive (x, y, z) [V] that holds the start; writes the state at the start into s.
+    map : callable, optional
+        Parameters -> array of float64, read-only for the kernel, at m[plant_map of HEADER]: a table, say.
+    sample_in_si : bool
+        The plant takes slopes and curvatures of the sample in SI, not in scaled coordinates, and checks by itself
+        whether its tip touches the sample in one point.
+    warnings : callable
+        Parameters -> what is implausible, a sentence each.
     """
 
     family = "plant"
@@ -207,6 +221,9 @@ class Plant(Part):
     step: Kernel
     observe: Kernel
     rest: Callable[[Any, Any, Any, Any], tuple[float, float, float]]
+    map: Callable[[Any], NDArray[np.float64]] | None = None
+    sample_in_si: bool = False
+    warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,6 +238,9 @@ class Sample(Part):
         Parameters -> height amplitude [m], by which the error along z is judged; 0 if there is none.
     curvature : callable
         Parameters -> largest |mean curvature| [z0/x0^2], for the longest step and the contact.
+    contrast : callable, optional
+        Parameters -> least and largest (w/w_0)^2 R_e/R, work of adhesion and effective radius over those of the plant,
+        for the plant `lever`; by default what the curvature makes of it.
     """
 
     family = "sample"
@@ -230,6 +250,7 @@ class Sample(Part):
     map: Callable[[Any], NDArray[np.float64]] | None = None
     height: Callable[[Any], float] = lambda parameters: 0.0
     curvature: Callable[[Any], float] = lambda parameters: 0.0
+    contrast: Callable[[Any], tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,12 +11,15 @@ from . import compliant, paper
 from .compliant import COMPLIANT
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
+from .lever import LEVER
 from .paper import PAPER, Z_COMPUTED, Z_HELD, Z_UNIFORM
 from .state import STATE
 from .steps import stable_step
 
 PARTS = (COMPLIANT, PAPER)
 register(*PARTS)
+# Called by address, like those of somebody else's: the compiled loop knows the paper's alone.
+register(LEVER)
 
 
 @kernel
@@ -47,6 +50,7 @@ def tell(o: Any, m: Block) -> None:
 __all__ = [
     "COMPLIANT",
     "CONSTANTS",
+    "LEVER",
     "PAPER",
     "PARTS",
     "STATE",

@@ -9,10 +9,18 @@ from ..records import Block, pointer_at, record_at
 from ..registry import register
 from ..signals import SURFACE
 from . import paper
+from .flat import FLAT
+from .grating import GRATING
+from .height_map import MAP
 from .paper import PAPER, PaperSample
+from .patches import PATCHES
+from .plane import PLANE
+from .rough import ROUGH
 
 PARTS = (PAPER,)
 register(*PARTS)
+# The others are called by address, like those of somebody else's.
+register(FLAT, PLANE, GRATING, PATCHES, ROUGH, MAP)
 
 
 @kernel
@@ -20,6 +28,7 @@ def surface(x: float, y: float, m: Block) -> Any:
     """The sample of the block m at (x, y) [x0], as a record of SURFACE that the next call writes over."""
     g = record_at(m, 0, HEADER)
     h = record_at(m, g.surface, SURFACE)
+    h.adhesion = 1.0
     if g.sample == 0:
         paper.surface(x, y, h, record_at(m, g.sample_constants, paper.CONSTANTS), 0)
     else:
@@ -27,4 +36,4 @@ def surface(x: float, y: float, m: Block) -> Any:
     return h
 
 
-__all__ = ["PAPER", "PARTS", "PaperSample", "surface"]
+__all__ = ["FLAT", "GRATING", "MAP", "PAPER", "PARTS", "PATCHES", "PLANE", "ROUGH", "PaperSample", "surface"]

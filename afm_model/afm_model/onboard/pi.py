@@ -1,0 +1,118 @@
+"""The z loop of a real microscope: proportional-integral feedback of the deflection, at the rate of the virtual ADC.
+
+    error e = setpoint - deflection [V],  I' = integral_gain e,  z = I + proportional_gain e, within its limits
+
+The integral holds still where z is at a limit and the error would push it further (no windup). The drive along z is
+then the loop's: what a controller asks along z has no effect. docs/microscope.md.
+"""
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from ..jit import kernel
+from ..parts.groups import OnboardParameters
+from ..parts.part import Channel, Numbers, Onboard, Tree
+from ..records import record
+from ..schema import NonNegative, Unit
+
+
+class PiParameters(OnboardParameters):
+    """Feedback of the deflection to z."""
+
+    kind: str = Field("pi", description="loop inside the instrument")
+    proportional_gain: Annotated[NonNegative, Unit("m/V")] = Field(0.0, description="gain P of the error")
+    integral_gain: Annotated[NonNegative, Unit("m/(V s)")] = Field(
+        30e-6, description="gain I of its integral; the loop crosses over at I / (2 pi detector.deflection_sensitivity)"
+    )
+    setpoint_voltage: Annotated[float, Unit("V")] = Field(
+        0.0, description="setpoint of the deflection; 0: by setpoint_force"
+    )
+    setpoint_force: Annotated[float, Unit("N")] = Field(
+        0.0, description="setpoint as force of the cantilever (plant lever); 0: by the reference of the tip height"
+    )
+    low: Annotated[float, Unit("m")] = Field(-5e-6, description="least z")
+    high: Annotated[float, Unit("m")] = Field(5e-6, description="largest z")
+    hold: bool = Field(False, description="keep z where it is: feedback off")
+
+    @model_validator(mode="after")
+    def _limits_are_apart(self) -> "PiParameters":
+        if self.low >= self.high:
+            raise ValueError(
+                f"onboard.low = {self.low:g} m is not allowed: it must be < onboard.high = {self.high:g} m"
+            )
+        if self.setpoint_voltage != 0.0 and self.setpoint_force != 0.0:
+            raise ValueError(
+                f"onboard.setpoint_voltage = {self.setpoint_voltage:g} V and onboard.setpoint_force = "
+                f"{self.setpoint_force:g} N are not allowed together: give one"
+            )
+        return self
+
+
+CONSTANTS = record("P", "I_step", "by_reference", "setpoint", "a", "volts", "metres", "low", "high", "hold")
+STATE = record(
+    "integral",  # [m]
+    "z",  # [m]
+    "error",  # [V]
+)
+
+
+def _values(parameters: Tree) -> Numbers:
+    loop, detector = parameters.onboard, parameters.detector
+    setpoint = loop.setpoint_voltage
+    if loop.setpoint_force != 0.0:
+        setpoint = loop.setpoint_force / parameters.plant.cantilever_numbers.k / detector.deflection_sensitivity
+    return {
+        "P": loop.proportional_gain,
+        "I_step": loop.integral_gain * detector.sample_period,
+        "by_reference": float(loop.setpoint_voltage == 0.0 and loop.setpoint_force == 0.0),
+        "setpoint": setpoint,
+        "a": parameters.cantilever.a,
+        "volts": 1.0 / detector.deflection_sensitivity,
+        "metres": parameters.piezo.sensitivity_z,
+        "low": loop.low,
+        "high": loop.high,
+        "hold": float(loop.hold),
+    }
+
+
+def _check(parameters: Tree) -> None:
+    loop = parameters.onboard
+    if loop.setpoint_force != 0.0 and not hasattr(parameters.plant, "cantilever_numbers"):
+        raise ValueError(
+            f"onboard.setpoint_force = {loop.setpoint_force:g} N is not allowed with plant.kind = "
+            f"{parameters.plant.kind}: give onboard.setpoint_voltage"
+        )
+
+
+def _begin(parameters: Tree, s: Any, drive: tuple[float, float, float]) -> None:
+    """From the drive that holds the start, without a jump."""
+    s.z = s.integral = parameters.piezo.sensitivity_z * drive[2]
+
+
+@kernel
+def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
+    """See `afm_model.parts.Onboard`."""
+    setpoint = (r.position[2] - p.a) * p.volts if p.by_reference != 0.0 else p.setpoint
+    s.error = setpoint - d.deflection_voltage
+    if p.hold == 0.0:
+        s.integral += p.I_step * s.error
+        wanted = s.integral + p.P * s.error
+        s.z = min(max(wanted, p.low), p.high)
+        # At a limit the integral goes no further than what reaches it.
+        if (wanted > p.high and s.error > 0.0) or (wanted < p.low and s.error < 0.0):
+            s.integral = s.z - p.P * s.error
+    u.voltage[2] = s.z / p.metres
+
+
+PI = Onboard(
+    name="pi",
+    parameters=PiParameters,
+    constants=CONSTANTS,
+    state=STATE,
+    values=_values,
+    check=_check,
+    regulate=regulate,
+    begin=_begin,
+    channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),
+)

@@ -1,0 +1,116 @@
+"""Which parameters the plant `lever` can be made of, and which are implausible; docs/lever.md (8), (15)."""
+
+import math
+
+from .. import registry
+from ..errors import ParameterError
+from ..parts.part import Tree
+from ..physics import Cantilever, Contact, Scanner
+from ..schema import flatten
+from . import beam
+from .lever_constants import sample_curvature
+
+RESOLVED = 1.5
+"""Angle [rad] by which the fastest bending mode may turn in a step."""
+RESOLVED_SCANNER = 0.5
+"""The same for a resonance of the scanner."""
+
+
+def check(parameters: Tree) -> None:
+    """Raise ValueError for what is impossible."""
+    plant = parameters.plant
+    _refuse_of_other_plants(parameters)
+    c, s = plant.cantilever_numbers, plant.scanner_numbers
+    if c.thickness >= c.width or c.width >= c.length:
+        raise ValueError(
+            f"plant.thickness = {c.thickness:g} m, plant.width = {c.width:g} m, plant.length = {c.length:g} m are not "
+            f"allowed: a cantilever is longer than wide and wider than thick"
+        )
+    turn = 2.0 * math.pi * c.f0 * beam.MODE[plant.modes - 1].frequency * plant.dt
+    if turn > RESOLVED:
+        raise ValueError(
+            f"plant.dt = {plant.dt:g} s is not allowed: bending mode {plant.modes} turns by {turn:.3g} rad in a step "
+            f"and must turn by at most {RESOLVED:g}: take plant.dt <= {plant.dt * RESOLVED / turn:.3g} s, or fewer "
+            f"plant.modes"
+        )
+    fastest = max(s.f_x, s.f_y, s.f_z)
+    if (turn := 2.0 * math.pi * fastest * plant.dt) > RESOLVED_SCANNER:
+        raise ValueError(
+            f"plant.dt = {plant.dt:g} s is not allowed: the scanner's resonance of {fastest:g} Hz turns by "
+            f"{turn:.3g} rad in a step: take plant.dt <= {plant.dt * RESOLVED_SCANNER / turn:.3g} s"
+        )
+
+
+def require_blunt_sample(parameters: Tree) -> None:
+    """Raise ParameterError if the sample is sharper than the tip: asked when an instrument is made.
+
+    A sample that tells its contrast has checked that itself, with the place.
+    """
+    bend = sample_curvature(parameters) * parameters.plant.cantilever_numbers.tip_radius
+    if bend >= 1.0 and registry.find("sample", parameters.sample.kind).contrast is None:
+        R = parameters.plant.cantilever_numbers.tip_radius
+        raise ParameterError(
+            f"sample.kind = {parameters.sample.kind} is sharper than the tip: its radius of curvature is down to "
+            f"{R / bend:.3g} m and must be > plant.tip_radius = {R:g} m: take a sharper tip or a smoother sample, "
+            f"such as sample.kind = flat"
+        )
+
+
+def _refuse_of_other_plants(parameters: Tree) -> None:
+    """Parameters that would have no effect are no silent ones."""
+    for name, group, given in (
+        ("cantilever", Cantilever(), parameters.cantilever),
+        ("scanner", Scanner(), parameters.scanner),
+        ("contact", Contact(), parameters.contact),
+    ):
+        usual = flatten(group)
+        for leaf, value in flatten(given).items():
+            if value != usual[leaf] and (name, leaf) != ("cantilever", "a"):
+                raise ValueError(
+                    f"{name}.{leaf} = {value} has no effect with plant.kind = lever, which takes cantilever, scanner "
+                    f"and contact from plant.*: leave it out"
+                )
+
+
+_PLAUSIBLE = {
+    "plant.k": ("N/m", 0.005, 100.0, "cantilevers have"),
+    "plant.f0": ("Hz", 1e3, 5e6, "cantilevers have"),
+    "plant.Q": ("", 1.0, 1e6, "cantilevers have"),
+    "plant.tip_radius": ("m", 1e-9, 1e-5, "tips have"),
+    "plant.work_of_adhesion": ("J/m^2", 1e-3, 2.0, "surfaces have"),
+    "plant.tau": ("Pa", 1e5, 5e9, "contacts have"),
+    "plant.K": ("Pa", 1e6, 2e12, "materials have"),
+    "plant.hamaker": ("J", 1e-21, 1e-18, "materials have"),
+    "plant.range": ("m", 1e-10, 1e-8, "surfaces have"),
+}
+"""What is usual."""
+
+
+def warnings(parameters: Tree) -> list[str]:
+    """What is implausible, a sentence each."""
+    plant = parameters.plant
+    values = plant.cantilever_numbers._asdict() | plant.pair_numbers._asdict()
+    found = []
+    for name, (unit, low, high, who) in _PLAUSIBLE.items():
+        value = values[name.removeprefix("plant.")]
+        if not low <= value <= high:
+            found.append(f"{name} = {value:g} {unit} is implausible: {who} {low:g} to {high:g} {unit}".rstrip())
+    c, s = plant.cantilever_numbers, plant.scanner_numbers
+    mass = c.k / (2.0 * math.pi * c.f0) ** 2 * beam.MODE[0].compliance ** -1 * 4.0
+    density = mass / (c.length * c.width * c.thickness)
+    if not 700.0 <= density <= 12000.0:
+        found.append(
+            f"plant.k = {c.k:g} N/m, plant.f0 = {c.f0:g} Hz and the dimensions of the cantilever do not go together: "
+            f"they make its density {density:.3g} kg/m^3"
+        )
+    for axis in "xyz":
+        k, f = getattr(s, f"k_{axis}"), getattr(s, f"f_{axis}")
+        if k < 1e4:
+            found.append(f"plant.k_{axis} = {k:g} N/m is implausible: scanners have 1e5 to 1e8 N/m")
+        moved = k / (2.0 * math.pi * f) ** 2
+        if not 1e-5 <= moved <= 10.0:
+            found.append(
+                f"plant.k_{axis} = {k:g} N/m and plant.f_{axis} = {f:g} Hz make the moving mass {moved:.3g} kg: "
+                f"scanners move 1e-4 to 1 kg"
+            )
+    return found

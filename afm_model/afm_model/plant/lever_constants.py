@@ -1,0 +1,173 @@
+"""Constants of the plant `lever` from its parameters, SI units. Equations: docs/lever.md (1) to (7), (14), (15)."""
+
+import math
+from typing import Any
+
+from .. import registry
+from ..contact.table import transitions
+from ..parts.part import Numbers, Tree
+from ..records import record
+from . import beam
+
+CONSTANTS = record(
+    "half",  # half the integration step [s]
+    "h",
+    "x0",  # scales of the sample's coordinates [m]
+    "z0",
+    "rise",  # height per place in these, z0/x0
+    "metres",  # static displacement of the scanner per volt [m/V]
+    "w2",  # of the scanner: frequency of the scheme squared [1/s^2]
+    "inverse",  # 1/D, D = 1 + h xi w + h^2 w^2 / 4
+    "push",  # change of the rate at mid-step per force [m/s/N]
+    "mode_w2",  # the same of the bending modes
+    "mode_inverse",
+    "mode_push",
+    "mode_y",  # how the tip moves with a mode, which is counted by the deflection of the end [1]
+    "mode_z",
+    "mode_shown",  # deflection that the photodiode shows per deflection of the end in a mode [1]
+    "rest_x",  # compliance of the tip that follows a force without delay [m/N]
+    "rest_yy",
+    "rest_yz",
+    "rest_zz",
+    "shown_y",  # deflection shown, without delay, per force on the tip [m/N]
+    "shown_z",
+    "twist_per_force",  # torsion per force along x [rad/N]
+    "W_x",  # displacement of the sample against the tip at mid-step, per force on the tip [m/N]
+    "W_yy",
+    "W_yz",
+    "W_zz",
+    "a",  # height of the free tip [m]
+    "R",  # tip radius [m]
+    "unit_force",  # of the contact, see afm_model.contact.maugis
+    "unit_radius",
+    "unit_indentation",
+    "hamaker_radius",  # Hamaker constant times R [J m]
+    "stiffness_per_radius",  # 8 G* [Pa]
+    "friction_per_area",  # tau [Pa]
+    "strengthening",  # growth of friction with the velocity [1]
+    "slow_way",  # velocity from which it grows, times h [m]
+    "rows",  # of the contact's table
+    "row_first",  # its transition parameter, and the step from row to row
+    "row_step",
+    "transition",  # transition parameter on a flat sample
+    vectors=(
+        *("metres", "w2", "inverse", "push", "mode_w2", "mode_inverse"),
+        *("mode_push", "mode_y", "mode_z", "mode_shown"),
+    ),
+    integers=("rows",),
+)
+
+
+def rows(parameters: Tree) -> Any:
+    """Transition parameters of the rows of the contact's table: all that the sample can make of the plant's own."""
+    plant = parameters.plant
+    lam = plant.transition
+    if lam == 0.0:
+        return transitions(0.0, 0.0)
+    low, high = contrast(parameters)
+    return transitions(lam * low, lam * high)
+
+
+def contrast(parameters: Tree) -> tuple[float, float]:
+    """Least and largest (w^2 R_e)^(1/3) on the sample, over that on a flat one of the plant's own materials."""
+    of_sample = registry.find("sample", parameters.sample.kind).contrast
+    if of_sample is not None:
+        low, high = of_sample(parameters)
+    else:
+        bend = sample_curvature(parameters) * parameters.plant.cantilever_numbers.tip_radius
+        # One that is sharper than the tip is refused at the start.
+        low, high = (1.0 / (1.0 + bend), 1.0 / (1.0 - bend)) if bend < 1.0 else (1.0, 1.0)
+    return low ** (1.0 / 3.0), high ** (1.0 / 3.0)
+
+
+def sample_curvature(parameters: Tree) -> float:
+    """Largest |mean curvature| of the sample [1/m]."""
+    scales = parameters.scales
+    curvature: float = registry.find("sample", parameters.sample.kind).curvature(parameters)
+    return curvature * scales.z0 / scales.x0**2
+
+
+def _oscillator(frequency: float, damping: float, h: float) -> tuple[float, float]:
+    """(w^2, 1/D) of a damped oscillator in the implicit midpoint rule, docs/lever.md (15): its frequency is met."""
+    w = 2.0 / h * math.tan(math.pi * frequency * h)
+    return w * w, 1.0 / (1.0 + h * damping * w + 0.25 * h * h * w * w)
+
+
+def lever_constants(parameters: Tree) -> Numbers:
+    """Values of CONSTANTS."""
+    plant, piezo, scales = parameters.plant, parameters.piezo, parameters.scales
+    c, s, pair = plant.cantilever_numbers, plant.scanner_numbers, plant.pair_numbers
+    h = plant.dt
+    half = 0.5 * h
+    units = plant.contact_units
+    # The tip stands below the neutral axis by `arm`; y runs along the cantilever, towards its end.
+    arm, L = c.tip_height + 0.5 * c.thickness, c.length
+    cos, sin = math.cos(plant.tilt), math.sin(plant.tilt)
+
+    def lab(along: float, across: float) -> tuple[float, float]:
+        """(y, z) of a vector given along the cantilever and across it."""
+        return cos * along + sin * across, cos * across - sin * along
+
+    modes: dict[str, list[float]] = {
+        name: [0.0] * 3 for name in ("mode_w2", "mode_inverse", "mode_push", "mode_y", "mode_z", "mode_shown")
+    }
+    for i, mode in enumerate(beam.MODE[: plant.modes]):
+        w2, inverse = _oscillator(c.f0 * mode.frequency, 0.5 / c.Q, h)
+        modes["mode_w2"][i], modes["mode_inverse"][i] = w2, inverse
+        modes["mode_push"][i] = half * w2 * inverse * mode.compliance / c.k
+        modes["mode_y"][i], modes["mode_z"][i] = lab(arm * mode.slope / L, 1.0)
+        modes["mode_shown"][i] = 2.0 / 3.0 * mode.slope
+    # What follows without delay, along the cantilever (1) and across it (2); then in the laboratory's y and z.
+    rest = beam.rest(plant.modes)
+    r11, r12, r22 = (
+        (arm / L) ** 2 * rest.turn_by_couple / c.k,
+        arm / L * rest.turn_by_force / c.k,
+        rest.end_by_force / c.k,
+    )
+    static = {
+        "rest_x": arm**2 / c.k_torsion + 1.0 / c.k_in_plane,
+        "rest_yy": cos**2 * r11 + 2.0 * cos * sin * r12 + sin**2 * r22,
+        "rest_yz": (cos**2 - sin**2) * r12 + cos * sin * (r22 - r11),
+        "rest_zz": cos**2 * r22 - 2.0 * cos * sin * r12 + sin**2 * r11,
+    }
+    # Force in the laboratory, split along the cantilever and across it, turns the end.
+    by_couple, by_force = arm / L * rest.turn_by_couple / c.k, rest.turn_by_force / c.k
+    static["twist_per_force"] = arm / c.k_torsion
+    static["shown_y"], static["shown_z"] = (2.0 / 3.0 * part for part in lab(by_couple, by_force))
+    scanner: dict[str, list[float]] = {"w2": [], "inverse": [], "push": []}
+    for axis in "xyz":
+        w2, inverse = _oscillator(getattr(s, f"f_{axis}"), 0.5 / s.Q, h)
+        scanner["w2"].append(w2)
+        scanner["inverse"].append(inverse)
+        scanner["push"].append(half * w2 * inverse / getattr(s, f"k_{axis}"))
+    total = {f"W_{name}": static[f"rest_{name}"] for name in ("x", "yy", "yz", "zz")}
+    for name, push in zip(("x", "yy", "zz"), scanner["push"], strict=True):
+        total[f"W_{name}"] += half * push
+    for push, y, z in zip(modes["mode_push"], modes["mode_y"], modes["mode_z"], strict=True):
+        total["W_yy"] += half * push * y * y
+        total["W_yz"] += half * push * y * z
+        total["W_zz"] += half * push * z * z
+    table = rows(parameters)
+    numbers = {
+        "half": half,
+        "h": h,
+        "x0": scales.x0,
+        "z0": scales.z0,
+        "rise": scales.z0 / scales.x0,
+        "metres": [getattr(piezo, f"sensitivity_{axis}") for axis in "xyz"],
+        "a": parameters.cantilever.a,
+        "R": c.tip_radius,
+        "unit_force": units.force,
+        "unit_radius": units.radius,
+        "unit_indentation": units.indentation,
+        "hamaker_radius": pair.hamaker * c.tip_radius,
+        "stiffness_per_radius": 8.0 * pair.G,
+        "friction_per_area": pair.tau,
+        "strengthening": plant.strengthening,
+        "slow_way": plant.slow * h,
+        "rows": len(table),
+        "row_first": table[0],
+        "row_step": table[1] - table[0] if len(table) > 1 else 1.0,
+        "transition": plant.transition,
+    }
+    return numbers | scanner | modes | static | total

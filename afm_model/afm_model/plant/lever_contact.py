@@ -1,0 +1,226 @@
+"""The contact of the plant `lever`: force of the sample on the tip at mid-step, normal and tangential.
+
+Unknown are the indentation and, where the tip slides, how far. Everything elastic behind the tip is one compliance W,
+so that they are found by Newton's method in one unknown. Equations: docs/lever.md (16) to (23).
+"""
+
+import math
+from typing import Any
+
+from ..contact.table import attraction, end_of_contact, look_up
+from ..jit import kernel
+
+FRAME = (
+    "unit_force",  # units of the contact at this place, see afm_model.contact.maugis
+    "unit_radius",
+    "unit_indentation",
+    "hamaker_radius",  # Hamaker constant times effective radius [J m]
+    "row",  # in the table
+    "end",  # indentation at which contact begins and ends [m]
+    "tau",  # friction per area [Pa]
+)
+"""The contact at one place: numbers in the state of the plant."""
+_CLOSE = 1e-6
+"""A Newton step so short, in units of indentation, leaves an error of its square."""
+
+
+@kernel
+def place_frame(H: Any, p: Any, f: Any, m: Any, at: int) -> None:
+    """Write the contact at a place of the sample, H, into f, a record with FRAME."""
+    rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
+    contrast = H.adhesion
+    # (w^2 R_e)^(1/3), and the other powers by it.
+    root = 1.0 if rho == 1.0 and contrast == 1.0 else (contrast * contrast * rho) ** (1.0 / 3.0)
+    f.unit_force = p.unit_force * contrast * rho
+    f.unit_indentation = p.unit_indentation * root
+    f.unit_radius = p.unit_radius * contrast * rho / root
+    f.hamaker_radius = p.hamaker_radius * contrast * rho
+    f.row = (p.transition * root - p.row_first) / p.row_step
+    f.tau = p.friction_per_area * H.strength
+    f.end = f.unit_indentation * end_of_contact(f.row, m, at, p.rows)
+
+
+@kernel
+def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float, float, float, float]:
+    """Normal force [N] and friction bound [N] at indentation delta [m], each with its slope [N/m], and contact radius.
+
+    Parameters
+    ----------
+    f, p : records of STATE, with FRAME, and CONSTANTS
+    m, at : the table begins at m[at]
+    """
+    F, S, a, b = look_up(delta / f.unit_indentation, f.row, m, at, p.rows)
+    if a == 0.0:
+        # The distance at which the attraction is that of the end of the contact; from there on it grows.
+        D = math.sqrt(-f.hamaker_radius / (6.0 * F * f.unit_force)) + max(f.end - delta, 0.0)
+        F, S = attraction(D, f.hamaker_radius)
+        return F, S, 0.0, 0.0, 0.0
+    a *= f.unit_radius
+    b *= f.unit_radius / f.unit_indentation
+    area = math.pi * f.tau * a
+    return F * f.unit_force, S * f.unit_force / f.unit_indentation, area * a, 2.0 * area * b, a
+
+
+@kernel
+def indent(
+    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Any, at: int
+) -> tuple[float, float, float, float]:
+    """Solve delta + w_n N(delta) + w_f F_max(delta) = target, from the last indentation on.
+
+    Where there are several solutions, it is the first one in the direction in which the tip is pulled at the start.
+
+    Returns
+    -------
+    (delta, N, F_max, a) : floats
+    """
+    unit = f.unit_indentation
+    x = delta
+    for _ in range(8):
+        N, stiffness, bound, growth, a = normal(x, f, p, m, at)
+        slope = 1.0 + w_n * stiffness + w_f * growth
+        if slope < 0.1:
+            break
+        step = (target - x - w_n * N - w_f * bound) / slope
+        if abs(step) < _CLOSE * unit:
+            return x + step, N + stiffness * step, bound + growth * step, a
+        # Across the end of the contact the slope changes too much.
+        if abs(step) > unit + 0.3 * abs(x - f.end) or (x - f.end) * (x + step - f.end) <= 0.0:
+            break
+        x += step
+    return _march(delta, target, w_n, w_f, f, p, m, at)
+
+
+@kernel
+def _march(
+    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Any, at: int
+) -> tuple[float, float, float, float]:
+    """The same by steps until the balance changes sign, then by bisection: through folds and jumps."""
+    N, _, bound, _, a = normal(delta, f, p, m, at)
+    balance = target - delta - w_n * N - w_f * bound
+    step = math.copysign(1e-3 * f.unit_indentation, balance)
+    low = high = delta
+    for _ in range(300):
+        high = low + step
+        N, _, bound, _, a = normal(high, f, p, m, at)
+        if (target - high - w_n * N - w_f * bound) * balance <= 0.0:
+            break
+        low = high
+        step *= 1.1
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        N, _, bound, _, a = normal(middle, f, p, m, at)
+        if (target - middle - w_n * N - w_f * bound) * balance > 0.0:
+            low = middle
+        else:
+            high = middle
+    middle = 0.5 * (low + high)
+    N, _, bound, _, a = normal(middle, f, p, m, at)
+    return middle, N, bound, a
+
+
+@kernel
+def hold(e_1: float, e_2: float, k: float, w_11: float, w_12: float, w_22: float) -> tuple[float, float]:
+    """Tangential force of a tip that sticks: (1/k + W)^-1 e, the contact's own stiffness k in series; 0 for k = 0."""
+    a, b, c = 1.0 + k * w_11, k * w_12, 1.0 + k * w_22
+    per = k / (a * c - b * b)
+    return per * (c * e_1 - b * e_2), per * (a * e_2 - b * e_1)
+
+
+@kernel
+def strengthened(bound: float, drawn: float, give: float, p: Any) -> float:
+    """Friction of a tip that slides faster the larger it is, F = F_max (1 + b ln(1 + v / v_0)), docs/lever.md (24).
+
+    Parameters
+    ----------
+    bound : float [N]
+        F_max, friction at rest.
+    drawn : float [m]
+        Way to go in this step along the direction of sliding, if friction were zero.
+    give : float [m/N]
+        How far the tip and its contact give way under friction.
+    """
+    slid = drawn - give * bound
+    if p.strengthening == 0.0 or slid <= 0.0:
+        return bound
+    # In y = ln(1 + v / v_0) the balance is concave: Newton's method from beyond the root does not step over it.
+    y = min(slid / (give * bound * p.strengthening), math.log(1.0 + slid / p.slow_way))
+    for _ in range(30):
+        way = p.slow_way * math.exp(y)
+        excess = drawn - give * bound * (1.0 + p.strengthening * y) - (way - p.slow_way)
+        change = excess / (give * bound * p.strengthening + way)
+        y += change
+        if abs(change) < 1e-13:
+            break
+    return bound * (1.0 + p.strengthening * max(y, 0.0))
+
+
+@kernel
+def slide(
+    delta: float,
+    d_1: float,
+    d_2: float,
+    target: float,
+    e_1: float,
+    e_2: float,
+    w_nn: float,
+    w_n1: float,
+    w_n2: float,
+    w_11: float,
+    w_12: float,
+    w_22: float,
+    f: Any,
+    p: Any,
+    m: Any,
+    at: int,
+) -> tuple[float, float, float, float, float, float]:
+    """Indentation and direction of a tip that slides, together: Newton's method in both, docs/lever.md (22).
+
+    The direction d must lie along the way slid, so that friction always takes energy: what a step slides is small
+    against what the cantilever gives way, and a direction that is nearly right would drive the tip.
+
+    Returns
+    -------
+    (delta, N, F_max, a, d_1, d_2) : floats
+    """
+    x = delta
+    for _ in range(12):
+        N, stiffness, bound, growth, a = normal(x, f, p, m, at)
+        along, across = w_n1 * d_1 + w_n2 * d_2, w_n2 * d_1 - w_n1 * d_2
+        g_1, g_2 = e_1 - w_n1 * N, e_2 - w_n2 * N
+        if p.strengthening != 0.0 and a > 0.0:
+            give = d_1 * (w_11 * d_1 + 2.0 * w_12 * d_2) + w_22 * d_2 * d_2 + 1.0 / (p.stiffness_per_radius * a)
+            rest, bound = bound, strengthened(bound, g_1 * d_1 + g_2 * d_2, give, p)
+            growth *= bound / rest
+        turn = (w_11 - w_22) * d_1 * d_2 + w_12 * (d_2 * d_2 - d_1 * d_1)
+        turning = (w_11 - w_22) * (d_1 * d_1 - d_2 * d_2) + 4.0 * w_12 * d_1 * d_2
+        r_1 = target - x - w_nn * N - along * bound
+        r_2 = bound * turn - (g_1 * d_2 - g_2 * d_1)
+        J_11, J_12 = 1.0 + w_nn * stiffness + along * growth, across * bound
+        J_21, J_22 = across * stiffness - growth * turn, g_1 * d_1 + g_2 * d_2 - bound * turning
+        determinant = J_11 * J_22 - J_12 * J_21
+        if J_11 < 0.1 or J_22 <= 0.0 or determinant <= 0.1 * J_11 * J_22:
+            break
+        step = (J_22 * r_1 - J_12 * r_2) / determinant
+        angle = (J_11 * r_2 - J_21 * r_1) / determinant
+        if abs(step) > f.unit_indentation or abs(angle) > 0.5 or (x - f.end) * (x + step - f.end) <= 0.0:
+            break
+        x += step
+        d_1, d_2 = d_1 - angle * d_2, d_2 + angle * d_1
+        size = 1.0 / math.sqrt(d_1 * d_1 + d_2 * d_2)
+        d_1 *= size
+        d_2 *= size
+        if abs(step) < _CLOSE * f.unit_indentation and abs(angle) < _CLOSE:
+            return x, N + stiffness * step, bound + growth * step, a, d_1, d_2
+    # In turn: direction, then indentation.
+    N, _, bound, _, a = normal(delta, f, p, m, at)
+    x = delta
+    mean = 0.5 * (w_11 + w_22)
+    for _ in range(8):
+        for _ in range(4):
+            v_1 = e_1 - w_n1 * N - bound * ((w_11 - mean) * d_1 + w_12 * d_2)
+            v_2 = e_2 - w_n2 * N - bound * (w_12 * d_1 + (w_22 - mean) * d_2)
+            size = math.sqrt(v_1 * v_1 + v_2 * v_2)
+            if size > 0.0:
+                d_1, d_2 = v_1 / size, v_2 / size
+        x, N, bound, a = indent(x, target, w_nn, w_n1 * d_1 + w_n2 * d_2, f, p, m, at)
+    return x, N, bound, a, d_1, d_2

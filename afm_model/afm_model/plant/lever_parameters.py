@@ -1,0 +1,142 @@
+"""Parameters of the plant `lever`, and the numbers that they and the presets come to."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import Field
+
+from ..parts.groups import PlantParameters
+from ..schema import NonNegative, Positive, Unit
+from .presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
+
+_PRESET = "0: that of the preset"
+_Newton_per_metre = Annotated[NonNegative, Unit("N/m")]
+_Metre = Annotated[NonNegative, Unit("m")]
+_Hertz = Annotated[NonNegative, Unit("Hz")]
+
+
+class LeverGroup(PlantParameters):
+    """A scanner and a cantilever as in a laboratory: the tip sticks, the cantilever bends and twists."""
+
+    kind: str = Field("lever", description="equations of motion")
+    control_period: Annotated[Positive, Unit("s")] = Field(20e-6, description="control period, a multiple of dt")
+    lever: Literal["ppp_lfmr", "contal_g", "snl_10b"] = Field("ppp_lfmr", description="preset of the cantilever")
+    k: _Newton_per_metre = Field(0.0, description=f"spring constant of the cantilever; {_PRESET}")
+    f0: _Hertz = Field(0.0, description=f"first resonance of the cantilever, free; {_PRESET}")
+    Q: NonNegative = Field(0.0, description=f"quality factor of the cantilever; {_PRESET}")
+    length: _Metre = Field(0.0, description=f"length of the cantilever; {_PRESET}")
+    width: _Metre = Field(0.0, description=f"width of the cantilever; {_PRESET}")
+    thickness: _Metre = Field(0.0, description=f"thickness of the cantilever; {_PRESET}")
+    tip_height: _Metre = Field(0.0, description=f"height of the tip below the cantilever; {_PRESET}")
+    tip_radius: _Metre = Field(0.0, description=f"radius of the tip; {_PRESET}")
+    k_torsion: Annotated[NonNegative, Unit("N m/rad")] = Field(
+        0.0, description="torque per angle of twist; 0: that of the preset, or of a rectangular cantilever"
+    )
+    k_in_plane: _Newton_per_metre = Field(
+        0.0, description="stiffness sideways without twist; 0: that of the preset, or of a rectangular cantilever"
+    )
+    tilt: Annotated[float, Gt(-0.8), Lt(0.8), Unit("rad")] = Field(
+        0.2, description="angle by which the cantilever points down to the sample"
+    )
+    modes: Annotated[int, Ge(1), Le(3)] = Field(
+        2, description="bending modes that move; those beyond follow the force without delay"
+    )
+    scanner: Literal["flexure_90um", "tube_100um", "stack_13um"] = Field(
+        "flexure_90um", description="preset of the scanner"
+    )
+    k_x: _Newton_per_metre = Field(0.0, description=f"stiffness of the scanner along x; {_PRESET}")
+    k_y: _Newton_per_metre = Field(0.0, description=f"stiffness of the scanner along y; {_PRESET}")
+    k_z: _Newton_per_metre = Field(0.0, description=f"stiffness of the scanner along z; {_PRESET}")
+    f_x: _Hertz = Field(0.0, description=f"resonance of the scanner along x; {_PRESET}")
+    f_y: _Hertz = Field(0.0, description=f"resonance of the scanner along y; {_PRESET}")
+    f_z: _Hertz = Field(0.0, description=f"resonance of the scanner along z; {_PRESET}")
+    Q_scanner: NonNegative = Field(0.0, description=f"quality factor of the scanner; {_PRESET}")
+    pair: Literal["si_sio2", "si3n4_mica", "si_graphite", "si_polystyrene", "si3n4_gold", "si_nacl"] = Field(
+        "si_sio2", description="preset of the materials of tip and sample"
+    )
+    K: Annotated[NonNegative, Unit("Pa")] = Field(0.0, description=f"reduced elastic modulus, 4 E*/3; {_PRESET}")
+    G: Annotated[NonNegative, Unit("Pa")] = Field(0.0, description=f"reduced shear modulus G*; {_PRESET}")
+    work_of_adhesion: Annotated[NonNegative, Unit("J/m^2")] = Field(0.0, description=f"work of adhesion; {_PRESET}")
+    tau: Annotated[NonNegative, Unit("Pa")] = Field(0.0, description=f"interfacial shear strength; {_PRESET}")
+    strengthening: NonNegative = Field(
+        0.0, description="growth of friction with the velocity of sliding: F (1 + strengthening ln(1 + v / slow))"
+    )
+    slow: Annotated[Positive, Unit("m/s")] = Field(1e-6, description="velocity from which friction grows")
+    hamaker: Annotated[NonNegative, Unit("J")] = Field(
+        0.0, description=f"Hamaker constant of the attraction before contact; {_PRESET}"
+    )
+    range: _Metre = Field(0.0, description=f"range z_0 of the adhesive stress; {_PRESET}")
+    contact: Literal["maugis", "jkr", "dmt"] = Field(
+        "maugis", description="adhesive contact; maugis takes its place between dmt and jkr from materials and radius"
+    )
+    gap: _Metre = Field(
+        0.0, description="distance of the free tip from the sample at the start; 0: in contact at reference.z_r"
+    )
+
+    @property
+    def cantilever_numbers(self) -> LeverPreset:
+        """The preset with what is given in its place; torsion and in-plane bending as numbers, docs/lever.md (5)."""
+        preset = LEVERS[self.lever]
+        chosen = LeverPreset(*(getattr(self, name) or getattr(preset, name) for name in LeverPreset._fields))
+        # Of the preset, unless the cantilever is another one.
+        shape = ("k", "length", "width", "thickness", "tip_height")
+        same = all(getattr(chosen, name) == getattr(preset, name) for name in shape)
+        k_torsion = self.k_torsion or (preset.k_torsion if same else 0.0)
+        k_in_plane = self.k_in_plane or (preset.k_in_plane if same else 0.0)
+        slender = chosen.thickness / chosen.width
+        by_shape = chosen.k * chosen.length**2 * 2.0 / (3.0 * (1.0 + POISSON)) * (1.0 - 0.63 * slender)
+        return chosen._replace(k_torsion=k_torsion or by_shape, k_in_plane=k_in_plane or chosen.k / slender**2)
+
+    @property
+    def scanner_numbers(self) -> ScannerPreset:
+        """The preset with what is given in its place."""
+        preset = SCANNERS[self.scanner]
+        return ScannerPreset(
+            *(
+                getattr(self, "Q_scanner" if name == "Q" else name) or getattr(preset, name)
+                for name in ScannerPreset._fields
+            )
+        )
+
+    @property
+    def pair_numbers(self) -> PairPreset:
+        """The preset with what is given in its place."""
+        preset = PAIRS[self.pair]
+        return PairPreset(*(getattr(self, name) or getattr(preset, name) for name in PairPreset._fields))
+
+    @property
+    def transition(self) -> float:
+        """Transition parameter lambda on a flat sample [1], docs/lever.md (9): 0 for DMT, without bound for JKR."""
+        if self.contact != "maugis":
+            return 0.0
+        pair, R = self.pair_numbers, self.cantilever_numbers.tip_radius
+        stress = DUGDALE * pair.work_of_adhesion / pair.range
+        return 2.0 * stress * (R / (math.pi * pair.work_of_adhesion * pair.K**2)) ** (1.0 / 3.0)
+
+    @property
+    def contact_units(self) -> "ContactUnits":
+        """Units of the contact on a flat sample."""
+        pair, R = self.pair_numbers, self.cantilever_numbers.tip_radius
+        w, K = pair.work_of_adhesion, pair.K
+        return ContactUnits(
+            force=math.pi * w * R,
+            radius=(math.pi * w * R * R / K) ** (1.0 / 3.0),
+            indentation=(math.pi**2 * w * w * R / K**2) ** (1.0 / 3.0),
+        )
+
+
+POISSON = 0.27
+"""Poisson's ratio of the cantilever: silicon along <110>."""
+DUGDALE = 16.0 / (9.0 * math.sqrt(3.0))
+"""Largest stress of a Lennard-Jones potential times its range over the work of adhesion."""
+
+
+@dataclass(frozen=True)
+class ContactUnits:
+    """Units of afm_model.contact.maugis in SI."""
+
+    force: float  # pi w R [N]
+    radius: float  # [m]
+    indentation: float  # [m]

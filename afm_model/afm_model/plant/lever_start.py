@@ -1,0 +1,109 @@
+"""State of the plant `lever` at the start: at rest in contact at the setpoint, or free; docs/lever.md (3), (17)."""
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import ParameterError
+from ..jit import plain
+from ..parts.header import HEADER
+from ..parts.part import Tree
+from ..records import record_at
+from ..sample import surface
+from .lever_check import require_blunt_sample
+from .lever_contact import normal, place_frame
+
+_PASSES = 60
+"""Of the fixed-point iteration for the place under the tip: the sample moves under it as the tip is pushed aside."""
+
+
+def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]:
+    """The tip at rest without friction, in contact under the load of reference.z_r or plant.gap above the sample.
+
+    Parameters
+    ----------
+    parameters : InstrumentParameters
+    p, s : records of CONSTANTS and STATE
+        s is zero, and written.
+    m : block of the instrument
+
+    Returns
+    -------
+    (x, y, z) : floats [V]
+        Drive that holds it.
+
+    Raises
+    ------
+    ParameterError
+        If the sample is sharper than the tip, or the cantilever would have to pull harder than the contact holds or
+        push harder than it bears.
+    """
+    require_blunt_sample(parameters)
+    plant = parameters.plant
+    at = record_at(m, 0, HEADER).plant_map
+    scanner = plant.scanner_numbers
+    # Static compliance: the modes' part is what they take in a step without inertia.
+    each = [push / (p.half * w2 * inverse) if w2 else 0.0 for push, w2, inverse in _modes(p)]
+    C_yy = p.rest_yy + sum(c * y * y for c, y in zip(each, p.mode_y, strict=True))
+    C_yz = p.rest_yz + sum(c * y * z for c, y, z in zip(each, p.mode_y, p.mode_z, strict=True))
+    C_zz = p.rest_zz + sum(c * z * z for c, z in zip(each, p.mode_z, strict=True))
+    raised = parameters.reference.z_r - p.a
+    for _ in range(_PASSES):
+        before = s.U_x, s.U_y
+        H = surface(s.U_x / p.x0, s.U_y / p.x0, m)
+        place_frame(H, p, s, m, at)
+        n = np.array([H.slope_x * p.rise, H.slope_y * p.rise, 1.0])
+        n /= np.linalg.norm(n)
+        if plant.gap > 0.0:
+            s.delta = -plant.gap * n[2]
+        else:
+            s.delta = _indentation(raised / (C_zz * n[2] + C_yz * n[1]), parameters, p, s, m, at)
+        s.N, _, s.F_max, _, s.a = plain(normal)(s.delta, s, p, m, at)
+        s.F_x, s.F_y, s.F_z = s.N * n
+        s.X, s.Y = -s.F_x / scanner.k_x, -s.F_y / scanner.k_y
+        s.U_x = s.X - p.rest_x * s.F_x - s.delta * n[0]
+        s.U_y = s.Y - C_yy * s.F_y - C_yz * s.F_z - s.delta * n[1]
+        if before == (s.U_x, s.U_y):
+            break
+    s.A_x, s.A_y, s.stuck = s.U_x, s.U_y, float(s.a > 0.0)
+    for i in range(3):
+        s.q[i] = each[i] * (p.mode_y[i] * s.F_y + p.mode_z[i] * s.F_z)
+    s.tip = C_yz * s.F_y + C_zz * s.F_z
+    s.shown = float(np.dot(p.mode_shown, s.q)) + p.shown_y * s.F_y + p.shown_z * s.F_z
+    s.twist = p.twist_per_force * s.F_x
+    s.Z = p.a + s.tip - H.height * p.z0 + s.delta * n[2]
+    return 0.0, 0.0, float((s.Z + s.F_z / scanner.k_z) / p.metres[2])
+
+
+def _modes(p: Any) -> list[tuple[float, float, float]]:
+    return list(zip(p.mode_push, p.mode_w2, p.mode_inverse, strict=True))
+
+
+def _indentation(load: float, parameters: Tree, p: Any, s: Any, m: Any, at: int) -> float:
+    """Indentation under a load [N] along the normal, on the branch that is stable under a fixed load."""
+
+    def force(delta: float) -> float:
+        return float(plain(normal)(delta, s, p, m, at)[0])
+
+    high = s.unit_indentation
+    for _ in range(100):
+        if force(high) > load:
+            break
+        high *= 1.5
+    else:
+        raise ParameterError(f"the load of {load:.4g} N at reference.z_r is beyond what a contact bears")
+    grid = s.end + np.linspace(0.0, 1.0, 400) ** 2 * (high - s.end)
+    forces = np.array([force(delta) for delta in grid])
+    weakest = int(np.argmin(forces))
+    if load <= forces[weakest]:
+        raise ParameterError(
+            f"the tip does not touch the sample at rest: at reference.z_r = {parameters.reference.z_r:g} m and "
+            f"cantilever.a = {parameters.cantilever.a:g} m the load is {load:.4g} N and must be > "
+            f"{forces[weakest]:.4g} N, the pull-off force: raise reference.z_r, lower cantilever.a, or start free with "
+            f"plant.gap > 0"
+        )
+    low = float(grid[weakest])
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if force(middle) < load else (low, middle)
+    return 0.5 * (low + high)

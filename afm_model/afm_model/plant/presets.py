@@ -1,0 +1,101 @@
+"""Cantilevers, scanners and material pairs by name. Sources of the numbers: docs/microscope.md.
+
+Numbers of makers are nominal; each can be replaced by a parameter of the plant.
+"""
+
+from typing import NamedTuple
+
+
+class LeverPreset(NamedTuple):
+    """A cantilever, SI units."""
+
+    k: float  # spring constant
+    f0: float  # first resonance
+    Q: float  # quality factor in air
+    length: float
+    width: float
+    thickness: float
+    tip_height: float
+    tip_radius: float
+    k_torsion: float  # torque per angle; 0: by the formula of a rectangular cantilever
+    k_in_plane: float  # stiffness of the end sideways; 0: likewise
+
+
+LEVERS = {
+    # Dimensions as measured by Tafazzoli et al. (2004); k, f0 nominal, tip radius and Q from memory.
+    "ppp_lfmr": LeverPreset(0.2, 23e3, 40.0, 225e-6, 48e-6, 1e-6, 12e-6, 10e-9, 0.0, 0.0),
+    # From memory: nominal values of the maker.
+    "contal_g": LeverPreset(0.2, 13e3, 50.0, 450e-6, 50e-6, 2e-6, 17e-6, 10e-9, 0.0, 0.0),
+    # V-shaped: torsion from a measured lateral stiffness of 56.2 N/m at the tip; that it does not bend in its plane is
+    # assumed. Measured k = 0.16 N/m (nominal 0.12); f0, tip radius and Q from memory.
+    "snl_10b": LeverPreset(0.16, 23e3, 30.0, 205e-6, 40e-6, 0.6e-6, 8e-6, 2e-9, 56.2 * 8e-6**2, 1e3),
+}
+
+
+class ScannerPreset(NamedTuple):
+    """A scanner with the sample on it, SI units: stiffness, resonance, quality factor."""
+
+    k_x: float
+    k_y: float
+    k_z: float
+    f_x: float
+    f_y: float
+    f_z: float
+    Q: float
+
+
+def _scanner(mass: float, f_xy: float, mass_z: float, f_z: float, Q: float) -> ScannerPreset:
+    k_xy, k_z = ((6.283185307179586 * f) ** 2 * m for f, m in ((f_xy, mass), (f_z, mass_z)))
+    return ScannerPreset(k_xy, k_xy, k_z, f_xy, f_xy, f_z, Q)
+
+
+SCANNERS = {
+    # Moving masses and the first two kinds' resonances from memory: typical of their kind.
+    "flexure_90um": _scanner(50e-3, 500.0, 5e-3, 5e3, 20.0),
+    "tube_100um": _scanner(20e-3, 850.0, 20e-3, 5e3, 30.0),
+    # Lowest resonance 22 kHz: Schitter et al. (2007), doi:10.1109/TCST.2007.902953.
+    "stack_13um": _scanner(2e-3, 22e3, 2e-3, 22e3, 10.0),
+}
+
+
+class PairPreset(NamedTuple):
+    """Materials of tip and sample, SI units."""
+
+    K: float  # reduced modulus, 4 E*/3
+    G: float  # reduced shear modulus G*
+    work_of_adhesion: float
+    tau: float  # interfacial shear strength
+    hamaker: float  # Hamaker constant
+    range: float  # of the adhesive stress, z_0
+
+
+ELASTIC = {
+    "si": (169e9, 0.27),
+    "sio2": (70e9, 0.17),
+    "si3n4": (250e9, 0.25),
+    "mica": (60e9, 0.25),
+    "graphite": (36e9, 0.25),
+    "polystyrene": (3.2e9, 0.33),
+    "gold": (78e9, 0.42),
+    "nacl": (40e9, 0.25),
+}
+"""Young's modulus [Pa] and Poisson's ratio, taken as isotropic; from memory."""
+
+
+def _pair(tip: str, sample: str, adhesion: float, tau: float, hamaker: float, reach: float = 0.165e-9) -> PairPreset:
+    plane = shear = 0.0
+    for E, nu in (ELASTIC[tip], ELASTIC[sample]):
+        plane += (1.0 - nu * nu) / E
+        shear += (2.0 - nu) * 2.0 * (1.0 + nu) / E
+    return PairPreset(4.0 / (3.0 * plane), 1.0 / shear, adhesion, tau, hamaker, reach)
+
+
+PAIRS = {
+    # Adhesion, shear strength and Hamaker constants from memory: the order of size in dry gas.
+    "si_sio2": _pair("si", "sio2", 0.10, 0.6e9, 1.0e-19),
+    "si3n4_mica": _pair("si3n4", "mica", 0.10, 0.5e9, 1.2e-19),
+    "si_graphite": _pair("si", "graphite", 0.08, 0.02e9, 2.0e-19),
+    "si_polystyrene": _pair("si", "polystyrene", 0.08, 0.03e9, 1.2e-19),
+    "si3n4_gold": _pair("si3n4", "gold", 0.15, 0.5e9, 3.0e-19),
+    "si_nacl": _pair("si", "nacl", 0.10, 0.3e9, 1.0e-19),
+}

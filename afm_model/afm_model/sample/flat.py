@@ -1,0 +1,18 @@
+"""A flat sample."""
+
+from typing import Any
+
+from ..jit import kernel
+from ..parts.groups import SampleParameters
+from ..parts.part import Sample
+
+
+@kernel
+def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+    """See `afm_model.parts.Sample`."""
+    h.height = h.slope_x = h.slope_y = 0.0
+    h.curvature = h.curvature_xx = h.curvature_yy = h.curvature_xy = 0.0
+    h.strength = 1.0
+
+
+FLAT = Sample(name="flat", parameters=SampleParameters, surface=surface)

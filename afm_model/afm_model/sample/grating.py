@@ -1,0 +1,137 @@
+"""Ridges along y with flat tops and slopes: step grating, or wedge for lateral calibration. Edges are rounded.
+
+The profile is the path of the apex of a spherical tip that rolls over it: flats stay, slopes move out by
+R tan(angle/2), an outer edge of radius r is followed with r + R, an inner one with r - R.
+The curvature is that of the edges, docs/lever.md (8).
+"""
+
+import math
+from typing import Annotated, Any
+
+from annotated_types import Gt, Le
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.groups import SampleParameters
+from ..parts.part import Numbers, Sample, Tree
+from ..records import record
+from ..schema import Positive, Unit
+from .tip import tip_radius
+
+
+class Grating(SampleParameters):
+    """Ridges along y, x = 0 in the middle between two."""
+
+    kind: str = Field("grating", description="the sample")
+    pitch: Annotated[Positive, Unit("m")] = Field(3e-6, description="period along x")
+    step: Annotated[Positive, Unit("m")] = Field(20e-9, description="height of the ridges")
+    angle: Annotated[float, Gt(0), Le(1.4), Unit("rad")] = Field(
+        1.0, description="angle of the slopes; 0.9553 (54.74 degrees) for etched silicon"
+    )
+    top: Annotated[Positive, Unit("m")] = Field(1.5e-6, description="width of a top between its edges, unrounded")
+    edge_radius: Annotated[Positive, Unit("m")] = Field(20e-9, description="radius of the rounded edges")
+
+
+CONSTANTS = record(
+    "pitch",
+    "foot",  # where the slope begins, behind the inner arc; [m] from the middle, as all places here
+    "foot_flat",  # where the inner arc begins
+    "head",  # where the outer arc begins
+    "head_flat",  # where it ends
+    "slope",
+    "step",
+    "inner",  # radii of the arcs [m]
+    "outer",
+    "bend",  # mean curvature of the edges [1/m]
+    "x0",
+    "z0",
+)
+
+
+def _values(parameters: Tree) -> Numbers:
+    sample, scales = parameters.sample, parameters.scales
+    R = tip_radius(parameters)
+    inner, outer = sample.edge_radius - R, sample.edge_radius + R
+    half = math.tan(0.5 * sample.angle)
+    corner = 0.5 * (sample.pitch - sample.top) - R * half
+    foot = corner - sample.step / math.tan(sample.angle)
+    return {
+        "pitch": sample.pitch,
+        "foot": foot + inner * half * math.cos(sample.angle),
+        "foot_flat": foot - inner * half,
+        "head": corner - outer * half * math.cos(sample.angle),
+        "head_flat": corner + outer * half,
+        "slope": math.tan(sample.angle),
+        "step": sample.step,
+        "inner": inner,
+        "outer": outer,
+        "bend": 0.5 / sample.edge_radius,
+        "x0": scales.x0,
+        "z0": scales.z0,
+    }
+
+
+def _check(parameters: Tree) -> None:
+    sample, R = parameters.sample, tip_radius(parameters)
+    if sample.edge_radius <= R:
+        x = 0.5 * (sample.pitch - sample.top) - sample.step / math.tan(sample.angle)
+        raise ValueError(
+            f"sample.edge_radius = {sample.edge_radius:g} m is not allowed: in the inner edges, at x = +-{x:.4g} "
+            f"m, the tip touches in one point only if it is > {R:g} m, the radius of the tip"
+        )
+    v = _values(parameters)
+    if not 0.0 <= v["foot_flat"] <= v["foot"] <= v["head"] <= v["head_flat"] <= 0.5 * sample.pitch:
+        raise ValueError(
+            f"sample.pitch = {sample.pitch:g} m, sample.top = {sample.top:g} m, sample.step = {sample.step:g} m, "
+            f"sample.angle = {sample.angle:g} rad, sample.edge_radius = {sample.edge_radius:g} m are not allowed "
+            f"together: flats, slopes and rounded edges must fit into half a pitch, and both edges into a slope"
+        )
+
+
+@kernel
+def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+    """See `afm_model.parts.Sample`."""
+    at = x * p.x0 + 0.5 * p.pitch
+    at -= p.pitch * math.floor(at / p.pitch) + 0.5 * p.pitch
+    side = 1.0 if at >= 0.0 else -1.0
+    r = abs(at)
+    height = slope = second = bend = 0.0
+    if r >= p.head_flat:
+        height = p.step
+    elif r >= p.head:
+        below = p.head_flat - r
+        rest = math.sqrt(p.outer * p.outer - below * below)
+        height, slope = p.step - p.outer + rest, below / rest
+        second, bend = -p.outer * p.outer / (rest * rest * rest), p.bend
+    elif r > p.foot:
+        # From the outer arc's end down the slope.
+        below = p.head_flat - p.head
+        height = p.step - p.outer + math.sqrt(p.outer * p.outer - below * below) - p.slope * (p.head - r)
+        slope = p.slope
+    elif r > p.foot_flat:
+        beyond = r - p.foot_flat
+        rest = math.sqrt(p.inner * p.inner - beyond * beyond)
+        height, slope = p.inner - rest, beyond / rest
+        second, bend = p.inner * p.inner / (rest * rest * rest), -p.bend
+    scale = p.x0 * p.x0 / p.z0
+    h.height = height / p.z0
+    h.slope_x, h.slope_y = side * slope * p.x0 / p.z0, 0.0
+    h.curvature = bend * scale
+    h.curvature_xx, h.curvature_yy, h.curvature_xy = second * scale, 0.0, 0.0
+    h.strength = 1.0
+
+
+def _curvature(parameters: Tree) -> float:
+    return 0.5 / float(parameters.sample.edge_radius) * parameters.scales.x0**2 / float(parameters.scales.z0)
+
+
+GRATING = Sample(
+    name="grating",
+    parameters=Grating,
+    constants=CONSTANTS,
+    values=_values,
+    check=_check,
+    height=lambda parameters: 0.5 * parameters.sample.step,
+    curvature=_curvature,
+    surface=surface,
+)

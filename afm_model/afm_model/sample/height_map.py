@@ -1,0 +1,103 @@
+"""A sample from a height map in a file, with a map of materials beside it."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ..parts.groups import SampleParameters
+from ..parts.part import Sample, Tree
+from ..schema import NonNegative, Positive, Unit
+from . import mapped
+from .map_files import read_field
+from .mapped import CONSTANTS, Relief, relief
+from .tip import tip_radius
+
+
+class HeightMap(SampleParameters):
+    """Heights from a file. The middle of the map is at x = y = 0."""
+
+    kind: str = Field("map", description="the sample")
+    file: str = Field("", description="height map: .npy, .gsf, .gwy or an image")
+    width: Annotated[NonNegative, Unit("m")] = Field(0.0, description="size along x; 0: that of the file")
+    length: Annotated[NonNegative, Unit("m")] = Field(0.0, description="size along y; 0: that of the file, or as x")
+    height_unit: Annotated[Positive, Unit("m")] = Field(
+        1.0, description="height of one unit of the file; of an image, of white over black"
+    )
+    border: Literal["mirror", "wrap"] = Field("mirror", description="what lies beyond the map")
+    dilate: bool = Field(True, description="dilate by the tip; else a surface sharper than the tip is refused")
+    strength_file: str = Field("", description="map of the friction strength over that of the plant; none: 1")
+    adhesion_file: str = Field("", description="map of the work of adhesion over that of the plant; none: 1")
+
+
+class _Scales:
+    """Of the sample's coordinates, for a cache."""
+
+    def __init__(self, x0: float, z0: float) -> None:
+        self.x0, self.z0 = x0, z0
+
+
+def _of(parameters: Tree) -> Relief:
+    sample, scales = parameters.sample, parameters.scales
+    files = (sample.file, sample.strength_file, sample.adhesion_file)
+    if not sample.file:
+        raise ValueError("sample.file is not given: sample.kind = map needs a height map (.npy, .gsf, .gwy, image)")
+    if missing := [path for path in files if path and not Path(path).is_file()]:
+        raise ValueError(f"sample.kind = map: there is no file {missing[0]}")
+    changed = tuple(Path(path).stat().st_mtime_ns if path else 0 for path in files)
+    return _made(sample, tip_radius(parameters), scales.x0, scales.z0, changed)
+
+
+@lru_cache(maxsize=4)
+def _made(sample: HeightMap, R: float, x0: float, z0: float, changed: tuple[int, ...]) -> Relief:
+    field = read_field(sample.file)
+    rows, columns = field.values.shape
+    width = sample.width or field.width
+    length = sample.length or (field.height if not sample.width else 0.0) or width * rows / columns
+    if width <= 0.0:
+        raise ValueError(f"sample.width is not given, and {sample.file} does not tell its size")
+    materials = None
+    if sample.strength_file or sample.adhesion_file:
+        found = []
+        for name in ("strength_file", "adhesion_file"):
+            path = getattr(sample, name)
+            values = read_field(path).values if path else np.ones((rows, columns))
+            if values.shape != (rows, columns):
+                raise ValueError(
+                    f"sample.{name} = {path} is {values.shape} and must be {(rows, columns)}, as the heights"
+                )
+            if values.min() < 0.0 or (name == "adhesion_file" and values.min() == 0.0):
+                raise ValueError(f"sample.{name} = {path} holds {values.min():g}: a ratio must be positive")
+            found.append(values)
+        materials = (found[0], found[1])
+    heights = field.values * sample.height_unit
+    return relief(
+        heights - heights.mean(),
+        width,
+        length,
+        wrap=sample.border == "wrap",
+        dilate=sample.dilate,
+        R=R,
+        scales=_Scales(x0, z0),
+        materials=materials,
+    )
+
+
+def _check(parameters: Tree) -> None:
+    _of(parameters)
+
+
+MAP = Sample(
+    name="map",
+    parameters=HeightMap,
+    constants=CONSTANTS,
+    values=lambda parameters: _of(parameters).constants,
+    check=_check,
+    map=lambda parameters: _of(parameters).numbers,
+    height=lambda parameters: _of(parameters).amplitude,
+    curvature=lambda parameters: _of(parameters).curvature * parameters.scales.x0**2 / parameters.scales.z0,
+    contrast=lambda parameters: _of(parameters).contrast,
+    surface=mapped.surface,
+)

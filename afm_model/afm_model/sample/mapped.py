@@ -1,0 +1,215 @@
+"""Samples that are maps: heights as cubic B-splines, so that slopes and curvatures are consistent, and materials.
+
+A surface sharper than the tip is dilated first, that is replaced by the path of the apex of a spherical tip that rolls
+over it; or it is refused, with the place.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import grey_dilation, spline_filter, zoom
+
+from ..jit import kernel
+from ..records import record
+
+_Array = NDArray[np.float64]
+FINER = 3
+"""Dilation is done on a grid so much finer: curvatures are then right to some percent of that of the tip."""
+LEAST_RADIUS, LARGEST_RADIUS = 0.25, 4.0
+"""Bounds of R_e / R on a dilated map: in a kink the tip touches at two places, which is no contact of one radius."""
+
+CONSTANTS = record(
+    "columns",
+    "rows",
+    "pitch_x",  # [m]
+    "pitch_y",
+    "wrap",  # 1.0: the map is repeated; 0.0: mirrored at its borders
+    "materials",  # 1.0: strengths and adhesions follow the heights
+    "dilated",
+    "R",  # radius of the tip [m]
+    "x0",
+    "z0",
+    integers=("columns", "rows"),
+)
+
+
+class Relief(NamedTuple):
+    """A map ready for the kernel."""
+
+    numbers: _Array  # spline coefficients of heights [m]; strengths; adhesions
+    constants: dict[str, float]
+    amplitude: float  # half of the range of heights [m]
+    curvature: float  # largest |mean curvature| [1/m]
+    contrast: tuple[float, float]  # least and largest (w/w_0)^2 R_e/R
+
+
+def relief(
+    heights: _Array,
+    width: float,
+    length: float,
+    *,
+    wrap: bool,
+    dilate: bool,
+    R: float,
+    scales: Any,
+    materials: tuple[_Array, _Array] | None = None,
+) -> Relief:
+    """A map for the kernel.
+
+    Parameters
+    ----------
+    heights : ndarray (rows, columns) [m]
+        The middle of the map is at x = y = 0; rows go along y.
+    width, length : float [m]
+        Along x and y.
+    wrap : bool
+        Repeat it; else mirror it at its borders.
+    dilate : bool
+        By a tip of radius R.
+    materials : (ndarray, ndarray), optional
+        Friction strength and work of adhesion over those of the plant, of the same shape.
+
+    Raises
+    ------
+    ValueError
+        If the tip would touch a surface that is not to be dilated in more than one point.
+    """
+    rows, columns = heights.shape
+    pitch_x, pitch_y = width / columns, length / rows
+    mode = "grid-wrap" if wrap else "mirror"
+    if dilate:
+        heights = _dilated(heights, pitch_x, pitch_y, R, mode)
+    coefficients = spline_filter(heights, 3, mode=mode)
+    # Second derivatives of the spline at its nodes.
+    padded = np.pad(coefficients, 1, mode="wrap" if wrap else "reflect")
+    across = np.array([1.0, 4.0, 1.0]) / 6.0
+    second_x = sum(w * np.diff(padded[i : rows + i], 2, axis=1) for i, w in enumerate(across)) / pitch_x**2
+    second_y = sum(w * np.diff(padded[:, i : columns + i], 2, axis=0) for i, w in enumerate(across)) / pitch_y**2
+    curvature = -0.5 * (second_x + second_y)
+    if dilate:
+        ratio = np.clip(1.0 - curvature * R, LEAST_RADIUS, LARGEST_RADIUS)
+    else:
+        if (worst := float(curvature.min())) * R <= -1.0:
+            row, column = (int(index) for index in np.unravel_index(int(curvature.argmin()), curvature.shape))
+            raise ValueError(
+                f"the sample is sharper than the tip at x = {(column - columns // 2) * pitch_x:.4g} m, y = "
+                f"{(row - rows // 2) * pitch_y:.4g} m: its radius of curvature there is {-1.0 / worst:.3g} m and must "
+                f"be > {R:.3g} m: take a sharper tip, or sample.dilate"
+            )
+        ratio = 1.0 / (1.0 + curvature * R)
+    adhesion = materials[1] if materials is not None else np.ones((1, 1))
+    low, high = float(ratio.min()) * float(adhesion.min()) ** 2, float(ratio.max()) * float(adhesion.max()) ** 2
+    constants = {
+        "columns": columns,
+        "rows": rows,
+        "pitch_x": pitch_x,
+        "pitch_y": pitch_y,
+        "wrap": float(wrap),
+        "materials": float(materials is not None),
+        "dilated": float(dilate),
+        "R": R,
+        "x0": scales.x0,
+        "z0": scales.z0,
+    }
+    parts = [coefficients, *(materials or ())]
+    return Relief(
+        numbers=np.concatenate([np.asarray(part, np.float64).ravel() for part in parts]),
+        constants=constants,
+        amplitude=0.5 * float(np.ptp(heights)),
+        curvature=float(np.abs(1.0 / ratio - 1.0).max()) / R,
+        contrast=(min(low, 1.0), max(high, 1.0)),
+    )
+
+
+def _dilated(heights: _Array, pitch_x: float, pitch_y: float, R: float, mode: str) -> _Array:
+    """Largest height of the surface plus tip over all places under the tip, on a finer grid."""
+    step_x, step_y = pitch_x / FINER, pitch_y / FINER
+    half_x, half_y = int(R / step_x), int(R / step_y)
+    x, y = np.meshgrid(step_x * np.arange(-half_x, half_x + 1), step_y * np.arange(-half_y, half_y + 1))
+    under = R * R - x * x - y * y
+    ball = np.where(under >= 0.0, np.sqrt(np.maximum(under, 0.0)) - R, -np.inf)
+    if mode == "grid-wrap":
+        fine = zoom(heights, FINER, order=3, mode="grid-wrap", grid_mode=True)
+        # Centres of fine pixels: the middle one of each coarse pixel is its centre.
+        rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="wrap")
+        return np.ascontiguousarray(rolled[FINER // 2 :: FINER, FINER // 2 :: FINER])
+    fine = zoom(heights, FINER, order=3, mode="mirror", grid_mode=True)
+    rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="reflect")
+    return np.ascontiguousarray(rolled[FINER // 2 :: FINER, FINER // 2 :: FINER])
+
+
+@kernel
+def _index(i: int, n: int, wrap: float) -> int:
+    """Pixel i of a map of n that is repeated, or mirrored at its first and last pixel."""
+    if wrap != 0.0:
+        return i % n
+    i = abs(i) % (2 * (n - 1))
+    return i if i < n else 2 * (n - 1) - i
+
+
+@kernel
+def _weights(f: float) -> tuple[float, float, float, float]:
+    """Of four neighbours at fraction f between the middle two."""
+    g = 1.0 - f
+    f2, g2 = f * f, g * g
+    return g2 * g / 6.0, 2.0 / 3.0 - f2 + 0.5 * f2 * f, 2.0 / 3.0 - g2 + 0.5 * g2 * g, f2 * f / 6.0
+
+
+@kernel
+def surface(x: float, y: float, h: Any, p: Any, values: Any) -> None:
+    """See `afm_model.parts.Sample`."""
+    u = x * p.x0 / p.pitch_x + p.columns // 2
+    v = y * p.x0 / p.pitch_y + p.rows // 2
+    i, j = math.floor(u), math.floor(v)
+    f, g = u - i, v - j
+    a0, a1, a2, a3 = _weights(f)
+    b0, b1, b2, b3 = -0.5 * (1.0 - f) ** 2, -2.0 * f + 1.5 * f * f, 0.0, 0.5 * f * f
+    b2 = -(b0 + b1 + b3)
+    c0, c1, c2, c3 = 1.0 - f, 3.0 * f - 2.0, 1.0 - 3.0 * f, f
+    i0, i1 = _index(i - 1, p.columns, p.wrap), _index(i, p.columns, p.wrap)
+    i2, i3 = _index(i + 1, p.columns, p.wrap), _index(i + 2, p.columns, p.wrap)
+    w0, w1, w2, w3 = _weights(g)
+    height = slope_x = slope_y = curved_x = curved_y = twist = 0.0
+    for n in range(4):
+        # Weights along y of this row, for value, slope and curvature.
+        if n == 0:
+            w, s, c = w0, -0.5 * (1.0 - g) ** 2, 1.0 - g
+        elif n == 1:
+            w, s, c = w1, -2.0 * g + 1.5 * g * g, 3.0 * g - 2.0
+        elif n == 2:
+            w, s, c = w2, 2.0 * (1.0 - g) - 1.5 * (1.0 - g) ** 2, 1.0 - 3.0 * g
+        else:
+            w, s, c = w3, 0.5 * g * g, g
+        row = _index(j - 1 + n, p.rows, p.wrap) * p.columns
+        z0, z1, z2, z3 = values[row + i0], values[row + i1], values[row + i2], values[row + i3]
+        value = a0 * z0 + a1 * z1 + a2 * z2 + a3 * z3
+        rise = b0 * z0 + b1 * z1 + b2 * z2 + b3 * z3
+        height += w * value
+        slope_x += w * rise
+        slope_y += s * value
+        curved_x += w * (c0 * z0 + c1 * z1 + c2 * z2 + c3 * z3)
+        curved_y += c * value
+        twist += s * rise
+    curved_x /= p.pitch_x * p.pitch_x
+    curved_y /= p.pitch_y * p.pitch_y
+    mean = -0.5 * (curved_x + curved_y)
+    if p.dilated != 0.0:
+        # Of the path of the apex: R_e = R (1 - mean R), told as the curvature of which docs/lever.md (8) makes it.
+        ratio = min(max(1.0 - mean * p.R, LEAST_RADIUS), LARGEST_RADIUS)
+        mean = (1.0 / ratio - 1.0) / p.R
+    lateral, scale = p.x0 / p.z0, p.x0 * p.x0 / p.z0
+    h.height = height / p.z0
+    h.slope_x, h.slope_y = slope_x / p.pitch_x * lateral, slope_y / p.pitch_y * lateral
+    h.curvature = mean * scale
+    h.curvature_xx, h.curvature_yy = curved_x * scale, curved_y * scale
+    h.curvature_xy = twist / (p.pitch_x * p.pitch_y) * scale
+    h.strength = 1.0
+    if p.materials != 0.0:
+        # The material is that of the nearest pixel.
+        pixel = _index(math.floor(v + 0.5), p.rows, p.wrap) * p.columns
+        pixel += _index(math.floor(u + 0.5), p.columns, p.wrap)
+        size = p.rows * p.columns
+        h.strength = values[size + pixel]
+        h.adhesion = values[2 * size + pixel]

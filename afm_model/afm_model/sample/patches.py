@@ -1,0 +1,60 @@
+"""A flat sample of two materials, in stripes along y or in squares."""
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.groups import SampleParameters
+from ..parts.part import Numbers, Sample, Tree
+from ..records import record
+from ..schema import Positive, Unit
+
+
+class Patches(SampleParameters):
+    """Two materials; x = 0 is an edge, the second one lies to the left of it."""
+
+    kind: str = Field("patches", description="the sample")
+    pattern: Literal["stripes", "squares"] = Field("stripes", description="how the two alternate")
+    width: Annotated[Positive, Unit("m")] = Field(100e-9, description="width of a patch")
+    strength: Positive = Field(0.5, description="friction strength of the second material over that of the first")
+    adhesion: Positive = Field(
+        1.0, description="work of adhesion of the second material over that of the first (plant lever)"
+    )
+
+
+CONSTANTS = record("width", "squares", "strength", "adhesion")
+
+
+def _values(parameters: Tree) -> Numbers:
+    sample = parameters.sample
+    return {
+        "width": sample.width / parameters.scales.x0,
+        "squares": float(sample.pattern == "squares"),
+        "strength": sample.strength,
+        "adhesion": sample.adhesion,
+    }
+
+
+@kernel
+def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+    """See `afm_model.parts.Sample`."""
+    h.height = h.slope_x = h.slope_y = 0.0
+    h.curvature = h.curvature_xx = h.curvature_yy = h.curvature_xy = 0.0
+    place = math.floor(x / p.width)
+    if p.squares != 0.0:
+        place += math.floor(y / p.width)
+    second = place % 2.0 != 0.0
+    h.strength = p.strength if second else 1.0
+    h.adhesion = p.adhesion if second else 1.0
+
+
+PATCHES = Sample(
+    name="patches",
+    parameters=Patches,
+    constants=CONSTANTS,
+    values=_values,
+    contrast=lambda parameters: (min(1.0, parameters.sample.adhesion**2), max(1.0, parameters.sample.adhesion**2)),
+    surface=surface,
+)

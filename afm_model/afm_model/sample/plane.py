@@ -1,0 +1,44 @@
+"""A tilted plane."""
+
+import math
+from typing import Annotated, Any
+
+from annotated_types import Gt, Lt
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.groups import SampleParameters
+from ..parts.part import Numbers, Sample, Tree
+from ..records import record
+from ..schema import Unit
+
+Angle = Annotated[float, Gt(-1.4), Lt(1.4), Unit("rad")]
+
+
+class Plane(SampleParameters):
+    """A plane through the origin, tilted along x and y."""
+
+    angle_x: Angle = Field(0.0, description="angle of the plane along x; it rises towards positive x")
+    angle_y: Angle = Field(0.0, description="angle of the plane along y")
+
+
+CONSTANTS = record("slope_x", "slope_y")
+
+
+def _values(parameters: Tree) -> Numbers:
+    sample, scales = parameters.sample, parameters.scales
+    rise = scales.x0 / scales.z0
+    return {"slope_x": math.tan(sample.angle_x) * rise, "slope_y": math.tan(sample.angle_y) * rise}
+
+
+@kernel
+def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+    """See `afm_model.parts.Sample`."""
+    h.height = p.slope_x * x + p.slope_y * y
+    h.slope_x = p.slope_x
+    h.slope_y = p.slope_y
+    h.curvature = h.curvature_xx = h.curvature_yy = h.curvature_xy = 0.0
+    h.strength = 1.0
+
+
+PLANE = Sample(name="plane", parameters=Plane, constants=CONSTANTS, values=_values, surface=surface)

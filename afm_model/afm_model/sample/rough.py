@@ -1,0 +1,81 @@
+"""A rough surface by its spectrum and a seed: self-affine with a roll-off, periodic."""
+
+from functools import lru_cache
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ..parts.groups import SampleParameters
+from ..parts.part import Sample, Tree
+from ..schema import Positive, Unit
+from . import mapped
+from .height_map import _Scales
+from .mapped import CONSTANTS, Relief, relief
+from .tip import tip_radius
+
+
+class Rough(SampleParameters):
+    """Random heights of power spectral density (1 + (q xi)^2)^-(1 + H), cut off at the shortest wave."""
+
+    kind: str = Field("rough", description="the sample")
+    rms: Annotated[Positive, Unit("m")] = Field(1e-9, description="rms height")
+    correlation: Annotated[Positive, Unit("m")] = Field(50e-9, description="correlation length xi")
+    hurst: Annotated[float, Gt(0), Le(1)] = Field(0.8, description="Hurst exponent H")
+    shortest: Annotated[Positive, Unit("m")] = Field(20e-9, description="shortest wave; it must span 4 pixels")
+    size: Annotated[Positive, Unit("m")] = Field(1e-6, description="side of the square, after which it repeats")
+    pixels: Annotated[int, Ge(16), Le(2048)] = Field(256, description="pixels along a side")
+    surface_seed: Annotated[int, Ge(0)] = Field(1, description="seed of the heights")
+    dilate: bool = Field(True, description="dilate by the tip; else a surface sharper than the tip is refused")
+
+
+def heights(sample: Rough) -> NDArray[np.float64]:
+    """Heights (pixels, pixels) [m]."""
+    n = sample.pixels
+    white = np.random.default_rng(sample.surface_seed).standard_normal((n, n))
+    q = 2.0 * np.pi * np.fft.fftfreq(n, sample.size / n)
+    q2 = q[:, None] ** 2 + q[None, :] ** 2
+    amplitude = (1.0 + q2 * sample.correlation**2) ** (-0.5 * (1.0 + sample.hurst))
+    amplitude[(q2 == 0.0) | (q2 > (2.0 * np.pi / sample.shortest) ** 2)] = 0.0
+    z = np.fft.ifft2(np.fft.fft2(white) * amplitude).real
+    return np.asarray(z * sample.rms / z.std())
+
+
+def _of(parameters: Tree) -> Relief:
+    scales = parameters.scales
+    return _made(parameters.sample, tip_radius(parameters), scales.x0, scales.z0)
+
+
+@lru_cache(maxsize=4)
+def _made(sample: Rough, R: float, x0: float, z0: float) -> Relief:
+    return relief(
+        heights(sample), sample.size, sample.size, wrap=True, dilate=sample.dilate, R=R, scales=_Scales(x0, z0)
+    )
+
+
+def _check(parameters: Tree) -> None:
+    sample = parameters.sample
+    if sample.shortest < 4.0 * sample.size / sample.pixels:
+        raise ValueError(
+            f"sample.shortest = {sample.shortest:g} m is not allowed: it must span 4 pixels of "
+            f"sample.size / sample.pixels = {sample.size / sample.pixels:.3g} m"
+        )
+    if sample.shortest > sample.size:
+        raise ValueError(f"sample.shortest = {sample.shortest:g} m is not allowed: it must be <= sample.size")
+    _of(parameters)
+
+
+ROUGH = Sample(
+    name="rough",
+    parameters=Rough,
+    constants=CONSTANTS,
+    values=lambda parameters: _of(parameters).constants,
+    check=_check,
+    map=lambda parameters: _of(parameters).numbers,
+    height=lambda parameters: _of(parameters).amplitude,
+    curvature=lambda parameters: _of(parameters).curvature * parameters.scales.x0**2 / parameters.scales.z0,
+    contrast=lambda parameters: _of(parameters).contrast,
+    surface=mapped.surface,
+)
