@@ -1,4 +1,4 @@
-// Proportional-derivative tracking of x and y; knows nothing of ROS, so that it can be tested without.
+// Proportional-derivative tracking of one axis; knows nothing of ROS, so that it can be tested without.
 #pragma once
 
 struct PdLaw

@@ -14,8 +14,8 @@ class CppController : public rclcpp::Node
 public:
   CppController() : Node("cpp_controller", "afm")
   {
-    law_.kp = declare_parameter("kp", law_.kp);
-    law_.kd = declare_parameter("kd", law_.kd);
+    lateral_.kp = declare_parameter("kp", lateral_.kp);
+    lateral_.kd = declare_parameter("kd", lateral_.kd);
     drive_ = create_publisher<PiezoDrive>("piezo_drive", 10);
     measurement_ = create_subscription<Measurement>(
       "measurement", 10, [this](const Measurement & m) { on_measurement(m); });
@@ -28,14 +28,17 @@ private:
     answer.header = m.header;
     answer.sequence = m.sequence;
     answer.voltage.x =
-      law_(m.reference_position.x, m.position.x, m.reference_velocity.x, m.velocity.x);
+      lateral_(m.reference_position.x, m.position.x, m.reference_velocity.x, m.velocity.x);
     answer.voltage.y =
-      law_(m.reference_position.y, m.position.y, m.reference_velocity.y, m.velocity.y);
-    answer.voltage.z = m.drive.z;
+      lateral_(m.reference_position.y, m.position.y, m.reference_velocity.y, m.velocity.y);
+    // The height of the tip is the deflection, as long as cantilever.a is 0.
+    answer.voltage.z =
+      height_(m.reference_position.z, m.deflection, m.reference_velocity.z, m.velocity.z);
     drive_->publish(answer);
   }
 
-  PdLaw law_;
+  PdLaw lateral_;
+  PdLaw height_{5.2e8, 8.4e4};
   rclcpp::Publisher<PiezoDrive>::SharedPtr drive_;
   rclcpp::Subscription<Measurement>::SharedPtr measurement_;
 };
