@@ -49,6 +49,7 @@ def test_law_in_cpp_gives_the_numbers_of_the_node_in_python(tmp_path):
     assert answered == pytest.approx([3e10 * (r - x) + 6e5 * (v - w) for r, x, v, w in cases], rel=1e-12)
     gains = runpy.run_path(str(EXAMPLE.parent / "pd_controller.py"), run_name="read")["GAINS"]
     assert gains["x"] == gains["y"] == (3e10, 6e5)
-    assert f"height_{{{gains['z'][0] / 1e8:g}e8, {gains['z'][1] / 1e4:g}e4}}" in (
-        EXAMPLE / "src" / "cpp_controller.cpp"
-    ).read_text()
+    assert (
+        f"height_{{{gains['z'][0] / 1e8:g}e8, {gains['z'][1] / 1e4:g}e4}}"
+        in (EXAMPLE / "src" / "cpp_controller.cpp").read_text()
+    )
