@@ -49,6 +49,8 @@ class ResultsFolder:
                     raise FolderError(f"{path / name} is a folder: it must be a file, or not be there")
             self.work = self._make("unfinished")
             """Where to write what is under way."""
+            # Held open, its inode cannot become that of a folder which the recorder makes again in its place.
+            self._held = os.open(self.work, os.O_RDONLY | os.O_DIRECTORY)
         except OSError as error:
             os.close(self._lock)
             raise FolderError(
@@ -70,12 +72,19 @@ class ResultsFolder:
             self._keep_logs()
         with suppress(OSError):
             self.work.rmdir()
+        os.close(self._held)
         os.close(self._lock)
 
     @property
     def there(self) -> bool:
-        """Whether the folder is still there: somebody may have removed it."""
-        return self.work.is_dir()
+        """Whether the folder is still there, and is still the same.
+
+        Somebody may have removed it, and the recorder, which loses nothing, may have made it again.
+        """
+        try:
+            return os.path.samestat(os.stat(self.work), os.fstat(self._held))
+        except OSError:
+            return False
 
     @property
     def left(self) -> list[Path]:

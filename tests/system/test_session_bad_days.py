@@ -23,6 +23,7 @@ from support import (
     write_scenario,
 )
 
+from afm_bringup.results_folder import ResultsFolder
 from afm_recorder_node.reader import read_recording
 
 
@@ -141,6 +142,15 @@ def test_folder_that_is_removed_while_a_session_runs_is_told(endless: Path, out:
     )
     assert "Traceback" not in command.text
     assert processes() == {}
+
+
+def test_folder_that_was_removed_and_made_again_is_not_the_one_of_the_session(tmp_path: Path) -> None:
+    with ResultsFolder(tmp_path / "out") as folder:
+        assert folder.there
+        shutil.rmtree(tmp_path / "out")
+        assert not folder.there
+        folder.work.mkdir(parents=True)
+        assert not folder.there
 
 
 def test_second_session_with_the_same_folder_is_refused_and_the_first_goes_on(
