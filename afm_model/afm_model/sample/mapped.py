@@ -5,6 +5,7 @@ over it; or it is refused, with the place.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import grey_dilation, spline_filter, zoom
 
 from ..jit import kernel
+from ..parts.groups import SampleParameters
+from ..parts.part import Sample, Tree
 from ..records import record
 
 _Array = NDArray[np.float64]
@@ -33,6 +36,13 @@ CONSTANTS = record(
     "z0",
     integers=("columns", "rows"),
 )
+
+
+class Scales(NamedTuple):
+    """Of the sample's coordinates, to be part of the key of a cache."""
+
+    x0: float
+    z0: float
 
 
 class Relief(NamedTuple):
@@ -213,3 +223,31 @@ def surface(x: float, y: float, h: Any, p: Any, values: Any) -> None:
         size = p.rows * p.columns
         h.strength = values[size + pixel]
         h.adhesion = values[2 * size + pixel]
+
+
+def map_sample(
+    name: str, parameters: type[SampleParameters], of: Callable[[Tree], Relief], check: Callable[[Tree], None]
+) -> Sample:
+    """A sample that is a map.
+
+    Parameters
+    ----------
+    name, parameters
+        As of `Sample`.
+    of : callable
+        Parameters of the instrument -> Relief; called again and again, so that it keeps what it has made.
+    check : callable
+        As of `Sample`.
+    """
+    return Sample(
+        name=name,
+        parameters=parameters,
+        constants=CONSTANTS,
+        values=lambda parameters: of(parameters).constants,
+        check=check,
+        map=lambda parameters: of(parameters).numbers,
+        height=lambda parameters: of(parameters).amplitude,
+        curvature=lambda parameters: of(parameters).curvature * parameters.scales.x0**2 / parameters.scales.z0,
+        contrast=lambda parameters: of(parameters).contrast,
+        surface=surface,
+    )
