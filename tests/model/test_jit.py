@@ -4,6 +4,8 @@ import json
 import os
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +113,25 @@ def test_editing_a_callee_in_another_file_takes_effect(tmp_path):
 def test_other_users_of_numba_keep_their_cache(tmp_path):
     script = "import afm_model\nfrom numba.core import config\nprint(config.CACHE_DIR)"
     assert in_a_new_process(script, NUMBA_CACHE_DIR=str(tmp_path)).strip() == str(tmp_path)
+
+
+def test_threads_that_import_at_once_all_use_the_cache_of_these_sources() -> None:
+    before, interval = jit.config.CACHE_DIR, sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    start = threading.Barrier(4)
+
+    def look(_: int) -> set[str]:
+        start.wait()
+        seen = set()
+        for _ in range(2000):
+            with jit._cache_here():
+                seen.add(jit.config.CACHE_DIR)
+        return seen
+
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            seen = set.union(*threads.map(look, range(4)))
+    finally:
+        sys.setswitchinterval(interval)
+    assert seen == {jit._CACHE_DIRECTORY}
+    assert jit.config.CACHE_DIR == before

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import grey_dilation, spline_filter, zoom
 
 from ..jit import kernel
 from ..parts.groups import SampleParameters
@@ -86,6 +85,8 @@ def relief(
     ValueError
         If the tip would touch a surface that is not to be dilated in more than one point.
     """
+    from scipy.ndimage import spline_filter  # here: a tenth of a second for nothing where there is no map
+
     rows, columns = heights.shape
     pitch_x, pitch_y = width / columns, length / rows
     mode = "grid-wrap" if wrap else "mirror"
@@ -135,6 +136,8 @@ def relief(
 
 def _dilated(heights: _Array, pitch_x: float, pitch_y: float, R: float, mode: str) -> _Array:
     """Largest height of the surface plus tip over all places under the tip, on a finer grid."""
+    from scipy.ndimage import grey_dilation, zoom
+
     step_x, step_y = pitch_x / FINER, pitch_y / FINER
     half_x, half_y = int(R / step_x), int(R / step_y)
     x, y = np.meshgrid(step_x * np.arange(-half_x, half_x + 1), step_y * np.arange(-half_y, half_y + 1))
