@@ -115,23 +115,21 @@ def test_other_users_of_numba_keep_their_cache(tmp_path):
     assert in_a_new_process(script, NUMBA_CACHE_DIR=str(tmp_path)).strip() == str(tmp_path)
 
 
-def test_threads_that_import_at_once_all_use_the_cache_of_these_sources() -> None:
-    before, interval = jit.config.CACHE_DIR, sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    start = threading.Barrier(4)
+def test_thread_that_compiles_while_another_ends_to_keeps_the_cache_folder() -> None:
+    before = jit.config.CACHE_DIR
+    entered, left = threading.Event(), threading.Event()
 
-    def look(_: int) -> set[str]:
-        start.wait()
-        seen = set()
-        for _ in range(2000):
-            with jit._cache_here():
-                seen.add(jit.config.CACHE_DIR)
-        return seen
+    def second() -> str:
+        with jit._cache_here():
+            entered.set()
+            left.wait(10.0)
+            return str(jit.config.CACHE_DIR)
 
-    try:
-        with ThreadPoolExecutor(4) as threads:
-            seen = set.union(*threads.map(look, range(4)))
-    finally:
-        sys.setswitchinterval(interval)
-    assert seen == {jit._CACHE_DIRECTORY}
+    with ThreadPoolExecutor(1) as thread:
+        with jit._cache_here():
+            seen = thread.submit(second)
+            # It has to wait for us; if it did not, it would be here at once.
+            entered.wait(0.2)
+        left.set()
+        assert seen.result() == jit._CACHE_DIRECTORY
     assert jit.config.CACHE_DIR == before
