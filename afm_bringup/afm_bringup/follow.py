@@ -1,6 +1,7 @@
 """Following a run to its end: what a session and a launch both wait for."""
 
 import time
+from collections.abc import Callable
 
 from afm_msgs.msg import InstrumentStatus, RecorderStatus
 
@@ -8,8 +9,8 @@ from .monitor import Monitor
 
 STALL_TIMEOUT = 10.0
 """Wall time for which a controller that has been reported may stay silent [s]."""
-RECORDER_TIMEOUT = 30.0
-"""Wall time that the recorder has to receive what was published [s]."""
+_RECORDER_TIMEOUT = 30.0
+"""Wall time without anything new at the recorder after which it is no longer waited for [s]."""
 
 
 class RunError(RuntimeError):
@@ -64,8 +65,27 @@ class Follower:
             raise RunError(f"{detail}, nor for {self._stall_timeout:g} s after that")
         return bool(status.state == InstrumentStatus.FINISHED) and self._monitor.score is not None
 
-    def recorded(self) -> bool:
-        """Whether the recorder has received all that was published."""
+    def wait_until_recorded(self, check: Callable[[], bool]) -> None:
+        """Wait until the recorder has received all that was published, or receives nothing more.
+
+        Parameters
+        ----------
+        check : callable
+            Called again and again; it raises to end the wait, or returns False.
+        """
+        before = -1
+
+        def going_on() -> bool:
+            return check() or self._recorded() or self._arrived() > before
+
+        while not self._recorded() and self._monitor.spin_until(going_on, _RECORDER_TIMEOUT):
+            before = self._arrived()
+
+    def _arrived(self) -> int:
+        _, recorder = self._known()
+        return int(recorder.ticks + recorder.samples)
+
+    def _recorded(self) -> bool:
         status, recorder = self._known()
         return bool(recorder.ticks >= status.ticks and recorder.samples >= status.samples)
 

@@ -10,7 +10,7 @@ from rclpy.utilities import remove_ros_args
 from afm_model import Scenario, ScenarioError
 from afm_node_common.runner import Stop
 
-from .follow import RECORDER_TIMEOUT, STALL_TIMEOUT, Follower, RunError, check_score
+from .follow import STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
 from .results import print_scorecard, scorecard, write_scorecard
 from .scenario import read_scenario
@@ -73,7 +73,7 @@ def _score(arguments: argparse.Namespace, scenario: Scenario) -> None:
         if arguments.out:
             write_scorecard(card, arguments.out)
         if arguments.recorded:
-            monitor.spin_until(lambda: check() or follower.recorded(), RECORDER_TIMEOUT)
+            follower.wait_until_recorded(check)
             missing = follower.missing_in_recording()
     if missing is not None:
         raise RunError(missing)

@@ -19,7 +19,7 @@ from afm_model.registry import find
 from afm_node_common import topics
 
 from .files import executable
-from .follow import RECORDER_TIMEOUT, STALL_TIMEOUT, Follower, RunError, check_score
+from .follow import STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
 from .parameter_file import write_parameters
 from .processes import Processes
@@ -133,7 +133,7 @@ class Session:
                 folder.set_older_aside()
                 self._wait_until_ready()
                 self._watch(follower)
-                monitor.spin_until(lambda: self._check_alive() or follower.recorded(), RECORDER_TIMEOUT)
+                follower.wait_until_recorded(self._check_alive)
             self._finish(follower.missing_in_recording())
         except Interrupted:
             for path in folder.publish(complete=False):
