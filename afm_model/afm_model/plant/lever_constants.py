@@ -1,4 +1,4 @@
-"""Constants of the plant `lever` from its parameters, SI units. Equations: docs/lever.md (1) to (7), (14), (15), (26)."""
+"""Constants of the plant `lever` from its parameters, SI units: docs/lever.md (1) to (7), (14), (15), (26)."""
 
 import cmath
 import math
