@@ -22,6 +22,7 @@ from .lever_parameters import LeverGroup
 from .lever_start import rest
 from .lever_state import STATE
 
+
 @kernel
 def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     """Advance the state by one step h in place.
