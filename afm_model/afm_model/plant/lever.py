@@ -21,6 +21,7 @@ from .lever_contact import hold, indent, place_frame, slide
 from .lever_parameters import LeverGroup
 from .lever_start import rest
 from .lever_state import STATE
+from .lever_thermal import agitate
 
 
 @kernel
@@ -46,6 +47,7 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     v_1 = (s.v[1] - half * p.mode_w2[1] * s.q[1]) * p.mode_inverse[1]
     v_2 = (s.v[2] - half * p.mode_w2[2] * s.q[2]) * p.mode_inverse[2]
     v_phi = (s.v_phi - half * p.twist_w2 * s.phi) * p.twist_inverse
+    v_0, v_1, v_2, v_phi = agitate(v_0, v_1, v_2, v_phi, p, s)
     q_0, q_1, q_2 = s.q[0] + half * v_0, s.q[1] + half * v_1, s.q[2] + half * v_2
     tip_x = p.arm * (s.phi + half * v_phi)
     tip_y = p.mode_y[0] * q_0 + p.mode_y[1] * q_1 + p.mode_y[2] * q_2
@@ -163,6 +165,7 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     s.v[0], s.v[1], s.v[2] = 2.0 * v_0 - s.v[0], 2.0 * v_1 - s.v[1], 2.0 * v_2 - s.v[2]
     s.phi += h * v_phi
     s.v_phi = 2.0 * v_phi - s.v_phi
+    s.steps += 1.0
     show(p, s, h)
 
 

@@ -83,6 +83,7 @@ _PLAUSIBLE = {
     "plant.k": ("N/m", 0.005, 100.0, "cantilevers have"),
     "plant.f0": ("Hz", 1e3, 5e6, "cantilevers have"),
     "plant.Q": ("", 1.0, 1e6, "cantilevers have"),
+    "plant.f_torsion": ("Hz", 1e3, 1e7, "cantilevers have"),
     "plant.tip_radius": ("m", 1e-9, 1e-5, "tips have"),
     "plant.work_of_adhesion": ("J/m^2", 1e-3, 2.0, "surfaces have"),
     "plant.tau": ("Pa", 1e5, 5e9, "contacts have"),

@@ -9,6 +9,8 @@ from ..contact.table import transitions
 from ..parts.part import Numbers, Tree
 from ..records import record
 from . import beam
+from .lever_thermal import kick
+from .random_numbers import THERMAL, key_of
 
 CONSTANTS = record(
     "half",  # half the integration step [s]
@@ -23,12 +25,16 @@ CONSTANTS = record(
     "mode_w2",  # the same of the bending modes
     "mode_inverse",
     "mode_push",
+    "kick",  # rms change of the rate by the thermal force of a step [m/s]
     "mode_y",  # how the tip moves with a mode, which is counted by the deflection of the end [1]
     "mode_z",
     "mode_shown",  # deflection that the photodiode shows per deflection of the end in a mode [1]
     "twist_w2",  # the same of torsion, counted by the twist of the end
     "twist_inverse",
     "twist_push",  # by a force on the tip along x [rad/s/N]
+    "twist_kick",  # [rad/s]
+    "thermal",  # 1.0 if there is thermal noise
+    "thermal_key",  # of its random numbers
     "arm",  # from the neutral axis down to the tip [m]
     "rest_x",  # compliance of the tip that follows a force without delay [m/N]
     "rest_yy",
@@ -58,9 +64,9 @@ CONSTANTS = record(
     "transition",  # transition parameter on a flat sample
     vectors=(
         *("metres", "w2", "inverse", "push", "mode_w2", "mode_inverse"),
-        *("mode_push", "mode_y", "mode_z", "mode_shown"),
+        *("mode_push", "kick", "mode_y", "mode_z", "mode_shown"),
     ),
-    integers=("rows",),
+    integers=("rows", "thermal_key"),
 )
 
 
@@ -123,24 +129,27 @@ def lever_constants(parameters: Tree) -> Numbers:
         return cos * along + sin * across, cos * across - sin * along
 
     modes: dict[str, list[float]] = {
-        name: [0.0] * 3 for name in ("mode_w2", "mode_inverse", "mode_push", "mode_y", "mode_z", "mode_shown")
+        name: [0.0] * 3 for name in ("mode_w2", "mode_inverse", "mode_push", "kick", "mode_y", "mode_z", "mode_shown")
     }
     for i, mode in enumerate(beam.MODE[: plant.modes]):
         w2, inverse = _oscillator(c.f0 * mode.frequency, 0.5 / c.Q, h)
         modes["mode_w2"][i], modes["mode_inverse"][i] = w2, inverse
         modes["mode_push"][i] = half * w2 * inverse * mode.compliance / c.k
+        modes["kick"][i] = kick(w2, inverse, mode.compliance / c.k, plant.temperature, h)
         modes["mode_y"][i], modes["mode_z"][i] = lab(arm * mode.slope / L, 1.0)
         modes["mode_shown"][i] = 2.0 / 3.0 * mode.slope
     # Of torsion the first mode moves, or nothing; bending sideways never does.
-    twist = dict.fromkeys(("twist_w2", "twist_inverse", "twist_push"), 0.0)
+    twist = dict.fromkeys(("twist_w2", "twist_inverse", "twist_push", "twist_kick"), 0.0)
     share = 0.0
     if plant.torsion == "moving":
         share = beam.TWIST_COMPLIANCE
         w2, inverse = _ringing(c.f_torsion, 0.5 / c.Q_torsion, h)
+        compliance = share / c.k_torsion
         twist = {
             "twist_w2": w2,
             "twist_inverse": inverse,
-            "twist_push": half * w2 * inverse * share * arm / c.k_torsion,
+            "twist_push": half * w2 * inverse * compliance * arm,
+            "twist_kick": kick(w2, inverse, compliance, plant.temperature, h),
         }
     # What follows without delay, along the cantilever (1) and across it (2); then in the laboratory's y and z.
     rest = beam.rest(plant.modes)
@@ -181,6 +190,8 @@ def lever_constants(parameters: Tree) -> Numbers:
         "z0": scales.z0,
         "rise": scales.z0 / scales.x0,
         "metres": [getattr(piezo, f"sensitivity_{axis}") for axis in "xyz"],
+        "thermal": float(plant.temperature > 0.0),
+        "thermal_key": key_of(plant.seed, THERMAL),
         "arm": arm,
         "force_per_twist": c.k_torsion / arm,
         "a": parameters.cantilever.a,

@@ -77,6 +77,9 @@ class LeverGroup(PlantParameters):
         0.0, description=f"Hamaker constant of the attraction before contact; {_PRESET}"
     )
     range: _Metre = Field(0.0, description=f"range z_0 of the adhesive stress; {_PRESET}")
+    temperature: Annotated[NonNegative, Unit("K")] = Field(
+        0.0, description="thermal noise of the cantilever, by a stream of its own from seed; 0: none"
+    )
     contact: Literal["maugis", "jkr", "dmt"] = Field(
         "maugis", description="adhesive contact; maugis takes its place between dmt and jkr from materials and radius"
     )

@@ -36,6 +36,7 @@ STATE = record(
     "tip_rate",  # [m/s]
     "shown",  # deflection that the photodiode shows [m]
     "twist",  # of the end [rad]
+    "steps",  # since the start
     *FRAME,
     vectors=("q", "v"),
 )
