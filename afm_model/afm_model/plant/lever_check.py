@@ -103,6 +103,8 @@ def warnings(parameters: Tree) -> list[str]:
         value = values[name.removeprefix("plant.")]
         if not low <= value <= high:
             found.append(f"{name} = {value:g} {unit} is implausible: {who} {low:g} to {high:g} {unit}".rstrip())
+    if plant.temperature > 0.0 and not 100.0 <= plant.temperature <= 1000.0:
+        found.append(f"plant.temperature = {plant.temperature:g} K is implausible: a room has 295 K")
     c, s = plant.cantilever_numbers, plant.scanner_numbers
     density = beam.mass(c.k, c.f0) / (c.length * c.width * c.thickness)
     if not 700.0 <= density <= 12000.0:
