@@ -5,11 +5,13 @@ doi:10.1063/1.1143970; Butt and Jaschke 1995, doi:10.1088/0957-4484/6/1/001.
 """
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.signal import medfilt, welch
+
+from .estimate import Estimate
 
 _Array = NDArray[np.float64]
 BOLTZMANN = 1.380649e-23
@@ -26,42 +28,33 @@ _SEGMENTS = 16
 _PASSES = 200
 
 
-@dataclass(frozen=True)
-class ThermalTune:
-    """What a thermal record tells of a cantilever.
-
-    Parameters
-    ----------
-    k : float [N/m]
-        Spring constant.
-    k_uncertainty : float [N/m]
-        Standard error from the length of the record alone: that of the sensitivity, twice its relative error, and that
-        of the correction come on top.
-    f0 : float [Hz]
-    Q : float
-    rms : float [m]
-        Of the first mode, as shown.
-    floor : float [m/sqrt(Hz)]
-        White noise under the resonance.
-    frequency, density, fitted : ndarray [Hz], [m^2/Hz]
-        The spectrum in the band of the fit, one-sided, and the fit.
+class ThermalTune(NamedTuple):
+    """What a thermal record tells of a cantilever. Uncertainties are those of the length of the record; that of the
+    spring constant has that of the sensitivity in it.
     """
 
-    k: float
-    k_uncertainty: float
-    f0: float
-    Q: float
+    k: Estimate
+    """Spring constant [N/m]."""
+    f0: Estimate
+    """Resonance [Hz]."""
+    Q: Estimate
+    """Quality factor."""
     rms: float
+    """Of the first mode, as shown [m]."""
     floor: float
+    """White noise under the resonance [m/sqrt(Hz)]."""
     frequency: _Array
+    """Of the spectrum in the band of the fit [Hz]."""
     density: _Array
+    """Of the deflection shown, one-sided [m^2/Hz]."""
     fitted: _Array
+    """The same by the fit [m^2/Hz]."""
 
 
 def spring_constant(
-    voltage: _Array,
+    voltage: ArrayLike,
     rate: float,
-    sensitivity: float,
+    sensitivity: Estimate | float,
     temperature: float,
     *,
     band: tuple[float, float] | None = None,
@@ -75,11 +68,11 @@ def spring_constant(
 
     Parameters
     ----------
-    voltage : ndarray (n,) [V]
+    voltage : array_like (n,) [V]
         Deflection signal far from the sample, evenly sampled.
     rate : float [Hz]
         Samples per second.
-    sensitivity : float [m/V]
+    sensitivity : Estimate or float [m/V]
         Inverse optical lever sensitivity, from a force curve on a stiff sample. 1 for a record in metres.
     temperature : float [K]
     band : (float, float) [Hz], optional
@@ -96,9 +89,10 @@ def spring_constant(
     ValueError
         If an argument is not allowed, the record is too short for the resonance, or there is none in the band.
     """
-    voltage = np.asarray(voltage, dtype=np.float64)
-    _require(voltage, rate, sensitivity, temperature, tilt, correction)
-    scale = sensitivity * math.cos(tilt)
+    voltage = np.asarray(voltage, np.float64)
+    per_volt = sensitivity if isinstance(sensitivity, Estimate) else Estimate(sensitivity)
+    _require(voltage, rate, per_volt.value, temperature, tilt, correction)
+    scale = per_volt.value * math.cos(tilt)
     length = len(voltage) // _SEGMENTS
     f, density = welch(voltage * scale, rate, nperseg=length, detrend="linear")
     low, high = band if band is not None else _octaves(f, density)
@@ -119,9 +113,18 @@ def spring_constant(
     k = correction * BOLTZMANN * temperature / variance
     # Of the segments as if they did not overlap: what the overlap adds, 1.9 times, is what neighbouring bins of a Hann
     # window have in common.
-    error = math.sqrt(covariance[0, 0] / _SEGMENTS)
-    fitted = _model(f, logs)[0]
-    return ThermalTune(k, k * error, f0, Q, math.sqrt(variance), math.sqrt(floor), f, density, fitted)
+    errors = np.sqrt(np.diag(covariance) / _SEGMENTS).tolist()
+    of_k = math.hypot(errors[0], 2.0 * per_volt.uncertainty / per_volt.value)
+    return ThermalTune(
+        Estimate(k, k * of_k),
+        Estimate(f0, f0 * errors[1]),
+        Estimate(Q, Q * errors[2]),
+        math.sqrt(variance),
+        math.sqrt(floor),
+        f,
+        density,
+        _model(f, logs)[0],
+    )
 
 
 def _require(

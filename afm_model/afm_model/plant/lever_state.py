@@ -1,4 +1,4 @@
-"""State of the plant `lever`, SI units."""
+"""State of the plant `lever`, SI units: what its step, docs/lever.md (14) to (23), changes."""
 
 from ..records import record
 from .lever_contact import FRAME

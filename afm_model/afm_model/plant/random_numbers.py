@@ -1,6 +1,7 @@
 """Random numbers in a plant's step: functions of a key and a count, so that a run is the same wherever it is cut.
 
-Each stream has a number, and its key is made of that and the seed of the run: to switch one on changes no other.
+For the thermal noise, docs/lever.md (27). Each stream has a number, and its key is made of that and the seed of the
+run: to switch one on changes no other.
 Bits: SplitMix64 (Steele, Lea, Flood 2014, doi:10.1145/2660193.2660195) of key and count. Normal ones: the ziggurat of
 Marsaglia and Tsang (2000, doi:10.18637/jss.v005.i08), with layer and place from bits of their own.
 """
