@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from afm_model import InstrumentParameters, ParameterError, build
+from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.plant import beam
 
 from .lever_bench import BASE, LeverBench
@@ -154,6 +154,22 @@ def test_stick_and_slip_of_a_cantilever_that_twists_are_those_of_a_reference_at_
     assert np.abs(r.F_x - static.F_x).max() > 0.1 * r.F_max[0]
     assert errors[1] < 0.6 * errors[0]
     assert errors[1] < 0.01
+
+
+def test_the_photodiode_shows_twist_and_not_force_while_torsion_rings():
+    channels = {"detector.channels": "truth/lateral_force, truth/torsion", "plant.torsion": "moving"}
+    parameters = build(InstrumentParameters, BASE | channels)
+    scope = Instrument(parameters, 60)
+    drive = np.array(scope.drive)
+    for _ in range(60):
+        # Jumps: each sets torsion ringing.
+        drive[0] += 1e-9 / parameters.piezo.sensitivity_x
+        scope.tick(drive)
+    block, c = scope.take_block(), parameters.plant.cantilever_numbers
+    read = {each.name: each.scale(parameters) * row for each, row in zip(scope.channels, block.samples, strict=True)}
+    shown = c.k_torsion / (c.tip_height + 0.5 * c.thickness) * read["truth/torsion"]
+    assert read["lateral_force"] == pytest.approx(shown, rel=1e-9, abs=1e-18)
+    assert np.abs(shown - read["truth/lateral_force"]).max() > 1e-3 * np.abs(shown).max()
 
 
 def test_a_step_in_which_torsion_turns_too_far_is_refused():
