@@ -5,7 +5,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from afm_msgs.msg import InstrumentStatus, Score
 from rich.console import Console
@@ -15,12 +15,14 @@ from rich.table import Table
 from afm_model import Scenario, ScoreSummary
 from afm_model.scorecard import AXES, number
 from afm_model.scorecard import scorecard as scored
-from afm_recorder_node.reader import Recording
+
+if TYPE_CHECKING:
+    from afm_recorder_node.reader import Recording
 
 _PERCENTILES = ("p50", "p99", "p99_9", "max")
 
 
-def law_of(recording: Recording, controller: str) -> dict[str, Any] | None:
+def law_of(recording: "Recording", controller: str) -> dict[str, Any] | None:
     """Law and gains of our controller node as they were at the start of the recording, and what has changed since.
 
     Parameters

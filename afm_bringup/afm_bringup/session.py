@@ -17,13 +17,11 @@ from afm_model import Scenario
 from afm_model.checks import start_warnings
 from afm_model.registry import find
 from afm_node_common import topics
-from afm_recorder_node.reader import RecordingError, read_recording
 
 from .files import executable
 from .follow import RECORDER_TIMEOUT, STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
 from .parameter_file import write_parameters
-from .picture import draw_overview
 from .processes import Processes
 from .results import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .results_folder import CARD, PICTURE, RECORDING, FolderError, ResultsFolder
@@ -275,6 +273,11 @@ class Session:
 
     def _finish(self, missing: str | None) -> None:
         """Make the results and give them their final names, all at once; `missing` is missing in the recording."""
+        # Here: a second in which a session that starts would only be importing.
+        from afm_recorder_node.reader import RecordingError, read_recording
+
+        from .picture import draw_overview
+
         score, status, work = self._monitor.score, self._monitor.status, self._folder.work
         assert score is not None and status is not None
         check_score(status)

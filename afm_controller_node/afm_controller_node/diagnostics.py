@@ -1,7 +1,9 @@
 """The controller as DiagnosticStatus, for ordinary tools."""
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
+
+from afm_node_common.diagnostics import entry, stamped
 
 
 class Diagnostics:
@@ -38,16 +40,5 @@ class Diagnostics:
             level, message = DiagnosticStatus.WARN, last_dropped
         self._answers, self._dropped = answers, dropped
         values = {"law": law, "measurements answered": answers, "messages dropped": dropped}
-        array = DiagnosticArray(
-            status=[
-                DiagnosticStatus(
-                    level=level,
-                    name=f"{self._node.get_fully_qualified_name()}: controller",
-                    message=message,
-                    hardware_id="virtual AFM",
-                    values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-                )
-            ]
-        )
-        array.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(array)
+        told = entry(f"{self._node.get_fully_qualified_name()}: controller", level, message, values)
+        self._publisher.publish(stamped(self._node, told))

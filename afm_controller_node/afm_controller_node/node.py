@@ -108,7 +108,7 @@ class ControllerNode(Node):
         """Warn of a law that is made for another control period [s] than that in which measurements are taken."""
         self._period_unknown = False
         law = self._controller.parameters.law
-        if isinstance(law, SampledLaw) and abs(law.period - period) > 1e-6 * period:
+        if isinstance(law, SampledLaw) and law.made_for_another(period):
             self.get_logger().warning(
                 f"the law is made for another rate: law.period = {law.period:g} s, and a measurement is taken every "
                 f"{period:g} s"

@@ -1,6 +1,7 @@
 """A drive with further ones to follow, as a law in Python answers it."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ class Command:
                 f"a horizon of shape {self.horizon.shape} is not allowed: it must be n rows of three voltages"
             )
         if len(self.horizon) > LONGEST_HORIZON:
-            raise DriveError(f"a horizon of {len(self.horizon)} drives is not allowed: {LONGEST_HORIZON} are the most")
+            raise DriveError(_too_long(len(self.horizon)))
         if len(self.horizon) and not (0.0 < self.horizon_period < np.inf):
             raise DriveError(
                 f"horizon_period = {self.horizon_period} s is not allowed: with a horizon it must be finite and > 0"
@@ -59,6 +60,23 @@ class Command:
     def covers(self, age: float) -> bool:
         """Whether it holds a drive of its own for a time so long after the measurement that it answers [s]."""
         return age < (len(self.horizon) + 1) * self.horizon_period * (1.0 - 1e-9)
+
+
+def command_of(u: Any) -> Command:
+    """What a record of `afm_model.signals.COMMAND` holds.
+
+    Raises
+    ------
+    DriveError
+        As `Command` does.
+    """
+    if not 0 <= u.horizon_count <= LONGEST_HORIZON:
+        raise DriveError(_too_long(u.horizon_count))
+    return Command(u.voltage, u.horizon[: u.horizon_count], float(u.horizon_period))
+
+
+def _too_long(count: int) -> str:
+    return f"a horizon of {count} drives is not allowed: {LONGEST_HORIZON} are the most"
 
 
 def problem(drive: "_Array | Command | DriveError") -> str:

@@ -6,14 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import law
-from .command import Command
-from .errors import DriveError
+from .command import Command, command_of
 from .jit import kernel
 from .parameters import ControllerParameters
 from .parts.assembly import Assembled, assembled
 from .parts.header import LAW_HEADER
 from .records import Block, place, record_at, size
-from .signals import COMMAND, LONGEST_HORIZON, MEASUREMENT
+from .signals import COMMAND, MEASUREMENT
 
 _Array = NDArray[np.float64]
 
@@ -116,12 +115,7 @@ class Controller:
         """
         answer(self.block, time, measurement, self._answer)
         self.raise_errors()
-        if count := self._horizon_count[0]:
-            if not 0 < count <= LONGEST_HORIZON:
-                raise DriveError(f"a horizon of {count} drives is not allowed: {LONGEST_HORIZON} are the most")
-            u = self._command
-            return Command(u.voltage, u.horizon[:count], float(u.horizon_period))
-        return self._drive
+        return command_of(self._command) if self._horizon_count[0] else self._drive
 
     def raise_errors(self) -> None:
         """Raise what a law in Python has raised inside compiled code.

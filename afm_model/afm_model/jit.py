@@ -7,6 +7,7 @@ the sources of the whole package, so any edit starts a fresh cache.
 
 import hashlib
 import os
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -42,6 +43,7 @@ def _cache_directory() -> str:
 
 
 _CACHE_DIRECTORY = _cache_directory()
+_LOCK = threading.RLock()
 
 
 @contextmanager
@@ -49,12 +51,13 @@ def _cache_here() -> Iterator[None]:
     """The cache folder is looked up while a decorator runs: set it for that moment only, so that other users of numba
     in the same process keep their own setting.
     """
-    previous = config.CACHE_DIR
-    config.CACHE_DIR = _CACHE_DIRECTORY
-    try:
-        yield
-    finally:
-        config.CACHE_DIR = previous
+    with _LOCK:
+        previous = config.CACHE_DIR
+        config.CACHE_DIR = _CACHE_DIRECTORY
+        try:
+            yield
+        finally:
+            config.CACHE_DIR = previous
 
 
 def kernel(function: _F) -> _F:

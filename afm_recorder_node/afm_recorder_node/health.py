@@ -4,12 +4,13 @@ import time
 from dataclasses import asdict, dataclass
 
 from afm_msgs.msg import RecorderStatus
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.time import Time
 from std_msgs.msg import Header
 
 from afm_node_common import topics
+from afm_node_common.diagnostics import entry, stamped
 
 _DIAGNOSTICS_PERIOD = 1.0
 """Wall time between two messages on /diagnostics [s]; sooner when something has changed for the worse or better."""
@@ -60,13 +61,6 @@ class Teller:
             level, message = DiagnosticStatus.ERROR, health.detail
         elif health.detail or health.ticks_lost or health.samples_lost or health.ticks_unwritten:
             level, message = DiagnosticStatus.WARN, health.detail or "some of the run is missing in the recording"
-        entry = DiagnosticStatus(
-            level=level,
-            name=f"{self._node.get_fully_qualified_name()}: recorder",
-            message=message,
-            hardware_id="virtual AFM",
-            values=[KeyValue(key=key.replace("_", " "), value=str(value)) for key, value in asdict(health).items()],
-        )
-        array = DiagnosticArray(status=[entry])
-        array.header.stamp = self._node.get_clock().now().to_msg()
-        self._diagnostics.publish(array)
+        values = {key.replace("_", " "): value for key, value in asdict(health).items()}
+        told = entry(f"{self._node.get_fully_qualified_name()}: recorder", level, message, values)
+        self._diagnostics.publish(stamped(self._node, told))

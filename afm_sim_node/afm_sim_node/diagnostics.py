@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from afm_model.run import Delays, Snapshot, State
+from afm_node_common.diagnostics import entry
 
 _LEVEL = {
     State.STALLED: DiagnosticStatus.ERROR,
@@ -54,13 +55,7 @@ def diagnostic_status(
         "ticks retracted": counts.ticks_retracted,
         **fast_path,
     }
-    return DiagnosticStatus(
-        level=level,
-        name=f"{name}: instrument",
-        message=message,
-        hardware_id="virtual AFM",
-        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-    )
+    return entry(f"{name}: instrument", level, message, values)
 
 
 def _show(times: Sequence[float]) -> str:

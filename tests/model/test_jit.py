@@ -4,6 +4,8 @@ import json
 import os
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -111,3 +113,23 @@ def test_editing_a_callee_in_another_file_takes_effect(tmp_path):
 def test_other_users_of_numba_keep_their_cache(tmp_path):
     script = "import afm_model\nfrom numba.core import config\nprint(config.CACHE_DIR)"
     assert in_a_new_process(script, NUMBA_CACHE_DIR=str(tmp_path)).strip() == str(tmp_path)
+
+
+def test_thread_that_compiles_while_another_ends_to_keeps_the_cache_folder() -> None:
+    before = jit.config.CACHE_DIR
+    entered, left = threading.Event(), threading.Event()
+
+    def second() -> str:
+        with jit._cache_here():
+            entered.set()
+            left.wait(10.0)
+            return str(jit.config.CACHE_DIR)
+
+    with ThreadPoolExecutor(1) as thread:
+        with jit._cache_here():
+            seen = thread.submit(second)
+            # It has to wait for us; if it did not, it would be here at once.
+            entered.wait(0.2)
+        left.set()
+        assert seen.result() == jit._CACHE_DIRECTORY
+    assert jit.config.CACHE_DIR == before

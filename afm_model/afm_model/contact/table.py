@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from ..jit import kernel
 from .maugis import branch
@@ -40,6 +39,8 @@ def table(model: str, rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _row(model: str, transition: float) -> NDArray[np.float64]:
+    from scipy.interpolate import CubicSpline  # here: a quarter of a second for nothing where no table is made
+
     exact = branch(model, transition)
     s = np.linspace(0.0, REACH, NODES)
     d = exact.least_indentation + s * s

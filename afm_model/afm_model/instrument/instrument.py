@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command, problem
+from ..command import Command, command_of, problem
 from ..controller import Controller, external_law
 from ..errors import DivergenceError, DriveError, ParameterError
 from ..parameters import InstrumentParameters
@@ -17,7 +17,7 @@ from ..parts.part import Channel
 from ..plant import tell
 from ..program import reference
 from ..records import place, record_at, size
-from ..signals import COMMAND, LONGEST_HORIZON, MEASUREMENT, TRUTH
+from ..signals import COMMAND, MEASUREMENT, TRUTH
 from .block import LOOP, Layout, line_slots
 from .score import ScoreSummary, summarize
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
@@ -291,9 +291,7 @@ class Instrument:
         u = self._commanded
         if bad := [f"{axis} = {v} V" for axis, v in zip("xyz", u.voltage, strict=True) if not math.isfinite(v)]:
             return f"drive {', '.join(bad)} is not allowed: every voltage must be a finite number"
-        if not 0 <= u.horizon_count <= LONGEST_HORIZON:
-            return f"a horizon of {u.horizon_count} drives is not allowed: {LONGEST_HORIZON} are the most"
-        return problem(Command(u.voltage, u.horizon[: u.horizon_count], u.horizon_period))
+        return problem(command_of(u))
 
     def _diverged_along(self) -> str:
         """Axes along which the position is beyond RANGE, or is no number."""

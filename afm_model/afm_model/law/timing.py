@@ -19,6 +19,10 @@ class SampledLaw(LawParameters):
         0, description="delay of the drive in control periods that the law is made for; left out: plant.delay_ticks"
     )
 
+    def made_for_another(self, period: float) -> bool:
+        """Whether the law is made for another control period than this one [s]."""
+        return abs(self.period - period) > 1e-6 * period
+
 
 class TimingWarning(UserWarning):
     """A law is made for another control period or delay than those of the plant."""
@@ -41,7 +45,7 @@ def disagreements(law: LawParameters, plant: PlantParameters) -> list[str]:
     if not isinstance(law, SampledLaw):
         return []
     told = []
-    if abs(law.period - control_period) > 1e-6 * control_period:
+    if law.made_for_another(control_period):
         told.append(
             f"the law is made for another rate: law.period = {law.period:g} s should be plant.control_period = "
             f"{control_period:g} s"

@@ -8,11 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from ..parts.groups import SampleParameters
-from ..parts.part import Sample, Tree
+from ..parts.part import Tree
 from ..schema import NonNegative, Positive, Unit
-from . import mapped
 from .map_files import read_field
-from .mapped import CONSTANTS, Relief, relief
+from .mapped import Relief, Scales, map_sample, relief
 from .tip import tip_radius
 
 
@@ -30,13 +29,6 @@ class HeightMap(SampleParameters):
     dilate: bool = Field(True, description="dilate by the tip; else a surface sharper than the tip is refused")
     strength_file: str = Field("", description="map of the friction strength over that of the plant; none: 1")
     adhesion_file: str = Field("", description="map of the work of adhesion over that of the plant; none: 1")
-
-
-class _Scales:
-    """Of the sample's coordinates, for a cache."""
-
-    def __init__(self, x0: float, z0: float) -> None:
-        self.x0, self.z0 = x0, z0
 
 
 def _of(parameters: Tree) -> Relief:
@@ -80,7 +72,7 @@ def _made(sample: HeightMap, R: float, x0: float, z0: float, changed: tuple[int,
         wrap=sample.border == "wrap",
         dilate=sample.dilate,
         R=R,
-        scales=_Scales(x0, z0),
+        scales=Scales(x0, z0),
         materials=materials,
     )
 
@@ -89,15 +81,4 @@ def _check(parameters: Tree) -> None:
     _of(parameters)
 
 
-MAP = Sample(
-    name="map",
-    parameters=HeightMap,
-    constants=CONSTANTS,
-    values=lambda parameters: _of(parameters).constants,
-    check=_check,
-    map=lambda parameters: _of(parameters).numbers,
-    height=lambda parameters: _of(parameters).amplitude,
-    curvature=lambda parameters: _of(parameters).curvature * parameters.scales.x0**2 / parameters.scales.z0,
-    contrast=lambda parameters: _of(parameters).contrast,
-    surface=mapped.surface,
-)
+MAP = map_sample("map", HeightMap, _of, _check)

@@ -5,13 +5,15 @@ over it; or it is refused, with the place.
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import grey_dilation, spline_filter, zoom
 
 from ..jit import kernel
+from ..parts.groups import SampleParameters
+from ..parts.part import Sample, Tree
 from ..records import record
 
 _Array = NDArray[np.float64]
@@ -33,6 +35,13 @@ CONSTANTS = record(
     "z0",
     integers=("columns", "rows"),
 )
+
+
+class Scales(NamedTuple):
+    """Of the sample's coordinates, to be part of the key of a cache."""
+
+    x0: float
+    z0: float
 
 
 class Relief(NamedTuple):
@@ -76,6 +85,8 @@ def relief(
     ValueError
         If the tip would touch a surface that is not to be dilated in more than one point.
     """
+    from scipy.ndimage import spline_filter  # here: a tenth of a second for nothing where there is no map
+
     rows, columns = heights.shape
     pitch_x, pitch_y = width / columns, length / rows
     mode = "grid-wrap" if wrap else "mirror"
@@ -125,6 +136,8 @@ def relief(
 
 def _dilated(heights: _Array, pitch_x: float, pitch_y: float, R: float, mode: str) -> _Array:
     """Largest height of the surface plus tip over all places under the tip, on a finer grid."""
+    from scipy.ndimage import grey_dilation, zoom
+
     step_x, step_y = pitch_x / FINER, pitch_y / FINER
     half_x, half_y = int(R / step_x), int(R / step_y)
     x, y = np.meshgrid(step_x * np.arange(-half_x, half_x + 1), step_y * np.arange(-half_y, half_y + 1))
@@ -213,3 +226,31 @@ def surface(x: float, y: float, h: Any, p: Any, values: Any) -> None:
         size = p.rows * p.columns
         h.strength = values[size + pixel]
         h.adhesion = values[2 * size + pixel]
+
+
+def map_sample(
+    name: str, parameters: type[SampleParameters], of: Callable[[Tree], Relief], check: Callable[[Tree], None]
+) -> Sample:
+    """A sample that is a map.
+
+    Parameters
+    ----------
+    name, parameters
+        As of `Sample`.
+    of : callable
+        Parameters of the instrument -> Relief; called again and again, so that it keeps what it has made.
+    check : callable
+        As of `Sample`.
+    """
+    return Sample(
+        name=name,
+        parameters=parameters,
+        constants=CONSTANTS,
+        values=lambda parameters: of(parameters).constants,
+        check=check,
+        map=lambda parameters: of(parameters).numbers,
+        height=lambda parameters: of(parameters).amplitude,
+        curvature=lambda parameters: of(parameters).curvature * parameters.scales.x0**2 / parameters.scales.z0,
+        contrast=lambda parameters: of(parameters).contrast,
+        surface=surface,
+    )

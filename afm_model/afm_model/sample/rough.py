@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..parts.groups import SampleParameters
-from ..parts.part import Sample, Tree
+from ..parts.part import Tree
 from ..schema import Positive, Unit
-from . import mapped
-from .height_map import _Scales
-from .mapped import CONSTANTS, Relief, relief
+from .mapped import Relief, Scales, map_sample, relief
 from .tip import tip_radius
 
 
@@ -51,7 +49,7 @@ def _of(parameters: Tree) -> Relief:
 @lru_cache(maxsize=4)
 def _made(sample: Rough, R: float, x0: float, z0: float) -> Relief:
     return relief(
-        heights(sample), sample.size, sample.size, wrap=True, dilate=sample.dilate, R=R, scales=_Scales(x0, z0)
+        heights(sample), sample.size, sample.size, wrap=True, dilate=sample.dilate, R=R, scales=Scales(x0, z0)
     )
 
 
@@ -67,15 +65,4 @@ def _check(parameters: Tree) -> None:
     _of(parameters)
 
 
-ROUGH = Sample(
-    name="rough",
-    parameters=Rough,
-    constants=CONSTANTS,
-    values=lambda parameters: _of(parameters).constants,
-    check=_check,
-    map=lambda parameters: _of(parameters).numbers,
-    height=lambda parameters: _of(parameters).amplitude,
-    curvature=lambda parameters: _of(parameters).curvature * parameters.scales.x0**2 / parameters.scales.z0,
-    contrast=lambda parameters: _of(parameters).contrast,
-    surface=mapped.surface,
-)
+ROUGH = map_sample("rough", Rough, _of, _check)

@@ -1,9 +1,10 @@
 """Claims about the friction-predicting law in closed loop on the compliant plant, errors in percent of 5 nm."""
 
 import math
+import sys
+from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pytest
 
 from afm_model import (
@@ -17,6 +18,10 @@ from afm_model import (
     simulate,
 )
 from afm_model.run import Latency, simulate_realtime
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
+
+from measure_predictive import smoothness
 
 PERIOD = 2.0 * math.pi / 50.0
 """Of the reference [s]."""
@@ -62,22 +67,6 @@ def run(
 def error(score: Any) -> float:
     """Largest of x and y [%]."""
     return max(score.max_percent[:2])
-
-
-def smoothness(result: Simulation) -> float:
-    """Variation of the drive over that of the drive that follows the reference without error, worse of x and y."""
-    sim = result.parameters
-    w0, x0 = sim.scales.w0, sim.scales.x0
-    scored = result.time >= sim.score_start
-    unit = {"reference_position": x0, "reference_velocity": x0 * w0, "reference_acceleration": x0 * w0**2}
-    x, v, a = (result.measurements[name][:, :2] / size for name, size in unit.items())
-    bound = result.truth["friction_bound"][:, None] / sim.units.lateral_force
-    eta = 2.0 * math.pi * np.array([sim.scanner.f_x, sim.scanner.f_y]) / w0
-    xi = np.array([sim.scanner.xi_x, sim.scanner.xi_y])
-    ideal = a + 2.0 * xi * eta * v + eta**2 * x + bound * v / np.linalg.norm(v, axis=1, keepdims=True)
-    volts = ideal * x0 / (eta**2 * np.array([sim.piezo.sensitivity_x, sim.piezo.sensitivity_y]))
-    least = np.abs(np.diff(volts[scored], axis=0)).sum(axis=0)
-    return max(np.abs(np.diff(result.drive[scored, :2], axis=0)).sum(axis=0) / least)
 
 
 class Case(NamedTuple):

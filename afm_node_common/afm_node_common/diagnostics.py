@@ -1,0 +1,31 @@
+"""Entries on /diagnostics, for ordinary tools."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+
+def entry(name: str, level: Any, message: str, values: Mapping[str, object]) -> DiagnosticStatus:
+    """What one node of the virtual instrument tells of itself.
+
+    Parameters
+    ----------
+    name : str
+        Full name of the node, and what it is.
+    level
+        Of DiagnosticStatus.
+    message : str
+    values : mapping
+        By the name that is shown.
+    """
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
+    return DiagnosticStatus(level=level, name=name, message=message, hardware_id="virtual AFM", values=pairs)
+
+
+def stamped(node: Node, told: DiagnosticStatus) -> DiagnosticArray:
+    """An entry as a message, with the time of the node's clock."""
+    array = DiagnosticArray(status=[told])
+    array.header.stamp = node.get_clock().now().to_msg()
+    return array
