@@ -26,6 +26,8 @@ RECTANGULAR = FIRST_MODE / SLOPE**2
 """0.817: spring constant times the mean square shown over k_B T."""
 _SEGMENTS = 16
 _PASSES = 200
+_DOUBTFUL = 0.3
+"""Relative uncertainty of the variance from which on there is no resonance to speak of."""
 
 
 class ThermalTune(NamedTuple):
@@ -76,7 +78,7 @@ def spring_constant(
         Inverse optical lever sensitivity, from a force curve on a stiff sample. 1 for a record in metres.
     temperature : float [K]
     band : (float, float) [Hz], optional
-        Where to fit; an octave to either side of the sharpest peak if not given. Needed for Q below 3 or so.
+        Where to fit; an octave to either side of the peak with the most variance if not given.
     tilt : float [rad]
         Angle of the cantilever to the sample, if the sensitivity is that of a vertical way: the end moves by its
         cosine.
@@ -114,6 +116,11 @@ def spring_constant(
     # Of the segments as if they did not overlap: what the overlap adds, 1.9 times, is what neighbouring bins of a Hann
     # window have in common.
     errors = np.sqrt(np.diag(covariance) / _SEGMENTS).tolist()
+    if errors[0] > _DOUBTFUL:
+        raise ValueError(
+            f"no resonance found from {low:.4g} to {high:.4g} Hz: the best fit's variance is uncertain by "
+            f"{100.0 * errors[0]:.0f} %"
+        )
     of_k = math.hypot(errors[0], 2.0 * per_volt.uncertainty / per_volt.value)
     return ThermalTune(
         Estimate(k, k * of_k),

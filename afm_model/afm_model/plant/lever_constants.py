@@ -29,7 +29,7 @@ CONSTANTS = record(
     "mode_y",  # how the tip moves with a mode, which is counted by the deflection of the end [1]
     "mode_z",
     "mode_shown",  # deflection that the photodiode shows per deflection of the end in a mode [1]
-    "twist_w2",  # the same of torsion, counted by the twist of the end
+    "twist_w2",  # as mode_w2, ..., of torsion, which is counted by the twist of the end
     "twist_inverse",
     "twist_push",  # by a force on the tip along x [rad/s/N]
     "twist_kick",  # [rad/s]

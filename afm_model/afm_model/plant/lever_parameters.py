@@ -44,7 +44,7 @@ class LeverGroup(PlantParameters):
     Q_torsion: NonNegative = Field(0.0, description="quality factor of torsion; 0: that of bending")
     torsion: Literal["static", "moving"] = Field(
         "static",
-        description="torsion: follows the force without delay, or its first mode moves, for which steps are shorter",
+        description="torsion follows the force without delay, or its first mode moves: then take dt <= 0.5e-6 s",
     )
     tilt: Annotated[float, Gt(-0.8), Lt(0.8), Unit("rad")] = Field(
         0.2, description="angle by which the cantilever points down to the sample"
@@ -89,8 +89,7 @@ class LeverGroup(PlantParameters):
 
     @property
     def cantilever_numbers(self) -> LeverPreset:
-        """The preset with what is given in its place; torsion and in-plane bending as numbers, docs/lever.md (5),
-        (25)."""
+        """The preset with what is given in its place; torsion and in-plane bending by docs/lever.md (5), (25)."""
         preset = LEVERS[self.lever]
         chosen = LeverPreset(*(getattr(self, name) or getattr(preset, name) for name in LeverPreset._fields))
         # Of the preset, unless the cantilever is another one.

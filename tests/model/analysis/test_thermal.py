@@ -80,6 +80,8 @@ def test_the_simulated_cantilever_gets_its_own_spring_constant_back_within_three
         ({"voltage": np.ones(10)}, r"voltage of shape \(10,\) is not allowed"),
         ({"tilt": 2.0}, "tilt = 2 rad is not allowed"),
         ({"voltage": record(0.2, 23e3, 40.0, 1e-13, 0.02, 0)}, "too short for a resonance"),
+        ({"voltage": np.random.default_rng(0).standard_normal(50_000)}, "no resonance found"),
+        ({"band": (60e3, 100e3)}, "no resonance found"),
     ],
 )
 def test_what_cannot_be_analysed_is_refused_in_one_sentence(change, told):
