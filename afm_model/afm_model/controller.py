@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import law
-from .command import Command, command_of
+from .command import Command, CommandRecord
 from .jit import kernel
 from .parameters import ControllerParameters
 from .parts.assembly import Assembled, assembled
 from .parts.header import LAW_HEADER
-from .records import Block, place, record_at, size
+from .records import Block, record_at, size
 from .signals import COMMAND, MEASUREMENT
 
 _Array = NDArray[np.float64]
@@ -56,9 +56,8 @@ class Controller:
 
     def __init__(self, parameters: ControllerParameters) -> None:
         self._answer = np.zeros(size(COMMAND))
-        self._command = record_at(self._answer, 0, COMMAND)
-        self._drive = self._command.voltage
-        self._horizon_count = self._answer.view(np.int64)[place(COMMAND, "horizon_count") :]
+        self._command = CommandRecord(self._answer)
+        self._drive, self._horizon_count = self._command.voltage, self._command.horizon_count
         self._law: Assembled | None = None
         self.parameters = parameters
 
@@ -115,7 +114,7 @@ class Controller:
         """
         answer(self.block, time, measurement, self._answer)
         self.raise_errors()
-        return command_of(self._command) if self._horizon_count[0] else self._drive
+        return self._command.read() if self._horizon_count[0] else self._drive
 
     def raise_errors(self) -> None:
         """Raise what a law in Python has raised inside compiled code.

@@ -11,8 +11,10 @@ from afm_model.parameters import ControllerParameters, Group, SimParameters
 class Process(Group):
     """What a node asks of the operating system for its control loop. What is not granted costs a warning."""
 
-    fifo_priority: Annotated[int, Ge(0), Lt(100)] = Field(
-        0, description="priority of the control loop's thread under SCHED_FIFO; 0: ordinary scheduling"
+    fifo_priority: Annotated[int, Ge(0), Lt(99)] = Field(
+        0,
+        description="priority of the control loop's thread under SCHED_FIFO, one less than that of the threads that "
+        "bring its messages; 0: ordinary scheduling",
     )
     cpu: Annotated[int, Ge(-1), Lt(4096)] = Field(
         -1, description="processor to which the control loop's thread is bound; -1: any"

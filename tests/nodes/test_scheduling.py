@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 from afm_node_common import scheduling
 from afm_node_common.process import Process
@@ -52,6 +53,35 @@ def test_priority_is_granted_or_its_refusal_told() -> None:
             "process.fifo_priority = 1 is not permitted (allow it: ulimit -r 99, or CAP_SYS_NICE); going on without"
         ]
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
+
+
+def test_threads_that_bring_messages_come_before_the_loop() -> None:
+    there, over, found = threading.Event(), threading.Event(), []
+
+    def listen(name: str) -> None:
+        # As Fast DDS names them.
+        Path(f"/proc/self/task/{threading.get_native_id()}/comm").write_text(name)
+        there.set()
+        over.wait()
+        found.append((name, os.sched_getscheduler(0), os.sched_getparam(0).sched_priority))
+
+    threads = []
+    for name in ("dds.shm.7412", "dds.shm.wdog", "dds.ev.0"):
+        there.clear()
+        threads.append(threading.Thread(target=listen, args=(name,)))
+        threads[-1].start()
+        there.wait()
+    warnings, _, policy = applied(Process(fifo_priority=1))
+    over.set()
+    for thread in threads:
+        thread.join()
+    granted = (os.SCHED_FIFO, 2) if policy == os.SCHED_FIFO else (os.SCHED_OTHER, 0)
+    assert dict((name, rest) for name, *rest in found) == {
+        "dds.shm.7412": [*granted],
+        "dds.shm.wdog": [os.SCHED_OTHER, 0],
+        "dds.ev.0": [os.SCHED_OTHER, 0],
+    }
+    assert (policy == os.SCHED_FIFO) is (not warnings)
 
 
 def test_memory_is_locked_or_its_refusal_told() -> None:

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command, command_of, problem
+from ..command import Command, CommandRecord, problem
 from ..controller import Controller, external_law
 from ..errors import DivergenceError, DriveError, ParameterError
 from ..parameters import InstrumentParameters
 from ..parts.part import Channel
 from ..plant import tell
 from ..program import reference
-from ..records import place, record_at, size
+from ..records import record_at, size
 from ..signals import COMMAND, MEASUREMENT, TRUTH
 from .block import LOOP, Layout, line_slots
 from .score import ScoreSummary, summarize
@@ -79,12 +79,8 @@ class Instrument:
         self._samples = np.zeros((len(layout.channels), block_ticks * self.samples_per_tick))
         self._state = self._block[layout.places["hashed"] : layout.places["hashed_end"]]
         self._loop = self._block[layout.places["loop"] :].view(np.int64)
-        self._commanded = layout.record(self._block, "commanded")
-        self._voltage = self._commanded.voltage
-        commanded = layout.array(self._block, "commanded").view(np.int64)
-        # Writing one number of an array takes a fraction of the time of writing the field of a record.
-        self._sequence = commanded[place(COMMAND, "sequence") :]
-        self._horizon_count = commanded[place(COMMAND, "horizon_count") :]
+        self._commanded = CommandRecord(layout.array(self._block, "commanded"))
+        self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
         self.measurement = layout.array(self._block, "measurement")
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.functions]
@@ -221,24 +217,16 @@ class Instrument:
         """
         self._prepare()
         if isinstance(drive, Command):
-            self._command(drive)
+            self._commanded.write(drive)
         else:
             if getattr(drive, "shape", None) != (3,) and np.shape(drive) != (3,):
                 raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
             # Whatever kind of array came, the kernel always gets the same one: another kind would compile it anew.
             self._voltage[:] = drive
             self._horizon_count[0] = 0
-        self._sequence[0] = self.ticks if sequence is None else sequence
+        self._commanded.sequence[0] = self.ticks if sequence is None else sequence
         outcome = advance(self._external, 1, self._block, self._random, self._rows, self._samples)
         self._conclude(outcome, 0 if outcome == REFUSED else 1)
-
-    def _command(self, command: Command) -> None:
-        """Write a command with a horizon."""
-        count = len(command.horizon)
-        self._voltage[:] = command.voltage
-        self._horizon_count[0] = count
-        self._commanded.horizon_period = command.horizon_period
-        self._commanded.horizon[:count] = command.horizon
 
     def close_loop(self, controller: Controller, ticks: int) -> None:
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
@@ -288,10 +276,9 @@ class Instrument:
 
     def _describe_refused(self) -> str:
         """What is wrong with what is commanded."""
-        u = self._commanded
-        if bad := [f"{axis} = {v} V" for axis, v in zip("xyz", u.voltage, strict=True) if not math.isfinite(v)]:
+        if bad := [f"{axis} = {v} V" for axis, v in zip("xyz", self._voltage, strict=True) if not math.isfinite(v)]:
             return f"drive {', '.join(bad)} is not allowed: every voltage must be a finite number"
-        return problem(command_of(u))
+        return problem(self._commanded.read())
 
     def _diverged_along(self) -> str:
         """Axes along which the position is beyond RANGE, or is no number."""

@@ -10,6 +10,7 @@ import pytest
 from afm_model import (
     Controller,
     ControllerParameters,
+    Instrument,
     ParameterError,
     SimParameters,
     Simulation,
@@ -17,7 +18,9 @@ from afm_model import (
     registry,
     simulate,
 )
+from afm_model.records import record_at
 from afm_model.run import Latency, simulate_realtime
+from afm_model.signals import MEASUREMENT
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
@@ -143,6 +146,29 @@ def test_a_spare_period_makes_up_for_a_fifth_of_the_drives_that_come_late(period
     assert error(result.score) < most
 
 
+# With a delay the law wants to know which drives are on their way, and it keeps its last 32 answers.
+@pytest.mark.parametrize(("delay", "most"), [(0, 0.2), (1, 0.5)])
+def test_a_reserve_bridges_a_controller_that_stands_still_for_20_ms(delay, most):
+    period, last = 250e-6, 120
+    law = {"law.surface": "known", "law.spare": 2, "law.reserve": last}
+    sim, controller = parameters(period, delay, law, {}, 0.5, 1.0)
+    instrument, answers = Instrument(sim, 1000), Controller(controller)
+    length, worst, held = [], 0.0, (answers.answer(instrument.measurement), 0)
+    for tick in range(1, 900):
+        instrument.tick(held[0], held[1])
+        drive = answers.answer(instrument.measurement, tick * period)
+        length.append(len(drive.horizon))
+        if not 600 <= tick < 680:
+            held = drive, tick
+        y = record_at(instrument.measurement, 0, MEASUREMENT)
+        if tick > 450:
+            worst = max(worst, *(abs(y.position - y.reference_position)[:2] / 5e-9 * 100.0))
+    assert worst < most
+    # It grows with each answer until it is whole.
+    whole = delay + 2 + last
+    assert length == [min(length[0] + i, whole) for i in range(len(length))]
+
+
 def test_a_sample_that_is_turned_upside_down_is_no_worse():
     # Nothing of the sample is known: hills in the place of valleys.
     assert error(run(5e-5, 1, {}, sample__beta=-12.5e-9).score) < 0.15
@@ -178,7 +204,7 @@ def test_the_same_measurements_give_the_same_drives_after_a_reset():
         ({"law.delay_ticks": 40}, "law.delay_ticks = 40 is not allowed: it must be <= 30"),
         (
             {"law.packet": 64, "law.spare": 2},
-            "law.packet (law.delay_ticks + 1 + law.spare) = 192 must be <= 129",
+            "law.packet (law.delay_ticks + 1 + law.spare) + law.reserve = 192 must be <= 129",
         ),
         ({"law.period": 2e-2}, "the law would look 3200 intervals ahead and must not look farther than 512"),
     ],

@@ -31,7 +31,8 @@ _SCALARS = (
     "slot",  # time between two drives of an answer
     "slots",  # slots in a control period
     "delay",  # slots until the drive of an answer is in force
-    "count",  # drives in an answer
+    "count",  # drives in an answer, without the reserve
+    "reserve",  # drives of the reserve
     "fine",  # fine intervals in a slot
     "horizon",  # fine intervals in the horizon
     "tau",  # length of a fine interval
@@ -80,7 +81,7 @@ CONSTANTS = record(
     "G",
     "L",  # of the observer
     vectors=("stiffness", "damping", "volts"),
-    integers=("slots", "delay", "count", "fine", "horizon", "steps", "surface", "identified", "measured"),
+    integers=("slots", "delay", "count", "reserve", "fine", "horizon", "steps", "surface", "identified", "measured"),
     arrays={"K": (3, 2), "L": (3, 2), "Phi": (3, 2, 2), "Gamma": (3, 2), "G": (3, INTERVALS, 2)},
 )
 
@@ -145,6 +146,7 @@ def values(parameters: Tree) -> Numbers:
         "slots": slots,
         "delay": law.delay_ticks * slots,
         "count": slots * (1 + spare),
+        "reserve": law.reserve,
         "fine": division.fine,
         "horizon": n,
         "tau": slot / division.fine,

@@ -12,6 +12,7 @@ from .map import write_map
 from .observer import observe
 from .plant import predict
 from .reference import take_reference
+from .reserve import extend, first_of_reserve
 
 
 @kernel
@@ -48,6 +49,10 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
             decide((i - p.delay) * p.fine, i, p, s)
         if i < p.delay + p.count - 1:
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
-    remember(k, p, s)
-    answer(u, p, s)
+    planned = p.delay + p.count
+    if p.reserve > 0:
+        extend(k, p, s)
+        planned += s.reserve_end - first_of_reserve(k, p)
+    remember(k, planned, s)
+    answer(planned, u, p, s)
     s.started = 1.0

@@ -26,29 +26,32 @@ def recall(k: int, y: Any, p: Any, s: Any) -> None:
             for axis in range(3):
                 s.plan[j, axis] = y.drive[axis] / p.volts[axis]
         else:
-            at = min((k - answered) * p.slots + j, p.delay + p.count - 1)
+            at = min((k - answered) * p.slots + j, s.lengths[answered % ANSWERS] - 1)
             for axis in range(3):
                 s.plan[j, axis] = s.sent[answered % ANSWERS, at, axis]
 
 
 @kernel
-def remember(k: int, p: Any, s: Any) -> None:
-    """Keep the answer to measurement k."""
+def remember(k: int, planned: int, s: Any) -> None:
+    """Keep the answer to measurement k: so many slots of the plan."""
     s.answered[k % ANSWERS] = k
-    for i in range(p.delay + p.count):
+    s.lengths[k % ANSWERS] = planned
+    for i in range(planned):
         for axis in range(3):
             s.sent[k % ANSWERS, i, axis] = s.plan[i, axis]
 
 
 @kernel
-def answer(u: Any, p: Any, s: Any) -> None:
-    """Write the plan into the answer: the drive that is first in force or, of more, all with their times."""
+def answer(planned: int, u: Any, p: Any, s: Any) -> None:
+    """Write so many slots of the plan into the answer: the drive that is first in force or, of more, all with their
+    times.
+    """
     for axis in range(3):
         u.voltage[axis] = s.plan[p.delay, axis] * p.volts[axis]
     u.horizon_count = 0
-    if p.count > 1:
+    if planned > p.delay + 1:
         u.horizon_period = p.slot / p.w0
-        u.horizon_count = p.delay + p.count - 1
+        u.horizon_count = planned - 1
         for axis in range(3):
             u.voltage[axis] = s.plan[0, axis] * p.volts[axis]
             for i in range(u.horizon_count):

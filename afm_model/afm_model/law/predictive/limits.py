@@ -17,14 +17,16 @@ def check(parameters: Tree) -> None:
         )
     if law.delay_ticks > ANSWERS - 2:
         raise ValueError(f"law.delay_ticks = {law.delay_ticks} is not allowed: it must be <= {ANSWERS - 2}")
-    slots = law.packet * (law.delay_ticks + 1 + law.spare)
+    slots = law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve
     if slots > SLOTS:
         raise ValueError(
-            f"law.packet = {law.packet} with law.delay_ticks = {law.delay_ticks} and law.spare = {law.spare} is not "
-            f"allowed: law.packet (law.delay_ticks + 1 + law.spare) = {slots} must be <= {SLOTS}"
+            f"law.packet = {law.packet} with law.delay_ticks = {law.delay_ticks}, law.spare = {law.spare} and "
+            f"law.reserve = {law.reserve} is not allowed: law.packet (law.delay_ticks + 1 + law.spare) + law.reserve = "
+            f"{slots} must be <= {SLOTS}"
         )
     division = grid(law.period * w0 / law.packet, law.response * w0)
-    ahead = division.fine * (division.holds + law.packet * (1 + law.spare) - 1)
+    at_once = max(law.packet * (1 + law.spare), law.packet + 1 if law.reserve else 0)
+    ahead = division.fine * (division.holds + at_once - 1)
     if ahead > INTERVALS:
         raise ValueError(
             f"law.period = {law.period:g} s is not allowed with law.packet = {law.packet}, law.response = "

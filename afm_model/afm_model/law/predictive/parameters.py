@@ -18,6 +18,11 @@ class PredictiveLaw(SampledLaw):
         0,
         description="further control periods for which an answer holds drives, played while the next one is late",
     )
+    reserve: Annotated[int, Ge(0), Le(127)] = Field(
+        0,
+        description="further drives behind those, planned a few with each answer and kept: they bridge a controller "
+        "that stands still",
+    )
     feedback: Literal["full", "measured"] = Field(
         "full", description="full: positions and rates as measured; measured: an observer that positions correct"
     )

@@ -10,6 +10,7 @@ from .map import LENGTH, NODES, SPACING
 STATE = record(
     "started",
     "answered",  # the last measurements answered, and the drives of each answer
+    "lengths",  # how many these are
     "sent",
     "last",  # number of the last measurement
     "estimate",  # position and rate there
@@ -36,6 +37,9 @@ STATE = record(
     "curvature_xy",
     "strength",
     "plan",  # drives of the slots from now on
+    "reserve_end",  # the reserve: number of the slot behind it, the predicted scanner there, its drives
+    "reserved",
+    "kept",
     "line_x",  # the line: a place on it, its direction, distance of the nodes, part of it visited [nodes]
     "line_y",
     "line_tx",
@@ -65,14 +69,17 @@ STATE = record(
     "asked",  # what each fine interval asks for
     "friction",  # bound of friction in it
     "direction",  # and its direction
-    integers=("answered", "last"),
+    integers=("answered", "lengths", "last", "reserve_end"),
     arrays={
         "H": (10,),
         "ratio": (10,),
         "estimate": (6,),
         "answered": (ANSWERS,),
+        "lengths": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),
         "plan": (SLOTS, 3),
+        "reserved": (6,),
+        "kept": (SLOTS, 3),
         "map_H": (NODES,),
         "map_ratio": (NODES,),
         "covariance": (NODES, NODES),
@@ -102,6 +109,6 @@ def start(parameters: Tree) -> Numbers:
     apart = np.abs(np.subtract.outer(np.arange(NODES), np.arange(NODES)))
     apart = np.minimum(apart, NODES - apart) * SPACING / LENGTH
     first["covariance"] = first["prior"] = np.exp(-0.5 * apart**2)
-    first["answered"] = -1
+    first["answered"] = first["reserve_end"] = -1
     first["visited"] = np.inf
     return {name: first[name] for name in STATE.names or ()}
