@@ -34,6 +34,15 @@ def test_scenario_of_the_page_is_a_friction_loop_of_25_N_per_m(tmp_path):
     assert run.score.contact_fraction == 1.0
 
 
+def test_code_of_the_page_finds_the_spring_constant_from_a_second_of_thermal_noise(capsys):
+    found = {}
+    exec(PAGE.partition("<!-- thermal -->\n```python\n")[2].partition("```")[0], found)
+    k = found["tune"].k
+    assert k.value == pytest.approx(0.2, rel=0.03)
+    assert k.uncertainty == pytest.approx(0.024 * k.value, rel=0.1)
+    assert "k = 0.2" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("family", ["lever", "scanner", "pair"])
 def test_every_preset_can_be_chosen_and_is_in_the_page(family):
     known = {"lever": presets.LEVERS, "scanner": presets.SCANNERS, "pair": presets.PAIRS}[family]

@@ -1,7 +1,7 @@
-"""Bending of a uniform cantilever in its modes, and what the modes beyond leave as static compliance.
+"""Bending and torsion of a uniform cantilever in modes, and what the modes beyond leave as static compliance.
 
-A mode is counted by the deflection of its end. Frequencies and slopes: roots of cos x cosh x = -1; docs/lever.md (1)
-to (4).
+A bending mode is counted by the deflection of its end, one of torsion by the twist there. Frequencies and slopes: roots
+of cos x cosh x = -1; docs/lever.md (1) to (5).
 """
 
 import math
@@ -51,3 +51,26 @@ def rest(modes: int) -> Rest:
         1.5 - sum(mode.compliance * mode.slope for mode in taken),
         3.0 - sum(mode.compliance * mode.slope**2 for mode in taken),
     )
+
+
+TWIST_COMPLIANCE = 8.0 / math.pi**2
+"""Static twist of the end in the first mode of torsion, over that of the cantilever."""
+
+
+def mass(k: float, f0: float) -> float:
+    """Of a cantilever of spring constant k [N/m] whose first resonance is f0 [Hz], in kg: x_1^4 k / 3 (2 pi f0)^2."""
+    return WAVE_NUMBERS[0] ** 4 * k / (3.0 * (2.0 * math.pi * f0) ** 2)
+
+
+def torsional_resonance(k_torsion: float, mass: float, width: float, thickness: float) -> float:
+    """First torsional resonance [Hz] of a rectangular cantilever, docs/lever.md (25).
+
+    Parameters
+    ----------
+    k_torsion : float [N m/rad]
+        Torque at the end per angle there.
+    mass : float [kg]
+        Of the whole cantilever; its tip is left out.
+    width, thickness : float [m]
+    """
+    return 0.25 * math.sqrt(12.0 * k_torsion / (mass * (width**2 + thickness**2)))

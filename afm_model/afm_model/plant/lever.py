@@ -1,8 +1,8 @@
 """Plant `lever`: a stiff scanner, a cantilever that bends and twists, a tip that sticks and slides.
 
-The scanner is three damped oscillators, the bending of the cantilever one to three; torsion, bending sideways and the
-higher bending modes follow the force without delay. Friction acts between tip and sample, set-valued, behind the
-lateral stiffness 8 G* a of the contact. Scheme: implicit midpoint rule, the contact solved at mid-step;
+The scanner is three damped oscillators, the bending of the cantilever one to three, its torsion one or none; bending
+sideways and the higher modes follow the force without delay. Friction acts between tip and sample, set-valued, behind
+the lateral stiffness 8 G* a of the contact. Scheme: implicit midpoint rule, the contact solved at mid-step;
 docs/lever.md (14) to (23).
 """
 
@@ -13,48 +13,15 @@ from ..contact.table import table
 from ..jit import kernel
 from ..parts.header import HEADER
 from ..parts.part import Channel, Plant
-from ..records import record, record_at
+from ..records import record_at
 from ..sample import surface
 from .lever_check import check, warnings
 from .lever_constants import CONSTANTS, lever_constants, rows
-from .lever_contact import FRAME, hold, indent, place_frame, slide
+from .lever_contact import hold, indent, place_frame, slide
 from .lever_parameters import LeverGroup
 from .lever_start import rest
-
-STATE = record(
-    "X",  # scanner [m], [m/s]
-    "V_X",
-    "Y",
-    "V_Y",
-    "Z",
-    "V_Z",
-    "q",  # bending modes: deflection of the end of the cantilever in each [m], [m/s]
-    "v",
-    "A_x",  # place on the sample that the tip holds on to [m]
-    "A_y",
-    "U_x",  # place under the tip at the last mid-step [m]
-    "U_y",
-    "S_x",  # way of that place in the last step if the tip was sliding [m]
-    "S_y",
-    "delta",  # indentation at the last mid-step, along the normal [m]
-    "a",  # contact radius [m]
-    "N",  # normal force of the last step [N]
-    "F_x",  # force of the sample on the tip [N]
-    "F_y",
-    "F_z",
-    "T_x",  # of it, friction along x and y [N]
-    "T_y",
-    "F_max",  # friction bound [N]
-    "d_1",  # direction of the last sliding, along the two tangents
-    "d_2",
-    "stuck",  # 1.0 if the tip has not moved on the sample in the last step
-    "tip",  # deflection of the tip, upwards [m]
-    "tip_rate",  # [m/s]
-    "shown",  # deflection that the photodiode shows [m]
-    "twist",  # angle of torsion [rad]
-    *FRAME,
-    vectors=("q", "v"),
-)
+from .lever_state import STATE
+from .lever_thermal import agitate
 
 
 @kernel
@@ -79,7 +46,10 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     v_0 = (s.v[0] - half * p.mode_w2[0] * s.q[0]) * p.mode_inverse[0]
     v_1 = (s.v[1] - half * p.mode_w2[1] * s.q[1]) * p.mode_inverse[1]
     v_2 = (s.v[2] - half * p.mode_w2[2] * s.q[2]) * p.mode_inverse[2]
+    v_phi = (s.v_phi - half * p.twist_w2 * s.phi) * p.twist_inverse
+    v_0, v_1, v_2, v_phi = agitate(v_0, v_1, v_2, v_phi, p, s)
     q_0, q_1, q_2 = s.q[0] + half * v_0, s.q[1] + half * v_1, s.q[2] + half * v_2
+    tip_x = p.arm * (s.phi + half * v_phi)
     tip_y = p.mode_y[0] * q_0 + p.mode_y[1] * q_1 + p.mode_y[2] * q_2
     tip_z = p.mode_z[0] * q_0 + p.mode_z[1] * q_1 + p.mode_z[2] * q_2
 
@@ -89,7 +59,7 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     place_frame(H, p, s, m, g.plant_map)
     slope_x, slope_y = H.slope_x * p.rise, H.slope_y * p.rise
     # Displacement of the sample against the tip, without force.
-    d_x, d_y = s.X + half * r_x - u_x, s.Y + half * r_y - tip_y - u_y
+    d_x, d_y = s.X + half * r_x - tip_x - u_x, s.Y + half * r_y - tip_y - u_y
     d_z = s.Z + half * r_z + H.height * p.z0 - p.a - tip_z
     # From the place that the tip holds on to, along the surface.
     b_x, b_y = d_x + u_x - s.A_x, d_y + u_y - s.A_y
@@ -183,6 +153,7 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     v_0 += p.mode_push[0] * (p.mode_y[0] * F_y + p.mode_z[0] * F_z)
     v_1 += p.mode_push[1] * (p.mode_y[1] * F_y + p.mode_z[1] * F_z)
     v_2 += p.mode_push[2] * (p.mode_y[2] * F_y + p.mode_z[2] * F_z)
+    v_phi += p.twist_push * F_x
     h = p.h
     s.X += h * r_x
     s.Y += h * r_y
@@ -192,6 +163,9 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     s.q[1] += h * v_1
     s.q[2] += h * v_2
     s.v[0], s.v[1], s.v[2] = 2.0 * v_0 - s.v[0], 2.0 * v_1 - s.v[1], 2.0 * v_2 - s.v[2]
+    s.phi += h * v_phi
+    s.v_phi = 2.0 * v_phi - s.v_phi
+    s.steps += 1.0
     show(p, s, h)
 
 
@@ -203,7 +177,7 @@ def show(p: Any, s: Any, h: float) -> None:
     s.tip = tip
     s.shown = p.mode_shown[0] * s.q[0] + p.mode_shown[1] * s.q[1] + p.mode_shown[2] * s.q[2]
     s.shown += p.shown_y * s.F_y + p.shown_z * s.F_z
-    s.twist = p.twist_per_force * s.F_x
+    s.twist = s.phi + p.twist_x * s.F_x
 
 
 @kernel
@@ -219,7 +193,7 @@ def observe(p: Any, s: Any, o: Any) -> None:
     o.contact = 1.0 if s.a > 0.0 else 0.0
     o.stuck = s.stuck
     o.deflection_excess = s.shown - s.tip
-    o.lateral_excess = s.F_x - s.T_x
+    o.lateral_excess = p.force_per_twist * s.twist - s.T_x
 
 
 LEVER = Plant(

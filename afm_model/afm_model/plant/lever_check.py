@@ -11,7 +11,7 @@ from . import beam
 from .lever_constants import sample_curvature
 
 RESOLVED = 1.5
-"""Angle [rad] by which the fastest bending mode may turn in a step."""
+"""Angle [rad] by which the fastest mode of the cantilever may turn in a step."""
 RESOLVED_SCANNER = 0.5
 """The same for a resonance of the scanner."""
 
@@ -32,6 +32,13 @@ def check(parameters: Tree) -> None:
             f"plant.dt = {plant.dt:g} s is not allowed: bending mode {plant.modes} turns by {turn:.3g} rad in a step "
             f"and must turn by at most {RESOLVED:g}: take plant.dt <= {plant.dt * RESOLVED / turn:.3g} s, or fewer "
             f"plant.modes"
+        )
+    turn = 2.0 * math.pi * c.f_torsion * plant.dt
+    if plant.torsion == "moving" and turn > RESOLVED:
+        raise ValueError(
+            f"plant.dt = {plant.dt:g} s is not allowed: the torsional resonance of {c.f_torsion:.4g} Hz turns by "
+            f"{turn:.3g} rad in a step and must turn by at most {RESOLVED:g}: take plant.dt <= "
+            f"{plant.dt * RESOLVED / turn:.3g} s, or plant.torsion = static"
         )
     fastest = max(s.f_x, s.f_y, s.f_z)
     if (turn := 2.0 * math.pi * fastest * plant.dt) > RESOLVED_SCANNER:
@@ -76,6 +83,7 @@ _PLAUSIBLE = {
     "plant.k": ("N/m", 0.005, 100.0, "cantilevers have"),
     "plant.f0": ("Hz", 1e3, 5e6, "cantilevers have"),
     "plant.Q": ("", 1.0, 1e6, "cantilevers have"),
+    "plant.f_torsion": ("Hz", 1e3, 1e7, "cantilevers have"),
     "plant.tip_radius": ("m", 1e-9, 1e-5, "tips have"),
     "plant.work_of_adhesion": ("J/m^2", 1e-3, 2.0, "surfaces have"),
     "plant.tau": ("Pa", 1e5, 5e9, "contacts have"),
@@ -95,9 +103,10 @@ def warnings(parameters: Tree) -> list[str]:
         value = values[name.removeprefix("plant.")]
         if not low <= value <= high:
             found.append(f"{name} = {value:g} {unit} is implausible: {who} {low:g} to {high:g} {unit}".rstrip())
+    if plant.temperature > 0.0 and not 100.0 <= plant.temperature <= 1000.0:
+        found.append(f"plant.temperature = {plant.temperature:g} K is implausible: a room has 295 K")
     c, s = plant.cantilever_numbers, plant.scanner_numbers
-    mass = c.k / (2.0 * math.pi * c.f0) ** 2 * beam.MODE[0].compliance ** -1 * 4.0
-    density = mass / (c.length * c.width * c.thickness)
+    density = beam.mass(c.k, c.f0) / (c.length * c.width * c.thickness)
     if not 700.0 <= density <= 12000.0:
         found.append(
             f"plant.k = {c.k:g} N/m, plant.f0 = {c.f0:g} Hz and the dimensions of the cantilever do not go together: "

@@ -1,5 +1,6 @@
-"""Constants of the plant `lever` from its parameters, SI units. Equations: docs/lever.md (1) to (7), (14), (15)."""
+"""Constants of the plant `lever` from its parameters, SI units: docs/lever.md (1) to (7), (14), (15), (26)."""
 
+import cmath
 import math
 from typing import Any
 
@@ -8,6 +9,8 @@ from ..contact.table import transitions
 from ..parts.part import Numbers, Tree
 from ..records import record
 from . import beam
+from .lever_thermal import kick
+from .random_numbers import THERMAL, key_of
 
 CONSTANTS = record(
     "half",  # half the integration step [s]
@@ -22,16 +25,25 @@ CONSTANTS = record(
     "mode_w2",  # the same of the bending modes
     "mode_inverse",
     "mode_push",
+    "kick",  # rms change of the rate by the thermal force of a step [m/s]
     "mode_y",  # how the tip moves with a mode, which is counted by the deflection of the end [1]
     "mode_z",
     "mode_shown",  # deflection that the photodiode shows per deflection of the end in a mode [1]
+    "twist_w2",  # as mode_w2, ..., of torsion, which is counted by the twist of the end
+    "twist_inverse",
+    "twist_push",  # by a force on the tip along x [rad/s/N]
+    "twist_kick",  # [rad/s]
+    "thermal",  # 1.0 if there is thermal noise
+    "thermal_key",  # of its random numbers
+    "arm",  # from the neutral axis down to the tip [m]
     "rest_x",  # compliance of the tip that follows a force without delay [m/N]
     "rest_yy",
     "rest_yz",
     "rest_zz",
     "shown_y",  # deflection shown, without delay, per force on the tip [m/N]
     "shown_z",
-    "twist_per_force",  # torsion per force along x [rad/N]
+    "twist_x",  # twist that follows without delay, per force on the tip along x [rad/N]
+    "force_per_twist",  # lateral force that the photodiode shows [N/rad]
     "W_x",  # displacement of the sample against the tip at mid-step, per force on the tip [m/N]
     "W_yy",
     "W_yz",
@@ -52,9 +64,9 @@ CONSTANTS = record(
     "transition",  # transition parameter on a flat sample
     vectors=(
         *("metres", "w2", "inverse", "push", "mode_w2", "mode_inverse"),
-        *("mode_push", "mode_y", "mode_z", "mode_shown"),
+        *("mode_push", "kick", "mode_y", "mode_z", "mode_shown"),
     ),
-    integers=("rows",),
+    integers=("rows", "thermal_key"),
 )
 
 
@@ -93,6 +105,14 @@ def _oscillator(frequency: float, damping: float, h: float) -> tuple[float, floa
     return w * w, 1.0 / (1.0 + h * damping * w + 0.25 * h * h * w * w)
 
 
+def _ringing(frequency: float, damping: float, h: float) -> tuple[float, float]:
+    """The same with the decay met as well, docs/lever.md (26): where a step is a good part of a period."""
+    root = cmath.sqrt(damping * damping - 1.0)
+    fast, slow = (2.0 / h * cmath.tanh(math.pi * frequency * h * (-damping + sign * root)) for sign in (-1.0, 1.0))
+    w2, loss = (fast * slow).real, -(fast + slow).real
+    return w2, 1.0 / (1.0 + 0.5 * h * loss + 0.25 * h * h * w2)
+
+
 def lever_constants(parameters: Tree) -> Numbers:
     """Values of CONSTANTS."""
     plant, piezo, scales = parameters.plant, parameters.piezo, parameters.scales
@@ -109,14 +129,28 @@ def lever_constants(parameters: Tree) -> Numbers:
         return cos * along + sin * across, cos * across - sin * along
 
     modes: dict[str, list[float]] = {
-        name: [0.0] * 3 for name in ("mode_w2", "mode_inverse", "mode_push", "mode_y", "mode_z", "mode_shown")
+        name: [0.0] * 3 for name in ("mode_w2", "mode_inverse", "mode_push", "kick", "mode_y", "mode_z", "mode_shown")
     }
     for i, mode in enumerate(beam.MODE[: plant.modes]):
         w2, inverse = _oscillator(c.f0 * mode.frequency, 0.5 / c.Q, h)
         modes["mode_w2"][i], modes["mode_inverse"][i] = w2, inverse
         modes["mode_push"][i] = half * w2 * inverse * mode.compliance / c.k
+        modes["kick"][i] = kick(w2, inverse, mode.compliance / c.k, plant.temperature, h)
         modes["mode_y"][i], modes["mode_z"][i] = lab(arm * mode.slope / L, 1.0)
         modes["mode_shown"][i] = 2.0 / 3.0 * mode.slope
+    # Of torsion the first mode moves, or nothing; bending sideways never does.
+    twist = dict.fromkeys(("twist_w2", "twist_inverse", "twist_push", "twist_kick"), 0.0)
+    share = 0.0
+    if plant.torsion == "moving":
+        share = beam.TWIST_COMPLIANCE
+        w2, inverse = _ringing(c.f_torsion, 0.5 / c.Q_torsion, h)
+        compliance = share / c.k_torsion
+        twist = {
+            "twist_w2": w2,
+            "twist_inverse": inverse,
+            "twist_push": half * w2 * inverse * compliance * arm,
+            "twist_kick": kick(w2, inverse, compliance, plant.temperature, h),
+        }
     # What follows without delay, along the cantilever (1) and across it (2); then in the laboratory's y and z.
     rest = beam.rest(plant.modes)
     r11, r12, r22 = (
@@ -125,14 +159,14 @@ def lever_constants(parameters: Tree) -> Numbers:
         rest.end_by_force / c.k,
     )
     static = {
-        "rest_x": arm**2 / c.k_torsion + 1.0 / c.k_in_plane,
+        "rest_x": arm**2 * (1.0 - share) / c.k_torsion + 1.0 / c.k_in_plane,
         "rest_yy": cos**2 * r11 + 2.0 * cos * sin * r12 + sin**2 * r22,
         "rest_yz": (cos**2 - sin**2) * r12 + cos * sin * (r22 - r11),
         "rest_zz": cos**2 * r22 - 2.0 * cos * sin * r12 + sin**2 * r11,
     }
     # Force in the laboratory, split along the cantilever and across it, turns the end.
     by_couple, by_force = arm / L * rest.turn_by_couple / c.k, rest.turn_by_force / c.k
-    static["twist_per_force"] = arm / c.k_torsion
+    static["twist_x"] = arm * (1.0 - share) / c.k_torsion
     static["shown_y"], static["shown_z"] = (2.0 / 3.0 * part for part in lab(by_couple, by_force))
     scanner: dict[str, list[float]] = {"w2": [], "inverse": [], "push": []}
     for axis in "xyz":
@@ -143,6 +177,7 @@ def lever_constants(parameters: Tree) -> Numbers:
     total = {f"W_{name}": static[f"rest_{name}"] for name in ("x", "yy", "yz", "zz")}
     for name, push in zip(("x", "yy", "zz"), scanner["push"], strict=True):
         total[f"W_{name}"] += half * push
+    total["W_x"] += half * twist["twist_push"] * arm
     for push, y, z in zip(modes["mode_push"], modes["mode_y"], modes["mode_z"], strict=True):
         total["W_yy"] += half * push * y * y
         total["W_yz"] += half * push * y * z
@@ -155,6 +190,10 @@ def lever_constants(parameters: Tree) -> Numbers:
         "z0": scales.z0,
         "rise": scales.z0 / scales.x0,
         "metres": [getattr(piezo, f"sensitivity_{axis}") for axis in "xyz"],
+        "thermal": float(plant.temperature > 0.0),
+        "thermal_key": key_of(plant.seed, THERMAL),
+        "arm": arm,
+        "force_per_twist": c.k_torsion / arm,
         "a": parameters.cantilever.a,
         "R": c.tip_radius,
         "unit_force": units.force,
@@ -170,4 +209,4 @@ def lever_constants(parameters: Tree) -> Numbers:
         "row_step": table[1] - table[0] if len(table) > 1 else 1.0,
         "transition": plant.transition,
     }
-    return numbers | scanner | modes | static | total
+    return numbers | scanner | modes | twist | static | total

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from ..parts.groups import PlantParameters
 from ..schema import NonNegative, Positive, Unit
+from . import beam
 from .presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
 
 _PRESET = "0: that of the preset"
@@ -36,6 +37,14 @@ class LeverGroup(PlantParameters):
     )
     k_in_plane: _Newton_per_metre = Field(
         0.0, description="stiffness sideways without twist; 0: that of the preset, or of a rectangular cantilever"
+    )
+    f_torsion: _Hertz = Field(
+        0.0, description="first torsional resonance, free; 0: that of the preset, or of a rectangular cantilever"
+    )
+    Q_torsion: NonNegative = Field(0.0, description="quality factor of torsion; 0: that of bending")
+    torsion: Literal["static", "moving"] = Field(
+        "static",
+        description="torsion follows the force without delay, or its first mode moves: then take dt <= 0.5e-6 s",
     )
     tilt: Annotated[float, Gt(-0.8), Lt(0.8), Unit("rad")] = Field(
         0.2, description="angle by which the cantilever points down to the sample"
@@ -68,6 +77,9 @@ class LeverGroup(PlantParameters):
         0.0, description=f"Hamaker constant of the attraction before contact; {_PRESET}"
     )
     range: _Metre = Field(0.0, description=f"range z_0 of the adhesive stress; {_PRESET}")
+    temperature: Annotated[NonNegative, Unit("K")] = Field(
+        0.0, description="thermal noise of the cantilever, by a stream of its own from seed; 0: none"
+    )
     contact: Literal["maugis", "jkr", "dmt"] = Field(
         "maugis", description="adhesive contact; maugis takes its place between dmt and jkr from materials and radius"
     )
@@ -77,7 +89,7 @@ class LeverGroup(PlantParameters):
 
     @property
     def cantilever_numbers(self) -> LeverPreset:
-        """The preset with what is given in its place; torsion and in-plane bending as numbers, docs/lever.md (5)."""
+        """The preset with what is given in its place; torsion and in-plane bending by docs/lever.md (5), (25)."""
         preset = LEVERS[self.lever]
         chosen = LeverPreset(*(getattr(self, name) or getattr(preset, name) for name in LeverPreset._fields))
         # Of the preset, unless the cantilever is another one.
@@ -87,7 +99,14 @@ class LeverGroup(PlantParameters):
         k_in_plane = self.k_in_plane or (preset.k_in_plane if same else 0.0)
         slender = chosen.thickness / chosen.width
         by_shape = chosen.k * chosen.length**2 * 2.0 / (3.0 * (1.0 + POISSON)) * (1.0 - 0.63 * slender)
-        return chosen._replace(k_torsion=k_torsion or by_shape, k_in_plane=k_in_plane or chosen.k / slender**2)
+        k_torsion = k_torsion or by_shape
+        mass = beam.mass(chosen.k, chosen.f0)
+        return chosen._replace(
+            k_torsion=k_torsion,
+            k_in_plane=k_in_plane or chosen.k / slender**2,
+            f_torsion=chosen.f_torsion or beam.torsional_resonance(k_torsion, mass, chosen.width, chosen.thickness),
+            Q_torsion=chosen.Q_torsion or chosen.Q,
+        )
 
     @property
     def scanner_numbers(self) -> ScannerPreset:

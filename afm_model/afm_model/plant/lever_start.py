@@ -47,6 +47,8 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     C_yy = p.rest_yy + sum(c * y * y for c, y in zip(each, p.mode_y, strict=True))
     C_yz = p.rest_yz + sum(c * y * z for c, y, z in zip(each, p.mode_y, p.mode_z, strict=True))
     C_zz = p.rest_zz + sum(c * z * z for c, z in zip(each, p.mode_z, strict=True))
+    phi_by_x = p.twist_push / (p.half * p.twist_w2 * p.twist_inverse) if p.twist_w2 else 0.0
+    C_x = p.rest_x + p.arm * phi_by_x
     raised = parameters.reference.z_r - p.a
     for _ in range(_PASSES):
         before = s.U_x, s.U_y
@@ -61,7 +63,7 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
         s.N, _, s.F_max, _, s.a = plain(normal)(s.delta, s, p, m, at)
         s.F_x, s.F_y, s.F_z = s.N * n
         s.X, s.Y = -s.F_x / scanner.k_x, -s.F_y / scanner.k_y
-        s.U_x = s.X - p.rest_x * s.F_x - s.delta * n[0]
+        s.U_x = s.X - C_x * s.F_x - s.delta * n[0]
         s.U_y = s.Y - C_yy * s.F_y - C_yz * s.F_z - s.delta * n[1]
         if before == (s.U_x, s.U_y):
             break
@@ -70,7 +72,8 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
         s.q[i] = each[i] * (p.mode_y[i] * s.F_y + p.mode_z[i] * s.F_z)
     s.tip = C_yz * s.F_y + C_zz * s.F_z
     s.shown = float(np.dot(p.mode_shown, s.q)) + p.shown_y * s.F_y + p.shown_z * s.F_z
-    s.twist = p.twist_per_force * s.F_x
+    s.phi = phi_by_x * s.F_x
+    s.twist = s.phi + p.twist_x * s.F_x
     s.Z = p.a + s.tip - H.height * p.z0 + s.delta * n[2]
     return 0.0, 0.0, float((s.Z + s.F_z / scanner.k_z) / p.metres[2])
 

@@ -19,6 +19,8 @@ class LeverPreset(NamedTuple):
     tip_radius: float
     k_torsion: float  # torque per angle; 0: by the formula of a rectangular cantilever
     k_in_plane: float  # stiffness of the end sideways; 0: likewise
+    f_torsion: float = 0.0  # first torsional resonance, free; 0: likewise
+    Q_torsion: float = 0.0  # its quality factor; 0: Q
 
 
 LEVERS = {

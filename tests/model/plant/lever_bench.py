@@ -10,6 +10,7 @@ from afm_model.jit import kernel
 from afm_model.parts.header import HEADER
 from afm_model.plant import LEVER, lever
 from afm_model.plant.lever_constants import CONSTANTS
+from afm_model.plant.lever_state import STATE
 from afm_model.records import pointer_at, record_at
 from afm_model.signals import DRIVE
 
@@ -19,7 +20,7 @@ BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
 @kernel
 def _advance(m: np.ndarray, u: np.ndarray, states: np.ndarray) -> None:
     g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, lever.STATE)
+    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
     v = record_at(m, g.effective, DRIVE)
     for i in range(len(u)):
         for axis in range(3):
@@ -53,7 +54,7 @@ class LeverBench:
         """States (n,) as records, of n steps under drives moved from the held one by (n, 3) metres of the scanner."""
         states = np.empty((len(moved), len(self.numbers)))
         _advance(self.block, self.held + moved / np.array(self.p.metres), states)
-        return states.view(lever.STATE)[:, 0].view(np.recarray)
+        return states.view(STATE)[:, 0].view(np.recarray)
 
     def stay(self, n: int) -> Any:
         """The same with the drive held."""

@@ -45,6 +45,8 @@ def test_a_setpoint_beyond_pull_off_is_refused():
         ({"plant.f0": 2.3e3}, "its density"),
         ({"plant.k_x": 5.0}, "plant.k_x = 5 N/m is implausible"),
         ({"plant.tau": 1e11}, "plant.tau = 1e.11 Pa is implausible"),
+        ({"plant.temperature": 22.0}, "plant.temperature = 22 K is implausible"),
+        ({"plant.temperature": 295.0, "plant.torsion": "moving"}, None),
     ],
 )
 def test_what_is_implausible_is_told_and_presets_are_not(values, told):

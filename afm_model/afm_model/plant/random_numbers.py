@@ -1,0 +1,93 @@
+"""Random numbers in a plant's step: functions of a key and a count, so that a run is the same wherever it is cut.
+
+For the thermal noise, docs/lever.md (27). Each stream has a number, and its key is made of that and the seed of the
+run: to switch one on changes no other.
+Bits: SplitMix64 (Steele, Lea, Flood 2014, doi:10.1145/2660193.2660195) of key and count. Normal ones: the ziggurat of
+Marsaglia and Tsang (2000, doi:10.18637/jss.v005.i08), with layer and place from bits of their own.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..jit import kernel, routine
+
+THERMAL = 1000
+"""Stream of the thermal noise; far from the few that the instrument draws in advance."""
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_30, _27, _31, _11, _ONE, _INDEX = (np.uint64(bits) for bits in (30, 27, 31, 11, 1, 255))
+_LAYERS = 256
+_TAIL = 3.6541528853610088
+"""Where the tail of the normal distribution begins that has the area of one of 256 layers."""
+
+
+def _edges() -> NDArray[np.float64]:
+    """Width of each layer; of the lowest that of a rectangle of its area, tail included."""
+    area = _TAIL * math.exp(-0.5 * _TAIL**2) + math.sqrt(0.5 * math.pi) * math.erfc(_TAIL / math.sqrt(2.0))
+    edges = [area * math.exp(0.5 * _TAIL**2), _TAIL]
+    for _ in range(_LAYERS - 2):
+        edges.append(math.sqrt(-2.0 * math.log(area / edges[-1] + math.exp(-0.5 * edges[-1] ** 2))))
+    return np.array([*edges, 0.0])
+
+
+_EDGE = _edges()
+_INNER = _EDGE[1:] / _EDGE[:-1]
+
+
+def key_of(seed: int, stream: int) -> int:
+    """Key of a stream of a run, a whole number of 63 bits."""
+    return int(np.random.SeedSequence(seed, spawn_key=(stream,)).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+@kernel
+def bits(key: int | np.uint64, count: int) -> np.uint64:
+    """The number `count` of the stream, 64 bits."""
+    z = np.uint64(key) + np.uint64(count) * _GOLDEN
+    z = (z ^ (z >> _30)) * _FIRST
+    z = (z ^ (z >> _27)) * _SECOND
+    return z ^ (z >> _31)
+
+
+@kernel
+def uniform(z: np.uint64) -> float:
+    """Of 64 bits the upper 53: uniform in (0, 1]."""
+    return float((z >> _11) + _ONE) * 2.0**-53
+
+
+@kernel
+def normal(key: int, count: int) -> float:
+    """Standard normal: the number `count` of the stream."""
+    z = bits(key, count)
+    i = int(z & _INDEX)
+    u = 2.0 * uniform(z) - 1.0
+    if abs(u) < _INNER[i]:
+        return u * _EDGE[i]
+    return _rare(z)
+
+
+@routine
+def _rare(z: np.uint64) -> float:
+    """The same where the first try falls outside the inner part of its layer: one in a hundred."""
+    for _ in range(100):
+        i = int(z & _INDEX)
+        u = 2.0 * uniform(z) - 1.0
+        x = u * _EDGE[i]
+        if abs(u) < _INNER[i]:
+            return x
+        # Further numbers by hashing these.
+        z = bits(z, 1)
+        if i == 0:
+            for _ in range(100):
+                beyond = -math.log(uniform(z)) / _TAIL
+                z = bits(z, 1)
+                height = -math.log(uniform(z))
+                z = bits(z, 1)
+                if 2.0 * height > beyond * beyond:
+                    return math.copysign(_TAIL + beyond, u)
+        upper, lower = math.exp(-0.5 * _EDGE[i + 1] ** 2), math.exp(-0.5 * _EDGE[i] ** 2)
+        if lower + uniform(z) * (upper - lower) < math.exp(-0.5 * x * x):
+            return x
+        z = bits(z, 2)
+    return 0.0

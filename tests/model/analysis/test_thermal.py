@@ -1,0 +1,91 @@
+"""Claims about the spring constant from a thermal record: made-up records of a known spectrum, then the simulator."""
+
+import math
+
+import numpy as np
+import pytest
+
+from afm_model import Controller, ControllerParameters, Instrument, InstrumentParameters, build
+from afm_model.analysis import Estimate, spring_constant
+
+KT = 1.380649e-23 * 295.0
+RATE, SENSITIVITY = 500e3, 60e-9
+
+
+def record(k: float, f0: float, Q: float, noise: float, duration: float, seed: int) -> np.ndarray:
+    """Voltage of a cantilever as a photodiode shows it [V], white noise `noise` [m/sqrt(Hz)] added; n random phases."""
+    n = round(duration * RATE)
+    f = np.fft.rfftfreq(n, 1.0 / RATE)
+    variance = 0.817428 * KT / k
+    density = 2.0 * variance / (math.pi * f0 * Q) / ((1.0 - (f / f0) ** 2) ** 2 + (f / (f0 * Q)) ** 2) + noise**2
+    generator = np.random.default_rng(seed)
+    pair = generator.standard_normal((2, len(f)))
+    return np.fft.irfft((pair[0] + 1j * pair[1]) * np.sqrt(density * RATE * n) / 2.0, n) / SENSITIVITY
+
+
+@pytest.mark.parametrize(
+    ("k", "f0", "Q", "noise"), [(0.2, 23e3, 40.0, 100e-15), (40.0, 170e3, 400.0, 100e-15), (0.05, 12e3, 15.0, 1e-12)]
+)
+def test_spring_constants_of_made_up_records_scatter_about_the_true_one_as_the_uncertainty_tells(k, f0, Q, noise):
+    found = [spring_constant(record(k, f0, Q, noise, 0.5, seed), RATE, SENSITIVITY, 295.0) for seed in range(12)]
+    for name, true in (("k", k), ("f0", f0), ("Q", Q)):
+        values, errors = np.array([getattr(each, name) for each in found]).T
+        off = (values - true) / errors
+        # Twelve standard normal numbers: their mean and their mean square within three standard errors and more.
+        assert abs(off.mean()) < 3.0 / 12.0**0.5
+        assert 0.2 < np.mean(off**2) < 1.0 + 3.0 * (2.0 / 12.0) ** 0.5
+    assert np.mean([each.floor for each in found]) == pytest.approx(noise, rel=0.05)
+    # Cannot be better than the independent swings in the record.
+    assert found[0].k.uncertainty > 0.9 * k * math.sqrt(Q / (math.pi * f0 * 0.5))
+
+
+def test_drift_and_a_tilted_cantilever_are_taken_into_account():
+    volts = record(0.2, 23e3, 40.0, 100e-15, 1.0, 0)
+    plain = spring_constant(volts, RATE, SENSITIVITY, 295.0)
+    drifting = volts + np.linspace(0.0, 1.0, len(volts))
+    assert spring_constant(drifting, RATE, SENSITIVITY, 295.0).k.value == pytest.approx(plain.k.value, rel=1e-2)
+    tilted = spring_constant(volts, RATE, SENSITIVITY / math.cos(0.2), 295.0, tilt=0.2)
+    assert tilted.k.value == pytest.approx(plain.k.value, rel=1e-9)
+    # A sensitivity known to 3 % makes it worse by 6 %.
+    rough = spring_constant(volts, RATE, Estimate(SENSITIVITY, 0.03 * SENSITIVITY), 295.0)
+    assert rough.k.uncertainty == pytest.approx(math.hypot(plain.k.uncertainty, 0.06 * plain.k.value), rel=1e-9)
+
+
+def test_the_simulated_cantilever_gets_its_own_spring_constant_back_within_three_per_cent():
+    values = {
+        "plant.kind": "lever", "sample.kind": "flat", "plant.gap": 1e-6, "plant.temperature": 295.0, "plant.Q": 20.0,
+        "plant.control_period": 1e-4, "detector.sample_period": 1.0 / RATE,
+        "detector.deflection_sensitivity": SENSITIVITY, "detector.noise": 2e-5,
+        "reference.amplitude_x": 0.0, "reference.amplitude_y": 0.0,
+    }  # fmt: skip
+    parameters = build(InstrumentParameters, values)
+    scope, law = Instrument(parameters, 1000), Controller(build(ControllerParameters, {"law.kind": "open_loop"}))
+    volts = []
+    for _ in range(20):
+        scope.close_loop(law, 1000)
+        volts.append(scope.take_block().samples[0])
+    found = spring_constant(np.concatenate(volts), RATE, SENSITIVITY, 295.0)
+    assert found.k.value == pytest.approx(0.2, rel=0.03)
+    for estimate, true in ((found.k, 0.2), (found.f0, 23e3), (found.Q, 20.0)):
+        assert abs(estimate.value - true) < 3.0 * estimate.uncertainty
+    assert found.floor == pytest.approx(2e-5 * SENSITIVITY * math.sqrt(2.0 / RATE), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"temperature": -3.0}, "temperature = -3 is not allowed"),
+        ({"band": (1e3, 1e6)}, "band = 1000 to 1e.06 Hz is not allowed"),
+        ({"voltage": np.zeros(5000)}, "all samples are equal"),
+        ({"voltage": np.ones(10)}, r"voltage of shape \(10,\) is not allowed"),
+        ({"tilt": 2.0}, "tilt = 2 rad is not allowed"),
+        ({"voltage": record(0.2, 23e3, 40.0, 1e-13, 0.02, 0)}, "too short for a resonance"),
+        ({"voltage": np.random.default_rng(0).standard_normal(50_000)}, "no resonance found"),
+        ({"band": (60e3, 100e3)}, "no resonance found"),
+    ],
+)
+def test_what_cannot_be_analysed_is_refused_in_one_sentence(change, told):
+    given = {"voltage": record(0.2, 23e3, 40.0, 1e-13, 0.1, 0), "temperature": 295.0} | change
+    with pytest.raises(ValueError, match=told):
+        spring_constant(given["voltage"], RATE, SENSITIVITY, given["temperature"],
+                        band=given.get("band"), tilt=given.get("tilt", 0.0))  # fmt: skip
