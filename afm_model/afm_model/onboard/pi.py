@@ -3,7 +3,8 @@
     error e = setpoint - deflection [V],  I' = integral_gain e,  z = I + proportional_gain e, within its limits
 
 The integral holds still where z is at a limit and the error would push it further (no windup). The drive along z is
-then the loop's: what a controller asks along z has no effect. docs/microscope.md.
+then the loop's: what a controller asks along z has no effect. While a program moves z, or z is withdrawn, the loop is
+open; it goes on from where z stands then, without a jump. docs/microscope.md.
 """
 
 from typing import Annotated, Any
@@ -15,6 +16,7 @@ from ..parts.groups import OnboardParameters
 from ..parts.part import Channel, Numbers, Onboard, Tree
 from ..records import record
 from ..schema import NonNegative, Unit
+from ..signals import FOLLOW, HOLD
 
 
 class PiParameters(OnboardParameters):
@@ -54,6 +56,8 @@ STATE = record(
     "integral",  # [m]
     "z",  # [m]
     "error",  # [V]
+    "mode",  # what it does with z, see afm_model.signals
+    "base",  # z without the offset that it is moved by [m]
 )
 
 
@@ -95,13 +99,20 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Onboard`."""
     setpoint = (r.position[2] - p.a) * p.volts if p.by_reference != 0.0 else p.setpoint
     s.error = setpoint - d.deflection_voltage
-    if p.hold == 0.0:
+    mode = r.z_mode
+    if mode == FOLLOW and p.hold != 0.0:
+        mode = HOLD
+    if mode != s.mode:
+        s.mode, s.base, s.integral = mode, s.z - r.z_offset, s.z - p.P * s.error
+    if mode == FOLLOW:
         s.integral += p.I_step * s.error
         wanted = s.integral + p.P * s.error
         s.z = min(max(wanted, p.low), p.high)
         # At a limit the integral goes no further than what reaches it.
         if (wanted > p.high and s.error > 0.0) or (wanted < p.low and s.error < 0.0):
             s.integral = s.z - p.P * s.error
+    elif mode != HOLD:
+        s.z = min(max(s.base + r.z_offset, p.low), p.high)
     u.voltage[2] = s.z / p.metres
 
 
