@@ -1,0 +1,23 @@
+"""What a user makes of measured arrays: calibration, force curves, friction loops. SI units, standard uncertainties.
+
+Nothing here knows the simulated instrument: the functions take arrays from any microscope.
+"""
+
+from .curves import CurveAnalysis, deflection_sensitivity, force_curve
+from .estimate import Estimate
+from .loops import FrictionLoop, friction_loop, means
+from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
+
+__all__ = [
+    "CurveAnalysis",
+    "Estimate",
+    "FrictionLoop",
+    "WedgeCalibration",
+    "deflection_sensitivity",
+    "force_curve",
+    "friction_loop",
+    "means",
+    "wedge_by_flat",
+    "wedge_ogletree",
+    "wedge_varenberg",
+]

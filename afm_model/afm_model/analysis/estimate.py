@@ -1,0 +1,88 @@
+"""A number with its standard uncertainty, and how uncertainties add up."""
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_Array = NDArray[np.float64]
+
+
+class Estimate(NamedTuple):
+    """A value and its standard uncertainty, both in the same unit; NaN where it is not known."""
+
+    value: float
+    uncertainty: float = 0.0
+
+    def __str__(self) -> str:
+        return f"{self.value:.6g} +- {self.uncertainty:.2g}"
+
+
+class Line(NamedTuple):
+    """A straight line y = slope x + intercept, as found."""
+
+    slope: Estimate
+    intercept: Estimate
+    rms: float  # of what is left, in the unit of y
+
+
+def straight_line(x: ArrayLike, y: ArrayLike) -> Line:
+    """Straight line through points by least squares.
+
+    Parameters
+    ----------
+    x, y : array_like (n,)
+        At least two points; with two the uncertainties are NaN.
+
+    Raises
+    ------
+    ValueError
+        If there are less than two points, or all at one x.
+    """
+    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+    if x.size < 2 or x.min() == x.max():
+        raise ValueError(f"a straight line needs points at two places: there are {x.size}, at {np.unique(x).size}")
+    middle = float(x.mean())
+    spread = float(np.sum((x - middle) ** 2))
+    slope = float(np.sum((x - middle) * y)) / spread
+    height = float(y.mean())
+    left = y - height - slope * (x - middle)
+    variance = float(left @ left) / (x.size - 2) if x.size > 2 else math.nan
+    return Line(
+        Estimate(slope, math.sqrt(variance / spread)),
+        Estimate(height - slope * middle, math.sqrt(variance * (1.0 / x.size + middle * middle / spread))),
+        math.sqrt(variance),
+    )
+
+
+def mean(y: ArrayLike) -> Estimate:
+    """Mean of independent samples; one alone has an uncertainty of NaN.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    y = np.asarray(y, np.float64)
+    if y.size == 0:
+        raise ValueError("a mean needs at least one sample: there is none")
+    return Estimate(float(y.mean()), float(y.std(ddof=1)) / math.sqrt(y.size) if y.size > 1 else math.nan)
+
+
+def propagated(function: Callable[..., float], *inputs: Estimate | float) -> Estimate:
+    """Value of a function and its standard uncertainty, by central differences over those of independent inputs.
+
+    An input without uncertainty, or of unknown one, adds none.
+    """
+    given: list[Any] = [each if isinstance(each, Estimate) else Estimate(float(each)) for each in inputs]
+    values = [each.value for each in given]
+    square = 0.0
+    for i, each in enumerate(given):
+        if each.uncertainty > 0.0:
+            ends = [
+                function(*values[:i], each.value + sign * each.uncertainty, *values[i + 1 :]) for sign in (1.0, -1.0)
+            ]
+            square += (0.5 * (ends[0] - ends[1])) ** 2
+    return Estimate(float(function(*values)), math.sqrt(square))
