@@ -46,17 +46,17 @@ COMMAND = record(
 )
 """What answers a measurement: afm_msgs/PiezoDrive from its sequence on. A law without a horizon writes `voltage`."""
 
-FOLLOW, HOLD, OPEN, WITHDRAW = range(4)
+FOLLOW, HOLD, OPEN = range(3)
 """What a loop inside the instrument does with z: follow its setpoint; hold z; move it by `z_offset` from where it stood
-when this began, for the program or on the way away from the sample.
+when this began.
 """
 
 REFERENCE = record(
     "position",  # scanner x, y; tip height z [m]
     "velocity",  # [m/s]
     "acceleration",  # [m/s^2]
-    "z_mode",  # FOLLOW, HOLD, OPEN or WITHDRAW; FOLLOW if nobody writes it
-    "z_offset",  # of z under OPEN and WITHDRAW [m]
+    "z_mode",  # FOLLOW, HOLD or OPEN; FOLLOW if nobody writes it
+    "z_offset",  # of z under OPEN [m]
     vectors=("position", "velocity", "acceleration"),
 )
 """Reference of a program, and what it asks of a z loop inside the instrument."""

@@ -57,12 +57,7 @@ LOOP = record(
     "deflection_sensitivity",  # [m/V]
     "lateral_sensitivity",  # [N/V]
     "position_noise",  # [m]
-    "withdrawing",  # 1: z is on its way from the sample, or there
-    "withdrawn",  # how far [m]
-    "withdraw_step",  # in a sample of the virtual ADC [m]
-    "withdraw_way",  # the whole [m]
     integers=(
-        "withdrawing",
         "k",
         "row",
         "draw",

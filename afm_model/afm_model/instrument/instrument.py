@@ -144,7 +144,6 @@ class Instrument:
             u = record_at(block, command, COMMAND)
             u.sequence, u.voltage[:], u.horizon_count = -1, held, 0
         layout.record(block, "loop").in_force = -1
-        self.release_z()
         self._hash = hashlib.sha256()
         self.ticks = self._drawn = 0
         self._row = 0
@@ -192,28 +191,6 @@ class Instrument:
     def drives_steep(self) -> int:
         """Updates of the drive since the start at which `piezo.slew_limit` held it back along some axis."""
         return int(self._loop[_STEEP])
-
-    def withdraw(self, distance: float, time: float) -> None:
-        """Have the loop inside the instrument move z away from the sample, at the rate of the virtual ADC, and keep it.
-
-        It begins with the next tick, from where z stands, whatever program runs. Where no part inside moves z
-        (`onboard.kind` = none) it has no effect: z is the drive's then.
-
-        Parameters
-        ----------
-        distance : float [m]
-        time : float [s]
-            That this takes; 0: one sample.
-        """
-        c = self._layout.record(self._block, "loop")
-        period = self.parameters.detector.sample_period
-        c.withdraw_way, c.withdrawn = distance, 0.0
-        c.withdraw_step = distance * min(1.0, period / time) if time > 0.0 else distance
-        c.withdrawing = 1
-
-    def release_z(self) -> None:
-        """End a `withdraw`: the loop inside goes on to its setpoint, or the program, from where z stands."""
-        self._layout.record(self._block, "loop").withdrawing = 0
 
     @property
     def block_full(self) -> bool:

@@ -20,7 +20,7 @@ from ..piezo import actuate
 from ..plant import step, tell
 from ..program import reference, watch
 from ..records import Block, pointer_at, record_at, size
-from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH, WITHDRAW
+from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
 from .drive import allowed, due, put_in_force
 from .score import SUMS, count_step
@@ -143,9 +143,6 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             w.voltage[2] = a.voltage[2]
             now = t + (i // stride) * c.sample_period
             watch(now, d, r, m)
-            if c.withdrawing != 0:
-                c.withdrawn = min(c.withdrawn + c.withdraw_step, c.withdraw_way)
-                r.z_mode, r.z_offset = WITHDRAW, -c.withdrawn
             regulate(now, d, r, w, m)
             actuate(now, w, v, m)
         step(v, disturbance, m)

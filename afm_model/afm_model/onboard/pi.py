@@ -3,8 +3,8 @@
     error e = setpoint - deflection [V],  I' = integral_gain e,  z = I + proportional_gain e, within its limits
 
 The integral holds still where z is at a limit and the error would push it further (no windup). The drive along z is
-then the loop's: what a controller asks along z has no effect. While a program moves z, or z is withdrawn, the loop is
-open; it goes on from where z stands then, without a jump. docs/microscope.md.
+then the loop's: what a controller asks along z has no effect. While a program moves z, or z is held, the loop is open;
+afterwards it goes on from where z stands, without a jump. docs/microscope.md.
 """
 
 from typing import Annotated, Any
@@ -57,7 +57,7 @@ STATE = record(
     "z",  # [m]
     "error",  # [V]
     "mode",  # what it does with z, see afm_model.signals
-    "base",  # z without the offset that it is moved by [m]
+    "origin",  # z without the offset that it is moved by [m]
 )
 
 
@@ -99,11 +99,10 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Onboard`."""
     setpoint = (r.position[2] - p.a) * p.volts if p.by_reference != 0.0 else p.setpoint
     s.error = setpoint - d.deflection_voltage
-    mode = r.z_mode
-    if mode == FOLLOW and p.hold != 0.0:
-        mode = HOLD
+    # Who holds z holds it whatever the program asks for.
+    mode = HOLD if p.hold != 0.0 else r.z_mode
     if mode != s.mode:
-        s.mode, s.base, s.integral = mode, s.z - r.z_offset, s.z - p.P * s.error
+        s.mode, s.origin, s.integral = mode, s.z - r.z_offset, s.z - p.P * s.error
     if mode == FOLLOW:
         s.integral += p.I_step * s.error
         wanted = s.integral + p.P * s.error
@@ -112,7 +111,7 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
         if (wanted > p.high and s.error > 0.0) or (wanted < p.low and s.error < 0.0):
             s.integral = s.z - p.P * s.error
     elif mode != HOLD:
-        s.z = min(max(s.base + r.z_offset, p.low), p.high)
+        s.z = min(max(s.origin + r.z_offset, p.low), p.high)
     u.voltage[2] = s.z / p.metres
 
 
