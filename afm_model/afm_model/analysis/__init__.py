@@ -3,7 +3,7 @@
 Nothing here knows the simulated instrument: the functions take arrays from any microscope.
 """
 
-from .curves import CurveAnalysis, deflection_sensitivity, force_curve
+from .curves import CurveAnalysis, deflection_sensitivity, force_curve, tilted_stiffness
 from .estimate import Estimate
 from .loops import FrictionLoop, friction_loop, means
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
@@ -17,6 +17,7 @@ __all__ = [
     "force_curve",
     "friction_loop",
     "means",
+    "tilted_stiffness",
     "wedge_by_flat",
     "wedge_ogletree",
     "wedge_varenberg",

@@ -103,6 +103,27 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
     return Estimate(0.5 * sum(each), math.hypot(of_fit, 0.5 * abs(each[0] - each[1])))
 
 
+def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) -> float:
+    """Spring constant of a tilted cantilever for vertical forces and vertical motion of its tip [N/m].
+
+        k / (cos^2 b - 3 (h / L) sin b cos b + 3 (h / L)^2 sin^2 b)
+
+    A vertical force acts across the cantilever and, by the height h of the tip, as a couple on its end: end loads of a
+    uniform beam. Take it with a sensitivity from a force curve, which is that for vertical motion.
+
+    Parameters
+    ----------
+    k : float [N/m]
+        Of the cantilever, for a force across it.
+    tilt : float [rad]
+        Angle b by which it points down to the sample.
+    tip_height, length : float [m]
+        Of the tip below the cantilever's neutral axis; of the cantilever.
+    """
+    s, c, arm = math.sin(tilt), math.cos(tilt), tip_height / length
+    return k / (c * c - 3.0 * arm * s * c + 3.0 * arm * arm * s * s)
+
+
 def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     """Contact point, snap-in and adhesion of one force curve.
 
@@ -113,7 +134,7 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     deflection : array_like (n,) [m]
         Voltage times sensitivity.
     k : float [N/m]
-        Spring constant of the cantilever.
+        Spring constant of the cantilever; of a tilted one `tilted_stiffness`.
 
     Raises
     ------

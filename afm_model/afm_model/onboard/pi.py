@@ -7,6 +7,7 @@ then the loop's: what a controller asks along z has no effect. While a program m
 afterwards it goes on from where z stands, without a jump. docs/microscope.md.
 """
 
+import math
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -25,7 +26,7 @@ class PiParameters(OnboardParameters):
     kind: str = Field("pi", description="loop inside the instrument")
     proportional_gain: Annotated[NonNegative, Unit("m/V")] = Field(0.0, description="gain P of the error")
     integral_gain: Annotated[NonNegative, Unit("m/(V s)")] = Field(
-        30e-6, description="gain I of its integral; the loop crosses over at I / (2 pi detector.deflection_sensitivity)"
+        5e-6, description="gain I of its integral; the loop crosses over at I / (2 pi detector.deflection_sensitivity)"
     )
     setpoint_voltage: Annotated[float, Unit("V")] = Field(
         0.0, description="setpoint of the deflection; 0: by setpoint_force"
@@ -94,6 +95,22 @@ def _begin(parameters: Tree, s: Any, drive: tuple[float, float, float]) -> None:
     s.z = s.integral = parameters.piezo.sensitivity_z * drive[2]
 
 
+def _warnings(parameters: Tree) -> list[str]:
+    """A scanner's resonance lifts the gain of the loop by its quality factor."""
+    loop, plant = parameters.onboard, parameters.plant
+    if not hasattr(plant, "scanner_numbers"):
+        return []
+    f, Q = plant.scanner_numbers.f_z, plant.scanner_numbers.Q
+    most = parameters.detector.deflection_sensitivity * 2.0 * math.pi * f / Q
+    if loop.integral_gain < most:
+        return []
+    return [
+        f"onboard.integral_gain = {loop.integral_gain:g} m/(V s) makes the z loop oscillate: at the scanner's resonance of "
+        f"{f:g} Hz with its quality factor of {Q:g} the gain of the loop is {loop.integral_gain / most:.3g} and must be "
+        f"< 1: take less than {most:.3g} m/(V s)"
+    ]
+
+
 @kernel
 def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Onboard`."""
@@ -124,5 +141,6 @@ PI = Onboard(
     check=_check,
     regulate=regulate,
     begin=_begin,
+    warnings=_warnings,
     channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),
 )

@@ -202,6 +202,8 @@ class Onboard(Part):
 
     regulate: Kernel
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
+    warnings: Callable[[Tree], list[str]] = lambda parameters: []
+    """Parameters -> what is implausible, a sentence each."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,7 +81,7 @@ def grating_line(angle: float, load: float, **more: Any) -> Line:
         "sample.top": top,
         "sample.edge_radius": 12e-9,
     }
-    lines = 20.0  # [Hz]
+    lines = 8.0  # [Hz]
     values = {
         "onboard.setpoint_force": load,
         "onboard.integral_gain": 50e-6,

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from afm_model.analysis import deflection_sensitivity, force_curve
+from afm_model.analysis import deflection_sensitivity, force_curve, tilted_stiffness
 from afm_model.contact.maugis import branch
 
 from .bench import K, curve
@@ -56,6 +56,18 @@ def test_friction_along_the_cantilever_leaves_the_adhesion_within_a_percent_on_s
     least = exact.solve(exact.least_indentation + np.linspace(0.0, 3.0, 20_001) ** 2)[1].min()
     found = force_curve(record.z, record.deflection, K)
     assert found.adhesion.value == pytest.approx(-least * plant.contact_units.force, rel=1e-2)
+
+
+@pytest.mark.parametrize("tilt", [0.2, -0.3])
+def test_adhesion_of_a_tilted_cantilever_is_recovered_within_a_percent_with_its_vertical_stiffness(tilt):
+    record = curve({"plant.tilt": tilt, "plant.pair": "si_graphite", "plant.contact": "dmt"})
+    plant = record.done.parameters.plant
+    c = plant.cantilever_numbers
+    k = tilted_stiffness(c.k, tilt, c.tip_height + 0.5 * c.thickness, c.length)
+    S = deflection_sensitivity(record.z, record.voltage)
+    found = force_curve(record.z, S.value * record.voltage, k)
+    assert found.adhesion.value == pytest.approx(2.0 * plant.contact_units.force, rel=1e-2)
+    assert abs(K / k - 1.0) > 0.03
 
 
 def test_tip_snaps_in_at_the_distance_of_the_closed_form():

@@ -15,7 +15,7 @@ FILE = """
     microscope: {lever: contal_g, scanner: tube_100um, k: 0.3, deflection_sensitivity: 2.0e-8, sensitivity_z: 1.26e-7,
       tilt: 0.0, SETPOINT}
 /**/afm_sim_node:
-  ros__parameters: {sample.kind: flat, run.duration: 0.001, SIM}
+  ros__parameters: {sample.kind: flat, run.duration: 0.001, reference: {amplitude_x: 0.0, amplitude_y: 0.0}, SIM}
 /**/afm_controller_node:
   ros__parameters: {law.kind: pid, CONTROLLER}
 """

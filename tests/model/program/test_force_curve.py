@@ -142,7 +142,7 @@ def test_the_z_loop_is_opened_and_closed_without_a_jump():
     step = 30e-6 * 1e-6 * 0.5  # integral gain, sample period, error
     z = regulated(
         [(FOLLOW, 0.0), (FOLLOW, 0.0), (OPEN, 5e-9), (OPEN, 6e-9), (FOLLOW, 0.0), (HOLD, 0.0), (OPEN, -3e-9)],
-        {"onboard.proportional_gain": 1e-9},
+        {"onboard.proportional_gain": 1e-9, "onboard.integral_gain": 30e-6},
     )
     first = 20e-9 + step
     assert z[0] == pytest.approx(first + 0.5e-9, rel=1e-12)
