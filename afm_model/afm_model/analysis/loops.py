@@ -6,6 +6,7 @@ The stick slope is that of the signal behind a turn: stiffness of cantilever, ti
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -68,7 +69,7 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     turns = _turns(position)
     if len(turns) < 2:
         raise ValueError(f"a friction loop takes at least two turns of the position: there are {len(turns)}")
-    travels = [slice(a, b + 1) for a, b in zip(turns[:-1], turns[1:], strict=True)]
+    travels = [slice(a, b + 1) for a, b in pairwise(turns)]
     slid: dict[bool, list[_Array]] = {True: [], False: []}
     for travel in travels:
         x, y = position[travel], signal[travel]
@@ -114,7 +115,7 @@ def _turns(position: _Array) -> list[int]:
     # Stretches on one side: they end where the position is next seen on the other.
     begins = np.concatenate([[0], np.flatnonzero(np.diff(side[outer])) + 1, [outer.size]])
     turns = []
-    for a, b in zip(begins[:-1], begins[1:], strict=True):
+    for a, b in pairwise(begins.tolist()):
         stretch = outer[a:b]
         turn = int(stretch[np.argmax(side[stretch[0]] * position[stretch])])
         if 0 < turn < position.size - 1:

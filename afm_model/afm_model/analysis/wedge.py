@@ -138,8 +138,8 @@ def wedge_by_flat(
     Parameters
     ----------
     flat_load : array_like (n,) [N]
-        Rising, three or more. They must reach from the smallest to the largest normal force on the slope, which is larger than the
-        load: 2.5 times at 54.74 degrees and dF/dN = 0.2.
+        Rising, three or more. They must reach from the smallest to the largest normal force on the slope, which is
+        larger than the load: 2.5 times at 54.74 degrees and dF/dN = 0.2.
     flat_half_width : array_like (n,) [V]
         Positive.
     load_up, load_down : array_like (k,) [N]

@@ -1,8 +1,8 @@
 """The one loop: control ticks in compiled code, with a law in it or one tick at a time for a drive from elsewhere.
 
 A tick: the command waits in the line; its drive, or one of its horizon, meets the fault and gets range and resolution;
-at every sample of the virtual ADC the program looks, the onboard part and the piezo make of it what the plant feels; the plant is stepped,
-the detector samples it, the score counts it; then everything is measured for the next tick.
+at every sample of the virtual ADC the program looks, the onboard part and the piezo make of it what the plant feels;
+the plant is stepped, the detector samples it, the score counts it; then everything is measured for the next tick.
 """
 
 from typing import Any

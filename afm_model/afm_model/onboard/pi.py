@@ -105,8 +105,8 @@ def _warnings(parameters: Tree) -> list[str]:
     if loop.integral_gain < most:
         return []
     return [
-        f"onboard.integral_gain = {loop.integral_gain:g} m/(V s) makes the z loop oscillate: at the scanner's resonance of "
-        f"{f:g} Hz with its quality factor of {Q:g} the gain of the loop is {loop.integral_gain / most:.3g} and must be "
+        f"onboard.integral_gain = {loop.integral_gain:g} m/(V s) makes the z loop oscillate: at the resonance of the "
+        f"scanner, {f:g} Hz, quality factor {Q:g}, the gain of the loop is {loop.integral_gain / most:.3g} and must be "
         f"< 1: take less than {most:.3g} m/(V s)"
     ]
 

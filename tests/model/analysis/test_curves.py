@@ -71,8 +71,8 @@ def test_adhesion_of_a_tilted_cantilever_is_recovered_within_a_percent_with_its_
 
 
 def test_tip_snaps_in_at_the_distance_of_the_closed_form():
-    # DMT: the branch begins at no indentation with -2 pi w R; the attraction goes on from there. Without friction: a tip
-    # that sticks holds back the cantilever, which turns while it bends.
+    # DMT: the branch begins at no indentation with -2 pi w R; the attraction goes on from there. Without friction: a
+    # tip that sticks holds back the cantilever, which turns while it bends.
     slow = {"reference.ramp": 60e-9, "reference.approach_rate": 0.2e-6, "reference.trigger_force": 2e-9}
     record = curve({"plant.contact": "dmt", "plant.tau": 1e3} | slow)
     plant = record.done.parameters.plant

@@ -101,7 +101,7 @@ def test_section_for_all_alone_is_a_scenario_and_other_nodes_pass_it_by(tmp_path
         depth: int = 1
 
     assert resolved(Other, {"microscope.k": 1.0, "depth": 2}) == {"depth": 2}
-    with pytest.raises(ParameterError, match="unknown parameter microscope.depth"):
+    with pytest.raises(ParameterError, match=r"unknown parameter microscope\.depth"):
         resolved(Other, {"microscope.depth": 1.0})
 
 
