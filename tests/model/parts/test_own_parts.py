@@ -299,6 +299,7 @@ def test_a_program_approaches_until_the_tip_touches_and_hands_z_to_the_loop(own)
         "onboard.setpoint_voltage": 1.0,
         "reference.kind": "own_parts.approach:APPROACH",
         "reference.rate": 10e-6,
+        "reference.touch": 0.5,  # above what the tip rings by when it snaps in
         "detector.channels": "arrived, z_loop, truth/contact",
         "run.duration": 8e-3,
     }
