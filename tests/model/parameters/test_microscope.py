@@ -131,6 +131,8 @@ def test_scales_do_not_change_what_a_sample_in_metres_does_to_the_lever(kind):
     }
     if kind == "grating":
         values |= {"sample.pitch": 300e-9, "sample.top": 100e-9, "sample.step": 2e-9, "sample.angle": 0.2}
+    if kind == "rough":
+        values |= {"sample.size": 256e-9, "sample.pixels": 64}
     other = {"scales.x0": 1e-9, "scales.z0": 1e-9, "scales.w0": 3e4}
     runs = [
         simulate(build(SimParameters, values | more), build(ControllerParameters, {"law.kind": "open_loop"}))
