@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from afm_controller_node.node import TUNABLE as LAW_TUNABLE
-from afm_model.parameters import Group, specifications
+from afm_model.parameters import Group, SetupSection, specifications
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_recorder_node.parameters import RecorderParameters
 from afm_sim_node.node import TUNABLE as SIM_TUNABLE
@@ -19,9 +19,10 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("afm_sim_node", SimNodeParameters, SIM_TUNABLE),
     ("afm_controller_node", ControllerNodeParameters, LAW_TUNABLE),
     ("afm_recorder_node", RecorderParameters, ()),
+    ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py", "cpp_controller/src/cpp_controller.cpp")
-EXAMPLES = ("kalman", "patches", "height_map", "creep", "viscous", "bursts")
+EXAMPLES = ("kalman", "patches", "height_map", "creep", "viscous", "bursts", "approach")
 
 
 def parameters() -> str:

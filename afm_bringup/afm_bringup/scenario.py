@@ -6,7 +6,7 @@ from afm_model import Scenario, load_scenario
 from afm_node_common.process import InProcess
 from afm_recorder_node.parameters import RecorderParameters
 
-_OURS = ("scenario", "/**/afm_sim_node", "/**/afm_controller_node", "/**/afm_recorder_node")
+_OURS = ("scenario", "/**", "/**/afm_sim_node", "/**/afm_controller_node", "/**/afm_recorder_node")
 
 
 def read_scenario(name: str, overrides: Path | None = None) -> Scenario:

@@ -24,7 +24,7 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
     controller : ControllerParameters
     """
     plant = sim.plant
-    told: list[str] = [*find("plant", plant.kind).warnings(sim)]
+    told: list[str] = [*find("plant", plant.kind).warnings(sim), *find("onboard", sim.onboard.kind).warnings(sim)]
     told += find("law", controller.law.kind).warnings(controller, plant.control_period)
     others = disagreements(controller.law, plant)
     # Limits of a law that is made for something else tell nothing; those of the paper's laws without delay are known

@@ -1,4 +1,5 @@
-"""Scenario files: ROS parameter YAML, one section per node, with a section `scenario` that tells what it is.
+"""Scenario files: ROS parameter YAML, one section per node, with a section `scenario` that tells what it is, and one
+for all nodes, `/**`, that may say what microscope it is.
 
 Every name and value is checked here, before anything runs; no ROS is needed to read one.
 """
@@ -12,7 +13,8 @@ from typing import Any
 
 from .errors import ParameterError
 from .law.timing import TIMING, SampledLaw
-from .parameters import ControllerParameters, Group, SimParameters, Value, build
+from .parameters import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
+from .parameters.microscope import PREFIX
 from .schema import with_parts
 from .shipped import scenario_file
 from .strict_yaml import YamlError, read_yaml
@@ -42,6 +44,8 @@ class Scenario:
     """What the file gives, section by section, with dotted names: those of other nodes as well, unchecked."""
 
 
+ALL = "/**"
+"""Section that every node reads: parameters `microscope.*`."""
 NAMESPACE = "afm"
 """Namespace of the nodes."""
 
@@ -90,6 +94,20 @@ def load_scenario(
             for key, values in _read_sections(file, known).items():
                 sections[key] = sections.get(key, {}) | values
     parts: dict[str, Any] = {}
+    common = sections.get(ALL, {})
+    if common:
+        foreign = [name for name in common if not name.startswith(PREFIX)]
+        if foreign:
+            raise ScenarioError(
+                f"{_told(path, overrides)}: unknown section {ALL} for {', '.join(foreign)}: all nodes read only "
+                f"{PREFIX}* there; what is for one node must stand in its own, such as {_section('afm_sim_node')}"
+            )
+        try:
+            build(SetupSection, common)
+        except ParameterError as error:
+            raise ScenarioError(f"{_told(path, overrides)}: section {ALL}: {error}") from None
+        for node in ("afm_sim_node", "afm_controller_node"):
+            sections.setdefault(_section(node), {})
     # A law may be made for the period and the delay of the plant: that is read first.
     for key, values in sorted(sections.items(), key=lambda item: item[0] == _section("afm_controller_node")):
         node = key.rsplit("/", 1)[-1]
@@ -98,13 +116,17 @@ def load_scenario(
         try:
             if node == "afm_controller_node":
                 values.update(law_timing(values, parts.get("sim", SimParameters())))
-            group = build(known[node], _without_process(node, values, process))
+            group = build(known[node], resolved(known[node], common | _without_process(node, values, process)))
         except ParameterError as error:
-            told = path if overrides is None else f"{path} with {overrides}"
-            raise ScenarioError(f"{told}: {error}") from None
+            raise ScenarioError(f"{_told(path, overrides)}: {error}") from None
         if node in SECTIONS:
             parts[SECTIONS[node][0]] = group
     return Scenario(path.stem, path, **parts, sections=sections)
+
+
+def _told(path: Path, overrides: Path | None) -> str:
+    """The files, for a sentence."""
+    return str(path) if overrides is None else f"{path} with {overrides}"
 
 
 def law_timing(values: Mapping[str, Value], sim: SimParameters) -> dict[str, Value]:
@@ -145,7 +167,8 @@ def _read_sections(path: Path, known: Mapping[str, object]) -> dict[str, dict[st
     for key, section in content.items():
         key = str(key)
         node = key.rsplit("/", 1)[-1]
-        _check_key(path, key, node, known)
+        if key != ALL:
+            _check_key(path, key, node, known)
         if node in known:
             key = _section(node)
         if key in sections:
@@ -157,7 +180,9 @@ def _read_sections(path: Path, known: Mapping[str, object]) -> dict[str, dict[st
             raise ScenarioError(f"{path}: ros__parameters of {key} = {values} is not allowed: it must hold names")
         try:
             sections[key] = _flat(values)
-            if node not in known:
+            if node in known:
+                _check_common(sections[key])
+            elif key != ALL:
                 _check_types(sections[key])
         except ValueError as error:
             raise ScenarioError(f"{path}: section {key}: {error}") from None
@@ -184,6 +209,13 @@ def _check_key(path: Path, key: str, node: str, known: Mapping[str, object]) -> 
         )
     if not key.startswith("/"):
         raise ScenarioError(f"{path}: section {key} is read by no node: it must be {_section(node)}")
+
+
+def _check_common(values: Mapping[str, Any]) -> None:
+    """Raise if one node is told of the microscope what the others are not."""
+    for name in values:
+        if name.startswith(PREFIX):
+            raise ValueError(f"{name} is for all nodes: it must stand in section {ALL}")
 
 
 def _check_types(values: Mapping[str, Any]) -> None:

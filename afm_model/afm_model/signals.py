@@ -46,8 +46,20 @@ COMMAND = record(
 )
 """What answers a measurement: afm_msgs/PiezoDrive from its sequence on. A law without a horizon writes `voltage`."""
 
-REFERENCE = record("position", "velocity", "acceleration", vectors=("position", "velocity", "acceleration"))
-"""Reference of a program: scanner x, y; tip height z. [m], [m/s], [m/s^2]."""
+FOLLOW, HOLD, OPEN = range(3)
+"""What a loop inside the instrument does with z: follow its setpoint; hold z; move it by `z_offset` from where it stood
+when this began.
+"""
+
+REFERENCE = record(
+    "position",  # scanner x, y; tip height z [m]
+    "velocity",  # [m/s]
+    "acceleration",  # [m/s^2]
+    "z_mode",  # FOLLOW, HOLD or OPEN; FOLLOW if nobody writes it
+    "z_offset",  # of z under OPEN [m]
+    vectors=("position", "velocity", "acceleration"),
+)
+"""Reference of a program, and what it asks of a z loop inside the instrument."""
 
 SURFACE = record(
     "height",  # [z0]

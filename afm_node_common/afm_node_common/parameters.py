@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from afm_model.errors import ParameterError
-from afm_model.parameters import Group, Specification, Value, build, flatten, specifications
+from afm_model.parameters import Group, Specification, Value, build, flatten, resolved, specifications
 from afm_model.schema import with_parts
 
 from .parameter_services import check_services
@@ -75,7 +75,7 @@ def declare(
     """
     # rclpy offers no public way to see values given for names that nobody declares.
     given = {name: p.value for name, p in node._parameter_overrides.items() if not _foreign(name)}
-    current = build(model, given)
+    current = build(model, resolved(model, given))
     if accepts is not None:
         accepts(current)
     values = flatten(current)

@@ -1,6 +1,8 @@
 """Claims about docs/microscope.md: what it shows runs as it says."""
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,12 +12,29 @@ from afm_model.parameters import SimParameters, build
 from afm_model.plant import LEVER, presets
 from afm_model.plant.lever_parameters import LeverGroup
 
+MARKED = r"<!-- (\w+) -->\n```\w+\n(.*?)```\n<!-- end -->"
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "microscope.md").read_text()
+
+EXAMPLES = dict(re.findall(MARKED, PAGE, re.DOTALL))
+
+
+def test_calibration_of_the_page_gives_the_numbers_of_the_page(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "curve.yaml").write_text(EXAMPLES["curve"])
+    scope: dict[str, Any] = {}
+    exec(compile(EXAMPLES["calibrate"], "calibrate", "exec"), scope)
+    assert f"It prints {1e9 * scope['S'].value:.2f} nm/V" in PAGE
+    assert "+-" in capsys.readouterr().out
+    assert scope["curve"].adhesion.value == pytest.approx(4.594e-9, rel=1e-2)  # exact Maugis-Dugdale
+    exec(compile(EXAMPLES["wedge"], "wedge", "exec"), scope)
+    x = np.concatenate([np.linspace(0.0, 1e-7, 101), np.linspace(1e-7, 0.0, 101)])
+    signal = np.where(np.arange(202) < 101, 0.3, -0.1)
+    row = scope["row"](x, signal, 1e-8 + 0.0 * x, (0.0, 3e-8), (6e-8, 9e-8))
+    assert row == pytest.approx((1e-8, 0.2, 1e-8, 0.2, 1e-8, -0.2))
 
 
 def test_scenario_of_the_page_is_a_friction_loop_of_25_N_per_m(tmp_path):
-    text = PAGE.partition("<!-- scenario -->\n```yaml\n")[2].partition("```")[0]
-    (tmp_path / "loop.yaml").write_text(text)
+    (tmp_path / "loop.yaml").write_text(EXAMPLES["scenario"])
     scenario = load_scenario(tmp_path / "loop.yaml")
     short = flatten(scenario.sim) | {"run.duration": 0.03, "score.start": 0.0}
     run = simulate(build(SimParameters, short), scenario.controller)

@@ -40,7 +40,7 @@ def test_examples_of_the_page_run_and_the_one_of_our_law_gives_its_trajectory(tm
     for name, program in re.findall(r"<!-- (\w+) -->\n```python\n(.*?)```\n<!-- end -->", PAGE.read_text(), re.DOTALL):
         exec(compile(program, name, "exec"), scope)
         printed[name] = capsys.readouterr().out
-    assert list(printed) == ["scenario", "plot", "controller", "long", "ticks"]
+    assert list(printed) == ["scenario", "plot", "controller", "long", "analysis", "ticks"]
     assert printed["scenario"].splitlines()[-1].startswith("3e83cf35")
     assert (tmp_path / "closed_loop.png").stat().st_size > 20_000
     x, y, z = map(float, printed["controller"].strip().strip("[]").split())

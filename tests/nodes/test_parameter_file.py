@@ -11,7 +11,8 @@ from afm_bringup.parameter_file import write_parameters
 from afm_bringup.scenario import read_scenario
 from afm_model import flatten
 from afm_node_common.parameters import declare
-from afm_node_common.process import SimNodeParameters
+from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
+from afm_recorder_node.parameters import RecorderParameters
 
 VALUES = {
     "text": [
@@ -60,3 +61,29 @@ def test_node_that_is_given_the_file_runs_what_was_checked(tmp_path: Path, name:
         parameters = declare(graph.add(Node("afm_sim_node", namespace="anywhere")), SimNodeParameters)
     values = {name: value for name, value in flatten(parameters).items() if not name.startswith("process.")}
     assert values == flatten(scenario.sim) | {"run.start_paused": True}
+
+
+ONE_MICROSCOPE = """
+/**:
+  ros__parameters:
+    microscope: {lever: contal_g, scanner: tube_100um, setpoint_force: 6.0e-9, sensitivity_x: 2.1e-7}
+/**/afm_sim_node:
+  ros__parameters: {sample: {kind: flat}, onboard: {kind: pi}}
+/**/afm_controller_node:
+  ros__parameters: {law: {kind: pid}}
+"""
+
+
+def test_nodes_started_by_hand_read_the_one_section_as_a_session_does(tmp_path: Path) -> None:
+    scenario, written = tmp_path / "scenario.yaml", tmp_path / "written.yaml"
+    scenario.write_text(ONE_MICROSCOPE)
+    read = read_scenario(str(scenario))
+    write_parameters(read, written)
+    for file in (scenario, written):
+        with Graph(["--ros-args", "--params-file", str(file)]) as graph:
+            sim = declare(graph.add(Node("afm_sim_node", namespace="anywhere")), SimNodeParameters)
+            law = declare(graph.add(Node("afm_controller_node", namespace="anywhere")), ControllerNodeParameters)
+            declare(graph.add(Node("afm_recorder_node", namespace="anywhere")), RecorderParameters)
+        for given, wanted in ((sim, read.sim), (law, read.controller)):
+            values = {name: value for name, value in flatten(given).items() if not name.startswith("process.")}
+            assert values == flatten(wanted)

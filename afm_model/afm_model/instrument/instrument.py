@@ -119,6 +119,8 @@ class Instrument:
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         for name in ("measurement", "applied", "commanded", "regulated", "effective", "truth", "detection", "score"):
             layout.array(block, name)[:] = 0.0
+        for name in ("asked", "asked_next"):
+            layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
             each.fill_start(block, layout.places[f"{family}_state"], parameters)
         plant = layout.parts["plant"].part

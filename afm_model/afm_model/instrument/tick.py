@@ -1,8 +1,8 @@
 """The one loop: control ticks in compiled code, with a law in it or one tick at a time for a drive from elsewhere.
 
 A tick: the command waits in the line; its drive, or one of its horizon, meets the fault and gets range and resolution;
-at every sample of the virtual ADC the onboard part and the piezo make of it what the plant feels; the plant is stepped,
-the detector samples it, the score counts it; then everything is measured for the next tick.
+at every sample of the virtual ADC the program looks, the onboard part and the piezo make of it what the plant feels;
+the plant is stepped, the detector samples it, the score counts it; then everything is measured for the next tick.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ from ..onboard import regulate
 from ..parts.header import HEADER, LAW_HEADER
 from ..piezo import actuate
 from ..plant import step, tell
-from ..program import reference
+from ..program import reference, watch
 from ..records import Block, pointer_at, record_at, size
 from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
@@ -142,6 +142,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             w.voltage[1] = a.voltage[1]
             w.voltage[2] = a.voltage[2]
             now = t + (i // stride) * c.sample_period
+            watch(now, d, r, m)
             regulate(now, d, r, w, m)
             actuate(now, w, v, m)
         step(v, disturbance, m)

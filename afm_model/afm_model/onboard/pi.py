@@ -3,9 +3,11 @@
     error e = setpoint - deflection [V],  I' = integral_gain e,  z = I + proportional_gain e, within its limits
 
 The integral holds still where z is at a limit and the error would push it further (no windup). The drive along z is
-then the loop's: what a controller asks along z has no effect. docs/microscope.md.
+then the loop's: what a controller asks along z has no effect. While a program moves z, or z is held, the loop is open;
+afterwards it goes on from where z stands, without a jump. docs/microscope.md.
 """
 
+import math
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -15,6 +17,7 @@ from ..parts.groups import OnboardParameters
 from ..parts.part import Channel, Numbers, Onboard, Tree
 from ..records import record
 from ..schema import NonNegative, Unit
+from ..signals import FOLLOW, HOLD
 
 
 class PiParameters(OnboardParameters):
@@ -23,7 +26,7 @@ class PiParameters(OnboardParameters):
     kind: str = Field("pi", description="loop inside the instrument")
     proportional_gain: Annotated[NonNegative, Unit("m/V")] = Field(0.0, description="gain P of the error")
     integral_gain: Annotated[NonNegative, Unit("m/(V s)")] = Field(
-        30e-6, description="gain I of its integral; the loop crosses over at I / (2 pi detector.deflection_sensitivity)"
+        5e-6, description="gain I of its integral; the loop crosses over at I / (2 pi detector.deflection_sensitivity)"
     )
     setpoint_voltage: Annotated[float, Unit("V")] = Field(
         0.0, description="setpoint of the deflection; 0: by setpoint_force"
@@ -54,6 +57,8 @@ STATE = record(
     "integral",  # [m]
     "z",  # [m]
     "error",  # [V]
+    "mode",  # what it does with z, see afm_model.signals
+    "origin",  # z without the offset that it is moved by [m]
 )
 
 
@@ -90,18 +95,40 @@ def _begin(parameters: Tree, s: Any, drive: tuple[float, float, float]) -> None:
     s.z = s.integral = parameters.piezo.sensitivity_z * drive[2]
 
 
+def _warnings(parameters: Tree) -> list[str]:
+    """A scanner's resonance lifts the gain of the loop by its quality factor."""
+    loop, plant = parameters.onboard, parameters.plant
+    if not hasattr(plant, "scanner_numbers"):
+        return []
+    f, Q = plant.scanner_numbers.f_z, plant.scanner_numbers.Q
+    most = parameters.detector.deflection_sensitivity * 2.0 * math.pi * f / Q
+    if loop.integral_gain < most:
+        return []
+    return [
+        f"onboard.integral_gain = {loop.integral_gain:g} m/(V s) makes the z loop oscillate: at the resonance of the "
+        f"scanner, {f:g} Hz, quality factor {Q:g}, the gain of the loop is {loop.integral_gain / most:.3g} and must be "
+        f"< 1: take less than {most:.3g} m/(V s)"
+    ]
+
+
 @kernel
 def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Onboard`."""
     setpoint = (r.position[2] - p.a) * p.volts if p.by_reference != 0.0 else p.setpoint
     s.error = setpoint - d.deflection_voltage
-    if p.hold == 0.0:
+    # Who holds z holds it whatever the program asks for.
+    mode = HOLD if p.hold != 0.0 else r.z_mode
+    if mode != s.mode:
+        s.mode, s.origin, s.integral = mode, s.z - r.z_offset, s.z - p.P * s.error
+    if mode == FOLLOW:
         s.integral += p.I_step * s.error
         wanted = s.integral + p.P * s.error
         s.z = min(max(wanted, p.low), p.high)
         # At a limit the integral goes no further than what reaches it.
         if (wanted > p.high and s.error > 0.0) or (wanted < p.low and s.error < 0.0):
             s.integral = s.z - p.P * s.error
+    elif mode != HOLD:
+        s.z = min(max(s.origin + r.z_offset, p.low), p.high)
     u.voltage[2] = s.z / p.metres
 
 
@@ -114,5 +141,6 @@ PI = Onboard(
     check=_check,
     regulate=regulate,
     begin=_begin,
+    warnings=_warnings,
     channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),
 )

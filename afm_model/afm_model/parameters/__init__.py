@@ -19,6 +19,7 @@ from ..schema import (
 )
 from .controller import ControllerParameters
 from .instrument import InstrumentParameters, Score
+from .microscope import SetupSection, resolved
 from .run import Run, SimParameters
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "Scales",
     "Scanner",
     "Score",
+    "SetupSection",
     "SimParameters",
     "Specification",
     "Unit",
@@ -41,6 +43,7 @@ __all__ = [
     "Value",
     "build",
     "flatten",
+    "resolved",
     "specifications",
     "stable_step",
     "unknown_name_message",

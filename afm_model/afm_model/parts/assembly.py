@@ -42,6 +42,8 @@ class Assembled:
         self.functions: dict[str, Function] = {}
         if self.number == OTHER:
             for name in part.functions:
+                if getattr(part, name) is None:
+                    continue
                 try:
                     self.functions[name] = Function(getattr(part, name), part.arguments(name))
                 except TypeError as error:

@@ -113,12 +113,23 @@ class Program(Part):
     """Reference and setpoint over time: `reference(t, r, p)` writes the record r of REFERENCE at time t [s].
 
     It is a function of time alone, so that it can be asked for any time.
+
+    Parameters
+    ----------
+    watch : callable, optional
+        For a program that depends on what is measured. `watch(t, d, r, p, s)` is called at every sample of the virtual
+        ADC, before the onboard part, with the photodetector's last sample d; it may change `z_mode` and `z_offset` of
+        the reference r for this sample.
     """
 
     family = "program"
-    functions: ClassVar = {"reference": (NUMBER, REFERENCE, CONSTANTS)}
+    functions: ClassVar = {
+        "reference": (NUMBER, REFERENCE, CONSTANTS),
+        "watch": (NUMBER, DETECTION, REFERENCE, CONSTANTS, STATE),
+    }
 
     reference: Kernel
+    watch: Kernel | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +187,8 @@ class Piezo(Part):
 class Onboard(Part):
     """What runs inside the instrument at the rate of the virtual ADC: `regulate(t, d, r, u, p, s)` may change drive u.
 
-    d is the photodetector's last sample, r the reference of the control tick.
+    d is the photodetector's last sample, r the reference of the control tick. One that moves z does with it what
+    `r.z_mode` says.
 
     Parameters
     ----------
@@ -190,6 +202,8 @@ class Onboard(Part):
 
     regulate: Kernel
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
+    warnings: Callable[[Tree], list[str]] = lambda parameters: []
+    """Parameters -> what is implausible, a sentence each."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,8 +28,9 @@ LEVERS = {
     "ppp_lfmr": LeverPreset(0.2, 23e3, 40.0, 225e-6, 48e-6, 1e-6, 12e-6, 10e-9, 0.0, 0.0),
     # From memory: nominal values of the maker.
     "contal_g": LeverPreset(0.2, 13e3, 50.0, 450e-6, 50e-6, 2e-6, 17e-6, 10e-9, 0.0, 0.0),
-    # V-shaped: torsion from a measured lateral stiffness of 56.2 N/m at the tip; that it does not bend in its plane is
-    # assumed. Measured k = 0.16 N/m (nominal 0.12); f0, tip radius and Q from memory.
+    # V-shaped: torsion from a lateral stiffness of 56.2 N/m at the tip, calculated from the measured k (table 2 of
+    # Nanoscale Res. Lett. 7:608); that it does not bend in its plane is assumed. Measured k = 0.16 N/m (nominal 0.12);
+    # f0, tip radius and Q from memory.
     "snl_10b": LeverPreset(0.16, 23e3, 30.0, 205e-6, 40e-6, 0.6e-6, 8e-6, 2e-9, 56.2 * 8e-6**2, 1e3),
 }
 

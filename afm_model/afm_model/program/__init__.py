@@ -8,10 +8,13 @@ from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
 from . import periodic
+from .force_curve import FORCE_CURVE, ForceCurve
 from .periodic import PERIODIC, Reference
 
 PARTS = (PERIODIC,)
 register(*PARTS)
+# Called by address, like one of somebody else's.
+register(FORCE_CURVE)
 
 
 @kernel
@@ -24,4 +27,12 @@ def reference(t: float, r: Any, m: Block) -> None:
         call(g.program_reference, (t, r, pointer_at(m, g.program_constants)))
 
 
-__all__ = ["PARTS", "PERIODIC", "Reference", "reference"]
+@kernel
+def watch(t: float, d: Any, r: Any, m: Block) -> None:
+    """Let the program of the block m look at the photodetector's sample d; see `afm_model.parts.Program`."""
+    g = record_at(m, 0, HEADER)
+    if g.program_watch != 0:
+        call(g.program_watch, (t, d, r, pointer_at(m, g.program_constants), pointer_at(m, g.program_state)))
+
+
+__all__ = ["FORCE_CURVE", "PARTS", "PERIODIC", "ForceCurve", "Reference", "reference", "watch"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
+from afm_model.onboard import PI
 
 LEVER = {
     "plant.kind": "lever",
@@ -109,3 +110,19 @@ def test_a_setpoint_as_force_needs_a_cantilever_with_a_spring_constant():
     values = {"onboard.kind": "pi", "onboard.setpoint_force": 1e-9}
     with pytest.raises(ParameterError, match=r"give onboard\.setpoint_voltage"):
         build(InstrumentParameters, values)
+
+
+def test_gain_that_makes_the_resonance_of_the_scanner_oscillate_is_told_with_its_limit():
+    # Without friction and damping but the scanner's own: S w / Q = 10 nm/V 2 pi 5 kHz / 20.
+    free = {"plant.scanner": "flexure_90um", "onboard.setpoint_voltage": 5.0}
+    limit = 10e-9 * 2.0 * math.pi * 5e3 / 20.0
+    for part, grows in ((0.8, False), (1.25, True)):
+        values = LEVER | free | {"onboard.integral_gain": part * limit}
+        told = PI.warnings(build(InstrumentParameters, values))
+        assert bool(told) == grows
+        read, _ = record(values | {"onboard.setpoint_voltage": 5.02}, 1000)
+        swing = [np.ptp(piece) for piece in np.split(read["deflection"][:20_000], 10)]
+        assert (swing[-1] > swing[3]) == grows
+    assert "take less than 1.57e-05 m/(V s)" in told[0]
+    default = build(InstrumentParameters, LEVER | {"plant.scanner": "tube_100um"})
+    assert PI.warnings(default) == []

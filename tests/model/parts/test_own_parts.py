@@ -289,6 +289,30 @@ def test_a_fault_is_the_same_by_its_seed_and_another_by_another(own):
     assert held == pytest.approx(0.1, abs=0.04)
 
 
+def test_a_program_approaches_until_the_tip_touches_and_hands_z_to_the_loop(own):
+    values = {
+        "plant.kind": "lever",
+        "plant.gap": 15e-9,
+        "plant.scanner": "stack_13um",
+        "sample.kind": "flat",
+        "onboard.kind": "pi",
+        "onboard.setpoint_voltage": 1.0,
+        "reference.kind": "own_parts.approach:APPROACH",
+        "reference.rate": 10e-6,
+        "reference.touch": 0.5,  # above what the tip rings by when it snaps in
+        "detector.channels": "arrived, z_loop, truth/contact",
+        "run.duration": 8e-3,
+    }
+    done = simulate(build(SimParameters, values), build(ControllerParameters, {"law.kind": "open_loop"}))
+    arrived = done.channel("arrived")
+    at = int(np.flatnonzero(arrived)[0])
+    # On its way z goes by the rate; it jumps nowhere, neither when the loop takes over.
+    assert np.diff(done.channel("z_loop")[1:at]) == pytest.approx(10e-12, rel=1e-6)
+    assert np.abs(np.diff(done.channel("z_loop"))).max() < 20e-12
+    assert done.channel("truth/contact")[at]
+    assert done.deflection[-1] == pytest.approx(10e-9, rel=0.03)
+
+
 def test_a_channel_of_an_own_part_is_sampled_by_name(own):
     result = run({"piezo.kind": "own_parts.creep:CREEP", "detector.channels": "truth/creep_x, truth/position_x"})
     assert [channel.name for channel in result.channels[4:]] == ["truth/creep_x", "truth/position_x"]

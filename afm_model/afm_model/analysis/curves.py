@@ -1,0 +1,188 @@
+"""Force curves: sensitivity of the deflection, contact point, snap-in, adhesion.
+
+z is the way of the scanner towards the tip: it grows on the approach and falls on the retract. The deflection is
+positive when the sample pushes the cantilever away.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .estimate import Estimate, Line, mean, straight_line
+
+_Array = NDArray[np.float64]
+_FREE = 0.2
+"""Part of the approach, from its begin, over which the cantilever is taken as free."""
+_FEWEST = 5
+"""Points that a fit takes at least."""
+
+
+class CurveAnalysis(NamedTuple):
+    """What a force curve tells. Forces are counted from that of the free cantilever."""
+
+    baseline: Estimate
+    """Deflection of the free cantilever [m]."""
+    contact_point: float
+    """z at which the force is zero in contact, on the approach [m]."""
+    snap_in_way: float
+    """Way of z from the snap-in to the contact point [m]: 3/2 of the distance at which a sphere under van der Waals
+    attraction snaps in, and what the contact gives way; 0 if the tip does not snap in."""
+    adhesion: Estimate
+    """Pull-off force [N], positive."""
+    snap_off_way: float
+    """Way of z from the contact point back to the pull-off [m]."""
+    work: float
+    """Work of the adhesive forces on the retract [J]: area between curve and baseline."""
+
+
+def _split(z: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array, _Array, _Array]:
+    """z and signal of approach and retract; between them, while z stands at its largest, nothing is taken."""
+    z, signal = np.asarray(z, np.float64), np.asarray(signal, np.float64)
+    if z.ndim != 1 or z.shape != signal.shape:
+        raise ValueError(f"z {z.shape} and signal {signal.shape} must be two lists of the same length")
+    top = np.flatnonzero(z == z.max())
+    if not (top[0] >= _FEWEST and z.size - top[-1] > _FEWEST):
+        raise ValueError("z must rise and fall: there is no approach, or no retract")
+    return z[: top[0] + 1], signal[: top[0] + 1], z[top[-1] :], signal[top[-1] :]
+
+
+def _free(z: _Array, signal: _Array) -> Estimate:
+    """Signal of the free cantilever on the approach."""
+    return mean(signal[z <= z[0] + _FREE * (z.max() - z[0])])
+
+
+def _pressed(signal: _Array, low: float, high: float) -> slice:
+    """Samples from the end back, in contact, between two levels."""
+    below = np.flatnonzero(signal < low)
+    begin = int(below[-1]) + 1 if below.size else 0
+    above = np.flatnonzero(signal[begin:] > high)
+    end = begin + int(above[0]) if above.size else signal.size
+    return slice(begin, end)
+
+
+def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, high: float = 0.9) -> Estimate:
+    """Sensitivity of the deflection [m/V] (InvOLS) from a force curve on a stiff sample.
+
+    The cantilever follows z where the sample does not give way. Friction of the tip along a cantilever that turns
+    while it bends adds to the signal on the approach and takes from it on the retract, so that the mean of both is
+    taken; half of their difference is in the uncertainty. What the contact gives way is not corrected: the result is
+    too large by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m on silicon oxide). With a
+    tilted cantilever it is the sensitivity for vertical motion of the tip.
+
+    Parameters
+    ----------
+    z : array_like (n,) [m]
+        Of one curve: it rises to the turn and falls.
+    voltage : array_like (n,) [V]
+        Of the photodiode.
+    low, high : float
+        Part of the largest rise over the free cantilever between which lines are fitted.
+
+    Raises
+    ------
+    ValueError
+        If there is no approach and retract, or no contact in it.
+    """
+    if not 0.0 < low < high <= 1.0:
+        raise ValueError(f"low = {low:g}, high = {high:g} are not allowed: 0 < low < high <= 1")
+    z_in, v_in, z_out, v_out = _split(z, voltage)
+    base = _free(z_in, v_in).value
+    rise = float(v_in.max()) - base
+    if not rise > 0.0:
+        raise ValueError("the voltage does not rise on the approach: the tip does not reach the sample")
+    lines: list[Line] = []
+    for way, signal in ((z_in, v_in), (z_out[::-1], v_out[::-1])):
+        part = _pressed(signal, base + low * rise, base + high * rise)
+        if part.stop - part.start < _FEWEST:
+            raise ValueError(f"only {part.stop - part.start} points lie between low and high: sample the curve denser")
+        lines.append(straight_line(way[part], signal[part]))
+    each = [1.0 / line.slope.value for line in lines]
+    of_fit = 0.5 * math.hypot(*(line.slope.uncertainty / line.slope.value**2 for line in lines))
+    return Estimate(0.5 * sum(each), math.hypot(of_fit, 0.5 * abs(each[0] - each[1])))
+
+
+def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) -> float:
+    """Spring constant of a tilted cantilever for vertical forces and vertical motion of its tip [N/m].
+
+        k / (cos^2 b - 3 (h / L) sin b cos b + 3 (h / L)^2 sin^2 b)
+
+    A vertical force acts across the cantilever and, by the height h of the tip, as a couple on its end: end loads of a
+    uniform beam. Take it with a sensitivity from a force curve, which is that for vertical motion.
+
+    Parameters
+    ----------
+    k : float [N/m]
+        Of the cantilever, for a force across it.
+    tilt : float [rad]
+        Angle b by which it points down to the sample.
+    tip_height, length : float [m]
+        Of the tip below the cantilever's neutral axis; of the cantilever.
+    """
+    s, c, arm = math.sin(tilt), math.cos(tilt), tip_height / length
+    return k / (c * c - 3.0 * arm * s * c + 3.0 * arm * arm * s * s)
+
+
+def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
+    """Contact point, snap-in and adhesion of one force curve.
+
+    Parameters
+    ----------
+    z : array_like (n,) [m]
+        It rises to the turn and falls.
+    deflection : array_like (n,) [m]
+        Voltage times sensitivity.
+    k : float [N/m]
+        Spring constant of the cantilever; of a tilted one `tilted_stiffness`.
+
+    Raises
+    ------
+    ValueError
+        If there is no approach and retract, or the tip is not pressed on.
+    """
+    z_in, d_in, z_out, d_out = _split(z, deflection)
+    base = _free(z_in, d_in)
+    d_in, d_out = d_in - base.value, d_out - base.value
+    noise = float(np.std(d_in[z_in <= z_in[0] + _FREE * (z_in.max() - z_in[0])]))
+    if d_in[-1] <= 3.0 * noise:
+        raise ValueError("the tip is not pressed on at the end of the approach")
+    after = int(np.flatnonzero(d_in <= 0.0)[-1])
+    contact = _crossing(z_in, d_in, after)
+    # The deepest place before the contact is behind the snap-in; the way from half its depth on is that of the fall.
+    deepest = int(np.argmin(d_in[: after + 1]))
+    snapped = d_in[deepest] < -5.0 * noise
+    fall = int(np.flatnonzero(d_in[: deepest + 1] > 0.5 * d_in[deepest])[-1]) if snapped else 0
+    lowest = int(np.argmin(d_out))
+    return CurveAnalysis(
+        baseline=base,
+        contact_point=contact,
+        snap_in_way=contact - float(z_in[fall]) if snapped else 0.0,
+        adhesion=_pull_off(z_out, d_out, lowest, k, base.uncertainty, noise),
+        snap_off_way=contact - float(z_out[lowest]),
+        work=float(-k * np.trapezoid(np.minimum(d_out[: lowest + 1], 0.0), -z_out[: lowest + 1])),
+    )
+
+
+def _crossing(z: _Array, d: _Array, i: int) -> float:
+    """z between samples i and i + 1, where d passes zero."""
+    return float(z[i] - d[i] * (z[i + 1] - z[i]) / (d[i + 1] - d[i]))
+
+
+def _pull_off(z: _Array, d: _Array, lowest: int, k: float, of_base: float, noise: float) -> Estimate:
+    """Force at the last sample before the tip comes off, by a line through the last half of the pull.
+
+    The last sample is the last one that still lies on the line, within the noise: the lowest one comes too early.
+    """
+    depth = float(d[lowest])
+    if depth >= 0.0:
+        return Estimate(0.0, k * of_base)
+    begin = int(np.flatnonzero(d[: lowest + 1] > 0.5 * depth)[-1]) + 1
+    if lowest + 1 - begin < _FEWEST:
+        return Estimate(-k * depth, math.nan)
+    line = straight_line(z[begin : lowest + 1] - z[lowest], d[begin : lowest + 1])
+    off = lowest + int(np.flatnonzero(np.append(d[lowest:], 0.0) > 0.5 * depth)[0])
+    on_line = line.slope.value * (z[lowest:off] - z[lowest]) + line.intercept.value + 3.0 * noise
+    last = lowest + int(np.flatnonzero(d[lowest:off] <= np.maximum(on_line, depth))[-1])
+    line = straight_line(z[begin : last + 1] - z[last], d[begin : last + 1])
+    return Estimate(-k * line.intercept.value, k * math.hypot(line.intercept.uncertainty, of_base))

@@ -1,0 +1,130 @@
+"""Friction loops: lateral signal against position, forth (trace) and back (retrace).
+
+    friction = half the difference of trace and retrace, offset = half their sum
+
+The stick slope is that of the signal behind a turn: stiffness of cantilever, tip and contact in series.
+"""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .estimate import Estimate, mean, straight_line
+
+_Array = NDArray[np.float64]
+
+
+class FrictionLoop(NamedTuple):
+    """In the unit of the signal: newton, or volts that are not calibrated."""
+
+    half_width: Estimate
+    offset: Estimate
+    stick_slope: Estimate  # signal per metre
+
+
+def means(position: ArrayLike, signal: ArrayLike, low: float, high: float) -> tuple[Estimate, Estimate]:
+    """Mean of the signal between two positions, of trace (position grows) and retrace.
+
+    Parameters
+    ----------
+    position : array_like (n,) [m]
+        As asked for, or with less noise than a step.
+    signal : array_like (n,)
+    low, high : float [m]
+
+    Raises
+    ------
+    ValueError
+        If nothing lies between, in either direction.
+    """
+    position, signal = _pair(position, signal)
+    change = np.gradient(position)
+    inside = (position >= low) & (position <= high)
+    return mean(signal[inside & (change > 0.0)]), mean(signal[inside & (change < 0.0)])
+
+
+def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, stick: float = 0.6) -> FrictionLoop:
+    """Half-width, offset and stick slope of a friction loop, over all whole travels from turn to turn.
+
+    Parameters
+    ----------
+    position : array_like (n,) [m]
+        Of the scanner: two turns at least.
+    signal : array_like (n,)
+        Lateral signal.
+    sliding : float
+        Part of a travel, up to its end, over which the tip is taken as sliding.
+    stick : float
+        Part of the half-width on either side of the offset within which the stick slope is fitted.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two turns, or the loop is not open: trace and retrace are equal.
+    """
+    position, signal = _pair(position, signal)
+    turns = _turns(position)
+    if len(turns) < 2:
+        raise ValueError(f"a friction loop takes at least two turns of the position: there are {len(turns)}")
+    travels = [slice(a, b + 1) for a, b in pairwise(turns)]
+    slid: dict[bool, list[_Array]] = {True: [], False: []}
+    for travel in travels:
+        x, y = position[travel], signal[travel]
+        way = np.abs(x - x[0])
+        slid[bool(x[-1] > x[0])].append(y[way >= (1.0 - sliding) * way[-1]])
+    trace, retrace = (mean(np.concatenate(slid[forth])) for forth in (True, False))
+    half = 0.5 * (trace.value - retrace.value)
+    offset = 0.5 * (trace.value + retrace.value)
+    both = 0.5 * math.hypot(trace.uncertainty, retrace.uncertainty)
+    if not half > 0.0:
+        raise ValueError("the loop is not open: the signal of the trace is not above that of the retrace")
+    slopes = [_stick_slope(position[travel], signal[travel], offset, stick * half) for travel in travels]
+    return FrictionLoop(Estimate(half, both), Estimate(offset, both), _weighted(slopes))
+
+
+def _stick_slope(x: _Array, y: _Array, offset: float, reach: float) -> Estimate:
+    """Slope behind the turn at the begin of a travel, while the signal crosses from one side to the other."""
+    forth = 1.0 if x[-1] > x[0] else -1.0
+    y = forth * (y - offset)
+    crossed = np.flatnonzero(y > reach)
+    end = int(crossed[0]) if crossed.size else y.size
+    inside = np.flatnonzero(y[:end] >= -reach)
+    if inside.size < 3:
+        return Estimate(math.nan, math.nan)
+    return straight_line(forth * x[inside], y[inside]).slope
+
+
+def _weighted(slopes: list[Estimate]) -> Estimate:
+    """Mean over the travels; its uncertainty from their scatter where there are several."""
+    values = np.array([each.value for each in slopes if math.isfinite(each.value)])
+    if values.size == 0:
+        return Estimate(math.nan, math.nan)
+    if values.size == 1:
+        return next(each for each in slopes if math.isfinite(each.value))
+    return mean(values)
+
+
+def _turns(position: _Array) -> list[int]:
+    """Samples at which the position turns back: its extremes in the outer quarters of its range."""
+    low, high = (float(position.min()) + part * float(np.ptp(position)) for part in (0.25, 0.75))
+    side = np.where(position > high, 1, np.where(position < low, -1, 0))
+    outer = np.flatnonzero(side)
+    # Stretches on one side: they end where the position is next seen on the other.
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(side[outer])) + 1, [outer.size]])
+    turns = []
+    for a, b in pairwise(begins.tolist()):
+        stretch = outer[a:b]
+        turn = int(stretch[np.argmax(side[stretch[0]] * position[stretch])])
+        if 0 < turn < position.size - 1:
+            turns.append(turn)
+    return turns
+
+
+def _pair(position: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array]:
+    position, signal = np.asarray(position, np.float64), np.asarray(signal, np.float64)
+    if position.ndim != 1 or position.shape != signal.shape:
+        raise ValueError(f"position {position.shape} and signal {signal.shape} must be two lists of the same length")
+    return position, signal

@@ -1,0 +1,53 @@
+"""A program of one's own: z goes to the sample until it pushes the cantilever, then the z loop follows its setpoint.
+
+reference.kind: approach:APPROACH, with onboard.kind pi and plant.gap
+"""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from afm_model.parts import Channel, Program, ProgramParameters, Unit, kernel, record
+from afm_model.signals import OPEN
+
+
+class Approach(ProgramParameters):
+    rate: Annotated[float, Unit("m/s")] = Field(1e-6, gt=0, description="velocity of z towards the sample")
+    touch: Annotated[float, Unit("V")] = Field(0.2, gt=0, description="deflection at which the tip has arrived")
+
+
+CONSTANTS = record("rate", "touch", "z_r")
+STATE = record("arrived")
+
+
+def values(parameters):
+    approach = parameters.reference
+    return {"rate": approach.rate, "touch": approach.touch, "z_r": approach.z_r}
+
+
+@kernel
+def reference(t, r, p):
+    for axis in range(3):
+        r.position[axis] = r.velocity[axis] = r.acceleration[axis] = 0.0
+    r.position[2] = p.z_r
+
+
+@kernel
+def watch(t, d, r, p, s):
+    if d.deflection_voltage > p.touch:
+        s.arrived = 1.0
+    if s.arrived == 0.0:
+        r.z_mode, r.z_offset = OPEN, p.rate * t
+
+
+_functions = {"reference": reference, "watch": watch}
+_channels = (Channel("arrived", "1", "arrived"),)
+APPROACH = Program(
+    name="approach",
+    parameters=Approach,
+    constants=CONSTANTS,
+    state=STATE,
+    values=values,
+    channels=_channels,
+    **_functions,
+)
