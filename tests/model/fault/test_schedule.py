@@ -6,8 +6,17 @@ import pickle
 import numpy as np
 import pytest
 
-from afm_model import Controller, ControllerParameters, Instrument, ParameterError, SimParameters, Simulation, build
-from afm_model import flatten, simulate
+from afm_model import (
+    Controller,
+    ControllerParameters,
+    Instrument,
+    ParameterError,
+    SimParameters,
+    Simulation,
+    build,
+    flatten,
+    simulate,
+)
 from afm_model.fault import acted, active, events, faults_of
 from afm_model.fault.chance import normal, uniform
 from afm_model.fault.entry import KINDS, SENSORS, Entry, problem
