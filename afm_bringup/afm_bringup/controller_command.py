@@ -125,7 +125,8 @@ def _examine(scenario: Scenario, command: list[str], ros_arguments: bool) -> Log
         with TopicDesk(topics.NAMESPACE, scenario.sim, problem) as desk:
             processes.start(_CONTROLLER, [*command, *(given if ros_arguments else ())], Path(folder) / "log")
             if not desk.connect(_START_TIMEOUT):
-                return Log(ended=problem(), unheard=desk.unheard() or ("" if problem() else desk.missing()))
+                unheard = desk.unheard()
+                return Log(ended=problem(), unheard=unheard, absent="" if unheard or problem() else desk.missing())
             processes.note_shared_memory()
             log = Course(desk, scenario.sim).run()
             if not log.ended:
@@ -147,7 +148,8 @@ def _ends(processes: Processes) -> bool:
 def _show(verdicts: list[Verdict], title: str) -> None:
     """Print the table."""
     console = Console(width=None if Console().is_terminal else 120)
-    table = Table(title=escape(title), title_justify="left")
+    console.print(escape(title))
+    table = Table()
     for heading in ("rule", "", "why"):
         table.add_column(heading)
     for each in verdicts:

@@ -20,7 +20,7 @@ from afm_recorder_node.reader import read_recording
 from afm_sim_node.node import SimNode
 
 PERIOD = 2e-6
-TICKS = {"lockstep": 8000, "realtime": 1500}
+TICKS = 1500
 BURST = (100, 200)
 """First tick of the fault that is there from the start, and the first without it."""
 
@@ -64,7 +64,7 @@ def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp
     path = tmp_path / "run.rrd"
     parameters = {
         "plant.control_period": PERIOD,
-        "run.duration": TICKS[mode] * PERIOD,
+        "run.duration": TICKS * PERIOD,
         "run.mode": mode,
         "run.real_time_factor": 0.002,
         "run.watchdog_timeout": 1000.0,
@@ -106,9 +106,11 @@ def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp
             (True, "mine", tick + 50),
         ]
         assert observer.call(graph, topics.PLAY).success
-        graph.spin_until(lambda: "mine, ordered_2" in observer.status.faults)
         graph.spin_until(lambda: simulator.run.instrument.ticks > tick + 200)
+        assert observer.call(graph, topics.PAUSE).success
+        graph.spin_until(lambda: observer.status.faults == "mine, ordered_2")
         assert observer.clear(graph).success
+        assert observer.call(graph, topics.PLAY).success
         graph.spin_until(lambda: observer.status.state == InstrumentStatus.FINISHED and observer.scores)
         score = observer.scores[0]
         assert score.faults == "burst, mine, ordered_1, ordered_2"

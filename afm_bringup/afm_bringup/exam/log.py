@@ -54,5 +54,6 @@ class Log:
     begun: list[Phase] = field(default_factory=list)
     ended: str = ""  # how the controller ended by itself; empty: it did not
     unheard: str = ""  # why the middleware does not connect it
+    absent: str = ""  # what it lacks that it could be tested at all
     reconnected: bool = True
     went: bool | None = None  # whether it ended when it was asked to; None: not tried

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def _answered(log: Log, *phases: Phase) -> str | None:
 
 
 def _connected(log: Log, terms: Terms) -> str | None:
-    return log.unheard
+    return log.unheard or log.absent
 
 
 def _alive(log: Log, terms: Terms) -> str | None:
@@ -185,7 +186,7 @@ def _slew(log: Log, terms: Terms) -> str | None:
 
     def problems() -> Iterator[str]:
         given = [each for each in _readable(log) if each.phase in ASKED_ONE_BY_ONE]
-        for before, each in zip(given, given[1:], strict=False):
+        for before, each in pairwise(given):
             ticks = each.sequence - before.sequence
             step = float(np.abs(each.drives[0] - before.drives[0]).max())
             if each.phase == before.phase and ticks > 0 and step > limit * ticks * period * (1.0 + 1e-9):
@@ -270,6 +271,6 @@ def judge(log: Log, terms: Terms) -> list[Verdict]:
 
 def exit_code(verdicts: list[Verdict], log: Log) -> int:
     """0: every rule that was tested is kept; 1: one is broken; 2: nothing could be tested."""
-    if any(each.outcome is Outcome.BROKEN for each in verdicts):
-        return 1
-    return 0 if log.asked else 2
+    if not log.asked and not log.unheard:
+        return 2
+    return int(any(each.outcome is Outcome.BROKEN for each in verdicts))
