@@ -49,7 +49,11 @@ def test_a_controller_that_sends_nan_is_found_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("command", "sentence"),
     [
-        (["/nowhere/controller"], "error: the controller could not be started: /nowhere/controller: No such file"),
+        pytest.param(
+            ["/nowhere/controller"],
+            "error: the controller could not be started: /nowhere/controller: No such file",
+            marks=pytest.mark.long,
+        ),
         (["sh", "-c", "echo error: no device; exit 3"], "the controller ended with code 3: no device"),
     ],
 )
