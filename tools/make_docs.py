@@ -48,7 +48,12 @@ def parameters() -> str:
 def kinds() -> str:
     """Every kind of fault, and every signal."""
     units = ", ".join(f"`{name}` [{unit}]" for name, unit in (SENSORS | DRIVES).items())
-    lines = [f"Signals of sensors and of the drive: {units}.", "", "| kind | signal | what goes wrong | size |", "|---|---|---|---|"]
+    lines = [
+        f"Signals of sensors and of the drive: {units}.",
+        "",
+        "| kind | signal | what goes wrong | size |",
+        "|---|---|---|---|",
+    ]
     for name, kind in KINDS.items():
         targets = ", ".join(f"`{each}`" for each in kind.targets if each != "none")
         if set(SENSORS) < set(kind.targets):

@@ -1,4 +1,4 @@
-"""The judge of `check_controller`, without topics: a right controller keeps every rule, each wrong one breaks its own."""
+"""The judge of `check_controller`, without topics: a right controller keeps every rule, a wrong one breaks its own."""
 
 import heapq
 from itertools import count

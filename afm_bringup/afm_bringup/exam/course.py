@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from afm_model import Instrument, SimParameters, build
 from afm_model.errors import DivergenceError, DriveError
-from afm_model.schema import flatten
+from afm_model.schema import Value, flatten
 
 from .log import Answer, Asked, Log, Phase
 
@@ -28,7 +28,7 @@ _TICKS = {
 _REALTIME_TICKS, _REALTIME_PERIOD = 50, 0.01
 _STRONGEST = 1e3
 """Drives beyond it are not put in force: no scanner moves so far [V]."""
-_FAULTS = {
+_FAULTS: dict[str, dict[str, Value]] = {
     "exam_1": {"kind": "dropout", "signal": "position_x"},
     "exam_2": {"kind": "stuck", "signal": "lateral_force"},
     "exam_3": {"kind": "noise", "signal": "deflection", "size": 1e-9},
@@ -155,12 +155,11 @@ class Course:
             self.log.begun.remove(self._phase)
             return
         start = (self._instrument.ticks + 1) * self._parameters.plant.control_period
-        ordered = {
-            f"fault.{name}.{field}": value
-            for name, fields in _FAULTS.items()
-            for field, value in (fields | {"start": start}).items()
-        }
-        self._instrument.set_faults(build(SimParameters, flatten(self._parameters) | ordered))  # type: ignore[operator]
+        values: dict[str, Value] = flatten(self._parameters)
+        for name, fields in _FAULTS.items():
+            values |= {f"fault.{name}.{field}": value for field, value in fields.items()}
+            values[f"fault.{name}.start"] = start
+        self._instrument.set_faults(build(SimParameters, values))
         self._one_by_one()
         self._instrument.set_faults(self._parameters)
 

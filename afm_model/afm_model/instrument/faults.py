@@ -1,6 +1,5 @@
 """The faults of an instrument: in force from its start, or put in force while it runs."""
 
-
 import numpy as np
 from numpy.typing import NDArray
 
