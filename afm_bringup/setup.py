@@ -25,6 +25,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "check_controller = afm_bringup.__main__:check_controller",
             "check_scenario = afm_bringup.__main__:check_scenario",
             "compare = afm_bringup.__main__:compare",
             "composed = afm_bringup.__main__:composed",

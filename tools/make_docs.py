@@ -7,7 +7,10 @@ import ast
 import sys
 from pathlib import Path
 
+from afm_bringup.exam.rules import RULES
 from afm_controller_node.node import TUNABLE as LAW_TUNABLE
+from afm_model.fault import KINDS
+from afm_model.fault.entry import DRIVES, SENSORS
 from afm_model.parameters import Group, SetupSection, specifications
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_recorder_node.parameters import RecorderParameters
@@ -41,6 +44,30 @@ def parameters() -> str:
             default = f"`{str(spec.default).lower() if spec.kind is bool else spec.default}`"
             lines.append(f"| `{spec.name}`{mark} | {default} | {spec.unit} | {spec.allowed} | {spec.description} |")
     return "\n".join(lines) + "\n"
+
+
+def kinds() -> str:
+    """Every kind of fault, and every signal."""
+    units = ", ".join(f"`{name}` [{unit}]" for name, unit in (SENSORS | DRIVES).items())
+    lines = [
+        f"Signals of sensors and of the drive: {units}.",
+        "",
+        "| kind | signal | what goes wrong | size |",
+        "|---|---|---|---|",
+    ]
+    for name, kind in KINDS.items():
+        targets = ", ".join(f"`{each}`" for each in kind.targets if each != "none")
+        if set(SENSORS) < set(kind.targets):
+            targets = "any of a sensor or the drive"
+        unit = "" if kind.unit in ("", "1") else f" [{kind.unit.replace('{}', 'unit of the signal')}]"
+        lines.append(f"| `{name}` | {targets} | {kind.what} | {kind.size}{unit} |")
+    return "\n".join(lines)
+
+
+def rules() -> str:
+    """Every rule that check_controller tests."""
+    lines = ["| rule | a controller |", "|---|---|", *(f"| {rule.name} | {rule.what} |" for rule in RULES)]
+    return "\n".join(lines)
 
 
 def _room(path: Path, package: Path) -> str:
@@ -88,7 +115,8 @@ def pages() -> dict[Path, str]:
         language = {".py": "python", ".cpp": "cpp"}[path.suffix]
         controllers = between_marks(controllers, path.stem, f"```{language}\n{path.read_text().rstrip()}\n```")
     return {
-        DOCS / "controllers.md": controllers,
+        DOCS / "controllers.md": between_marks(controllers, "rules", rules()),
+        DOCS / "faults.md": between_marks((DOCS / "faults.md").read_text(), "kinds", kinds()),
         DOCS / "parameters.md": parameters(),
         DOCS / "extending.md": extending,
         DOCS / "architecture.md": between_marks((DOCS / "architecture.md").read_text(), "rooms", rooms()),

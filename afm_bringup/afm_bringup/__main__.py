@@ -30,6 +30,11 @@ def check_scenario() -> int:
     return start("afm_bringup.check_command")
 
 
+def check_controller() -> int:
+    """Exit code of examining a controller; see `afm_bringup.controller_command`."""
+    return start("afm_bringup.controller_command")
+
+
 def identify() -> int:
     """Exit code of identifying the scanner; see `afm_bringup.identify_command`."""
     return start("afm_bringup.identify_command")

@@ -150,6 +150,11 @@ class Processes:
         """
         self._running.append(Process(name, command, log, self._mark))
 
+    def ask_to_end(self) -> None:
+        """Send SIGINT to each, and to what it has started itself."""
+        for process in self._running:
+            process.ask_to_end()
+
     def ended(self) -> str | None:
         """A sentence about one that has ended by itself, if any has."""
         return next((process.how_it_ended for process in self._running if process.ended), None)

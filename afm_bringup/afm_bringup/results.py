@@ -90,6 +90,7 @@ def scorecard(
         "drives_malformed": score.drives_malformed,
         "drives_clipped": score.drives_clipped,
         "drives_steep": score.drives_steep,
+        "faults": score.faults.split(", ") if score.faults else [],
         "scored_from_s": score.start,
         **scored(_summary(score)),
         "round_trip_us": _microseconds(score.round_trip),
@@ -159,6 +160,7 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
             if any(odd := [card[f"drives_{which}"] for which in ("malformed", "clipped", "steep")])
             else []
         ),
+        *([("faults", ", ".join(card["faults"]))] if card["faults"] else []),
         *([("ticks on a drive sent ahead", str(card["horizon_ticks"]))] if card["horizon_ticks"] else []),
         ("simulated, wall time [s]", f"{card['simulated_s']:.4g}, {card['wall_s']:.4g}"),
         ("real-time factor reached", _show(card["real_time_factor"])),

@@ -5,6 +5,7 @@ ROS parameter descriptors, scenario files, messages about bad values and the tab
 """
 
 import difflib
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -36,6 +37,8 @@ class Group(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
     family: ClassVar[str] = ""
+    entries: ClassVar[type["Group"] | None] = None
+    """Type of groups in this group under names of one's own, as many as are given: `fault.NAME.kind`."""
     origin: ClassVar[type["Group"] | None] = None
     """The declared model, for one that `with_parts` has made."""
 
@@ -144,7 +147,7 @@ def with_parts(model: type[G], values: Mapping[str, Value]) -> type[G]:
     Raises
     ------
     ParameterError
-        If there is no such part.
+        If there is no such part, or an entry cannot have its name.
     """
     chosen = {}
     for name, field in model.model_fields.items():
@@ -156,9 +159,32 @@ def with_parts(model: type[G], values: Mapping[str, Value]) -> type[G]:
             parameters = registry.find(group.family, str(kind)).parameters
         except ParameterError as error:
             raise ParameterError(f"{name}.kind = {kind} is not allowed: {error}") from None
+        if parameters.entries is not None and (names := _entry_names(name, parameters, values)):
+            parameters = _with_entries(parameters, names)
         if parameters is not group:
             chosen[name] = parameters
     return _with_groups(model, tuple(chosen.items())) if chosen else model
+
+
+def _entry_names(group: str, parameters: type[Group], values: Mapping[str, Value]) -> tuple[str, ...]:
+    """Names that `values` give to entries of a group, sorted: in which order they stand in a file means nothing."""
+    paths = (name.split(".") for name in values)
+    names = sorted({path[1] for path in paths if len(path) == 3 and path[0] == group} - set(parameters.model_fields))
+    for name in names:
+        if not re.fullmatch("[a-z][a-z0-9_]*", name) or hasattr(parameters, name):
+            raise ParameterError(
+                f"{group}.{name} is not allowed: the name must be of small letters, digits and _, begin with a letter, "
+                f"and not be one that {group} uses itself"
+            )
+    return tuple(names)
+
+
+@cache
+def _with_entries(group: type[Group], names: tuple[str, ...]) -> type[Group]:
+    entry = group.entries
+    assert entry is not None
+    fields: dict[str, Any] = {name: (entry, entry()) for name in names}
+    return create_model(group.__name__, __base__=group, **fields)
 
 
 @cache

@@ -1,5 +1,8 @@
 """What travels between the parts, as records in SI units. Their order is that of the messages in afm_msgs."""
 
+from typing import Any
+
+from .jit import kernel
 from .records import record
 
 MEASUREMENT = record(
@@ -46,6 +49,19 @@ COMMAND = record(
 )
 """What answers a measurement: afm_msgs/PiezoDrive from its sequence on. A law without a horizon writes `voltage`."""
 
+
+@kernel
+def copy_command(source: Any, target: Any) -> None:
+    """Copy what a command holds, not what its horizon does not use."""
+    target.sequence = source.sequence
+    target.horizon_period = source.horizon_period
+    target.horizon_count = source.horizon_count
+    for axis in range(3):
+        target.voltage[axis] = source.voltage[axis]
+        for i in range(source.horizon_count):
+            target.horizon[i, axis] = source.horizon[i, axis]
+
+
 FOLLOW, HOLD, OPEN = range(3)
 """What a loop inside the instrument does with z: follow its setpoint; hold z; move it by `z_offset` from where it stood
 when this began.
@@ -78,6 +94,16 @@ SURFACE = record(
     "potential_xy",
 )
 """The sample at one place."""
+
+DISPLACEMENT = record(
+    "there",  # 0: the sample is as it should be, and the rest does not count
+    "friction",  # friction strength over that of the sample [1]
+    "x",  # how far the sample has moved [x0]
+    "y",
+    "z",  # [z0]
+    integers=("there",),
+)
+"""What a fault does to the sample."""
 
 TRUTH = record(
     "position",  # scanner x, y, z; z is the height of the sample [m]

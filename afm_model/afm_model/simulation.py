@@ -15,6 +15,7 @@ from .law import TimingWarning, disagreements
 from .parameters import ControllerParameters, SimParameters
 from .parts.part import Channel
 from .plotting import Curves, plot
+from .run.replay import Replay, replayed
 from .run.simulated import Law, ticks_of_a_block, ticks_to_simulate
 
 if TYPE_CHECKING:
@@ -196,6 +197,8 @@ def run(
         At the end of the run.
     """
     total = ticks_to_simulate(parameters)
+    if isinstance(controller, Replay):
+        parameters = replayed(parameters)
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
     # A law of ours is compiled, or called from compiled code; whoever answers otherwise is asked tick by tick.
     compiled = isinstance(law, Controller) and type(law).answer is Controller.answer
@@ -206,6 +209,8 @@ def run(
         if compiled:
             assert isinstance(law, Controller)
             instrument.close_loop(law, total - instrument.ticks)
+        elif instrument.unasked:
+            instrument.tick(None)
         else:
             instrument.tick(law.answer(instrument.measurement))
         if instrument.block_full or instrument.ticks == total:

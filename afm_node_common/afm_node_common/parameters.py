@@ -1,8 +1,8 @@
 """ROS parameters from the model's parameter declarations."""
 
 import math
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import Generic, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
@@ -42,15 +42,8 @@ def descriptor(spec: Specification, *, read_only: bool) -> ParameterDescriptor:
     return result
 
 
-def declare(
-    node: Node,
-    model: type[G],
-    *,
-    tunable: tuple[str, ...] = (),
-    accepts: Callable[[G], object] | None = None,
-    on_change: Callable[[G], None] | None = None,
-) -> G:
-    """Declare every parameter of `model` on `node`, with the values given at start.
+class Declared(Generic[G]):
+    """The parameters of `model` on a node, with the values given at start.
 
     Parameters
     ----------
@@ -63,53 +56,110 @@ def declare(
     on_change : callable, optional
         Called with the new, validated parameters after a change.
 
-    Returns
-    -------
-    Group
-        The parameters as a validated instance of `model`.
-
     Raises
     ------
     ParameterError
         If a name given at start does not exist, or a value is not allowed or not accepted. Nothing is declared then.
     """
-    # rclpy offers no public way to see values given for names that nobody declares.
-    given = {name: p.value for name, p in node._parameter_overrides.items() if not _foreign(name)}
-    current = build(model, resolved(model, given))
-    if accepts is not None:
-        accepts(current)
-    values = flatten(current)
-    declared = type(current)  # with the parameters of the parts that were chosen
-    for spec in specifications(declared):
-        free = any(spec.name == name or (name.endswith(".") and spec.name.startswith(name)) for name in tunable)
-        node.declare_parameter(spec.name, values[spec.name], descriptor(spec, read_only=not free), ignore_override=True)
 
-    def changed(values: dict[str, Value]) -> G:
-        known = {spec.name for spec in specifications(with_parts(declared, values))}
+    def __init__(
+        self,
+        node: Node,
+        model: type[G],
+        *,
+        tunable: tuple[str, ...] = (),
+        accepts: Callable[[G], object] | None = None,
+        on_change: Callable[[G], None] | None = None,
+    ) -> None:
+        self._node, self._tunable, self._accepts, self._on_change = node, tunable, accepts, on_change
+        # rclpy offers no public way to see values given for names that nobody declares.
+        given = {name: p.value for name, p in node._parameter_overrides.items() if not _foreign(name)}
+        current = build(model, resolved(model, given))
+        if accepts is not None:
+            accepts(current)
+        self.current = current
+        """As they are now."""
+        self._model = type(current)  # with the parameters of the parts that were chosen
+        self._declare(specifications(self._model))
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+        check_services(node, list(specifications(self._model)))
+
+    def enter(self, values: Mapping[str, Value]) -> G:
+        """Add entries of a group, or change some: only the node itself may. `on_change` is not called.
+
+        Parameters
+        ----------
+        values : mapping
+            By dotted name.
+
+        Raises
+        ------
+        ParameterError
+            If they are not allowed; nothing changes then.
+        """
+        before = flatten(self.current)
+        self.current = build(self._model, before | dict(values))
+        now = flatten(self.current)
+        self._declare(spec for spec in specifications(type(self.current)) if spec.name not in before)
+        changed = [name for name in before if before[name] != now[name]]
+        self._node.set_parameters([Parameter(name, value=now[name]) for name in changed])
+        return self.current
+
+    def _declare(self, specs: Iterable[Specification]) -> None:
+        values = flatten(self.current)
+        for spec in specs:
+            name = spec.name
+            free = any(name == each or (each.endswith(".") and name.startswith(each)) for each in self._tunable)
+            # An entry may change, but not by anybody: see `_check`.
+            told = descriptor(spec, read_only=not free and not self._is_entry(name))
+            self._node.declare_parameter(name, values[name], told, ignore_override=True)
+
+    def _is_entry(self, name: str) -> bool:
+        group, _, rest = name.partition(".")
+        return "." in rest and getattr(type(getattr(self.current, group, None)), "entries", None) is not None
+
+    def _changed(self, values: dict[str, Value]) -> G:
+        current = flatten(self.current)
+        known = {spec.name for spec in specifications(with_parts(self._model, current | values))}
         for name in values:
-            if name.endswith(".kind") and known != set(flatten(current)):
+            if name.endswith(".kind") and known != set(current):
                 raise ParameterError(
                     f"{name} = {values[name]} is not allowed while the node runs: it has other parameters than "
-                    f"{flatten(current)[name]}; start the node with it"
+                    f"{current[name]}; start the node with it"
                 )
-        return build(declared, {**flatten(current), **values})
+            if self._is_entry(name) and values[name] != current.get(name):
+                raise ParameterError(
+                    f"{name} = {values[name]} is not allowed while the node runs: faults are ordered by the service "
+                    "order_fault, so that it is known at which tick"
+                )
+        return build(self._model, {**current, **values})
 
-    def check(parameters: list[Parameter]) -> SetParametersResult:
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
-            wanted = changed({p.name: p.value for p in parameters if not _foreign(p.name)})
-            if accepts is not None:
-                accepts(wanted)
+            wanted = self._changed({p.name: p.value for p in parameters if not _foreign(p.name)})
+            if self._accepts is not None:
+                self._accepts(wanted)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
-    def apply(parameters: list[Parameter]) -> None:
-        nonlocal current
-        before, current = current, changed({p.name: p.value for p in parameters if not _foreign(p.name)})
-        if on_change is not None and current != before:
-            on_change(current)
+    def _apply(self, parameters: list[Parameter]) -> None:
+        before, self.current = (
+            self.current,
+            self._changed({p.name: p.value for p in parameters if not _foreign(p.name)}),
+        )
+        if self._on_change is not None and self.current != before:
+            self._on_change(self.current)
 
-    node.add_on_set_parameters_callback(check)
-    node.add_post_set_parameters_callback(apply)
-    check_services(node, list(specifications(declared)))
-    return current
+
+def declare(
+    node: Node,
+    model: type[G],
+    *,
+    tunable: tuple[str, ...] = (),
+    accepts: Callable[[G], object] | None = None,
+    on_change: Callable[[G], None] | None = None,
+) -> G:
+    """Declare every parameter of `model` on `node`; its parameters as they are at start. See `Declared`."""
+    return Declared(node, model, tunable=tunable, accepts=accepts, on_change=on_change).current

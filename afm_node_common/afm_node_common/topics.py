@@ -17,10 +17,13 @@ STATUS = "status"
 TELEMETRY = "telemetry"
 SCORE = "score"
 RECORDER_STATUS = "recorder_status"
+EVENTS = "events"
 
 PLAY = "play"
 PAUSE = "pause"
 RESET = "reset"
+ORDER_FAULT = "order_fault"
+CLEAR_FAULTS = "clear_faults"
 
 
 def clock(namespace: str) -> str:
@@ -40,5 +43,7 @@ MEASUREMENT_QOS = _reliable(5000)
 """What the simulator keeps of Measurement for a recorder that falls behind: what it lacks is sent again."""
 STREAM_QOS = _reliable(1000)
 """Blocks for recording: room for a recorder that falls behind for seconds."""
+EVENTS_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)
+"""What has happened is kept for a recorder that joins late."""
 LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """The last value is kept for whoever joins late."""

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sized
 
-from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
 from std_msgs.msg import Header
 
 from afm_node_common.ears import Senseless
@@ -42,6 +42,11 @@ def control_trace(message: ControlTrace) -> None:
 
 def status(message: InstrumentStatus) -> None:
     """Check a state of the instrument."""
+    _stamp(message.header)
+
+
+def event(message: Event) -> None:
+    """Check an event of a run."""
     _stamp(message.header)
 
 

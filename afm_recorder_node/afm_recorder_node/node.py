@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
 from numpy.typing import NDArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -66,6 +66,7 @@ class RecorderNode(Node):
         self._channels = Channels(self, self._ears, self._on_waveform, self.recorder.further_channel)
         self._trace = self._ears.listen(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
         self._ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        self._ears.listen(Event, topics.EVENTS, self._on_event, topics.EVENTS_QOS)
         self._score = self._ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         # A timer of the system's clock stops for as long as that is set back.
         self.create_timer(_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -115,6 +116,10 @@ class RecorderNode(Node):
         values = {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
         del values["header"]
         self.recorder.score(_nanoseconds(message.header), values)
+
+    def _on_event(self, message: Event) -> None:
+        checks.event(message)
+        self.recorder.event(_nanoseconds(message.header), message.text)
 
     def _on_known(self, node: str, values: dict[str, Any]) -> None:
         self.recorder.parameters(self._short(node), values)

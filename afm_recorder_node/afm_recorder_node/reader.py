@@ -54,7 +54,7 @@ class ParameterChange:
     time: float  # simulated [s]
     node: str
     name: str
-    old: Value
+    old: Value | None  # None: it has not been there
     new: Value
 
 

@@ -146,6 +146,11 @@ class Recorder:
         self._score = time_ns, values
         self._match_score()
 
+    def event(self, time_ns: int, text: str) -> None:
+        """Something that has happened in the run at a simulated time [ns], such as the begin of a fault."""
+        if not self._resetting:
+            self._writer.event(time_ns, text, "WARN")
+
     def parameters(self, node: str, values: Mapping[str, object]) -> None:
         """Parameters of a node that has not been heard of before."""
         self.known[node] = dict(values)

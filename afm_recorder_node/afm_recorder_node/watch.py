@@ -115,7 +115,7 @@ class ParameterWatch:
         for name, new in values.items():
             old = known.get(name)
             known[name] = new
-            if old is not None and old != new:
+            if old != new:
                 self._changed(node, name, old, new)
 
 

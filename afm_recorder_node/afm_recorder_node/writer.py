@@ -216,12 +216,14 @@ class RecordingWriter:
         self._stream.log(layout.PARAMETERS, rr.TextDocument(yaml.safe_dump(tree)), static=True)
 
     def parameter_change(self, time_ns: int, node: str, name: str, old: object, new: object) -> None:
-        """A parameter has changed at a simulated time [ns]; numbers become a plot of steps too."""
+        """A parameter has changed at a simulated time [ns]; numbers become a plot of steps too.
+
+        `old` is None for one that has not been there.
+        """
         change = {"node": node, "name": name, "old": old, "new": new}
         # A parameter of bytes is a list of bytes, which JSON does not have.
-        self._send_event(
-            time_ns, f"{node}: {name} changed from {old} to {new}", "INFO", json.dumps(change, default=list)
-        )
+        text = f"{node}: {name} is {new}" if old is None else f"{node}: {name} changed from {old} to {new}"
+        self._send_event(time_ns, text, "INFO", json.dumps(change, default=list))
         if not isinstance(old, int | float) or not isinstance(new, int | float):
             return
         entity = f"{layout.PARAMETERS}/{rr.escape_entity_path_part(node)}/{rr.escape_entity_path_part(name)}"

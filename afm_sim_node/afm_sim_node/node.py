@@ -15,9 +15,10 @@ from afm_model import Block
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
 from afm_node_common.chores import Chore, Chores
-from afm_node_common.parameters import declare
+from afm_node_common.parameters import Declared
 from afm_node_common.process import SimNodeParameters
 
+from .faults import Faults
 from .link import TopicLink
 from .peers import Peers
 from .reporter import Reporter
@@ -45,7 +46,8 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__("afm_sim_node", namespace=topics.NAMESPACE)
-        self.parameters = parameters = declare(self, SimNodeParameters, tunable=TUNABLE, on_change=self._on_change)
+        declared = Declared(self, SimNodeParameters, tunable=TUNABLE, on_change=self._on_change)
+        self.parameters = parameters = declared.current
         self.process = parameters.process
         self.exit_code = 0
         self._period = _wall_period(parameters)
@@ -73,10 +75,12 @@ class SimNode(Node):
             (topics.RESET, self._reset),
         ):
             self.create_service(Trigger, name, handler)
+        self._faults = Faults(self, self.run, declared)
         self._clock_at = 0.0
         self._chores = Chores(
             Chore(self.run.flush, _STATUS_PERIOD),
             Chore(self._look_for_peers, _STATUS_PERIOD),
+            Chore(self._faults.look, _STATUS_PERIOD),
             Chore(self._reporter.publish_status, _STATUS_PERIOD),
             Chore(partial(self._look_for_peers, force=True), _DIAGNOSTICS_PERIOD),
             Chore(self._reporter.compose_diagnostics, _DIAGNOSTICS_PERIOD),
@@ -151,6 +155,7 @@ class SimNode(Node):
     def _on_end(self) -> None:
         self._streams.publish_all()
         self._peers.look(force=True)
+        self._faults.look()
         self._reporter.publish_score()
 
     # Now and then.
@@ -174,6 +179,7 @@ class SimNode(Node):
         return response
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._faults.look()
         self.run.reset()
         response.success = True
         return response

@@ -70,6 +70,7 @@ def score_message(
         periods_missed=counts.periods_missed,
         ticks_retracted=counts.ticks_retracted,
         trajectory_sha256=trajectory_sha256,
+        faults=run.faults_acted,
     )
     score.header.frame_id = topics.FRAME
     score.header.stamp = stamp(run.stamp_ns)

@@ -50,6 +50,7 @@ def status_message(
         late_ticks=counts.late_ticks,
         periods_missed=counts.periods_missed,
         in_contact=run.in_contact,
+        faults=run.faults,
     )
     status.header.frame_id = topics.FRAME
     status.header.stamp = stamp(run.stamp_ns)

@@ -18,7 +18,7 @@ from ..parts.assembly import Assembled, assembled
 from ..parts.header import HEADER
 from ..parts.part import Channel, Part
 from ..records import place, record, record_at, size
-from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from ..signals import COMMAND, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 from .score import SUMS
 
 FAMILIES: dict[str, tuple[Part, ...]] = {
@@ -46,6 +46,7 @@ LOOP = record(
     "clipped",  # updates of the drive since the start that were beyond its range
     "steep",  # that were steeper than the slew limit
     "in_force",  # measurement that the drive in force answers
+    "received",  # where the command stands that has arrived last
     "score_tick",  # first tick that is scored
     "control_period",  # [s]
     "dac_period",  # [s]
@@ -69,6 +70,7 @@ LOOP = record(
         "clipped",
         "steep",
         "in_force",
+        "received",
         "score_tick",
     ),
 )
@@ -109,6 +111,7 @@ class Layout:
         self._add("truth", TRUTH)
         self._add("detection", DETECTION)
         self._add("surface", SURFACE)
+        self._add("displacement", DISPLACEMENT)
         self._add("score", SUMS)
         self.channels = self._channels(parameters)
         self.places["channel_count"] = len(self.channels)
@@ -118,6 +121,8 @@ class Layout:
         self.places["sample_map"] = self._reserve(self._map.size)
         self._plant_map = _map_of(self.parts["plant"], parameters)
         self.places["plant_map"] = self._reserve(self._plant_map.size)
+        fault: Any = self.parts["fault"].part
+        self._add("fault_memory", fault.memory)
         self.size = self._end
         # A row of the random numbers.
         draws = {family: each.part.draws for family, each in self.parts.items()}

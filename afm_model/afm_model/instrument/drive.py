@@ -8,7 +8,7 @@ from ..fault import on_drive
 from ..jit import kernel
 from ..parts.header import HEADER
 from ..records import Block, record_at, size
-from ..signals import COMMAND, DRIVE, LONGEST_HORIZON
+from ..signals import COMMAND, DRIVE, LONGEST_HORIZON, copy_command
 from .block import LOOP
 from .score import SUMS, count_drive
 
@@ -35,26 +35,14 @@ def allowed(u: Any) -> bool:
 
 
 @kernel
-def copy_command(source: Any, target: Any) -> None:
-    """Copy what a command holds, not what its horizon does not use."""
-    target.sequence = source.sequence
-    target.horizon_period = source.horizon_period
-    target.horizon_count = source.horizon_count
-    for axis in range(3):
-        target.voltage[axis] = source.voltage[axis]
-        for i in range(source.horizon_count):
-            target.horizon[i, axis] = source.horizon[i, axis]
-
-
-@kernel
 def due(m: Block) -> int:
-    """Where in the block the command stands that is due at this tick: the one of `delay` ticks ago."""
+    """Where in the block the command stands that is due at this tick: the one received `delay` ticks ago."""
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
     if c.delay == 0:
-        return int(g.commanded)
+        return int(c.received)
     slots = c.delay + 1
-    copy_command(record_at(m, g.commanded, COMMAND), record_at(m, g.line + _SIZE * (c.k % slots), COMMAND))
+    copy_command(record_at(m, c.received, COMMAND), record_at(m, g.line + _SIZE * (c.k % slots), COMMAND))
     return int(g.line + _SIZE * ((c.k + 1) % slots))
 
 
@@ -72,7 +60,7 @@ def put_in_force(m: Block, at: int, late: float, faults: Any) -> None:
         i = math.floor(min(age / u.horizon_period + _ROUND_OFF, float(u.horizon_count)))
     for axis in range(3):
         a.voltage[axis] = u.voltage[axis] if i <= 0 else u.horizon[i - 1, axis]
-    on_drive(c.k * c.control_period + late, a, faults, m)
+    on_drive(c.k, c.k * c.control_period + late, a, faults, m)
     limit, step, before = c.drive_limit, c.slew_step, (x, y, z)
     clipped = steep = 0
     for axis in range(3):

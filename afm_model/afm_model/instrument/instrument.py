@@ -19,11 +19,17 @@ from ..program import reference
 from ..records import record_at, size
 from ..signals import COMMAND, MEASUREMENT, TRUTH
 from .block import LOOP, Layout, line_slots
+from .faults import Faults
 from .score import ScoreSummary, summarize
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
 
 _Array = NDArray[np.float64]
+_ZERO_AT_START = (
+    *("measurement", "applied", "commanded", "regulated", "effective"),
+    *("truth", "detection", "displacement", "score"),
+)
+"""Records that are empty when a run begins."""
 _K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP = (
     list(LOOP.names or ()).index(name) for name in ("k", "row", "draw", "done", "clipped", "steep")
 )
@@ -82,6 +88,7 @@ class Instrument:
         self._commanded = CommandRecord(layout.array(self._block, "commanded"))
         self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
         self.measurement = layout.array(self._block, "measurement")
+        self._faults = Faults(layout, self._block, parameters)
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.functions]
         self._fill_loop()
@@ -115,9 +122,9 @@ class Instrument:
         layout, block, parameters = self._layout, self._block, self.parameters
         # One stream for each source: to switch one on changes no other.
         seeds = np.random.SeedSequence(parameters.plant.seed).spawn(4)
-        self._disturbance, self._noise, self._position_noise, self._faults = map(np.random.default_rng, seeds)
+        self._disturbance, self._noise, self._position_noise, self._chance = map(np.random.default_rng, seeds)
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
-        for name in ("measurement", "applied", "commanded", "regulated", "effective", "truth", "detection", "score"):
+        for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
         for name in ("asked", "asked_next"):
             layout.array(block, name)[:] = 0.0
@@ -143,7 +150,9 @@ class Instrument:
         for command in (layout.places["commanded"], *on_their_way):
             u = record_at(block, command, COMMAND)
             u.sequence, u.voltage[:], u.horizon_count = -1, held, 0
-        layout.record(block, "loop").in_force = -1
+        loop = layout.record(block, "loop")
+        loop.in_force, loop.received = -1, layout.places["commanded"]
+        self._faults.reset()
         self._hash = hashlib.sha256()
         self.ticks = self._drawn = 0
         self._row = 0
@@ -193,18 +202,39 @@ class Instrument:
         return int(self._loop[_STEEP])
 
     @property
+    def has_faults(self) -> bool:
+        """Whether any fault is there, now or later."""
+        return self._faults.there
+
+    @property
+    def unasked(self) -> bool:
+        """Whether a fault has lost the measurement of this tick: nobody answers it, and `tick(None)` goes on."""
+        return self._faults.there and self._faults.unasked
+
+    def set_faults(self, parameters: InstrumentParameters) -> None:
+        """Put other faults in force from the next tick on: `parameters` differ from those of now by them alone.
+
+        Raises
+        ------
+        ParameterError
+            If `fault.kind` is not `scheduled`.
+        """
+        self._faults.put_in_force(parameters)
+        self.parameters = parameters
+
+    @property
     def block_full(self) -> bool:
         """Whether the block must be taken before the next tick."""
         return self._row == self._block_ticks
 
-    def tick(self, drive: _Array | Command, sequence: int | None = None) -> None:
+    def tick(self, drive: _Array | Command | None, sequence: int | None = None) -> None:
         """Apply a drive for one control period; `measurement` is then that of the next tick.
 
         With plant.delay_ticks it is applied so many ticks later, and now the one of so many ticks ago.
 
         Parameters
         ----------
-        drive : ndarray (3,) [V], or Command
+        drive : ndarray (3,) [V], or Command; None: the one commanded last goes on
         sequence : int, optional
             Tick of the measurement that it answers; this one if not given.
 
@@ -220,13 +250,14 @@ class Instrument:
         self._prepare()
         if isinstance(drive, Command):
             self._commanded.write(drive)
-        else:
+        elif drive is not None:
             if getattr(drive, "shape", None) != (3,) and np.shape(drive) != (3,):
                 raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
             # Whatever kind of array came, the kernel always gets the same one: another kind would compile it anew.
             self._voltage[:] = drive
             self._horizon_count[0] = 0
-        self._commanded.sequence[0] = self.ticks if sequence is None else sequence
+        if drive is not None:
+            self._commanded.sequence[0] = self.ticks if sequence is None else sequence
         outcome = advance(self._external, 1, self._block, self._random, self._rows, self._samples)
         self._conclude(outcome, 0 if outcome == REFUSED else 1)
 
@@ -284,7 +315,7 @@ class Instrument:
 
     def _diverged_along(self) -> str:
         """Axes along which the position is beyond RANGE, or is no number."""
-        position = self._layout.record(self._block, "measurement").position
+        position = self._layout.record(self._block, "truth").position
         return " and ".join(axis for axis, x in zip("xyz", position, strict=True) if not abs(x) < RANGE)
 
     def take_block(self) -> Block:
@@ -336,7 +367,7 @@ class Instrument:
         places, parameters = self._layout.places, self.parameters
         random = self._random.reshape(DRAW_TICKS, -1)
         anything = False
-        for family, name, generator in (("plant", "disturbance", self._disturbance), ("fault", "faults", self._faults)):
+        for family, name, generator in (("plant", "disturbance", self._disturbance), ("fault", "faults", self._chance)):
             part = self._layout.parts[family].part
             if part.draws == 0:
                 continue

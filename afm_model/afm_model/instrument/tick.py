@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..detector import detect
-from ..fault import on_measurement
+from ..fault import on_command, on_measurement, unasked
 from ..jit import kernel
 from ..law import EXTERNAL, control
 from ..onboard import regulate
@@ -57,13 +57,13 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
         y.velocity[axis] = o.velocity[axis]
         y.drive[axis] = a.voltage[axis]
     y.drive_sequence = c.in_force
-    y.newest_drive_sequence = record_at(m, g.commanded, COMMAND).sequence
+    y.newest_drive_sequence = record_at(m, c.received, COMMAND).sequence
     r = record_at(m, g.asked, REFERENCE)
     for axis in range(3):
         y.reference_position[axis] = r.position[axis]
         y.reference_velocity[axis] = r.velocity[axis]
         y.reference_acceleration[axis] = r.acceleration[axis]
-    on_measurement(k * c.control_period, y, faults, m)
+    on_measurement(k, k * c.control_period, faults, m)
 
 
 @kernel
@@ -97,7 +97,6 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     c = record_at(m, g.loop, LOOP)
     if not allowed(record_at(m, g.commanded, COMMAND)):
         return REFUSED
-    y = record_at(m, g.measurement, MEASUREMENT)
     a = record_at(m, g.applied, DRIVE)
     w = record_at(m, g.regulated, DRIVE)
     v = record_at(m, g.effective, DRIVE)
@@ -113,6 +112,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     stride = c.stride
     j = c.row * (c.substeps // stride)
     scored = c.k >= c.score_tick
+    c.received = on_command(c.k, m)
     command = due(m)
     c.in_force = record_at(m, command, COMMAND).sequence
     put_in_force(m, command, 0.0, faults)
@@ -156,9 +156,9 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     c.row += 1
     c.draw = (c.draw + 1) % DRAW_TICKS
     measure(m, c.k, pointer_at(random, noise), position_noise, faults)
-    # NaN is within no range either.
+    # NaN is within no range either. The true position: a sensor that fails is no motion.
     for axis in range(3):
-        if not abs(y.position[axis]) < RANGE:
+        if not abs(o.position[axis]) < RANGE:
             return DIVERGED
     return MOVED
 
@@ -189,10 +189,11 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     c.done = 0
     outcome = MOVED
     while c.done < ticks and outcome == MOVED:
-        if not external:
-            u.sequence = c.k
-        # The time that a message carries, whole nanoseconds: a law sees the same here and over topics.
-        control(round(c.k * c.period_ns) * 1e-9, y, u, law)
+        if external or not unasked(m):
+            if not external:
+                u.sequence = c.k
+            # The time that a message carries, whole nanoseconds: a law sees the same here and over topics.
+            control(round(c.k * c.period_ns) * 1e-9, y, u, law)
         outcome = tick(m, random, rows, samples)
         if outcome != REFUSED:
             c.done += 1

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from .. import registry
 from ..detector import Photodiode
-from ..fault import FaultParameters
+from ..fault import Schedule
 from ..onboard import OnboardParameters
 from ..physics import Microscope
 from ..piezo import PiezoParameters
@@ -38,7 +38,7 @@ class InstrumentParameters(Microscope):
     reference: Reference = Reference()
     detector: Photodiode = Photodiode()
     onboard: OnboardParameters = OnboardParameters()
-    fault: FaultParameters = FaultParameters()
+    fault: Schedule = Schedule()
     score: Score = Score()
 
     @property

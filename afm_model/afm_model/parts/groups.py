@@ -45,7 +45,7 @@ class FaultParameters(Group):
 
     family = "fault"
 
-    kind: str = Field("none", description="fault on measurement and drive")
+    kind: str = Field("none", description="what goes wrong")
 
 
 class PiezoParameters(Group):

@@ -23,6 +23,8 @@ _OF_THE_LOOP = [
     "truth",
     "detection",
     "surface",
+    "displacement",
+    "fault_memory",
     "sample_map",
     "plant_map",
     "score",
@@ -42,9 +44,9 @@ HEADER = record(*_OF_PARTS, *_OF_THE_LOOP, integers=(*_OF_PARTS, *_OF_THE_LOOP))
 its state begin.
 
 Then where the rest begins: the record of the loop; measurement; the drive as commanded, as applied (behind range,
-resolution, delay), as changed by the onboard part, as the piezo makes it; the reference at this tick
-and at the next; truth, detection, surface; the maps of sample
-and plant; sums of the score; what is hashed; the line of drives on their way; the places of the channels.
+resolution, delay), as changed by the onboard part, as the piezo makes it; the reference at this tick and at the next;
+truth, detection, surface; what a fault does to the sample, and what it remembers; the maps of sample and plant; sums of
+the score; what is hashed; the line of drives on their way; the places of the channels.
 
 Last, where in a row of the random numbers those of the plant, the sensors, the detector and the fault begin, and how
 long a row is.

@@ -178,6 +178,8 @@ class Fault(Part):
 
     on_measurement: Kernel
     on_drive: Kernel
+    memory: np.dtype[Any] = field(default_factory=lambda: EMPTY)
+    """What it remembers that is no state of the instrument: neither recorded nor in the hash. For our own parts."""
 
 
 @dataclass(frozen=True, kw_only=True)

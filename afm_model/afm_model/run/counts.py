@@ -50,6 +50,8 @@ class Snapshot:
     in_contact: bool
     counts: Counts
     refusal: str  # the sentence about the drive refused last; empty if none was
+    faults: str = ""  # names of the faults that act now
+    faults_acted: str = ""  # and of those that have acted
     unreadable: str = ""  # a clause about the drive that could not be read last; empty if there was none
 
     @property

@@ -1,5 +1,7 @@
 """Lockstep: simulated time goes on with each answer."""
 
+import math
+
 from ..errors import DivergenceError, DriveError, MalformedError, PartError
 from .course import Course, Pacing
 from .state import Cause
@@ -52,6 +54,8 @@ class Lockstep(Pacing):
 
     def step(self) -> bool:
         """Take one answer if there is one."""
+        if self._instrument.unasked:
+            return self._go_on()
         try:
             taken = self._take()
         except MalformedError as error:
@@ -82,12 +86,28 @@ class Lockstep(Pacing):
         except (DivergenceError, PartError) as error:
             self._course.fail(str(error))
             return True
-        if going_on:
-            self._sent_at = self._asked_at = self._clock()
-            self._publish(instrument.ticks, instrument.measurement)
-        else:
-            self._course.finish()
+        self._conclude(going_on)
         return True
+
+    def _go_on(self) -> bool:
+        """A tick whose measurement got lost by a fault: the drive before goes on."""
+        try:
+            going_on = self._tick(None, math.nan)
+        except (DivergenceError, PartError) as error:
+            self._course.fail(str(error))
+        else:
+            self._conclude(going_on)
+        return True
+
+    def _conclude(self, going_on: bool) -> None:
+        """Ask for the next drive, or end."""
+        if not going_on:
+            self._course.finish()
+            return
+        instrument = self._instrument
+        self._sent_at = self._asked_at = self._clock()
+        if not instrument.unasked:
+            self._publish(instrument.ticks, instrument.measurement)
 
     def _note_wrong(self, sequence: int) -> None:
         """Count a drive that does not answer the measurement waiting."""

@@ -67,7 +67,8 @@ class Realtime(Pacing):
     def _publish(self) -> None:
         ticks = self._instrument.ticks
         self._published_at[ticks % _RING] = self._course.clock()
-        self._course.link.publish(ticks, self._instrument.measurement)
+        if not self._instrument.unasked:
+            self._course.link.publish(ticks, self._instrument.measurement)
 
     def step(self) -> bool:
         """Tick if the deadline has come."""

@@ -1,14 +1,16 @@
 """A recorded run played again."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..command import Command
 from ..errors import ParameterError
+from ..fault import Schedule, faults_of
 from ..parameters import SimParameters, build
-from ..schema import Value
+from ..schema import Value, flatten
 from ..signals import LONGEST_HORIZON
 
 _Array = NDArray[np.float64]
@@ -16,6 +18,9 @@ _Array = NDArray[np.float64]
 
 class Replay:
     """A law that gives the drives of a recorded run, tick by tick.
+
+    What faults made of these drives is in them: `simulate` leaves the faults of drives and messages out, and lets those
+    of the sample act again.
 
     Parameters
     ----------
@@ -74,20 +79,34 @@ class Replay:
         self._next = 0
 
 
-def recorded_parameters(values: Mapping[str, Value]) -> SimParameters:
+def replayed(parameters: SimParameters) -> SimParameters:
+    """Parameters with which the drives of a run made with `parameters` give its trajectory again."""
+    if not isinstance(parameters.fault, Schedule):
+        return parameters
+    left_out = tuple(f"fault.{name}." for name, fault in faults_of(parameters).items() if not fault.of_the_sample)
+    kept = {name: value for name, value in flatten(parameters).items() if not name.startswith(left_out)}
+    return build(SimParameters, kept)
+
+
+def recorded_parameters(values: Mapping[str, Value], changes: Iterable[Any] = ()) -> SimParameters:
     """Parameters of the instrument as a recording holds them, beside others that its node has.
 
     Parameters
     ----------
     values : mapping
         Value by dotted name: `Recording.parameters["afm_sim_node"]`.
+    changes : iterable, optional
+        `Recording.parameter_changes`, of which the faults count that were ordered while the instrument ran: each has
+        its `name` and the `new` value.
 
     Raises
     ------
     ParameterError
         If the instrument of today does not know one of its own, or refuses its value.
     """
+    ordered = {each.name: each.new for each in changes if each.name.startswith("fault.")}
+    known = {**values, **ordered}
     return build(
         SimParameters,
-        {name: value for name, value in values.items() if name.partition(".")[0] in SimParameters.model_fields},
+        {name: value for name, value in known.items() if name.partition(".")[0] in SimParameters.model_fields},
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..fault import acted, active
 from ..instrument import Block, Instrument
 from ..parameters import SimParameters
 from .counts import Counts, Snapshot
@@ -126,6 +127,8 @@ class Run:
             ),
             refusal=course.refusal,
             unreadable=course.unreadable,
+            faults=", ".join(active(instrument.parameters, instrument.ticks)) if instrument.has_faults else "",
+            faults_acted=", ".join(acted(instrument.parameters, instrument.ticks)) if instrument.has_faults else "",
         )
 
     def delays(self) -> Delays:
@@ -178,7 +181,15 @@ class Run:
         self._course.ticker.flush()
 
     def adapt(self, parameters: SimParameters) -> None:
-        """Follow a change of `run.real_time_factor` or of a timeout."""
+        """Follow a change of `run.real_time_factor` or of a timeout, or other faults from the next tick on.
+
+        Raises
+        ------
+        ParameterError
+            If the instrument takes no other faults.
+        """
+        if parameters.fault != self.instrument.parameters.fault:
+            self.instrument.set_faults(parameters)
         self._course.parameters = parameters
         self._pacing.adapt()
 

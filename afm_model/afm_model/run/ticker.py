@@ -48,7 +48,7 @@ class Ticker:
         self._doubtful.clear()
         self._find_stop()
 
-    def tick(self, drive: _Array | Command, round_trip: float, sequence: int | None = None) -> bool:
+    def tick(self, drive: _Array | Command | None, round_trip: float, sequence: int | None = None) -> bool:
         """Apply a drive for one tick; False if the run ends with it. For `sequence` see `Instrument.tick`.
 
         Raises

@@ -7,7 +7,7 @@ from ..parts.call import call
 from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
-from ..signals import SURFACE
+from ..signals import DISPLACEMENT, SURFACE
 from . import paper
 from .flat import FLAT
 from .grating import GRATING
@@ -30,10 +30,17 @@ def surface(x: float, y: float, m: Block) -> Any:
     g = record_at(m, 0, HEADER)
     h = record_at(m, g.surface, SURFACE)
     h.adhesion = 1.0
+    d = record_at(m, g.displacement, DISPLACEMENT)
+    if d.there != 0:
+        x -= d.x
+        y -= d.y
     if g.sample == 0:
         paper.surface(x, y, h, record_at(m, g.sample_constants, paper.CONSTANTS), 0)
     else:
         call(g.sample_surface, (x, y, h, pointer_at(m, g.sample_constants), pointer_at(m, g.sample_map)))
+    if d.there != 0:
+        h.strength *= d.friction
+        h.height += d.z
     return h
 
 

@@ -1,0 +1,162 @@
+"""`ros2 run afm_bringup check_controller -- COMMAND`: whether a controller keeps the contract, rule by rule."""
+
+import argparse
+import os
+import shlex
+import signal
+import socket
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from afm_model import Scenario, ScenarioError
+from afm_node_common import topics
+
+from .domain import claim_domain
+from .exam.course import Course
+from .exam.desk import TopicDesk
+from .exam.log import Log
+from .exam.rules import Outcome, Terms, Verdict, exit_code, judge
+from .parameter_file import write_parameters
+from .processes import Processes
+from .scenario import read_scenario
+
+_CONTROLLER = "the controller"
+_END_TIME = 10.0
+"""Wall time that a controller has to end after SIGINT [s]."""
+_START_TIMEOUT = 60.0
+_COLORS = {Outcome.KEPT: "green", Outcome.BROKEN: "red", Outcome.UNTESTED: "dim"}
+
+
+class Interrupted(Exception):
+    """SIGINT, SIGTERM or SIGHUP."""
+
+
+def _interrupt(number: int, frame: object) -> None:
+    raise Interrupted
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="check_controller",
+        description="Start a controller, examine it, and say rule by rule whether it keeps the contract of a drive. "
+        "Exit status: 0 if it does, 1 if it does not, 2 if it could not be tested.",
+    )
+    parser.add_argument(
+        "command",
+        nargs="+",
+        metavar="COMMAND",
+        help="command that starts the controller, with its arguments, behind --",
+    )
+    parser.add_argument(
+        "--scenario",
+        default="closed_loop_tanh",
+        help="scenario whose instrument is used, and whose parameters the controller is given (default %(default)s)",
+    )
+    parser.add_argument(
+        "--deadline",
+        type=float,
+        default=0.2,
+        metavar="SECONDS",
+        help="wall time in which an answer must be there (default %(default)s, as run.watchdog_timeout)",
+    )
+    parser.add_argument(
+        "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
+    )
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Entry point of `ros2 run afm_bringup check_controller`."""
+    arguments = _arguments()
+    # One word with blanks is a command as `session --controller` takes it.
+    command = shlex.split(arguments.command[0]) if len(arguments.command) == 1 else arguments.command
+    try:
+        if not command:
+            raise ValueError("COMMAND is empty")
+        if not arguments.deadline > 0.0:
+            raise ValueError(f"--deadline {arguments.deadline:g} s is not allowed: it must be > 0 s")
+        scenario = read_scenario(arguments.scenario)
+        claim = _own_domain()
+    except (ScenarioError, ValueError, RuntimeError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, _interrupt)
+    terms = Terms(scenario.sim, arguments.deadline)
+    try:
+        log = _examine(scenario, command, arguments.ros_arguments)
+    except Interrupted:
+        print("interrupted", file=sys.stderr)
+        return 130
+    except OSError as error:
+        print(f"error: the controller could not be started: {shlex.join(command)}: {error.strerror}", file=sys.stderr)
+        return 2
+    del claim
+    verdicts = judge(log, terms)
+    _show(verdicts, shlex.join(command))
+    return exit_code(verdicts, log)
+
+
+def _own_domain() -> socket.socket | None:
+    """Take a ROS domain for this examination alone, unless one is chosen; to be kept as long as it lasts."""
+    if os.environ.get("ROS_DOMAIN_ID"):
+        return None
+    domain, claim = claim_domain()
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    return claim
+
+
+def _examine(scenario: Scenario, command: list[str], ros_arguments: bool) -> Log:
+    """Start the controller, examine it, end it."""
+    with tempfile.TemporaryDirectory() as folder, Processes(last="") as processes:
+        parameters = Path(folder) / "parameters.yaml"
+        write_parameters(scenario, parameters, {})
+        given = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:=/{topics.NAMESPACE}"]
+
+        def problem() -> str:
+            return processes.ended() or ""
+
+        with TopicDesk(topics.NAMESPACE, scenario.sim, problem) as desk:
+            processes.start(_CONTROLLER, [*command, *(given if ros_arguments else ())], Path(folder) / "log")
+            if not desk.connect(_START_TIMEOUT):
+                unheard = desk.unheard()
+                return Log(ended=problem(), unheard=unheard, absent="" if unheard or problem() else desk.missing())
+            processes.note_shared_memory()
+            log = Course(desk, scenario.sim).run()
+            if not log.ended:
+                log.went = _ends(processes)
+    return log
+
+
+def _ends(processes: Processes) -> bool:
+    """Whether the controller ends when it is interrupted."""
+    processes.ask_to_end()
+    limit = time.monotonic() + _END_TIME
+    while processes.ended() is None:
+        if time.monotonic() > limit:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def _show(verdicts: list[Verdict], title: str) -> None:
+    """Print the table."""
+    console = Console(width=None if Console().is_terminal else 120)
+    console.print(escape(title))
+    table = Table()
+    for heading in ("rule", "", "why"):
+        table.add_column(heading)
+    for each in verdicts:
+        color = _COLORS[each.outcome]
+        table.add_row(each.rule, f"[{color}]{each.outcome.value}[/{color}]", escape(each.reason))
+    console.print(table)
+    broken = sum(each.outcome is Outcome.BROKEN for each in verdicts)
+    untested = sum(each.outcome is Outcome.UNTESTED for each in verdicts)
+    kept = len(verdicts) - broken - untested
+    console.print(f"{kept} rules kept, {broken} broken, {untested} not tested.")

@@ -1,0 +1,276 @@
+"""The rules of the contract, and whether what passed keeps them. Needs no ROS."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+
+import numpy as np
+
+from afm_model import SimParameters
+from afm_node_common import topics
+
+from .log import ASKED_ONE_BY_ONE, Answer, Log, Phase
+
+
+class Outcome(Enum):
+    """What became of a rule."""
+
+    KEPT = "kept"
+    BROKEN = "broken"
+    UNTESTED = "not tested"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A rule, what became of it, and why."""
+
+    rule: str
+    outcome: Outcome
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a controller is measured by."""
+
+    sim: SimParameters
+    deadline: float  # wall time in which an answer must be there [s]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule.
+
+    Parameters
+    ----------
+    name : str
+    what : str
+        What a controller must do, for the docs.
+    judge : callable
+        (log, terms) -> why it is broken; empty if it is kept, None if it was not tested.
+    """
+
+    name: str
+    what: str
+    judge: Callable[[Log, Terms], str | None]
+
+
+def _readable(log: Log) -> list[Answer]:
+    return [each for each in log.answers if not each.unreadable]
+
+
+def _first(problems: Iterator[str]) -> str:
+    """The first problem, and how many more there are."""
+    told = list(problems)
+    return f"{told[0]} (and {len(told) - 1} more)" if len(told) > 1 else "".join(told)
+
+
+def _answered(log: Log, *phases: Phase) -> str | None:
+    """Whether each measurement of these phases has been answered."""
+    if not any(phase in log.begun for phase in phases):
+        return None
+    given = {(each.phase, each.sequence) for each in _readable(log)}
+    asked = [each for each in log.asked if each.phase in phases]
+    missing = [each.sequence for each in asked if (each.phase, each.sequence) not in given]
+    if not missing:
+        return ""
+    return f"{len(missing)} of {len(asked)} measurements were not answered, the first was {missing[0]}"
+
+
+def _connected(log: Log, terms: Terms) -> str | None:
+    return log.unheard or log.absent
+
+
+def _alive(log: Log, terms: Terms) -> str | None:
+    return log.ended
+
+
+def _answers(log: Log, terms: Terms) -> str | None:
+    return _answered(log, Phase.LOCKSTEP)
+
+
+def _once(log: Log, terms: Terms) -> str | None:
+    asked = Counter((each.phase, each.sequence) for each in log.asked)
+    given = Counter((each.phase, each.sequence) for each in _readable(log))
+    return _first(
+        f"measurement {key[1]} was answered {given[key]} times"
+        for key in given
+        if key[0] != Phase.PAUSE and given[key] > asked[key] > 0
+    )
+
+
+def _order(log: Log, terms: Terms) -> str | None:
+    newest: dict[Phase, int] = {}
+
+    def problems() -> Iterator[str]:
+        for each in _readable(log):
+            before = newest.get(each.phase, -1)
+            if each.sequence < before:
+                yield f"the answer to measurement {each.sequence} came after that to {before}"
+            newest[each.phase] = max(before, each.sequence)
+
+    return _first(problems())
+
+
+def _asked(log: Log, terms: Terms) -> str | None:
+    # At the begin of a phase an answer to the last measurement of the one before may still be on its way.
+    known = {phase: {each.sequence for each in log.asked if each.phase == phase} for phase in Phase}
+    phases = list(Phase)
+
+    def expected(each: Answer) -> bool:
+        at = phases.index(each.phase)
+        return each.sequence in known[each.phase] or (at > 0 and each.sequence in known[phases[at - 1]])
+
+    return _first(
+        f"a drive came for measurement {each.sequence}, which was not published"
+        for each in _readable(log)
+        if not expected(each)
+    )
+
+
+def _in_time(log: Log, terms: Terms) -> str | None:
+    first = {(each.phase, each.sequence): each.time for each in reversed(_readable(log))}
+    waits = [
+        (first[each.phase, each.sequence] - each.time, each.sequence)
+        for each in log.asked
+        if each.phase in ASKED_ONE_BY_ONE and (each.phase, each.sequence) in first
+    ]
+    if not waits:
+        return None
+    return _first(
+        f"the answer to measurement {sequence} took {wait:.3g} s, the deadline is {terms.deadline:g} s"
+        for wait, sequence in waits
+        if wait > terms.deadline
+    )
+
+
+def _is_readable(log: Log, terms: Terms) -> str | None:
+    return _first(each.unreadable for each in log.answers if each.unreadable)
+
+
+def _finite(log: Log, terms: Terms) -> str | None:
+    return _first(
+        f"the drive for measurement {each.sequence} is {each.drives[0].tolist()} V"
+        if not np.isfinite(each.drives[0]).all()
+        else f"the horizon for measurement {each.sequence} holds what is no finite number"
+        for each in _readable(log)
+        if not np.isfinite(each.drives).all()
+    )
+
+
+def _frame(log: Log, terms: Terms) -> str | None:
+    return _first(
+        f"the drive for measurement {each.sequence} has the frame_id {each.frame[:40]!r}, not {topics.FRAME!r}"
+        for each in _readable(log)
+        if each.frame != topics.FRAME
+    )
+
+
+def _in_range(log: Log, terms: Terms) -> str | None:
+    limit = terms.sim.piezo.limit
+    if not limit:
+        return None
+    return _first(
+        f"the drive for measurement {each.sequence} goes to {largest:.6g} V, the limit is {limit:g} V"
+        for each in _readable(log)
+        if limit < (largest := np.abs(each.drives).max()) < np.inf
+    )
+
+
+def _slew(log: Log, terms: Terms) -> str | None:
+    limit, period = terms.sim.piezo.slew_limit, terms.sim.plant.control_period
+    if not limit:
+        return None
+
+    def problems() -> Iterator[str]:
+        given = [each for each in _readable(log) if each.phase in ASKED_ONE_BY_ONE]
+        for before, each in pairwise(given):
+            ticks = each.sequence - before.sequence
+            step = float(np.abs(each.drives[0] - before.drives[0]).max())
+            if each.phase == before.phase and ticks > 0 and step > limit * ticks * period * (1.0 + 1e-9):
+                yield (
+                    f"the drive for measurement {each.sequence} is {step:.4g} V from the one before, "
+                    f"{limit * ticks * period:.4g} V are allowed"
+                )
+
+    return _first(problems())
+
+
+def _pause(log: Log, terms: Terms) -> str | None:
+    if Phase.PAUSE not in log.begun:
+        return None
+    if stray := [each for each in log.answers if each.phase == Phase.PAUSE]:
+        return f"{len(stray)} drives came in a pause, the first for measurement {stray[0].sequence}"
+    return _answered(log, Phase.RESUMED)
+
+
+def _again(log: Log, terms: Terms) -> str | None:
+    if Phase.AGAIN not in log.begun:
+        return None
+    given = [each for each in _readable(log) if each.phase == Phase.AGAIN]
+    asked = [each for each in log.asked if each.phase == Phase.AGAIN]
+    if len(given) >= len(asked):
+        return ""
+    return f"measurement {asked[0].sequence} was sent {len(asked)} times and answered {len(given)} times"
+
+
+def _reset(log: Log, terms: Terms) -> str | None:
+    return _answered(log, Phase.RESET)
+
+
+def _fault(log: Log, terms: Terms) -> str | None:
+    return _answered(log, Phase.FAULT)
+
+
+def _restart(log: Log, terms: Terms) -> str | None:
+    if Phase.RESTART not in log.begun:
+        return None
+    return _answered(log, Phase.RESTART) if log.reconnected else "it did not connect to a simulator that was restarted"
+
+
+def _goes(log: Log, terms: Terms) -> str | None:
+    return None if log.went is None else "" if log.went else "it had to be killed"
+
+
+RULES = (
+    Rule("connected", "publishes `piezo_drive` and receives `measurement`, both reliable and volatile", _connected),
+    Rule("alive", "does not end by itself", _alive),
+    Rule("answered", "answers every measurement, with its sequence", _answers),
+    Rule("once", "answers no measurement more often than it is sent", _once),
+    Rule("in order", "never answers an older measurement after a newer one", _order),
+    Rule("asked", "sends no drive for a measurement that has not been published", _asked),
+    Rule("in time", "answers within the deadline", _in_time),
+    Rule("readable", "sends whole messages, with a stamp that is a time of a run", _is_readable),
+    Rule("finite", "sends neither NaN nor an infinity, in the horizon neither", _finite),
+    Rule("frame", "puts `scanner` into frame_id", _frame),
+    Rule("range", "stays within +-`piezo.limit`, if there is one", _in_range),
+    Rule("slew", "changes its drive by no more than `piezo.slew_limit` allows, if there is one", _slew),
+    Rule("pause", "is silent when no measurement comes, and goes on after it", _pause),
+    Rule("sent again", "answers a measurement that is sent again", _again),
+    Rule("reset", "goes on when the sequences begin again at 0", _reset),
+    Rule("fault", "answers when sensors fail or measurements get lost", _fault),
+    Rule("restart", "finds a simulator that was restarted", _restart),
+    Rule("end", "ends when it is interrupted (SIGINT), within 10 s", _goes),
+)
+"""Every rule, in the order of the table."""
+
+
+def judge(log: Log, terms: Terms) -> list[Verdict]:
+    """What became of every rule."""
+    verdicts = []
+    for rule in RULES:
+        reason = rule.judge(log, terms)
+        if reason is None or (not reason and not log.asked and rule.name not in ("connected", "alive")):
+            verdicts.append(Verdict(rule.name, Outcome.UNTESTED))
+        else:
+            verdicts.append(Verdict(rule.name, Outcome.BROKEN if reason else Outcome.KEPT, reason))
+    return verdicts
+
+
+def exit_code(verdicts: list[Verdict], log: Log) -> int:
+    """0: every rule that was tested is kept; 1: one is broken; 2: nothing could be tested."""
+    if not log.asked and not log.unheard:
+        return 2
+    return int(any(each.outcome is Outcome.BROKEN for each in verdicts))

@@ -1,0 +1,32 @@
+"""Faults of the sample: another friction, a thermal drift."""
+
+from typing import Any
+
+from ..jit import kernel
+from .entry import AXES, KINDS, TARGETS
+
+_FRICTION, _THERMAL = (list(KINDS).index(name) + 1 for name in ("friction", "thermal"))
+_X, _Y, _Z = (TARGETS.index(axis) for axis in AXES)
+
+
+@kernel
+def disturb_sample(k: int, d: Any, p: Any) -> None:
+    """Write what is wrong with the sample during tick k into the record d of DISPLACEMENT."""
+    d.there = 0
+    d.friction, d.x, d.y, d.z = 1.0, 0.0, 0.0, 0.0
+    for i in range(p.count):
+        if k < p.first[i]:
+            continue
+        if p.kind[i] == _FRICTION and k < p.last[i]:
+            d.there = 1
+            d.friction *= p.size[i]
+        elif p.kind[i] == _THERMAL:
+            d.there = 1
+            # What has drifted does not come back when it drifts no more.
+            moved = p.size[i] * (min(k, p.last[i]) - p.first[i]) * p.control_period
+            if p.target[i] == _X:
+                d.x += moved / p.x0
+            elif p.target[i] == _Y:
+                d.y += moved / p.x0
+            else:
+                d.z += moved / p.z0

@@ -1,0 +1,91 @@
+"""The faults of an instrument: in force from its start, or put in force while it runs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ParameterError
+from ..fault import CONSTANTS, MEMORY, SCHEDULED, SENSED, faults_of
+from ..parameters import InstrumentParameters
+from ..records import record_at
+from ..signals import COMMAND, copy_command
+from .block import Layout
+
+_TOLD = ("begun", "held")
+"""What is remembered of each fault."""
+
+
+class Faults:
+    """Faults in the block of an instrument.
+
+    Parameters
+    ----------
+    layout : Layout
+    block : ndarray
+    parameters : InstrumentParameters
+    """
+
+    def __init__(self, layout: Layout, block: NDArray[np.float64], parameters: InstrumentParameters) -> None:
+        self._layout, self._block, self._parameters = layout, block, parameters
+        self.there = bool(faults_of(parameters))
+        """Whether there is any, now or later."""
+        self._scheduled = layout.parts["fault"].part is SCHEDULED
+        if self._scheduled:
+            self._table = record_at(block, layout.places["fault_constants"], CONSTANTS)
+            self._memory = record_at(block, layout.places["fault_memory"], MEMORY)
+
+    def reset(self) -> None:
+        """Return to the start of a run; the commands of the block are those of the start."""
+        if self.there:
+            self._layout.array(self._block, "fault_memory")[:] = 0.0
+            self._begin_commands(-1)
+
+    @property
+    def unasked(self) -> bool:
+        """Whether the measurement of this tick got lost."""
+        return self.there and bool(self._memory.lost != 0)
+
+    def put_in_force(self, parameters: InstrumentParameters) -> None:
+        """Take the schedule of `parameters` from the next tick on; a fault that is there already goes on.
+
+        Raises
+        ------
+        ParameterError
+            If the fault of this instrument is no schedule.
+        """
+        if not self._scheduled:
+            kind = self._parameters.fault.kind
+            raise ParameterError(
+                f"fault.kind = {kind} takes no faults while it runs: start the simulator with fault.kind = scheduled"
+            )
+        old, new = list(faults_of(self._parameters)), list(faults_of(parameters))
+        on_commands, on_measurements = self._table.on_commands > 0, self._table.on_measurements > 0
+        remembered = {name: [self._memory[field][i] for field in _TOLD] for i, name in enumerate(old)}
+        self._parameters = parameters
+        self._layout.parts["fault"].fill_constants(self._block, self._layout.places["fault_constants"], parameters)
+        for i, name in enumerate(new):
+            for field, value in zip(_TOLD, remembered.get(name, (0, 0.0)), strict=True):
+                self._memory[field][i] = value
+        self.there = bool(new)
+        tick = int(self._layout.record(self._block, "loop").k)
+        if self._table.on_commands > 0 and not on_commands:
+            self._begin_commands(tick - 1)
+        if self._table.on_measurements > 0 and not on_measurements:
+            self._begin_measurements(tick)
+
+    def _begin_commands(self, tick: int) -> None:
+        """From now on commands are remembered: the one of `tick` is in force."""
+        f = self._memory
+        commanded = self._layout.record(self._block, "commanded")
+        f.in_force, f.passed = tick, commanded.sequence
+        f.passed_voltage[:] = commanded.voltage
+        f.arrives_at[:] = -1
+        copy_command(commanded, record_at(f.kept, 0, COMMAND))
+
+    def _begin_measurements(self, tick: int) -> None:
+        """From now on sensor values are remembered: those of `tick` have been told."""
+        f = self._memory
+        f.lost, f.shown = 0, tick
+        slot = tick % len(f.shown_at)
+        f.shown_at[:] = -1
+        f.shown_at[slot] = tick
+        f.sensed[slot] = self._layout.array(self._block, "measurement")[:SENSED]

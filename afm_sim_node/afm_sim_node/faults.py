@@ -1,0 +1,111 @@
+"""Faults to order: the services, and the events that tell of every fault's begin and end."""
+
+from afm_msgs.msg import Event
+from afm_msgs.srv import OrderFault
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from afm_model.errors import ParameterError
+from afm_model.fault import Entry, events, faults_of
+from afm_model.run import OVER, Run
+from afm_node_common import topics
+from afm_node_common.parameters import Declared
+from afm_node_common.process import SimNodeParameters
+
+from .streams import stamp
+
+
+class Faults:
+    """Takes orders between two ticks, and publishes events.
+
+    What is ordered becomes a parameter of the node, so that it is recorded, and happens again after a reset.
+
+    Parameters
+    ----------
+    node : Node
+    run : Run
+    declared : Declared
+        The parameters of the node.
+    """
+
+    def __init__(self, node: Node, run: Run, declared: Declared[SimNodeParameters]) -> None:
+        self._run, self._declared = run, declared
+        self._publisher = node.create_publisher(Event, topics.EVENTS, topics.EVENTS_QOS)
+        self._log = node.get_logger()
+        self._told = 0
+        node.create_service(OrderFault, topics.ORDER_FAULT, self._order)
+        node.create_service(Trigger, topics.CLEAR_FAULTS, self._clear)
+
+    def look(self) -> None:
+        """Publish what has happened since the last look."""
+        ticks = self._run.instrument.ticks
+        if ticks < self._told:
+            self._told = 0
+        if self._run.instrument.has_faults:
+            for tick, text in events(self._declared.current, self._told, ticks):
+                self._log.warning(text)
+                message = Event(tick=tick, text=text)
+                message.header.frame_id = topics.FRAME
+                message.header.stamp = stamp(round(tick * self._period * 1e9))
+                self._publisher.publish(message)
+        self._told = ticks
+
+    @property
+    def _period(self) -> float:
+        return self._declared.current.plant.control_period
+
+    @property
+    def _next(self) -> int:
+        """First tick of which nothing has been told to anybody: the measurement of this one is out already."""
+        return self._run.instrument.ticks + 1
+
+    def _order(self, request: OrderFault.Request, response: OrderFault.Response) -> OrderFault.Response:
+        faults = faults_of(self._declared.current)
+        name = request.name or next(name for i in range(len(faults) + 1) if (name := f"ordered_{i + 1}") not in faults)
+        try:
+            response.tick = self._put_in_force(name, request)
+        except ParameterError as error:
+            response.message = str(error)
+            return response
+        entry = faults_of(self._declared.current)[name]
+        response.success, response.name = True, name
+        response.message = f"fault {name}, {entry.describe()}, begins at tick {response.tick} ({entry.start:.9g} s)"
+        return response
+
+    def _put_in_force(self, name: str, request: OrderFault.Request) -> int:
+        """First tick of the fault ordered."""
+        if self._run.state in OVER:
+            raise ParameterError("the run is over: call reset first")
+        if name in faults_of(self._declared.current):
+            raise ParameterError(f"fault.{name} is there already: give another name")
+        earliest = self._next * self._period
+        if 0.0 <= request.start < earliest - 0.5 * self._period:
+            raise ParameterError(
+                f"fault.{name}.start = {request.start:g} s is not allowed: the run is at "
+                f"{self._run.instrument.time:g} s; it must be >= {earliest:.9g} s, or negative for the next measurement"
+            )
+        values = {field: getattr(request, field) for field in Entry.model_fields}
+        values["start"] = earliest if request.start < 0.0 else request.start
+        self._enter({f"fault.{name}.{field}": value for field, value in values.items()})
+        return faults_of(self._declared.current)[name].ticks(self._period)[0]
+
+    def _enter(self, values: dict[str, object]) -> None:
+        if (kind := self._declared.current.fault.kind) != "scheduled":
+            raise ParameterError(f"fault.kind = {kind} takes no orders: start the simulator with fault.kind:=scheduled")
+        self._run.adapt(self._declared.enter(values))  # type: ignore[arg-type]
+
+    def _clear(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """End every fault, those that have not begun before they begin."""
+        values: dict[str, object] = {}
+        for name, entry in faults_of(self._declared.current).items():
+            if entry.ticks(self._period)[1] > self._next:
+                values[f"fault.{name}.duration"] = max(self._next * self._period - entry.start, 0.0)
+        try:
+            if values:
+                self._enter(values)
+        except ParameterError as error:
+            response.message = str(error)
+            return response
+        response.success = True
+        response.message = f"{len(values)} faults end at tick {self._next}"
+        return response

@@ -1,0 +1,82 @@
+"""`check_controller` starts a controller and says rule by rule whether it keeps the contract."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from support import ROOT, Command, assert_nothing_left, executable
+from wrong_controllers import WAYS
+
+OURS = executable("afm_controller_node", "afm_controller_node")
+WRONG = Path(__file__).resolve().parents[1] / "wrong_controllers.py"
+RIGHT = {
+    "ours": (OURS,),
+    "pd_controller": (sys.executable, ROOT / "examples" / "pd_controller.py"),
+    "a law of one's own": (OURS, "--ros-args", "-p", "law.kind:=pd_law:PD"),
+}
+OVER_TOPICS = [way for way in WAYS if way not in ("right", "too far", "too steep")]
+"""Those that the default scenario can find out: it has no limits."""
+
+
+def check(*command: str | Path, folder: Path) -> Command:
+    return Command(executable("afm_bringup", "check_controller"), "--", *command, folder=folder)
+
+
+def outcomes(text: str) -> dict[str, str]:
+    """What became of each rule, by the table that was printed."""
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in text.splitlines() if line.startswith("│")]
+    return {row[0]: row[1] for row in rows if row[0]}
+
+
+def test_our_controller_keeps_every_rule_that_can_be_tested(tmp_path: Path) -> None:
+    with check(OURS, folder=tmp_path) as command:
+        assert command.wait() == 0, command.text
+    found = outcomes(command.text)
+    assert {rule for rule, outcome in found.items() if outcome == "not tested"} == {"range", "slew"}
+    assert set(found.values()) == {"kept", "not tested"}
+    assert_nothing_left()
+
+
+def test_a_controller_that_sends_nan_is_found_out(tmp_path: Path) -> None:
+    with check(sys.executable, WRONG, "nan", folder=tmp_path) as command:
+        assert command.wait() == 1, command.text
+    found = outcomes(command.text)
+    assert [rule for rule, outcome in found.items() if outcome == "broken"] == ["finite"]
+    assert "the drive for measurement 50 is [nan," in command.text
+    assert_nothing_left()
+
+
+@pytest.mark.parametrize(
+    ("command", "sentence"),
+    [
+        pytest.param(
+            ["/nowhere/controller"],
+            "error: the controller could not be started: /nowhere/controller: No such file",
+            marks=pytest.mark.long,
+        ),
+        (["sh", "-c", "echo error: no device; exit 3"], "the controller ended with code 3: no device"),
+    ],
+)
+def test_what_cannot_be_tested_is_told_from_what_is_wrong(tmp_path: Path, command: list[str], sentence: str) -> None:
+    with check(*command, folder=tmp_path) as run:
+        assert run.wait() == 2, run.text
+    assert sentence in run.text
+    assert_nothing_left()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("way", OVER_TOPICS)
+def test_a_controller_that_is_wrong_in_one_way_is_found_out_over_topics(tmp_path: Path, way: str) -> None:
+    with check(sys.executable, WRONG, way, folder=tmp_path) as command:
+        assert command.wait() == 1, command.text
+    assert outcomes(command.text)[WAYS[way]] == "broken", command.text
+    assert_nothing_left()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("controller", list(RIGHT)[1:])
+def test_examples_keep_every_rule(tmp_path: Path, controller: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT / "examples" / "controllers"), prepend=":")
+    with check(*RIGHT[controller], folder=tmp_path) as command:
+        assert command.wait() == 0, command.text
+    assert_nothing_left()
