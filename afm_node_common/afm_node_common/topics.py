@@ -21,6 +21,8 @@ RECORDER_STATUS = "recorder_status"
 PLAY = "play"
 PAUSE = "pause"
 RESET = "reset"
+RESUME = "resume"
+STEP = "step"
 
 
 def clock(namespace: str) -> str:

@@ -105,6 +105,17 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     u.voltage[2] = s.z / p.metres
 
 
+def _take(p: Any, s: Any, volts: float) -> None:
+    """Feedback off, z by the instrument."""
+    p.hold = 1.0
+    s.z = s.integral = p.metres * volts
+
+
+def _release(parameters: Tree, p: Any) -> None:
+    """Feedback again, without a jump, unless it is off by the parameters."""
+    p.hold = float(parameters.onboard.hold)
+
+
 PI = Onboard(
     name="pi",
     parameters=PiParameters,
@@ -112,6 +123,8 @@ PI = Onboard(
     state=STATE,
     values=_values,
     check=_check,
+    take=_take,
+    release=_release,
     regulate=regulate,
     begin=_begin,
     channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),

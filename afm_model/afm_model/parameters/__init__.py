@@ -20,6 +20,7 @@ from ..schema import (
 from .controller import ControllerParameters
 from .instrument import InstrumentParameters, Score
 from .run import Run, SimParameters
+from .safety import Safety
 
 __all__ = [
     "Cantilever",
@@ -31,6 +32,7 @@ __all__ = [
     "NonNegative",
     "Positive",
     "Run",
+    "Safety",
     "Scales",
     "Scanner",
     "Score",

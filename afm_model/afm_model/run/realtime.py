@@ -48,6 +48,8 @@ class Realtime(Pacing):
     def resume(self) -> None:
         """Begin a new series of deadlines; a controller has its time again."""
         self._period = 0.0
+        if self._course.phase == State.RUNNING:
+            self._instrument.give_z()
         self.adapt()
         self._last_drive_at = self._course.clock()
 
@@ -91,7 +93,7 @@ class Realtime(Pacing):
         self._watch_over(now)
         course.ticker.note_delay(late, now - self._asked_at)
         try:
-            going_on = course.ticker.tick(self._drive, round_trip, self._answered)
+            going_on = course.tick(self._drive, round_trip, self._answered)
         except DivergenceError as error:
             course.fail(self._explain(error))
             return True
@@ -146,6 +148,8 @@ class Realtime(Pacing):
         if silent and life.state == State.RUNNING:
             if isinstance(self._drive, Command):
                 self._drive = self._instrument.drive
+            if self._instrument.has_z_loop:
+                self._drive[2] = self._instrument.z_drive
             self._retract.begin(self._drive[2])
             life.go(
                 Cause.SILENT,
@@ -153,10 +157,12 @@ class Realtime(Pacing):
                 f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted",
             )
         elif not silent and life.state == State.RETRACTED:
+            self._instrument.give_z()
             life.go(Cause.ANSWERED)
         if life.state == State.RETRACTED:
             assert not isinstance(self._drive, Command)
             self._drive[2] = self._retract.next(self._drive[2], course.parameters)
+            self._instrument.take_z(float(self._drive[2]))
             counts.ticks_retracted += 1
             counts.scored_ticks_retracted += self._instrument.ticks >= self._scored_from
 
