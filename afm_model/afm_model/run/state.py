@@ -74,14 +74,12 @@ TRANSITIONS: dict[tuple[State, Cause], State] = {
     (State.STALLED, Cause.ANSWERED): State.RUNNING,
     (State.RUNNING, Cause.SILENT): State.RETRACTED,
     (State.RETRACTED, Cause.ANSWERED): State.RUNNING,
-    # Limits of the instrument: it takes the drive itself. A sample that was taken away is out of contact on purpose.
+    # Limits of the instrument: it takes the drive itself. A sample that was taken away is out of contact on purpose, and
+    # an approach has a force limit of its own.
     **{(State.RUNNING, cause): State.WITHDRAWN for cause in LIMITS},
-    **{
-        (state, cause): State.WITHDRAWN
-        for state in (State.RETRACTED, State.APPROACHING)
-        for cause in LIMITS
-        if cause != Cause.CONTACT_LOST
-    },
+    **{(State.RETRACTED, cause): State.WITHDRAWN for cause in LIMITS if cause != Cause.CONTACT_LOST},
+    (State.APPROACHING, Cause.TRAVEL): State.WITHDRAWN,
+    (State.APPROACHING, Cause.INVALID): State.WITHDRAWN,
     (State.WITHDRAWN, Cause.RESUME): State.APPROACHING,
     (State.APPROACHING, Cause.APPROACHED): State.RUNNING,
     (State.APPROACHING, Cause.NOT_APPROACHED): State.WITHDRAWN,
