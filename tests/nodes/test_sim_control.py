@@ -89,6 +89,12 @@ def test_any_mix_of_steps_with_pause_play_and_reset_makes_the_same_trajectory() 
         bench.until(InstrumentStatus.RUNNING)
         bench.observer.call(graph, topics.RESET)
         assert graph.result(asked).message == "not all of the ticks were made: the run is waiting"
+        # So are those of a run that waits for its controller.
+        graph.remove(bench.controller)
+        asked = bench.step_client.call_async(Step.Request(ticks=3))
+        graph.spin_until(lambda: bench.simulator.run.stepping)
+        bench.observer.call(graph, topics.PAUSE)
+        assert not graph.result(asked).success
 
 
 def test_tip_crash_is_told_on_status_diagnostics_and_score_and_resume_brings_the_tip_back() -> None:

@@ -16,9 +16,10 @@ from ..parameters import InstrumentParameters
 from ..parts.part import Channel
 from ..plant import tell
 from ..program import reference
-from ..records import place, record_at, size
+from ..records import record_at, size
 from ..signals import COMMAND, MEASUREMENT, TRUTH
 from .block import LOOP, Layout, line_slots
+from .inside import Inside
 from .score import ScoreSummary, summarize
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
@@ -27,7 +28,6 @@ _Array = NDArray[np.float64]
 _K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP = (
     list(LOOP.names or ()).index(name) for name in ("k", "row", "draw", "done", "clipped", "steep")
 )
-_X, _NORMAL_FORCE = place(TRUTH, "position"), place(TRUTH, "normal_force")
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,8 @@ class Instrument:
         self._commanded = CommandRecord(layout.array(self._block, "commanded"))
         self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
         self.measurement = layout.array(self._block, "measurement")
-        self._truth = layout.array(self._block, "truth")
-        self._regulated = layout.array(self._block, "regulated")
-        self._onboard: Any = layout.parts["onboard"].part
+        self.inside = Inside(layout, self._block, parameters)
+        """What the instrument's own limits look at, and z in their hands."""
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.functions]
         self._fill_loop()
@@ -121,7 +120,7 @@ class Instrument:
         seeds = np.random.SeedSequence(parameters.plant.seed).spawn(4)
         self._disturbance, self._noise, self._position_noise, self._faults = map(np.random.default_rng, seeds)
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
-        self.give_z()
+        self.inside.give_z()
         for name in ("measurement", "applied", "commanded", "regulated", "effective", "truth", "detection", "score"):
             layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
@@ -138,8 +137,9 @@ class Instrument:
                 )
         for name in ("applied", "regulated", "effective"):
             layout.array(block, name)[:] = held
-        if self._onboard.state.names:
-            self._onboard.begin(parameters, self._onboard_record("state"), held)
+        onboard: Any = layout.parts["onboard"].part
+        if onboard.state.names:
+            onboard.begin(parameters, layout.record(block, "onboard_state"), held)
         line = layout.places["line"]
         on_their_way = [line + slot * size(COMMAND) for slot in range(line_slots(parameters))]
         for command in (layout.places["commanded"], *on_their_way):
@@ -183,39 +183,6 @@ class Instrument:
     def in_contact(self) -> bool:
         """Whether the tip touches the sample."""
         return bool(self._layout.record(self._block, "truth").contact != 0.0)
-
-    @property
-    def scanner_position(self) -> tuple[float, float]:
-        """Where the scanner truly is along x and y [m]."""
-        return float(self._truth[_X]), float(self._truth[_X + 1])
-
-    @property
-    def normal_force(self) -> float:
-        """Normal force of the tip on the sample [N]."""
-        return float(self._truth[_NORMAL_FORCE])
-
-    @property
-    def z_drive(self) -> float:
-        """Drive along z that the piezo has now [V]: that of a loop inside the instrument, where there is one."""
-        return float(self._regulated[2])
-
-    @property
-    def has_z_loop(self) -> bool:
-        """Whether a loop inside the instrument drives z, whatever is asked along z."""
-        return self._onboard.take is not None
-
-    def take_z(self, volts: float) -> None:
-        """Have a loop inside the instrument hold z at this drive [V]; without one the drive of the tick does."""
-        if self._onboard.take is not None:
-            self._onboard.take(self._onboard_record("constants"), self._onboard_record("state"), volts)
-
-    def give_z(self) -> None:
-        """Give z back to the loop inside the instrument: it goes on from where it is."""
-        if self._onboard.release is not None:
-            self._onboard.release(self.parameters, self._onboard_record("constants"))
-
-    def _onboard_record(self, which: str) -> Any:
-        return self._layout.record(self._block, f"onboard_{which}")
 
     @property
     def drives_clipped(self) -> int:

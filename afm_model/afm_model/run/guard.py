@@ -63,7 +63,7 @@ class Guard:
         self._since = 0  # tick at which this phase began
         self._lost = 0  # ticks out of contact in a row
         self._touching = 0  # ticks in contact in a row, of an approach
-        self._instrument.give_z()
+        self._instrument.inside.give_z()
 
     def tick(self, drive: _Array | Command, round_trip: float, sequence: int | None = None) -> bool:
         """Make a tick with this drive, or with one of its own; see `Ticker.tick`.
@@ -111,11 +111,11 @@ class Guard:
         """The limit that is passed, and a clause about it."""
         instrument, safety = self._instrument, self._safety
         if safety.travel_limit:
-            x, y = instrument.scanner_position
+            x, y = instrument.inside.scanner_position
             if not (abs(x) <= safety.travel_limit and abs(y) <= safety.travel_limit):
                 limit = f"safety.travel_limit = {safety.travel_limit:g} m"
                 return Cause.TRAVEL, f"the scanner is at x = {x:.4g} m, y = {y:.4g} m ({limit})"
-        force = instrument.normal_force
+        force = instrument.inside.normal_force
         # An approach has a limit of its own: a tip that snaps in, or still rings, touches with more than it scans with.
         approaching = self._course.phase == State.APPROACHING
         if safety.force_limit and not approaching and not force <= safety.force_limit:
@@ -143,7 +143,7 @@ class Guard:
         course.counts.withdrawals += 1
         self._since, self._lost = instrument.ticks, 0
         self._drive = instrument.drive
-        self._drive[2] = instrument.z_drive
+        self._drive[2] = instrument.inside.z_drive
         self._target = self._drive.copy()
         if cause == Cause.TRAVEL:
             self._target[:2] = self._rest[:2]
@@ -161,13 +161,13 @@ class Guard:
             self._drive[2] += self._sign * self._rise
         # A loop inside the instrument has z from the first touch on.
         if not self._touching:
-            self._instrument.take_z(float(self._drive[2]))
+            self._instrument.inside.take_z(float(self._drive[2]))
         return self._drive
 
     def _approach(self) -> None:
         """Go on with an approach, or end it."""
         instrument, course, safety = self._instrument, self._course, self._safety
-        force = instrument.normal_force
+        force = instrument.inside.normal_force
         if not force <= self._approach_force:
             self._withdraw(
                 Cause.NOT_APPROACHED,
@@ -177,7 +177,7 @@ class Guard:
             return
         if instrument.in_contact:
             if not self._touching:
-                instrument.give_z()
+                instrument.inside.give_z()
             self._touching += 1
         else:
             self._touching = 0

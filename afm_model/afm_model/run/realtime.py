@@ -49,7 +49,7 @@ class Realtime(Pacing):
         """Begin a new series of deadlines; a controller has its time again."""
         self._period = 0.0
         if self._course.phase == State.RUNNING:
-            self._instrument.give_z()
+            self._instrument.inside.give_z()
         self.adapt()
         self._last_drive_at = self._course.clock()
 
@@ -148,8 +148,8 @@ class Realtime(Pacing):
         if silent and life.state == State.RUNNING:
             if isinstance(self._drive, Command):
                 self._drive = self._instrument.drive
-            if self._instrument.has_z_loop:
-                self._drive[2] = self._instrument.z_drive
+            if self._instrument.inside.has_z_loop:
+                self._drive[2] = self._instrument.inside.z_drive
             self._retract.begin(self._drive[2])
             life.go(
                 Cause.SILENT,
@@ -157,12 +157,12 @@ class Realtime(Pacing):
                 f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted",
             )
         elif not silent and life.state == State.RETRACTED:
-            self._instrument.give_z()
+            self._instrument.inside.give_z()
             life.go(Cause.ANSWERED)
         if life.state == State.RETRACTED:
             assert not isinstance(self._drive, Command)
             self._drive[2] = self._retract.next(self._drive[2], course.parameters)
-            self._instrument.take_z(float(self._drive[2]))
+            self._instrument.inside.take_z(float(self._drive[2]))
             counts.ticks_retracted += 1
             counts.scored_ticks_retracted += self._instrument.ticks >= self._scored_from
 

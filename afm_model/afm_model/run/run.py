@@ -184,9 +184,11 @@ class Run:
 
     def pause(self) -> str:
         """Stop between two ticks, or do not start before `play`; why not, or an empty string."""
-        self._stop_at = None
+        waited, self._stop_at = self.stepping, None
         if self.state == State.WAITING:
             self._held = True
+            if waited:
+                self._on_change()
         elif self.ticking or self.state == State.HELD:
             self._life.go(Cause.PAUSE)
         return "the run is over: there is nothing to pause" if self.state in OVER else ""

@@ -74,7 +74,7 @@ TRANSITIONS: dict[tuple[State, Cause], State] = {
     (State.STALLED, Cause.ANSWERED): State.RUNNING,
     (State.RUNNING, Cause.SILENT): State.RETRACTED,
     (State.RETRACTED, Cause.ANSWERED): State.RUNNING,
-    # Limits of the instrument: it takes the drive itself. A sample that was taken away is out of contact on purpose, and
+    # Limits of the instrument: it takes the drive itself. A sample taken away is out of contact on purpose, and
     # an approach has a force limit of its own.
     **{(State.RUNNING, cause): State.WITHDRAWN for cause in LIMITS},
     **{(State.RETRACTED, cause): State.WITHDRAWN for cause in LIMITS if cause != Cause.CONTACT_LOST},
