@@ -10,7 +10,7 @@ from ..records import place
 from ..signals import TRUTH
 from .block import Layout
 
-_X, _NORMAL_FORCE = place(TRUTH, "position"), place(TRUTH, "normal_force")
+_X, _NORMAL_FORCE, _CONTACT = (place(TRUTH, name) for name in ("position", "normal_force", "contact"))
 
 
 class Inside:
@@ -32,12 +32,17 @@ class Inside:
     @property
     def scanner_position(self) -> tuple[float, float]:
         """Where the scanner truly is along x and y [m]."""
-        return float(self._truth[_X]), float(self._truth[_X + 1])
+        return self._truth.item(_X), self._truth.item(_X + 1)
 
     @property
     def normal_force(self) -> float:
         """Normal force of the tip on the sample [N]."""
-        return float(self._truth[_NORMAL_FORCE])
+        return self._truth.item(_NORMAL_FORCE)
+
+    @property
+    def in_contact(self) -> bool:
+        """Whether the tip touches the sample."""
+        return self._truth.item(_CONTACT) != 0.0
 
     @property
     def z_drive(self) -> float:

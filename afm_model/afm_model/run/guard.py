@@ -128,7 +128,7 @@ class Guard:
         # A sample that comes or was taken away is out of contact on purpose.
         watched = self._course.phase == State.RUNNING and self._course.life.state == State.RUNNING
         if self._contact_ticks and watched:
-            self._lost = 0 if instrument.in_contact else self._lost + 1
+            self._lost = 0 if instrument.inside.in_contact else self._lost + 1
             if self._lost >= self._contact_ticks:
                 return Cause.CONTACT_LOST, (
                     f"the tip has been out of contact for {safety.contact_timeout:g} s (safety.contact_timeout)"
@@ -175,7 +175,7 @@ class Guard:
                 f"{self._approach_force:g} N)",
             )
             return
-        if instrument.in_contact:
+        if instrument.inside.in_contact:
             if not self._touching:
                 instrument.inside.give_z()
             self._touching += 1
