@@ -12,6 +12,7 @@ from afm_controller_node.node import TUNABLE as LAW_TUNABLE
 from afm_model.fault import KINDS
 from afm_model.fault.entry import DRIVES, SENSORS
 from afm_model.parameters import Group, SetupSection, specifications
+from afm_model.run import TRANSITIONS, Cause, State
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_recorder_node.parameters import RecorderParameters
 from afm_sim_node.node import TUNABLE as SIM_TUNABLE
@@ -94,6 +95,34 @@ def rooms() -> str:
     return "\n".join(["```mermaid", "flowchart TD", *lines, "```"])
 
 
+_ON_REQUEST = (Cause.PAUSE, Cause.PLAY, Cause.BACK_WITHDRAWN, Cause.BACK_APPROACHING, Cause.ERROR, Cause.RESET)
+"""What leads from many states to one, or back: in the table, not in the picture."""
+_FROM_MANY = (Cause.UNANSWERED, Cause.UNRECORDED, Cause.END)
+"""What leads from many states to one: in the picture from RUNNING only."""
+
+
+def life() -> str:
+    """The states of a run and what leads from one to the next, as a diagram."""
+    arrows: dict[tuple[State, State], list[str]] = {}
+    for (state, cause), target in TRANSITIONS.items():
+        if cause not in _ON_REQUEST and (state == State.RUNNING or cause not in _FROM_MANY):
+            arrows.setdefault((state, target), []).append(cause.value)
+    lines = [f"  {a.name} --> {b.name}: {'<br>'.join(causes)}" for (a, b), causes in arrows.items()]
+    return "\n".join(["```mermaid", "stateDiagram-v2", "  [*] --> WAITING", *lines, "```"])
+
+
+def transitions() -> str:
+    """Every change of state there is, as a table."""
+    lines = ["| cause | from | to |", "|---|---|---|"]
+    for cause in Cause:
+        targets = {target for (_, each), target in TRANSITIONS.items() if each == cause}
+        for target in sorted(targets):
+            states = [a.name for (a, each), b in TRANSITIONS.items() if (each, b) == (cause, target)]
+            origin = "every state" if len(states) == len(State) else ", ".join(f"`{name}`" for name in states)
+            lines.append(f"| {cause.value} | {origin} | `{target.name}` |")
+    return "\n".join(lines)
+
+
 def between_marks(page: str, mark: str, text: str) -> str:
     """`page` with `text` between `<!-- mark -->` and the next `<!-- end -->`."""
     before, begin, rest = page.partition(f"<!-- {mark} -->\n")
@@ -114,9 +143,11 @@ def pages() -> dict[Path, str]:
         path = ROOT / "examples" / name
         language = {".py": "python", ".cpp": "cpp"}[path.suffix]
         controllers = between_marks(controllers, path.stem, f"```{language}\n{path.read_text().rstrip()}\n```")
+    safe_states = between_marks((DOCS / "safe_states.md").read_text(), "life", life())
     return {
         DOCS / "controllers.md": between_marks(controllers, "rules", rules()),
         DOCS / "faults.md": between_marks((DOCS / "faults.md").read_text(), "kinds", kinds()),
+        DOCS / "safe_states.md": between_marks(safe_states, "transitions", transitions()),
         DOCS / "parameters.md": parameters(),
         DOCS / "extending.md": extending,
         DOCS / "architecture.md": between_marks((DOCS / "architecture.md").read_text(), "rooms", rooms()),

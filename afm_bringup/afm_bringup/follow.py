@@ -13,6 +13,15 @@ _RECORDER_TIMEOUT = 30.0
 """Wall time without anything new at the recorder after which it is no longer waited for [s]."""
 
 
+_SAFE = (
+    InstrumentStatus.STALLED,
+    InstrumentStatus.RETRACTED,
+    InstrumentStatus.HELD,
+    InstrumentStatus.WITHDRAWN,
+)
+"""States that a run leaves only if somebody does something."""
+
+
 class RunError(RuntimeError):
     """Why a run did not come to its end, in one sentence."""
 
@@ -47,7 +56,7 @@ class Follower:
         Raises
         ------
         RunError
-            If it has ended in a fault, or the controller has been silent for too long.
+            If it has ended in a fault, or has been in a safe state for too long: nobody is there to resume it.
         """
         status = self._monitor.status
         if status is None:
@@ -56,12 +65,14 @@ class Follower:
             raise RunError(status.detail)
         # A controller that was only slow comes back; the score tells.
         now = time.monotonic()
-        if status.state not in (InstrumentStatus.STALLED, InstrumentStatus.RETRACTED):
+        if status.state not in _SAFE:
             self._silent_since = None
         elif self._silent_since is None:
             self._silent_since = now
         elif now >= self._silent_since + self._stall_timeout:
             detail = status.detail.removesuffix("; still waiting")
+            if status.state in (InstrumentStatus.HELD, InstrumentStatus.WITHDRAWN):
+                raise RunError(f"{detail}; that was {self._stall_timeout:g} s ago")
             raise RunError(f"{detail}, nor for {self._stall_timeout:g} s after that")
         return bool(status.state == InstrumentStatus.FINISHED) and self._monitor.score is not None
 

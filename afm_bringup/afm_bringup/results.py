@@ -91,6 +91,8 @@ def scorecard(
         "drives_clipped": score.drives_clipped,
         "drives_steep": score.drives_steep,
         "faults": score.faults.split(", ") if score.faults else [],
+        "withdrawals": score.withdrawals,
+        "ticks_withdrawn": score.ticks_withdrawn,
         "scored_from_s": score.start,
         **scored(_summary(score)),
         "round_trip_us": _microseconds(score.round_trip),
@@ -162,6 +164,11 @@ def print_scorecard(card: dict[str, Any], title: str) -> None:
         ),
         *([("faults", ", ".join(card["faults"]))] if card["faults"] else []),
         *([("ticks on a drive sent ahead", str(card["horizon_ticks"]))] if card["horizon_ticks"] else []),
+        *(
+            [("withdrawals, ticks withdrawn", f"{card['withdrawals']}, {card['ticks_withdrawn']}")]
+            if card["withdrawals"]
+            else []
+        ),
         ("simulated, wall time [s]", f"{card['simulated_s']:.4g}, {card['wall_s']:.4g}"),
         ("real-time factor reached", _show(card["real_time_factor"])),
         ("round trip p50, p99, p99.9, max [us]", ", ".join(map(_show, trip.values()))),

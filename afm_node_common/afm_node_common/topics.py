@@ -24,6 +24,8 @@ PAUSE = "pause"
 RESET = "reset"
 ORDER_FAULT = "order_fault"
 CLEAR_FAULTS = "clear_faults"
+RESUME = "resume"
+STEP = "step"
 
 
 def clock(namespace: str) -> str:

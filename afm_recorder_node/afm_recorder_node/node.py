@@ -37,7 +37,10 @@ _SETTLE, _DRAIN_LIMIT = 0.5, 10.0
 not here. The middleware may take more than its heartbeat of 3 s to repeat what was lost on the way [s]."""
 
 _STATES = {int(state): state.name for state in State}
-_LEVELS: dict[str, Level] = {"STALLED": "WARN", "RETRACTED": "WARN", "FAULT": "ERROR"}
+_LEVELS: dict[str, Level] = {
+    **dict.fromkeys(("STALLED", "RETRACTED", "HELD", "WITHDRAWN", "APPROACHING"), "WARN"),
+    "FAULT": "ERROR",
+}
 _ENDED = (InstrumentStatus.FINISHED, InstrumentStatus.FAULT)
 
 

@@ -11,6 +11,9 @@ _LEVEL = {
     State.STALLED: DiagnosticStatus.ERROR,
     State.RETRACTED: DiagnosticStatus.ERROR,
     State.FAULT: DiagnosticStatus.ERROR,
+    State.HELD: DiagnosticStatus.ERROR,
+    State.WITHDRAWN: DiagnosticStatus.ERROR,
+    State.APPROACHING: DiagnosticStatus.WARN,
 }
 
 
@@ -38,6 +41,7 @@ def diagnostic_status(
     counts = run.counts
     values = {
         "ticks": run.ticks,
+        "reason": run.reason,
         "real-time factor": f"{run.real_time_factor:.4g}",
         "round trip p50, p99, p99.9, max [s]": _show(delays.round_trip),
         "lateness p50, p99, p99.9, max [s]": _show(delays.lateness),
@@ -53,6 +57,8 @@ def diagnostic_status(
         "late ticks": counts.late_ticks,
         "periods missed": counts.periods_missed,
         "ticks retracted": counts.ticks_retracted,
+        "withdrawals": counts.withdrawals,
+        "ticks withdrawn": counts.ticks_withdrawn,
         **fast_path,
     }
     return entry(f"{name}: instrument", level, message, values)

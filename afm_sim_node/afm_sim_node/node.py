@@ -6,22 +6,25 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from afm_msgs.msg import RecorderStatus
 from numpy.typing import NDArray
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
-from std_srvs.srv import Trigger
 
 from afm_model import Block
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
 from afm_node_common.chores import Chore, Chores
+from afm_node_common.ears import Ears
 from afm_node_common.parameters import Declared
 from afm_node_common.process import SimNodeParameters
 
+from .control import Control
 from .faults import Faults
 from .link import TopicLink
 from .peers import Peers
 from .reporter import Reporter
+from .standard import INSTALLED, Standard
 from .streams import Streams, clock_bytes
 from .telemetry import Telemetry
 
@@ -69,18 +72,18 @@ class SimNode(Node):
         self._telemetry = Telemetry(self, self.run)
         self._reporter = Reporter(self, self.run, self._link, self._peers, self._streams, parameters)
         self._clock_publisher = self.create_publisher(ClockMessage, topics.clock(self.get_namespace()), 1)
-        for name, handler in (
-            (topics.PLAY, partial(self._serve, self.run.play)),
-            (topics.PAUSE, partial(self._serve, self.run.pause)),
-            (topics.RESET, self._reset),
-        ):
-            self.create_service(Trigger, name, handler)
         self._faults = Faults(self, self.run, declared)
+        self._control = Control(self, self.run, before_reset=self._faults.look)
+        self._standard = Standard(self, self.run, self._control) if INSTALLED else None
+        self._recorder_problem = ""
+        if parameters.safety.unrecorded:
+            Ears(self).listen(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
         self._clock_at = 0.0
         self._chores = Chores(
             Chore(self.run.flush, _STATUS_PERIOD),
             Chore(self._look_for_peers, _STATUS_PERIOD),
             Chore(self._faults.look, _STATUS_PERIOD),
+            Chore(self._look_at_the_recorder, _STATUS_PERIOD),
             Chore(self._reporter.publish_status, _STATUS_PERIOD),
             Chore(partial(self._look_for_peers, force=True), _DIAGNOSTICS_PERIOD),
             Chore(self._reporter.compose_diagnostics, _DIAGNOSTICS_PERIOD),
@@ -120,6 +123,8 @@ class SimNode(Node):
         if rate := self.parameters.run.telemetry_rate:
             self._telemetry.publish_at(now, 1.0 / rate)
         self._chores.do_one(now)
+        if self._standard is not None:
+            self._standard.look()
 
     def finish(self, spin_once: object) -> None:
         """Publish the last samples before the node ends."""
@@ -132,6 +137,8 @@ class SimNode(Node):
         """End the node."""
         self._link.close()
         self._telemetry.close()
+        if self._standard is not None:
+            self._standard.close()
         super().destroy_node()
 
     # What the run calls.
@@ -139,6 +146,7 @@ class SimNode(Node):
     def _on_state(self) -> None:
         self.step = self.run.step
         self._reporter.state_changed()
+        self._control.state_changed()
         state = self.run.state
         if state == State.FINISHED:
             self._publish_clock()
@@ -167,22 +175,19 @@ class SimNode(Node):
         if rivalry:
             self.run.fail(rivalry)
 
+    def _on_recorder(self, status: RecorderStatus) -> None:
+        self._recorder_problem = "" if status.writing else status.detail or "the recorder cannot write"
+
+    def _look_at_the_recorder(self) -> None:
+        if self.parameters.safety.unrecorded:
+            nobody = "" if self._streams.subscribers else "no recorder receives every stream"
+            self.run.tell_recorder(self._recorder_problem or nobody)
+
     def _publish_clock(self) -> None:
         # As bytes: rclpy's conversion of a message takes longer than a tick may.
         self._clock_publisher.publish(clock_bytes(self.run.stamp_ns))
 
-    # Services and parameters.
-
-    def _serve(self, ask: Callable[[], str], request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.message = ask()
-        response.success = not response.message
-        return response
-
-    def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._faults.look()
-        self.run.reset()
-        response.success = True
-        return response
+    # Parameters.
 
     def _on_change(self, parameters: SimNodeParameters) -> None:
         self.parameters = parameters

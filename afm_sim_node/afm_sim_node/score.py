@@ -34,7 +34,8 @@ def score_message(
 
     def of_the_tip(values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where the sample was taken away from the tip, the tip had nothing to follow: it must not look good."""
-        return np.where(np.arange(3) == _Z, np.nan, values) if counts.scored_ticks_retracted else values
+        away = counts.scored_ticks_retracted or counts.scored_ticks_withdrawn
+        return np.where(np.arange(3) == _Z, np.nan, values) if away else values
 
     score = Score(
         start=parameters.score_start,
@@ -69,6 +70,9 @@ def score_message(
         late_ticks=counts.late_ticks,
         periods_missed=counts.periods_missed,
         ticks_retracted=counts.ticks_retracted,
+        withdrawals=counts.withdrawals,
+        ticks_withdrawn=counts.ticks_withdrawn,
+        scored_ticks_withdrawn=counts.scored_ticks_withdrawn,
         trajectory_sha256=trajectory_sha256,
         faults=run.faults_acted,
     )

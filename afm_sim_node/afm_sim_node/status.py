@@ -28,6 +28,7 @@ def status_message(
     counts = run.counts
     status = InstrumentStatus(
         state=int(run.state),
+        reason=run.reason,
         detail=run.detail,
         warning=warning,
         plant=parameters.plant.kind,
@@ -49,6 +50,8 @@ def status_message(
         drives_steep=counts.drives_steep,
         late_ticks=counts.late_ticks,
         periods_missed=counts.periods_missed,
+        withdrawals=counts.withdrawals,
+        ticks_withdrawn=counts.ticks_withdrawn,
         in_contact=run.in_contact,
         faults=run.faults,
     )

@@ -20,6 +20,7 @@ from ..records import record_at, size
 from ..signals import COMMAND, MEASUREMENT, TRUTH
 from .block import LOOP, Layout, line_slots
 from .faults import Faults
+from .inside import Inside
 from .score import ScoreSummary, summarize
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
@@ -89,6 +90,8 @@ class Instrument:
         self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
         self.measurement = layout.array(self._block, "measurement")
         self._faults = Faults(layout, self._block, parameters)
+        self.inside = Inside(layout, self._block, parameters)
+        """What the instrument's own limits look at, and z in their hands."""
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.functions]
         self._fill_loop()
@@ -124,6 +127,7 @@ class Instrument:
         seeds = np.random.SeedSequence(parameters.plant.seed).spawn(4)
         self._disturbance, self._noise, self._position_noise, self._chance = map(np.random.default_rng, seeds)
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
+        self.inside.give_z()
         for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
         for name in ("asked", "asked_next"):

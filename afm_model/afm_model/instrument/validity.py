@@ -1,5 +1,6 @@
 """What makes a score doubtful: the run went where the equations, or their integration, do not hold."""
 
+import math
 from typing import Any
 
 from .. import registry
@@ -34,17 +35,16 @@ def doubts(
     plant: Any = parameters.plant
     found = []
     least, largest = score.normal_force
-    resolved = resolved_load(parameters)
+    weakest, resolved = valid_forces(parameters)
     if largest > resolved:
         found.append(
             f"the normal force rose to {largest:.3g} N: steps of plant.dt = {plant.dt:g} s resolve the contact up to "
             f"{resolved:.3g} N only"
         )
     if plant.kind == "paper":
-        weakest = _least_pull_off_force(parameters)
-        if least <= -weakest:
+        if least <= weakest:
             found.append(
-                f"the normal force fell to {least:.4g} N, beyond the pull-off force of {-weakest:.4g} N: the contact "
+                f"the normal force fell to {least:.4g} N, beyond the pull-off force of {weakest:.4g} N: the contact "
                 f"would be lost, which the paper's plant does not know"
             )
         elif plant.z == "computed":
@@ -64,6 +64,16 @@ def doubts(
                 "sample the error along z does not follow docs/theory.md (29)"
             )
     return found
+
+
+def valid_forces(parameters: InstrumentParameters) -> tuple[float, float]:
+    """Least and largest normal force [N] between which the plant, or its integration, holds; infinite: any.
+
+    Above, steps of plant.dt do not resolve the contact. Below, the contact would be lost, which the paper's plant does
+    not know.
+    """
+    low = -_least_pull_off_force(parameters) if parameters.plant.kind == "paper" else -math.inf
+    return low, resolved_load(parameters)
 
 
 def load_gain(parameters: InstrumentParameters, load: float, reach_x: float, reach_y: float) -> float:

@@ -132,6 +132,17 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     u.voltage[2] = s.z / p.metres
 
 
+def _take(p: Any, s: Any, volts: float) -> None:
+    """Feedback off, z by the instrument."""
+    p.hold = 1.0
+    s.z = s.integral = p.metres * volts
+
+
+def _release(parameters: Tree, p: Any) -> None:
+    """Feedback again, without a jump, unless it is off by the parameters."""
+    p.hold = float(parameters.onboard.hold)
+
+
 PI = Onboard(
     name="pi",
     parameters=PiParameters,
@@ -139,6 +150,8 @@ PI = Onboard(
     state=STATE,
     values=_values,
     check=_check,
+    take=_take,
+    release=_release,
     regulate=regulate,
     begin=_begin,
     warnings=_warnings,

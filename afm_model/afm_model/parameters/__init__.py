@@ -21,6 +21,7 @@ from .controller import ControllerParameters
 from .instrument import InstrumentParameters, Score
 from .microscope import SetupSection, resolved
 from .run import Run, SimParameters
+from .safety import Safety
 
 __all__ = [
     "Cantilever",
@@ -32,6 +33,7 @@ __all__ = [
     "NonNegative",
     "Positive",
     "Run",
+    "Safety",
     "Scales",
     "Scanner",
     "Score",

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from ..schema import Group, NonNegative, Positive, Unit
 from .instrument import InstrumentParameters
+from .safety import Safety
 
 
 class Run(Group):
@@ -47,6 +48,7 @@ class SimParameters(InstrumentParameters):
     """The instrument and how it runs: all parameters of the simulator."""
 
     run: Run = Run()
+    safety: Safety = Safety()
 
     @property
     def total_ticks(self) -> int:

@@ -33,6 +33,12 @@ class Counts:
     """realtime: ticks in which the sample was retracted."""
     scored_ticks_retracted: int = 0
     """Those of them that are scored."""
+    withdrawals: int = 0
+    """Times that the sample was withdrawn because of a limit."""
+    ticks_withdrawn: int = 0
+    """Ticks in which the instrument had the drive because of a limit: withdrawn, or on the way back to the tip."""
+    scored_ticks_withdrawn: int = 0
+    """Those of them that are scored."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,7 @@ class Snapshot:
     refusal: str  # the sentence about the drive refused last; empty if none was
     faults: str = ""  # names of the faults that act now
     faults_acted: str = ""  # and of those that have acted
+    reason: str = ""  # why the controller's drive is not in force, in two words; empty if it is
     unreadable: str = ""  # a clause about the drive that could not be read last; empty if there was none
 
     @property

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from ..instrument import Instrument
 from ..parameters import SimParameters
 from .counts import Counts
 from .link import Link
-from .state import Life
+from .state import REASONS, Cause, Life, State
 from .ticker import Ticker
 
 
@@ -36,6 +36,29 @@ class Course:
     """The sentence about the drive refused last."""
     unreadable: str = ""
     """A clause about the drive that could not be read last."""
+    phase: State = State.RUNNING
+    """Who has the drive while simulated time goes on: RUNNING the controller, WITHDRAWN or APPROACHING the guard."""
+    limit: Cause | None = None
+    """The limit passed last, as long as the guard has the drive."""
+    tick: Callable[..., bool] = field(init=False)
+    """Make one tick, as `Ticker.tick`, or as `Guard.tick` where there is something to guard."""
+
+    def __post_init__(self) -> None:
+        """Without a guard."""
+        self.tick = self.ticker.tick
+
+    @property
+    def reason(self) -> str:
+        """Why the controller's drive is not in force, in two words; empty if it is."""
+        return REASONS.get(self.life.state if self.limit is None else self.limit, "")
+
+    def go_on(self, cause: Cause) -> None:
+        """Let simulated time go on that stood still: as what the run was before."""
+        if self.phase == State.RUNNING:
+            self.life.go(cause)
+        else:
+            back = Cause.BACK_WITHDRAWN if self.phase == State.WITHDRAWN else Cause.BACK_APPROACHING
+            self.life.go(back, f"the instrument has the drive (after: {self.reason})")
 
     @property
     def controller(self) -> str:

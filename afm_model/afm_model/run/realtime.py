@@ -48,6 +48,8 @@ class Realtime(Pacing):
     def resume(self) -> None:
         """Begin a new series of deadlines; a controller has its time again."""
         self._period = 0.0
+        if self._course.phase == State.RUNNING:
+            self._instrument.inside.give_z()
         self.adapt()
         self._last_drive_at = self._course.clock()
 
@@ -92,7 +94,7 @@ class Realtime(Pacing):
         self._watch_over(now)
         course.ticker.note_delay(late, now - self._asked_at)
         try:
-            going_on = course.ticker.tick(self._drive, round_trip, self._answered)
+            going_on = course.tick(self._drive, round_trip, self._answered)
         except DivergenceError as error:
             course.fail(self._explain(error))
             return True
@@ -147,6 +149,8 @@ class Realtime(Pacing):
         if silent and life.state == State.RUNNING:
             if isinstance(self._drive, Command):
                 self._drive = self._instrument.drive
+            if self._instrument.inside.has_z_loop:
+                self._drive[2] = self._instrument.inside.z_drive
             self._retract.begin(self._drive[2])
             life.go(
                 Cause.SILENT,
@@ -154,10 +158,12 @@ class Realtime(Pacing):
                 f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted",
             )
         elif not silent and life.state == State.RETRACTED:
+            self._instrument.inside.give_z()
             life.go(Cause.ANSWERED)
         if life.state == State.RETRACTED:
             assert not isinstance(self._drive, Command)
             self._drive[2] = self._retract.next(self._drive[2], course.parameters)
+            self._instrument.inside.take_z(float(self._drive[2]))
             counts.ticks_retracted += 1
             counts.scored_ticks_retracted += self._instrument.ticks >= self._scored_from
 

@@ -11,6 +11,7 @@ from ..instrument import Block, Instrument
 from ..parameters import SimParameters
 from .counts import Counts, Snapshot
 from .course import Course, Pacing
+from .guard import Guard
 from .link import Link
 from .lockstep import Lockstep
 from .realtime import Realtime
@@ -82,6 +83,11 @@ class Run:
             finish=self._finish,
             fail=self._fail,
         )
+        self._guard = Guard(self._course)
+        if parameters.safety.guarded:
+            self._course.tick = self._guard.tick
+        self._stop_at: int | None = None  # tick at which the run pauses by itself
+        self._record_anyway = False
         self._pacing: Pacing = Lockstep(self._course) if parameters.run.mode == "lockstep" else Realtime(self._course)
         self._period_ns = parameters.plant.control_period * 1e9
         self.step: Callable[[], bool] = self._start_when_ready
@@ -126,6 +132,7 @@ class Run:
                 course.counts, drives_clipped=instrument.drives_clipped, drives_steep=instrument.drives_steep
             ),
             refusal=course.refusal,
+            reason=course.reason,
             unreadable=course.unreadable,
             faults=", ".join(active(instrument.parameters, instrument.ticks)) if instrument.has_faults else "",
             faults_acted=", ".join(acted(instrument.parameters, instrument.ticks)) if instrument.has_faults else "",
@@ -139,19 +146,81 @@ class Run:
 
     def play(self) -> str:
         """Start as soon as everybody is there, or go on after a pause; why not, or an empty string."""
+        if self._stop_at is not None:
+            self._stop_at = None
+            self._on_change()
+        return self._go_on()
+
+    def step_by(self, ticks: int) -> str:
+        """Make so many ticks and pause again; why not, or an empty string.
+
+        A run that has been told not to start before `play` starts with them.
+        """
+        if ticks < 1:
+            return f"{ticks} ticks are not allowed: it must be 1 at least"
+        if self.state != State.PAUSED and not (self.state == State.WAITING and self._held):
+            return f"the run is {self.state.title}: it must be paused"
+        self._stop_at = self.instrument.ticks + ticks
+        return self._go_on()
+
+    @property
+    def steps_left(self) -> int:
+        """Ticks that `step_by` has asked for and that are not made yet."""
+        return 0 if self._stop_at is None else self._stop_at - self.instrument.ticks
+
+    @property
+    def stepping(self) -> bool:
+        """Whether there are any."""
+        return self._stop_at is not None
+
+    @property
+    def waits_for_play(self) -> bool:
+        """Whether a run that has not started does not start before `play`."""
+        return self._held
+
+    def _go_on(self) -> str:
         self._held = False
         if self.state == State.PAUSED:
-            self._life.go(Cause.PLAY)
+            self._course.go_on(Cause.PLAY)
             self._pacing.resume()
         return "the run is over: call reset first" if self.state in OVER else ""
 
     def pause(self) -> str:
         """Stop between two ticks, or do not start before `play`; why not, or an empty string."""
+        waited, self._stop_at = self.stepping, None
         if self.state == State.WAITING:
             self._held = True
-        elif self.ticking:
+            if waited:
+                self._on_change()
+        elif self.ticking or self.state == State.HELD:
             self._life.go(Cause.PAUSE)
         return "the run is over: there is nothing to pause" if self.state in OVER else ""
+
+    def resume(self) -> str:
+        """Bring a withdrawn sample back to the tip, or go on without a recording; why not, or an empty string."""
+        if self.state == State.WITHDRAWN:
+            return self._guard.resume()
+        if self.state == State.HELD:
+            self._record_anyway = True
+            self._leave_hold()
+            return ""
+        if self.state == State.PAUSED and self._course.phase != State.RUNNING:
+            return "the run is paused: call play first"
+        return f"the run is {self.state.title}: there is nothing to resume"
+
+    def tell_recorder(self, problem: str) -> None:
+        """Say why the recorder cannot write its file; empty: it can."""
+        if not problem:
+            self._record_anyway = False
+            if self.state == State.HELD:
+                self._leave_hold()
+        elif self.ticking and self.state != State.STALLED and self._course.parameters.safety.unrecorded:
+            if not self._record_anyway:
+                self._life.go(Cause.UNRECORDED, f"{problem}: the run is held (safety.unrecorded)")
+
+    def _leave_hold(self) -> None:
+        self._course.go_on(Cause.RECORDED)
+        self._pacing.resume()
 
     def reset(self) -> None:
         """Go back to the start: same state, same random numbers. Whatever was recorded is handed on before.
@@ -162,7 +231,12 @@ class Run:
         course.ticker.flush()
         course.ticker.reset()
         course.counts, course.refusal, course.unreadable = Counts(), "", ""
-        self._held = course.parameters.run.start_paused or self.state == State.PAUSED
+        # A run that was stepped was paused between the steps.
+        paused = self.state == State.PAUSED or self._stop_at is not None
+        self._held = course.parameters.run.start_paused or paused
+        self._stop_at = None
+        self._record_anyway = False
+        self._guard.reset()
         self._watch = Stopwatch(course.clock)
         self._life.go(Cause.RESET)
 
@@ -228,11 +302,21 @@ class Run:
         state = self._life.state
         if state in TICKING:
             self._watch.start()
-            self.step = self._pacing.step
+            self.step = self._pacing.step if self._stop_at is None else self._step_to_the_stop
         else:
             self._watch.stop()
             self.step = self._start_when_ready if state == State.WAITING else self._rest
+        if state in OVER:
+            self._stop_at = None
         self._listeners.changed()
+
+    def _step_to_the_stop(self) -> bool:
+        """One of the steps asked for; behind the last one the run is paused."""
+        done = self._pacing.step()
+        if self.ticking and self.steps_left == 0 and self._stop_at is not None:
+            self._stop_at = None
+            self._life.go(Cause.PAUSE)
+        return done
 
     def _rest(self) -> bool:
         """Nothing to do."""

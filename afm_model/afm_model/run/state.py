@@ -18,6 +18,9 @@ class State(IntEnum):
     RETRACTED = 4
     FINISHED = 5
     FAULT = 6
+    HELD = 7
+    WITHDRAWN = 8
+    APPROACHING = 9
 
     @property
     def title(self) -> str:
@@ -26,43 +29,85 @@ class State(IntEnum):
 
 
 class Cause(Enum):
-    """Why a state is left. The text stands beside the arrow in docs/topics.md."""
+    """Why a state is left. The text stands beside the arrow in docs/safe_states.md."""
 
     START = "everybody is there"
     UNANSWERED = "no answer within run.lockstep_timeout"
     SILENT = "no drive for run.watchdog_timeout"
     ANSWERED = "a drive arrives"
-    PAUSE = "pause"
-    PLAY = "play"
+    TRAVEL = "beyond safety.travel_limit"
+    FORCE = "beyond safety.force_limit"
+    CONTACT_LOST = "no contact for safety.contact_timeout"
+    INVALID = "outside the validity of the plant"
+    RESUME = "resume, or safety.resume_after is over"
+    APPROACHED = "in contact for safety.settle_time"
+    NOT_APPROACHED = "beyond safety.approach_force, or no contact within safety.approach_timeout"
+    UNRECORDED = "the recorder cannot write"
+    RECORDED = "the recorder writes again, or resume"
+    BACK_WITHDRAWN = "goes on, and was withdrawn before"
+    BACK_APPROACHING = "goes on, and was approaching before"
+    PAUSE = "pause, or the steps asked for are done"
+    PLAY = "play or step"
     END = "the duration is over"
     ERROR = "drive refused in lockstep, motion diverged, part broken, or second simulator"
     RESET = "reset"
 
 
-TICKING = frozenset({State.RUNNING, State.STALLED, State.RETRACTED})
+SAFE = frozenset({State.STALLED, State.RETRACTED, State.HELD, State.WITHDRAWN, State.APPROACHING})
+"""The controller's drive is not in force, because something has gone wrong: the safe states."""
+LIMITS = (Cause.TRAVEL, Cause.FORCE, Cause.CONTACT_LOST, Cause.INVALID)
+"""What withdraws the sample."""
+TICKING = frozenset({State.RUNNING, State.STALLED, State.RETRACTED, State.WITHDRAWN, State.APPROACHING})
 """The run goes on, or would with the next drive."""
 OVER = frozenset({State.FINISHED, State.FAULT})
 """Nothing happens any more until a reset."""
 
+_MOVING = (State.RUNNING, State.RETRACTED, State.WITHDRAWN, State.APPROACHING)
+"""Simulated time goes on."""
+_STANDING = (State.STALLED, State.PAUSED, State.HELD)
+"""Simulated time stands still, and may go on."""
+
 TRANSITIONS: dict[tuple[State, Cause], State] = {
     (State.WAITING, Cause.START): State.RUNNING,
-    (State.RUNNING, Cause.UNANSWERED): State.STALLED,
-    (State.RUNNING, Cause.SILENT): State.RETRACTED,
+    # Nobody answers: simulated time stands still in lockstep; in realtime the sample is retracted.
+    **{(state, Cause.UNANSWERED): State.STALLED for state in _MOVING if state != State.RETRACTED},
     (State.STALLED, Cause.ANSWERED): State.RUNNING,
+    (State.RUNNING, Cause.SILENT): State.RETRACTED,
     (State.RETRACTED, Cause.ANSWERED): State.RUNNING,
-    (State.RUNNING, Cause.PAUSE): State.PAUSED,
-    (State.STALLED, Cause.PAUSE): State.PAUSED,
-    (State.RETRACTED, Cause.PAUSE): State.PAUSED,
+    # Limits of the instrument: it takes the drive itself. A sample taken away is out of contact on purpose, and
+    # an approach has a force limit of its own.
+    **{(State.RUNNING, cause): State.WITHDRAWN for cause in LIMITS},
+    **{(State.RETRACTED, cause): State.WITHDRAWN for cause in LIMITS if cause != Cause.CONTACT_LOST},
+    (State.APPROACHING, Cause.TRAVEL): State.WITHDRAWN,
+    (State.APPROACHING, Cause.INVALID): State.WITHDRAWN,
+    (State.WITHDRAWN, Cause.RESUME): State.APPROACHING,
+    (State.APPROACHING, Cause.APPROACHED): State.RUNNING,
+    (State.APPROACHING, Cause.NOT_APPROACHED): State.WITHDRAWN,
+    # Nothing is recorded: simulated time stands still.
+    **{(state, Cause.UNRECORDED): State.HELD for state in _MOVING},
+    (State.HELD, Cause.RECORDED): State.RUNNING,
+    # Control of the run.
+    **{(state, Cause.PAUSE): State.PAUSED for state in (*_MOVING, State.STALLED, State.HELD)},
     (State.PAUSED, Cause.PLAY): State.RUNNING,
-    (State.RUNNING, Cause.END): State.FINISHED,
-    (State.RETRACTED, Cause.END): State.FINISHED,
-    (State.RUNNING, Cause.ERROR): State.FAULT,
-    (State.STALLED, Cause.ERROR): State.FAULT,
-    (State.RETRACTED, Cause.ERROR): State.FAULT,
-    (State.PAUSED, Cause.ERROR): State.FAULT,
+    # What stood still goes on as what it was: a pause does not bring a withdrawn sample back.
+    **{(state, Cause.BACK_WITHDRAWN): State.WITHDRAWN for state in _STANDING},
+    **{(state, Cause.BACK_APPROACHING): State.APPROACHING for state in _STANDING},
+    **{(state, Cause.END): State.FINISHED for state in _MOVING},
+    **{(state, Cause.ERROR): State.FAULT for state in (*_MOVING, *_STANDING)},
     **{(state, Cause.RESET): State.WAITING for state in State},
 }
-"""Every transition there is."""
+"""Every transition there is. docs/safe_states.md shows them as a picture, made from this table."""
+
+REASONS: dict[State | Cause, str] = {
+    State.STALLED: "silent controller",
+    State.RETRACTED: "silent controller",
+    State.HELD: "not recorded",
+    Cause.TRAVEL: "travel limit",
+    Cause.FORCE: "force limit",
+    Cause.CONTACT_LOST: "contact lost",
+    Cause.INVALID: "outside validity",
+}
+"""What a safe state is told as, by the state or by the limit that was passed: InstrumentStatus.reason."""
 
 
 class Life:

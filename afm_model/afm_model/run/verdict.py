@@ -40,6 +40,14 @@ def verdict(summary: ScoreSummary, end: Snapshot) -> str:
             f"the sample was retracted in {retracted} of {summary.ticks} scored ticks "
             f"({_percent(retracted, summary.ticks)}), because no drive came"
         )
+    withdrawn = end.counts.scored_ticks_withdrawn
+    if summary.ticks and withdrawn:
+        times = end.counts.withdrawals
+        return (
+            f"the instrument had the drive in {withdrawn} of {summary.ticks} scored ticks "
+            f"({_percent(withdrawn, summary.ticks)}): it withdrew the sample {times} time{'s' * (times != 1)}, because "
+            "a limit was passed"
+        )
     return ""
 
 

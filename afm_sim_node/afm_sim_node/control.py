@@ -1,0 +1,77 @@
+"""Services by which a run is controlled."""
+
+from collections.abc import Callable
+from functools import partial
+
+from afm_msgs.srv import Step
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from afm_model.run import Run
+from afm_node_common import topics
+
+
+class Control:
+    """Serves `play`, `pause`, `reset`, `resume` and `step`.
+
+    Parameters
+    ----------
+    node : Node
+    run : Run
+    before_reset : callable
+        Called while what happened before a reset is still known.
+    """
+
+    def __init__(self, node: Node, run: Run, before_reset: Callable[[], None]) -> None:
+        self._run, self._before_reset = run, before_reset
+        self._waiting: list[tuple[Future, int]] = []
+        for name, ask in (
+            (topics.PLAY, run.play),
+            (topics.PAUSE, run.pause),
+            (topics.RESUME, run.resume),
+            (topics.RESET, self.reset),
+        ):
+            node.create_service(Trigger, name, partial(self._serve, ask))
+        self.patient = ReentrantCallbackGroup()
+        """Of services that are answered late: what the node has otherwise must not wait for them."""
+        node.create_service(Step, topics.STEP, self._serve_step, callback_group=self.patient)
+
+    async def step(self, ticks: int) -> str:
+        """Make so many ticks; why they were not made, or an empty string, when that is known."""
+        if problem := self._run.step_by(ticks):
+            return problem
+        future = Future()
+        self._waiting.append((future, self._run.instrument.ticks + ticks))
+        return str(await future)
+
+    def state_changed(self) -> None:
+        """Answer those who wait for steps that are made, or will not be."""
+        if self._run.stepping:
+            return
+        waiting, self._waiting = self._waiting, []
+        for future, end in waiting:
+            future.set_result(self.missing(end))
+
+    def missing(self, end: int) -> str:
+        """Why the steps were given up before the tick `end`; empty if they were not."""
+        if self._run.instrument.ticks == end:
+            return ""
+        return f"not all of the ticks were made: the run is {self._run.state.title}"
+
+    def _serve(self, ask: Callable[[], str], request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.message = ask()
+        response.success = not response.message
+        return response
+
+    async def _serve_step(self, request: Step.Request, response: Step.Response) -> Step.Response:
+        response.message = await self.step(request.ticks)
+        response.success = not response.message
+        return response
+
+    def reset(self) -> str:
+        """Back to the start."""
+        self._before_reset()
+        self._run.reset()
+        return ""
