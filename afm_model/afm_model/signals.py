@@ -59,6 +59,11 @@ SURFACE = record(
     "curvature_xy",
     "strength",  # friction strength over that of contact.tau [1]
     "adhesion",  # work of adhesion over that of the plant [1]; 1 if the sample does not write it; plant lever
+    "potential_x",  # of a sample with a lattice: slope of its potential [N]
+    "potential_y",
+    "potential_xx",  # its second derivatives [N/m]
+    "potential_yy",
+    "potential_xy",
 )
 """The sample at one place."""
 

@@ -6,7 +6,7 @@ docs/extending.md shows one of each.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,16 @@ class Channel:
     unit: str
     field: str
     scale: Callable[[Tree], float] = _one
+
+
+class Corrugation(NamedTuple):
+    """Sizes of the potential of a sample of atoms, SI units; of its height the same per load."""
+
+    period: float  # distance of neighbouring minima [m]
+    force: float  # largest slope along a row of minima [N]
+    stiffness: float  # largest second derivative [N/m]
+    slope: float  # of the height [1]
+    bend: float  # [1/m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,6 +218,8 @@ class Plant(Part):
     sample_in_si : bool
         The plant takes slopes and curvatures of the sample in SI, not in scaled coordinates, and checks by itself
         whether its tip touches the sample in one point.
+    takes_lattice : bool
+        Its friction can be the potential that a sample with `lattice` writes.
     warnings : callable
         Parameters -> what is implausible, a sentence each.
     """
@@ -223,6 +235,7 @@ class Plant(Part):
     rest: Callable[[Any, Any, Any, Any], tuple[float, float, float]]
     map: Callable[[Any], NDArray[np.float64]] | None = None
     sample_in_si: bool = False
+    takes_lattice: bool = False
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 
@@ -241,6 +254,9 @@ class Sample(Part):
     contrast : callable, optional
         Parameters -> least and largest (w/w_0)^2 R_e/R, work of adhesion and effective radius over those of the plant,
         for the plant `lever`; by default what the curvature makes of it.
+    lattice : callable, optional
+        Parameters -> Corrugation, for a sample whose `surface` also writes the derivatives of a potential for the place of
+        the tip; that takes the place of friction.
     """
 
     family = "sample"
@@ -251,6 +267,7 @@ class Sample(Part):
     height: Callable[[Any], float] = lambda parameters: 0.0
     curvature: Callable[[Any], float] = lambda parameters: 0.0
     contrast: Callable[[Any], tuple[float, float]] | None = None
+    lattice: Callable[[Any], Corrugation] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

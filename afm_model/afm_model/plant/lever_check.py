@@ -8,6 +8,7 @@ from ..parts.part import Tree
 from ..physics import Cantilever, Contact, Scanner
 from ..schema import flatten
 from . import beam
+from .lever_apex import apex_warnings, check_apex
 from .lever_constants import sample_curvature
 
 RESOLVED = 1.5
@@ -20,6 +21,7 @@ def check(parameters: Tree) -> None:
     """Raise ValueError for what is impossible."""
     plant = parameters.plant
     _refuse_of_other_plants(parameters)
+    check_apex(parameters)
     c, s = plant.cantilever_numbers, plant.scanner_numbers
     if c.thickness >= c.width or c.width >= c.length:
         raise ValueError(
@@ -122,4 +124,4 @@ def warnings(parameters: Tree) -> list[str]:
                 f"plant.k_{axis} = {k:g} N/m and plant.f_{axis} = {f:g} Hz make the moving mass {moved:.3g} kg: "
                 f"scanners move 1e-4 to 1 kg"
             )
-    return found
+    return found + apex_warnings(parameters)

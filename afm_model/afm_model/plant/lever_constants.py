@@ -9,6 +9,7 @@ from ..contact.table import transitions
 from ..parts.part import Numbers, Tree
 from ..records import record
 from . import beam
+from .lever_apex import APEX_CONSTANTS, apex_constants
 from .lever_thermal import kick
 from .random_numbers import THERMAL, key_of
 
@@ -62,11 +63,12 @@ CONSTANTS = record(
     "row_first",  # its transition parameter, and the step from row to row
     "row_step",
     "transition",  # transition parameter on a flat sample
+    *APEX_CONSTANTS,
     vectors=(
         *("metres", "w2", "inverse", "push", "mode_w2", "mode_inverse"),
         *("mode_push", "kick", "mode_y", "mode_z", "mode_shown"),
     ),
-    integers=("rows", "thermal_key"),
+    integers=("rows", "thermal_key", "apex_key"),
 )
 
 
@@ -209,4 +211,4 @@ def lever_constants(parameters: Tree) -> Numbers:
         "row_step": table[1] - table[0] if len(table) > 1 else 1.0,
         "transition": plant.transition,
     }
-    return numbers | scanner | modes | twist | static | total
+    return numbers | scanner | modes | twist | static | total | apex_constants(parameters)

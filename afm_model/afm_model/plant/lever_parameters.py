@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
-from ..parts.groups import PlantParameters
 from ..schema import NonNegative, Positive, Unit
 from . import beam
+from .lever_apex import ApexParameters
 from .presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
 
 _PRESET = "0: that of the preset"
@@ -18,7 +18,7 @@ _Metre = Annotated[NonNegative, Unit("m")]
 _Hertz = Annotated[NonNegative, Unit("Hz")]
 
 
-class LeverGroup(PlantParameters):
+class LeverGroup(ApexParameters):
     """A scanner and a cantilever as in a laboratory: the tip sticks, the cantilever bends and twists."""
 
     kind: str = Field("lever", description="equations of motion")
@@ -78,7 +78,7 @@ class LeverGroup(PlantParameters):
     )
     range: _Metre = Field(0.0, description=f"range z_0 of the adhesive stress; {_PRESET}")
     temperature: Annotated[NonNegative, Unit("K")] = Field(
-        0.0, description="thermal noise of the cantilever, by a stream of its own from seed; 0: none"
+        0.0, description="thermal noise of the cantilever and of a tip's apex on a lattice, each by a stream of its own from seed; 0: none"
     )
     contact: Literal["maugis", "jkr", "dmt"] = Field(
         "maugis", description="adhesive contact; maugis takes its place between dmt and jkr from materials and radius"

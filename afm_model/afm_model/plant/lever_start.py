@@ -10,8 +10,10 @@ from ..parts.header import HEADER
 from ..parts.part import Tree
 from ..records import record_at
 from ..sample import surface
+from .lever_apex import require_resolved_apex
 from .lever_check import require_blunt_sample
 from .lever_contact import normal, place_frame
+from .lever_lattice import downhill
 
 _PASSES = 60
 """Of the fixed-point iteration for the place under the tip: the sample moves under it as the tip is pushed aside."""
@@ -52,22 +54,32 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     raised = parameters.reference.z_r - p.a
     for _ in range(_PASSES):
         before = s.U_x, s.U_y
-        H = surface(s.U_x / p.x0, s.U_y / p.x0, m)
+        H = surface(s.A_x / p.x0, s.A_y / p.x0, m)
         place_frame(H, p, s, m, at)
-        n = np.array([H.slope_x * p.rise, H.slope_y * p.rise, 1.0])
+        # A lattice is flat: its height belongs to its potential.
+        n = np.array([0.0, 0.0, 1.0]) if p.lattice else np.array([H.slope_x * p.rise, H.slope_y * p.rise, 1.0])
         n /= np.linalg.norm(n)
         if plant.gap > 0.0:
             s.delta = -plant.gap * n[2]
         else:
-            s.delta = _indentation(raised / (C_zz * n[2] + C_yz * n[1]), parameters, p, s, m, at)
+            s.delta = _indentation((raised - C_yz * s.T_y) / (C_zz * n[2] + C_yz * n[1]), parameters, p, s, m, at)
         s.N, _, s.F_max, _, s.a = plain(normal)(s.delta, s, p, m, at)
         s.F_x, s.F_y, s.F_z = s.N * n
+        if p.lattice and s.a > 0.0:
+            k = 1.0 / (p.apex_compliance + 1.0 / (p.stiffness_per_radius * s.a))
+            require_resolved_apex(parameters, k, s.N)
+            give = C_x + 1.0 / scanner.k_x + 1.0 / k, C_yy + 1.0 / scanner.k_y + 1.0 / k
+            _hold(give, -C_yz * s.N, p, s, m)
+            s.F_x, s.F_y = s.T_x, s.T_y
+            s.F_max = p.lattice_force + p.lattice_slope * max(s.N, 0.0)
         s.X, s.Y = -s.F_x / scanner.k_x, -s.F_y / scanner.k_y
         s.U_x = s.X - C_x * s.F_x - s.delta * n[0]
         s.U_y = s.Y - C_yy * s.F_y - C_yz * s.F_z - s.delta * n[1]
+        if not p.lattice or s.a == 0.0:
+            s.A_x, s.A_y = s.U_x, s.U_y
         if before == (s.U_x, s.U_y):
             break
-    s.A_x, s.A_y, s.stuck = s.U_x, s.U_y, float(s.a > 0.0)
+    s.stuck = float(s.a > 0.0)
     for i in range(3):
         s.q[i] = each[i] * (p.mode_y[i] * s.F_y + p.mode_z[i] * s.F_z)
     s.tip = C_yz * s.F_y + C_zz * s.F_z
@@ -76,6 +88,35 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     s.twist = s.phi + p.twist_x * s.F_x
     s.Z = p.a + s.tip - H.height * p.z0 + s.delta * n[2]
     return 0.0, 0.0, float((s.Z + s.F_z / scanner.k_z) / p.metres[2])
+
+
+def _hold(give: tuple[float, float], beside: float, p: Any, s: Any, m: Any) -> None:
+    """Write into s the minimum of a lattice in which the tip rests, and the force that holds it there.
+
+    Parameters
+    ----------
+    give : (x, y) [m/N]
+        Of everything elastic behind the apex.
+    beside : float [m]
+        Place along y of a tip without lateral force.
+    """
+    u_x, u_y = 0.0, beside
+    rest = False
+    while not rest:
+        H = surface(u_x / p.x0, u_y / p.x0, m)
+        s.T_x, s.T_y = -u_x / give[0], (beside - u_y) / give[1]
+        slope, bend = s.N * p.rise, s.N * p.rise / p.x0
+        step_x, step_y, newton = plain(downhill)(
+            H.potential_x + slope * H.slope_x - s.T_x,
+            H.potential_y + slope * H.slope_y - s.T_y,
+            1.0 / give[0] + H.potential_xx + bend * H.curvature_xx,
+            H.potential_xy + bend * H.curvature_xy,
+            1.0 / give[1] + H.potential_yy + bend * H.curvature_yy,
+            0.03 * p.lattice_period,
+        )
+        rest = abs(step_x) + abs(step_y) < 1e-10 * p.lattice_period
+        u_x, u_y = u_x + step_x, u_y + step_y
+    s.A_x, s.A_y = u_x, u_y
 
 
 def _modes(p: Any) -> list[tuple[float, float, float]]:

@@ -1,6 +1,7 @@
 """State of the plant `lever`, SI units: what its step, docs/lever.md (14) to (23), changes."""
 
 from ..records import record
+from .lever_apex import APEX_STATE
 from .lever_contact import FRAME
 
 STATE = record(
@@ -38,5 +39,6 @@ STATE = record(
     "twist",  # of the end [rad]
     "steps",  # since the start
     *FRAME,
+    *APEX_STATE,
     vectors=("q", "v"),
 )

@@ -12,6 +12,7 @@ from . import paper
 from .flat import FLAT
 from .grating import GRATING
 from .height_map import MAP
+from .lattice import LATTICE
 from .paper import PAPER, PaperSample
 from .patches import PATCHES
 from .plane import PLANE
@@ -20,7 +21,7 @@ from .rough import ROUGH
 PARTS = (PAPER,)
 register(*PARTS)
 # The others are called by address, like those of somebody else's.
-register(FLAT, PLANE, GRATING, PATCHES, ROUGH, MAP)
+register(FLAT, PLANE, GRATING, PATCHES, ROUGH, MAP, LATTICE)
 
 
 @kernel
@@ -36,4 +37,4 @@ def surface(x: float, y: float, m: Block) -> Any:
     return h
 
 
-__all__ = ["FLAT", "GRATING", "MAP", "PAPER", "PARTS", "PATCHES", "PLANE", "ROUGH", "PaperSample", "surface"]
+__all__ = ["FLAT", "GRATING", "LATTICE", "MAP", "PAPER", "PARTS", "PATCHES", "PLANE", "ROUGH", "PaperSample", "surface"]
