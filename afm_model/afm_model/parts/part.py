@@ -255,8 +255,8 @@ class Sample(Part):
         Parameters -> least and largest (w/w_0)^2 R_e/R, work of adhesion and effective radius over those of the plant,
         for the plant `lever`; by default what the curvature makes of it.
     lattice : callable, optional
-        Parameters -> Corrugation, for a sample whose `surface` also writes the derivatives of a potential for the place of
-        the tip; that takes the place of friction.
+        Parameters -> Corrugation, for a sample whose `surface` also writes the derivatives of a potential for the
+        place of the tip; that takes the place of friction.
     """
 
     family = "sample"

@@ -1,7 +1,7 @@
-"""The tip's apex on a sample of atoms, for the plant `lever`: parameters, constants and state; docs/lever.md (30) to (36).
+"""The tip's apex on a sample of atoms, plant `lever`: parameters, constants, state; docs/lever.md (32) to (36).
 
-The place that the tip holds on to is then one in the potential of the sample. It has a mass and a damping of its own, or
-none and slips at once.
+The place that the tip holds on to is then one in the potential of the sample. It has a mass and a damping of its own,
+or none and slips at once.
 """
 
 import math
@@ -13,7 +13,6 @@ from .. import registry
 from ..errors import ParameterError
 from ..parts.groups import PlantParameters
 from ..parts.part import Corrugation, Numbers, Tree
-
 from ..schema import NonNegative, Unit
 from .lever_thermal import BOLTZMANN
 from .random_numbers import key_of
@@ -30,7 +29,8 @@ class ApexParameters(PlantParameters):
     """What counts on a sample of atoms alone."""
 
     apex_stiffness: Annotated[NonNegative, Unit("N/m")] = Field(
-        0.0, description="lateral stiffness of the tip's apex on a lattice, in series with the contact's 8 G* a; 0: rigid"
+        0.0,
+        description="lateral stiffness of the tip's apex on a lattice, in series with that of the contact; 0: rigid",
     )
     apex_mass: Annotated[NonNegative, Unit("kg")] = Field(
         0.0, description="mass that slips on a lattice; 0: none, the tip slips at once into the next minimum"
@@ -103,30 +103,30 @@ def check_apex(parameters: Tree) -> None:
             )
     if plant.apex_mass == 0.0 and plant.apex_damping > 0.0:
         raise ValueError(
-            f"plant.apex_damping = {plant.apex_damping:g} 1/s is not allowed with plant.apex_mass = 0 kg: what has no mass "
-            f"slips at once; give plant.apex_mass > 0 as well"
+            f"plant.apex_damping = {plant.apex_damping:g} 1/s is not allowed with plant.apex_mass = 0 kg: what has no "
+            f"mass slips at once; give plant.apex_mass > 0 as well"
         )
 
 
-def require_resolved_apex(parameters: Tree, stiffness: float, load: float) -> None:
+def require_resolved_apex(parameters: Tree, give: float, load: float) -> None:
     """Raise ParameterError if a step is too long for the apex: asked when an instrument is made.
 
     Parameters
     ----------
     parameters : InstrumentParameters
-    stiffness : float [N/m]
-        Lateral, of contact and apex.
+    give : float [m/N]
+        Lateral compliance of contact and apex.
     load : float [N]
     """
     plant, found = parameters.plant, lattice_of(parameters)
     if found is None or plant.apex_mass == 0.0:
         return
-    steepest = stiffness + found.stiffness + max(load, 0.0) * found.bend
+    steepest = (1.0 / give if give > 0.0 else 0.0) + found.stiffness + max(load, 0.0) * found.bend
     turn = math.sqrt(steepest / plant.apex_mass) * plant.dt
     if turn > RESOLVED:
         raise ParameterError(
-            f"plant.dt = {plant.dt:g} s is not allowed: the tip's apex of plant.apex_mass = {plant.apex_mass:g} kg turns "
-            f"by {turn:.3g} rad in a step and must turn by at most {RESOLVED:g}: take plant.dt <= "
+            f"plant.dt = {plant.dt:g} s is not allowed: the tip's apex of plant.apex_mass = {plant.apex_mass:g} kg "
+            f"turns by {turn:.3g} rad in a step and must turn by at most {RESOLVED:g}: take plant.dt <= "
             f"{plant.dt * RESOLVED / turn:.3g} s, or plant.apex_mass = 0"
         )
 

@@ -211,4 +211,4 @@ def lever_constants(parameters: Tree) -> Numbers:
         "row_step": table[1] - table[0] if len(table) > 1 else 1.0,
         "transition": plant.transition,
     }
-    return numbers | scanner | modes | twist | static | total | apex_constants(parameters)
+    return numbers | scanner | modes | twist | static | total | dict(apex_constants(parameters))

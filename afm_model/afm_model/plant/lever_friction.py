@@ -1,5 +1,6 @@
-"""The tip of the plant `lever` on a smooth sample: it sticks, or slides with friction at its bound; docs/lever.md (16) to
-(23).
+"""The tip of the plant `lever` on a smooth sample: it sticks, or slides with friction at its bound.
+
+Equations: docs/lever.md (16) to (23).
 """
 
 import math

@@ -40,9 +40,8 @@ def downhill(
     newton = least > 0.0 and size <= least * longest
     if not newton:
         added = size / longest - least
-        if least <= 0.0 or added > 0.0:
-            J_11 += added
-            J_22 += added
+        J_11 += added
+        J_22 += added
     determinant = J_11 * J_22 - J_12 * J_12
     if not determinant > 0.0:
         # On a ridge, balanced to the last bit.
@@ -59,9 +58,7 @@ def _indent(
 
 
 @routine
-def on_lattice(
-    P_x: float, P_y: float, P_z: float, p: Any, s: Any, m: Any, at: int
-) -> tuple[float, float, float]:
+def on_lattice(P_x: float, P_y: float, P_z: float, p: Any, s: Any, m: Any, at: int) -> tuple[float, float, float]:
     """Force of the sample on the tip at mid-step; writes what the contact has come to into the state s.
 
     Parameters
@@ -83,7 +80,7 @@ def on_lattice(
     K_1, K_2 = k / (1.0 + k * p.W_x), k / (1.0 + k * p.W_yy)
     w_n = p.W_zz - p.W_yz * p.W_yz * K_2
     _, stiffness, _, _, _ = normal(s.delta, s, p, m, at)
-    give = stiffness / (1.0 + w_n * stiffness)
+    give = stiffness / max(1.0 + w_n * stiffness, 0.1)
     noise_x = noise_y = 0.0
     if p.apex_noise != 0.0:
         count = 2 * int(s.steps)

@@ -67,7 +67,6 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
         s.F_x, s.F_y, s.F_z = s.N * n
         if p.lattice and s.a > 0.0:
             k = 1.0 / (p.apex_compliance + 1.0 / (p.stiffness_per_radius * s.a))
-            require_resolved_apex(parameters, k, s.N)
             give = C_x + 1.0 / scanner.k_x + 1.0 / k, C_yy + 1.0 / scanner.k_y + 1.0 / k
             _hold(give, -C_yz * s.N, p, s, m)
             s.F_x, s.F_y = s.T_x, s.T_y
@@ -79,6 +78,9 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
             s.A_x, s.A_y = s.U_x, s.U_y
         if before == (s.U_x, s.U_y):
             break
+    if p.lattice:
+        contact = 1.0 / (p.stiffness_per_radius * s.a) if s.a > 0.0 else 0.0
+        require_resolved_apex(parameters, p.apex_compliance + contact, s.N)
     s.stuck = float(s.a > 0.0)
     for i in range(3):
         s.q[i] = each[i] * (p.mode_y[i] * s.F_y + p.mode_z[i] * s.F_z)
@@ -106,7 +108,7 @@ def _hold(give: tuple[float, float], beside: float, p: Any, s: Any, m: Any) -> N
         H = surface(u_x / p.x0, u_y / p.x0, m)
         s.T_x, s.T_y = -u_x / give[0], (beside - u_y) / give[1]
         slope, bend = s.N * p.rise, s.N * p.rise / p.x0
-        step_x, step_y, newton = plain(downhill)(
+        step_x, step_y, _ = plain(downhill)(
             H.potential_x + slope * H.slope_x - s.T_x,
             H.potential_y + slope * H.slope_y - s.T_y,
             1.0 / give[0] + H.potential_xx + bend * H.curvature_xx,

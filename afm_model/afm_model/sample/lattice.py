@@ -1,7 +1,7 @@
 """A flat sample of atoms: a periodic potential for the place of the tip, docs/lever.md (30), (31).
 
-V = E s(x, y) with s from 0 in a minimum to 1 on the saddle between two neighbours. The path of the tip over the atoms may
-have a height, which is a potential too: the load times it.
+V = E s(x, y) with s from 0 in a minimum to 1 on the saddle between two neighbours. The path of the tip over the atoms
+may have a height, which is a potential too: the load times it.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Claims about the plant `lever` on a sample of atoms; references: tomlinson.py, scipy's integration of the same model."""
+"""Claims about the plant `lever` on a sample of atoms; references: tomlinson.py, scipy's integration."""
 
 import math
 from typing import Any
@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from .lever_bench import LeverBench
-from .tomlinson import BOLTZMANN, Tomlinson
+from .tomlinson import Tomlinson
 
 A = 0.5e-9
 UPRIGHT = {"plant__scanner": "stack_13um", "plant__tilt": 0.0}
@@ -22,7 +22,11 @@ def bench(eta: float, **values: Any) -> tuple[LeverBench, Tomlinson]:
     given["reference__z_r"] = ON_A_ROW[given.get("sample__lattice", "square")]
     b = LeverBench(**given, sample__barrier=1e-19)
     c = b.plant.cantilever_numbers
-    springs = [(c.tip_height + 0.5 * c.thickness) ** 2 / c.k_torsion, 1.0 / c.k_in_plane, 1.0 / given["plant__apex_stiffness"]]
+    springs = [
+        (c.tip_height + 0.5 * c.thickness) ** 2 / c.k_torsion,
+        1.0 / c.k_in_plane,
+        1.0 / given["plant__apex_stiffness"],
+    ]
     k = 1.0 / (sum(springs) + 1.0 / (8.0 * b.plant.pair_numbers.G * b.s.a))
     E = eta * k * A**2 / (2.0 * math.pi**2)
     return LeverBench(**given, sample__barrier=E), Tomlinson(k, A, E)
@@ -99,11 +103,11 @@ MASS = 6e-11
 SMOOTH = {"plant__apex_mass": MASS, "plant__dt": 2.5e-7}
 
 
-@pytest.mark.parametrize(("eta", "damping"), [(3.0, 3e4), (5.5, 1e5), (5.5, 1e6), (12.0, 6e4)])
+@pytest.mark.parametrize(("eta", "damping"), [(3.0, 3e4), (5.5, 1e6), (12.0, 6e4)])
 def test_motion_with_inertia_is_that_of_an_adaptive_integration(eta, damping):
     b, model = bench(eta, **SMOOTH, plant__apex_damping=damping)
-    h, n = b.plant.dt, 12_000
-    r = b.run(along(ramp(6.0 * A, n)))
+    h, n = b.plant.dt, 7000
+    r = b.run(along(ramp(3.5 * A, n)))
     t = h * np.arange(n + 1)
     support = CubicSpline(t, np.concatenate([[0.0], r.X]))
     expected = model.motion(support, MASS, damping, t)[1:]
@@ -133,7 +137,7 @@ def test_order_of_the_scheme_with_inertia_is_two():
 def slip_lengths(eta: float, damping: float) -> set[int]:
     """Periods from rest to rest, over twelve periods of slow sliding."""
     b, model = bench(eta, **SMOOTH, plant__apex_damping=damping)
-    r = b.run(along(ramp(14.0 * A, 80_000)))
+    r = b.run(along(ramp(14.0 * A, 60_000)))
     # Where it stands just before the support has come to where the next slip may begin; it has come to rest there.
     ends = model.last_support + A * (np.arange(13) - 0.1)
     ends = ends[ends < r.X[-1]]
@@ -143,7 +147,7 @@ def slip_lengths(eta: float, damping: float) -> set[int]:
 
 def test_double_slips_come_at_eta_4_603_and_only_with_little_damping():
     assert 4.4934 == pytest.approx(math.tan(4.4934), rel=1e-3)  # eta = sqrt(1 + x^2), tan x = x
-    dampings = (1e4, 2e4, 4e4, 8e4, 1.6e5)
+    dampings = (2e4, 4e4, 8e4)
     assert set.union(*(slip_lengths(4.4, damping) for damping in dampings)) == {1}
     assert set.union(*(slip_lengths(5.2, damping) for damping in dampings)) == {0, 1, 2}
     assert slip_lengths(5.2, 1e6) == {1}

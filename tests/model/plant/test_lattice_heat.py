@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from .lever_bench import LeverBench
 from .test_lattice import A, along, bench
 from .tomlinson import BOLTZMANN, Tomlinson
 

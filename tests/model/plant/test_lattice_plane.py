@@ -61,7 +61,9 @@ def test_the_way_from_minimum_to_minimum_is_that_of_steepest_descent(lattice, an
 def image(b: LeverBench, size: float, lines: int, steps: int) -> np.ndarray:
     """Lateral force (lines, steps), lines from left to right."""
     back, settle = 200, steps // 4
-    x = np.concatenate([np.linspace(0.0, size, steps), np.linspace(size, -size / 4.0, back), np.linspace(-size / 4.0, 0.0, settle)])
+    x = np.concatenate(
+        [np.linspace(0.0, size, steps), np.linspace(size, -size / 4.0, back), np.linspace(-size / 4.0, 0.0, settle)]
+    )
     rows = []
     for line in range(lines):
         y = np.full(x.shape, size * line / lines)
@@ -110,7 +112,9 @@ def test_a_tip_that_is_pulled_off_a_lattice_feels_no_lateral_force_and_finds_a_m
     b = bench("hexagonal", 0.1, plant__temperature=300.0, plant__apex_mass=6e-11, plant__apex_damping=1e6)
     n = 4000
     moved = np.zeros((4 * n, 3))
-    moved[:, 2] = np.concatenate([np.linspace(0.0, -100e-9, n), np.full(n, -100e-9), np.linspace(-100e-9, 0.0, n), np.zeros(n)])
+    moved[:, 2] = np.concatenate(
+        [np.linspace(0.0, -100e-9, n), np.full(n, -100e-9), np.linspace(-100e-9, 0.0, n), np.zeros(n)]
+    )
     r = b.run(moved)
     free = r[(r.a == 0.0)]
     assert len(free) > n

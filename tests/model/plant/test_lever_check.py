@@ -37,7 +37,10 @@ LATTICE = {"sample.kind": "lattice", "sample.barrier": 1e-19}
         ({"plant.tau": 1e8}, r"plant\.tau = 1e\+08 has no effect with sample\.kind = lattice"),
         ({"plant.strengthening": 0.1}, r"plant\.strengthening = 0\.1 has no effect with sample\.kind = lattice"),
         ({"plant.apex_damping": 1e5}, r"plant\.apex_damping = 100000 1/s is not allowed with plant\.apex_mass = 0 kg"),
-        ({"sample.kind": "flat", "plant.apex_mass": 1e-12}, r"plant\.apex_mass = 1e-12 has no effect with sample\.kind = flat"),
+        (
+            {"sample.kind": "flat", "plant.apex_mass": 1e-12},
+            r"plant\.apex_mass = 1e-12 has no effect with sample\.kind = flat",
+        ),
         ({"plant.kind": "compliant"}, r"sample\.kind = lattice has no effect with plant\.kind = compliant"),
     ],
 )

@@ -116,8 +116,8 @@ class Tomlinson:
         """Mean of k (X_c - X) where it slips [N], near the end of the minimum and for strong damping.
 
         Sang, Dube and Grant (2001), doi:10.1103/PhysRevLett.87.174301, where force is counted by the support: with
-        f = k (X_c - X), dE = (4/3) sqrt(2/c) f^(3/2), c = |V'''| at X_c; most likely where the rate r is dln r/dt, the mean
-        0.5772 of its width further, as in Gumbel's distribution.
+        f = k (X_c - X), dE = (4/3) sqrt(2/c) f^(3/2), c the third derivative of V at X_c; most likely where the rate r
+        is dln r/dt, the mean 0.5772 of its width further, as in Gumbel's distribution.
         """
         kT = BOLTZMANN * temperature
         c = (2.0 * math.pi / self.a) ** 2 * self.peak * math.sqrt(1.0 - self.eta**-2)
@@ -144,8 +144,8 @@ def waves(lattice: str, a: float, angle: float) -> np.ndarray:
 
 
 def descent(G: np.ndarray, amplitude: float, k: np.ndarray, supports: np.ndarray, start: np.ndarray) -> np.ndarray:
-    """Places (n, 2) of a massless tip in the potential -amplitude sum cos(G u), by integration along the steepest descent
-    at each place (n, 2) of the support.
+    """Places (n, 2) of a massless tip in the potential -amplitude sum cos(G u) for each place (n, 2) of the support: by
+    integration along the steepest descent.
     """
     u = start
     places = []

@@ -14,7 +14,9 @@ KIND = {"sample.kind": "lattice", "sample.constant": A}
 @pytest.mark.parametrize("lattice", ["line", "square", "hexagonal"])
 @pytest.mark.parametrize("angle", [0.0, 0.7, -2.0])
 def test_second_derivatives_of_the_potential_are_those_of_its_slopes(lattice, angle, rng):
-    place = Place(KIND | {"sample.lattice": lattice, "sample.angle": angle, "sample.barrier": E, "sample.height": 5e-12})
+    place = Place(
+        KIND | {"sample.lattice": lattice, "sample.angle": angle, "sample.barrier": E, "sample.height": 5e-12}
+    )
     d = 1e-15
     for x, y in rng.uniform(-1e-9, 1e-9, (6, 2)):
         here = place(x, y)
