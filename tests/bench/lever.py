@@ -9,6 +9,8 @@ from afm_model.plant.presets import LEVERS, PAIRS, SCANNERS
 BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9, "reference.amplitude_y": 0.0}
 ROUGH = {"sample.kind": "rough", "sample.size": 400e-9, "sample.pixels": 64, "sample.shortest": 40e-9}
 MOVING = {"plant.torsion": "moving", "plant.dt": 5e-7}
+ATOMS = {"sample.kind": "lattice", "sample.barrier": 6.4e-20, "plant.apex_stiffness": 1.5}
+WARM = ATOMS | {"plant.apex_mass": 4e-11, "plant.apex_damping": 1e6, "plant.temperature": 295.0}
 TICKS = 200
 """In a stretch, 4 ms; the lower quartile of many counts: most of them slide, and a busy machine spoils some."""
 
@@ -20,6 +22,7 @@ def measure(stretches: int = 60) -> dict[str, Any]:
     cases |= {f"ppp_lfmr, {name}": {"plant.pair": name} for name in PAIRS}
     cases |= {"ppp_lfmr, rough": ROUGH, "ppp_lfmr, pi": {"onboard.kind": "pi"}}
     cases |= {"ppp_lfmr, 295 K": {"plant.temperature": 295.0}, "ppp_lfmr, torsion at 0.5 us": MOVING}
+    cases |= {"ppp_lfmr, lattice": ATOMS, "ppp_lfmr, lattice at 295 K": WARM}
     return {name: _case(BASE | values, stretches) for name, values in cases.items()}
 
 
