@@ -61,3 +61,23 @@ def test_stiffness_sideways_is_that_of_the_table():
             arm = c.tip_height + 0.5 * c.thickness
             stiffness = 1.0 / (arm**2 / c.k_torsion + 1.0 / c.k_in_plane)
             assert stiffness == pytest.approx(float(line.split("|")[-2]), rel=0.03)
+
+
+def test_scenario_of_the_page_with_atoms_slips_from_one_to_the_next(tmp_path):
+    text = PAGE.partition("<!-- lattice -->\n```yaml\n")[2].partition("```")[0]
+    (tmp_path / "atoms.yaml").write_text(text)
+    scenario = load_scenario(tmp_path / "atoms.yaml")
+    cold = flatten(scenario.sim) | {"run.duration": 0.075, "plant.temperature": 0.0, "score.start": 0.0}
+    run = simulate(build(SimParameters, cold), scenario.controller)
+    a, barrier = run.parameters.sample.constant, run.parameters.sample.barrier
+    assert run.score.contact_fraction == 1.0
+    force, place = run.channel("lateral_force"), run.channel("truth/apex_x")
+    back = run.time_samples > 0.03
+    assert -force[back].min() == pytest.approx(np.pi * barrier / a, rel=0.03)
+    # On its way back over 3 nm; a slip where the apex changes its row.
+    slips = np.flatnonzero(np.diff(np.round(place[back] / a)))
+    assert len(slips) == 6
+    assert np.abs(np.diff(run.channel("truth/apex_y"))).max() < 0.1 * a
+    warm = build(SimParameters, cold | {"plant.temperature": 295.0})
+    activated = simulate(warm, scenario.controller).channel("lateral_force")[back]
+    assert -activated.mean() < -0.95 * force[back].mean()

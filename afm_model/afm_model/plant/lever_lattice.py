@@ -1,5 +1,5 @@
 """The tip of the plant `lever` on a sample of atoms: Prandtl and Tomlinson's model in two dimensions; docs/lever.md
-(30) to (37).
+(30) to (36).
 
 The potential of the sample takes the place of friction. Unknown at mid-step is the place of the apex; indentation and
 load follow from it.
@@ -15,8 +15,8 @@ from .random_numbers import normal as standard_normal
 
 _LONGEST = 1.0 / 32.0
 """Way of the apex, in lattice constants, in one part of its way down to a minimum."""
-_CLOSE = 1e-9
-"""A Newton step so short, in lattice constants, is the last one."""
+_CLOSE = 1e-6
+"""A Newton step so short, in lattice constants, leaves an error of its square."""
 _PARTS = 500
 """Of a way down at most: some fifteen lattice constants."""
 _NUDGE = 1e-6
@@ -88,13 +88,15 @@ def on_lattice(P_x: float, P_y: float, P_z: float, p: Any, s: Any, m: Any, at: i
         noise_y = p.apex_noise * standard_normal(p.apex_key, count + 1)
     longest, close = _LONGEST * p.lattice_period, _CLOSE * p.lattice_period
     rise, bend = p.rise, p.rise / p.x0
-    u_x, u_y = s.A_x, s.A_y
+    # One without mass begins where it was: it keeps its minimum. With mass there is one solution.
+    u_x, u_y = s.A_x + p.half * s.V_Ax, s.A_y + p.half * s.V_Ay
     delta, N, a = s.delta, s.N, s.a
-    S_x = S_y = way_x = way_y = 0.0
+    S_x = S_y = way_x = way_y = h_x = c_y = 0.0
     stands = newton = True
-    for _ in range(_PARTS):
+    for part in range(_PARTS):
         H = surface(u_x / p.x0, u_y / p.x0, m)
-        place_frame(H, p, s, m, at)
+        if part == 0:
+            place_frame(H, p, s, m, at)
         h_x, h_y = H.slope_x * rise, H.slope_y * rise
         free = K_2 * (P_y - u_y)
         delta, N, _, a = _indent(delta, P_z + H.height * p.z0 - p.W_yz * free, w_n, p, s, m, at)
@@ -116,9 +118,12 @@ def on_lattice(P_x: float, P_y: float, P_z: float, p: Any, s: Any, m: Any, at: i
             break
     if a == 0.0:
         return _off(P_x, P_y, P_z, p, s, m, at)
-    # The last step changes the forces of springs by their share.
+    # What the last step changes.
+    more = h_x * way_x + c_y * way_y
+    delta += more * give / stiffness if stiffness != 0.0 else more
+    N += give * more
     S_x -= K_1 * way_x
-    S_y -= K_2 * way_y
+    S_y -= K_2 * (way_y + p.W_yz * give * more)
 
     s.stuck = 1.0 if stands else 0.0
     if p.apex_hold != 0.0:
