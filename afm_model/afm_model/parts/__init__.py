@@ -13,11 +13,12 @@ from .groups import (
     ProgramParameters,
     SampleParameters,
 )
-from .part import Channel, Detector, Fault, Law, Onboard, Part, Piezo, Plant, Program, Sample
+from .part import Channel, Corrugation, Detector, Fault, Law, Onboard, Part, Piezo, Plant, Program, Sample
 
 __all__ = [
     "EMPTY",
     "Channel",
+    "Corrugation",
     "Detector",
     "DetectorParameters",
     "Fault",
