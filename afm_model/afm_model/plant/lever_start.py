@@ -18,6 +18,9 @@ from .lever_lattice import downhill
 _PASSES = 60
 """Of the fixed-point iteration for the place under the tip: the sample moves under it as the tip is pushed aside."""
 
+_PARTS = 1000
+"""Of the way down to a minimum of a lattice at most; it takes some ten, and half a lattice constant is 16 of 0.03."""
+
 
 def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]:
     """The tip at rest without friction, in contact under the load of reference.z_r or plant.gap above the sample.
@@ -103,8 +106,7 @@ def _hold(give: tuple[float, float], beside: float, p: Any, s: Any, m: Any) -> N
         Place along y of a tip without lateral force.
     """
     u_x, u_y = 0.0, beside
-    rest = False
-    while not rest:
+    for _ in range(_PARTS):
         H = surface(u_x / p.x0, u_y / p.x0, m)
         s.T_x, s.T_y = -u_x / give[0], (beside - u_y) / give[1]
         slope, bend = s.N * p.rise, s.N * p.rise / p.x0
@@ -116,8 +118,9 @@ def _hold(give: tuple[float, float], beside: float, p: Any, s: Any, m: Any) -> N
             1.0 / give[1] + H.potential_yy + bend * H.curvature_yy,
             0.03 * p.lattice_period,
         )
-        rest = abs(step_x) + abs(step_y) < 1e-10 * p.lattice_period
         u_x, u_y = u_x + step_x, u_y + step_y
+        if abs(step_x) + abs(step_y) < 1e-10 * p.lattice_period:
+            break
     s.A_x, s.A_y = u_x, u_y
 
 
