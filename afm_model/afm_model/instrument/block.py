@@ -19,7 +19,9 @@ from ..parts.header import HEADER
 from ..parts.part import Channel, Part
 from ..records import place, record, record_at, size
 from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from .drift import DRIFT, DRIFTED, drift_constants
 from .score import SUMS
+from .sensors import READ, SENSORS, sensor_constants
 
 FAMILIES: dict[str, tuple[Part, ...]] = {
     "plant": plant.PARTS,
@@ -56,7 +58,6 @@ LOOP = record(
     "slew_step",  # largest change at an update [V]; 0: any
     "deflection_sensitivity",  # [m/V]
     "lateral_sensitivity",  # [N/V]
-    "position_noise",  # [m]
     integers=(
         "k",
         "row",
@@ -110,6 +111,11 @@ class Layout:
         self._add("detection", DETECTION)
         self._add("surface", SURFACE)
         self._add("score", SUMS)
+        self._add("detector_filter", detector.FILTER)
+        self._add("sensors", SENSORS)
+        self._add("read", READ)
+        self._add("drift", DRIFT)
+        self._add("drifted", DRIFTED)
         self.channels = self._channels(parameters)
         self.places["channel_count"] = len(self.channels)
         self.places["channels"] = self._reserve(len(self.channels))
@@ -123,6 +129,7 @@ class Layout:
         draws = {family: each.part.draws for family, each in self.parts.items()}
         samples = round(parameters.plant.control_period / parameters.detector.sample_period)
         widths = {"disturbance": draws["plant"], "position_noise": 3, "noise": 2 * samples, "faults": draws["fault"]}
+        widths["wander"] = 3
         self.draws = 0
         for name, width in widths.items():
             self.places[name] = self.draws
@@ -168,6 +175,10 @@ class Layout:
             header[name] = self.places[name]
         for family, each in self.parts.items():
             each.fill_constants(block, self.places[f"{family}_constants"], parameters)
+        for name, values in (("sensors", sensor_constants(parameters)), ("drift", drift_constants(parameters))):
+            fields = self.record(block, name)
+            for field, value in values.items():
+                fields[field] = value
         for number, channel in enumerate(self.channels):
             block[self.places["channels"] + number] = self.place(channel.field)
         block[self.places["sample_map"] : self.places["sample_map"] + self._map.size] = self._map

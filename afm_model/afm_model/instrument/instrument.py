@@ -20,6 +20,7 @@ from ..records import record_at, size
 from ..signals import COMMAND, MEASUREMENT, TRUTH
 from .block import LOOP, Layout, line_slots
 from .score import ScoreSummary, summarize
+from .sensors import position_noise as sensor_noise
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
 
@@ -108,16 +109,17 @@ class Instrument:
         c.slew_step = piezo.slew_limit * dac_period
         c.deflection_sensitivity = detector.deflection_sensitivity
         c.lateral_sensitivity = detector.lateral_sensitivity
-        c.position_noise = detector.position_noise
 
     def reset(self) -> None:
         """Return to the start: at rest, in contact, tick 0, the same random numbers again."""
         layout, block, parameters = self._layout, self._block, self.parameters
         # One stream for each source: to switch one on changes no other.
-        seeds = np.random.SeedSequence(parameters.plant.seed).spawn(4)
-        self._disturbance, self._noise, self._position_noise, self._faults = map(np.random.default_rng, seeds)
+        streams = map(np.random.default_rng, np.random.SeedSequence(parameters.plant.seed).spawn(5))
+        self._disturbance, self._noise, self._position_noise, self._faults, self._wander = streams
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         for name in ("measurement", "applied", "commanded", "regulated", "effective", "truth", "detection", "score"):
+            layout.array(block, name)[:] = 0.0
+        for name in ("detector_filter", "read", "drifted"):
             layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
             each.fill_start(block, layout.places[f"{family}_state"], parameters)
@@ -133,9 +135,10 @@ class Instrument:
                 )
         for name in ("applied", "regulated", "effective"):
             layout.array(block, name)[:] = held
-        onboard: Any = layout.parts["onboard"].part
-        if onboard.state.names:
-            onboard.begin(parameters, layout.record(block, "onboard_state"), held)
+        for family in ("onboard", "piezo"):
+            part: Any = layout.parts[family].part
+            if part.state.names:
+                part.begin(parameters, layout.record(block, f"{family}_state"), held)
         line = layout.places["line"]
         on_their_way = [line + slot * size(COMMAND) for slot in range(line_slots(parameters))]
         for command in (layout.places["commanded"], *on_their_way):
@@ -282,7 +285,7 @@ class Instrument:
 
     def _diverged_along(self) -> str:
         """Axes along which the position is beyond RANGE, or is no number."""
-        position = self._layout.record(self._block, "measurement").position
+        position = self._layout.record(self._block, "truth").position
         return " and ".join(axis for axis, x in zip("xyz", position, strict=True) if not abs(x) < RANGE)
 
     def take_block(self) -> Block:
@@ -348,11 +351,15 @@ class Instrument:
                 anything = True
         noise, position_noise = places["noise"], places["position_noise"]
         samples = 2 * self.samples_per_tick
-        if getattr(parameters.detector, "noise", 1.0) > 0.0:
+        detector: Any = self._layout.parts["detector"].part
+        if detector.noisy(parameters):
             random[:, noise : noise + samples] = self._noise.standard_normal((DRAW_TICKS, samples))
             anything = True
-        if parameters.detector.position_noise > 0.0:
+        if sensor_noise(parameters) > 0.0:
             random[:, position_noise : position_noise + 3] = self._position_noise.standard_normal((DRAW_TICKS, 3))
+            anything = True
+        if parameters.drift.wander > 0.0:
+            random[:, places["wander"] : places["wander"] + 3] = self._wander.standard_normal((DRAW_TICKS, 3))
             anything = True
         # Zeros last for ever.
         self._drawn = self._drawn + DRAW_TICKS if anything else sys.maxsize

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..converter import convert
 from ..detector import detect
 from ..fault import on_measurement
 from ..jit import kernel
@@ -22,8 +23,10 @@ from ..program import reference
 from ..records import Block, pointer_at, record_at, size
 from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
+from .drift import DRIFT, DRIFTED, drift, wander
 from .drive import allowed, due, put_in_force
 from .score import SUMS, count_step
+from .sensors import READ, SENSORS, read_sensors
 
 _Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED = 0, 1, 2
@@ -50,11 +53,10 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
     y.deflection_voltage = d.deflection_voltage
     y.lateral_voltage = d.lateral_voltage
     y.deflection = y.deflection_voltage * c.deflection_sensitivity
-    y.deflection_rate = o.tip_rate
     y.lateral_force = y.lateral_voltage * c.lateral_sensitivity
+    drifted = record_at(m, g.drifted, DRIFTED)
+    read_sensors(y, o, drifted, record_at(m, g.sensors, SENSORS), record_at(m, g.read, READ), position_noise)
     for axis in range(3):
-        y.position[axis] = o.position[axis] + c.position_noise * position_noise[axis]
-        y.velocity[axis] = o.velocity[axis]
         y.drive[axis] = a.voltage[axis]
     y.drive_sequence = c.in_force
     y.newest_drive_sequence = record_at(m, g.commanded, COMMAND).sequence
@@ -88,7 +90,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
         Block of the instrument.
     random : ndarray (DRAW_TICKS * draws,)
         Random numbers of each tick: of the plant, of the sensors of x, y, z, of the detector at each sample, of the
-        fault.
+        fault, of the drift.
     rows : ndarray (rows, ...)
         What is recorded: states of the parts and measurement at tick k, drive applied from it on.
     samples : ndarray (channels, rows * samples per tick)
@@ -97,7 +99,6 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     c = record_at(m, g.loop, LOOP)
     if not allowed(record_at(m, g.commanded, COMMAND)):
         return REFUSED
-    y = record_at(m, g.measurement, MEASUREMENT)
     a = record_at(m, g.applied, DRIVE)
     w = record_at(m, g.regulated, DRIVE)
     v = record_at(m, g.effective, DRIVE)
@@ -116,6 +117,9 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     command = due(m)
     c.in_force = record_at(m, command, COMMAND).sequence
     put_in_force(m, command, 0.0, faults)
+    drifting, drifted = record_at(m, g.drift, DRIFT), record_at(m, g.drifted, DRIFTED)
+    if drifting.on != 0.0:
+        wander(c.k, c.control_period, drifting, drifted, pointer_at(random, drawn + g.wander))
     if scored:
         sums.ticks += 1.0
     reference((c.k + 1) * c.control_period, following, m)
@@ -141,9 +145,16 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             w.voltage[0] = a.voltage[0]
             w.voltage[1] = a.voltage[1]
             w.voltage[2] = a.voltage[2]
-            now = t + (i // stride) * c.sample_period
-            regulate(now, d, r, w, m)
+            late = (i // stride) * c.sample_period
+            now = t + late
+            if g.onboard != 0:
+                regulate(now, d, r, w, m)
+                # What it has changed goes through the same converter; what has been through it stays.
+                for axis in range(3):
+                    w.voltage[axis] = convert(w.voltage[axis], c.drive_lsb, c.drive_limit)
             actuate(now, w, v, m)
+            if drifting.on != 0.0:
+                drift(now, late, v, drifting, drifted)
         step(v, disturbance, m)
         tell(o, m)
         if scored:
@@ -157,7 +168,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     measure(m, c.k, pointer_at(random, noise), position_noise, faults)
     # NaN is within no range either.
     for axis in range(3):
-        if not abs(y.position[axis]) < RANGE:
+        if not abs(o.position[axis]) < RANGE:
             return DIVERGED
     return MOVED
 

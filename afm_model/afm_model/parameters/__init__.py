@@ -18,6 +18,7 @@ from ..schema import (
     unknown_name_message,
 )
 from .controller import ControllerParameters
+from .drift import Drift
 from .instrument import InstrumentParameters, Score
 from .run import Run, SimParameters
 
@@ -25,6 +26,7 @@ __all__ = [
     "Cantilever",
     "Contact",
     "ControllerParameters",
+    "Drift",
     "Group",
     "InstrumentParameters",
     "Microscope",

@@ -14,6 +14,7 @@ from ..plant import PlantGroup
 from ..program import Reference
 from ..sample import PaperSample
 from ..schema import Group, Unit, flatten, specifications
+from .drift import Drift
 
 MAX_STEPS = 10_000_000
 """Integration steps in a control tick at most: a second or two of computing, in which nothing else is done."""
@@ -39,6 +40,7 @@ class InstrumentParameters(Microscope):
     detector: Photodiode = Photodiode()
     onboard: OnboardParameters = OnboardParameters()
     fault: FaultParameters = FaultParameters()
+    drift: Drift = Drift()
     score: Score = Score()
 
     @property
