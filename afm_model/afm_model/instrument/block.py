@@ -128,7 +128,12 @@ class Layout:
         # A row of the random numbers.
         draws = {family: each.part.draws for family, each in self.parts.items()}
         samples = round(parameters.plant.control_period / parameters.detector.sample_period)
-        widths = {"disturbance": draws["plant"], "position_noise": 3, "noise": 2 * samples, "faults": draws["fault"]}
+        widths = {
+            "disturbance": draws["plant"],
+            "position_noise": 3 * samples,
+            "noise": 2 * samples,
+            "faults": draws["fault"],
+        }
         widths["wander"] = 3
         self.draws = 0
         for name, width in widths.items():

@@ -114,8 +114,8 @@ class Instrument:
         """Return to the start: at rest, in contact, tick 0, the same random numbers again."""
         layout, block, parameters = self._layout, self._block, self.parameters
         # One stream for each source: to switch one on changes no other.
-        streams = map(np.random.default_rng, np.random.SeedSequence(parameters.plant.seed).spawn(5))
-        self._disturbance, self._noise, self._position_noise, self._faults, self._wander = streams
+        streams = map(np.random.default_rng, np.random.SeedSequence(parameters.plant.seed).spawn(6))
+        self._disturbance, self._noise, self._position_noise, self._faults, self._wander, self._between = streams
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         for name in ("measurement", "applied", "commanded", "regulated", "effective", "truth", "detection", "score"):
             layout.array(block, name)[:] = 0.0
@@ -356,7 +356,11 @@ class Instrument:
             random[:, noise : noise + samples] = self._noise.standard_normal((DRAW_TICKS, samples))
             anything = True
         if sensor_noise(parameters) > 0.0:
-            random[:, position_noise : position_noise + 3] = self._position_noise.standard_normal((DRAW_TICKS, 3))
+            # Those of the measurements are a stream of their own, the same at any rate of the ADC.
+            end = position_noise + 3 * self.samples_per_tick
+            between = self._between.standard_normal((DRAW_TICKS, end - 3 - position_noise))
+            random[:, position_noise : end - 3] = between
+            random[:, end - 3 : end] = self._position_noise.standard_normal((DRAW_TICKS, 3))
             anything = True
         if parameters.drift.wander > 0.0:
             random[:, places["wander"] : places["wander"] + 3] = self._wander.standard_normal((DRAW_TICKS, 3))

@@ -1,8 +1,9 @@
 """Position sensors and rates: what a measurement tells of positions, velocities and the rate of the deflection.
 
-Ideal sensors tell the true velocities. If the position sensors are not ideal, velocities are differences of what they
-read over a control period, divided by it; the same holds for the deflection and its rate. So nobody has a velocity that
-is better than the positions. A low-pass of the rates, v[k] = keep v[k-1] + (1 - keep) difference[k], may follow.
+Ideal sensors tell the true velocities. If the position sensors are not ideal they are read at the rate of the virtual
+ADC, and velocities are differences of two readings, divided by the time between them; the same holds for the deflection
+and its rate. So nobody has a velocity that is better than the positions. A low-pass of the rates follows,
+v[k] = keep v[k-1] + (1 - keep) difference[k].
 """
 
 import math
@@ -22,9 +23,9 @@ READ = record(
     "low",  # positions behind the low-pass [m]
     "last",  # before it
     "noise",
-    "position",  # as read at the last tick [m]
+    "position",  # as read at the last sample [m]
     "velocity",  # [m/s]
-    "deflection",  # as read at the last tick [m]
+    "deflection",  # as read at the last sample [m]
     "rate",  # [m/s]
     vectors=("low", "last", "noise", "position", "velocity"),
 )
@@ -33,13 +34,15 @@ READ = record(
 def position_noise(parameters: InstrumentParameters) -> float:
     """Rms noise of a position sample [m]."""
     d = parameters.detector
-    period = parameters.plant.control_period
-    return d.position_noise or low_pass.noise_of_density(d.position_noise_density, d.position_bandwidth, period)
+    return d.position_noise or low_pass.noise_of_density(
+        d.position_noise_density, d.position_bandwidth, d.sample_period
+    )
 
 
 def sensor_constants(parameters: InstrumentParameters) -> Numbers:
     """Values of SENSORS."""
-    d, period = parameters.detector, parameters.plant.control_period
+    d = parameters.detector
+    period = d.sample_period
     rms = position_noise(parameters)
     ideal = rms == 0.0 and d.position_bandwidth == 0.0 and d.position_limit == 0.0
     return {
@@ -54,45 +57,54 @@ def sensor_constants(parameters: InstrumentParameters) -> Numbers:
 
 
 @kernel
-def read_sensors(y: Any, o: Any, drifted: Any, p: Any, s: Any, r: Any) -> None:
-    """Write positions, velocities and the rate of the deflection into the measurement y, which has the deflection.
+def sense(o: Any, deflection: float, drifted: Any, p: Any, s: Any, r: Any) -> None:
+    """Read the sensors at a sample of the virtual ADC: what is not ideal of positions and deflection.
 
     Parameters
     ----------
-    y, o : records of MEASUREMENT and TRUTH
+    o : record of TRUTH
+    deflection : float
+        As the photodetector has read it [m].
     drifted : record of DRIFTED
-        A displacement and a rate that the sensors do not see.
+        A displacement that the sensors do not see.
     p, s : records of SENSORS and READ
     r : random numbers, three
     """
-    for axis in range(3):
-        x = o.position[axis] - drifted.displacement[axis]
-        if p.positions == 0.0:
-            y.position[axis] = x
-            y.velocity[axis] = o.velocity[axis] - drifted.rate[axis]
-            continue
-        if p.filtered == 0.0:
-            x += p.noise * r[axis]
-        else:
-            before = s.last[axis]
-            s.last[axis] = x
-            if s.started == 0.0:
-                s.low[axis], s.noise[axis] = x, p.noise * r[axis]
+    if p.positions != 0.0:
+        for axis in range(3):
+            x = o.position[axis] - drifted.displacement[axis]
+            if p.filtered == 0.0:
+                x += p.noise * r[axis]
             else:
-                s.low[axis] = p.keep * s.low[axis] + p.new * x + p.old * before
-                s.noise[axis] = p.keep * s.noise[axis] + p.shake * r[axis]
-            x = s.low[axis] + s.noise[axis]
-        x = convert(x, p.lsb, p.limit)
+                before = s.last[axis]
+                s.last[axis] = x
+                if s.started == 0.0:
+                    s.low[axis], s.noise[axis] = x, p.noise * r[axis]
+                else:
+                    s.low[axis] = p.keep * s.low[axis] + p.new * x + p.old * before
+                    s.noise[axis] = p.keep * s.noise[axis] + p.shake * r[axis]
+                x = s.low[axis] + s.noise[axis]
+            x = convert(x, p.lsb, p.limit)
+            if s.started != 0.0:
+                difference = (x - s.position[axis]) / p.period
+                s.velocity[axis] = difference + p.rate_keep * (s.velocity[axis] - difference)
+            s.position[axis] = x
+    if p.deflection != 0.0:
         if s.started != 0.0:
-            difference = (x - s.position[axis]) / p.period
-            s.velocity[axis] = difference + p.rate_keep * (s.velocity[axis] - difference)
-        s.position[axis] = x
-        y.position[axis], y.velocity[axis] = x, s.velocity[axis]
-    if p.deflection == 0.0:
-        y.deflection_rate = o.tip_rate
-    else:
-        if s.started != 0.0:
-            difference = (y.deflection - s.deflection) / p.period
+            difference = (deflection - s.deflection) / p.period
             s.rate = difference + p.rate_keep * (s.rate - difference)
-        s.deflection, y.deflection_rate = y.deflection, s.rate
+        s.deflection = deflection
     s.started = 1.0
+
+
+@kernel
+def tell_sensors(y: Any, o: Any, drifted: Any, p: Any, s: Any) -> None:
+    """Write positions, velocities and rate of the deflection into the measurement y: what was read, or the truth."""
+    if p.positions == 0.0:
+        for axis in range(3):
+            y.position[axis] = o.position[axis] - drifted.displacement[axis]
+            y.velocity[axis] = o.velocity[axis] - drifted.rate[axis]
+    else:
+        for axis in range(3):
+            y.position[axis], y.velocity[axis] = s.position[axis], s.velocity[axis]
+    y.deflection_rate = o.tip_rate if p.deflection == 0.0 else s.rate

@@ -26,7 +26,7 @@ from .block import LOOP
 from .drift import DRIFT, DRIFTED, drift, wander
 from .drive import allowed, due, put_in_force
 from .score import SUMS, count_step
-from .sensors import READ, SENSORS, read_sensors
+from .sensors import READ, SENSORS, sense, tell_sensors
 
 _Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED = 0, 1, 2
@@ -55,7 +55,9 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
     y.deflection = y.deflection_voltage * c.deflection_sensitivity
     y.lateral_force = y.lateral_voltage * c.lateral_sensitivity
     drifted = record_at(m, g.drifted, DRIFTED)
-    read_sensors(y, o, drifted, record_at(m, g.sensors, SENSORS), record_at(m, g.read, READ), position_noise)
+    sensors, read = record_at(m, g.sensors, SENSORS), record_at(m, g.read, READ)
+    sense(o, y.deflection, drifted, sensors, read, position_noise)
+    tell_sensors(y, o, drifted, sensors, read)
     for axis in range(3):
         y.drive[axis] = a.voltage[axis]
     y.drive_sequence = c.in_force
@@ -89,8 +91,8 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     m : ndarray
         Block of the instrument.
     random : ndarray (DRAW_TICKS * draws,)
-        Random numbers of each tick: of the plant, of the sensors of x, y, z, of the detector at each sample, of the
-        fault, of the drift.
+        Random numbers of each tick: of the plant, of the sensors of x, y, z and of the detector at each sample, of
+        the fault, of the drift.
     rows : ndarray (rows, ...)
         What is recorded: states of the parts and measurement at tick k, drive applied from it on.
     samples : ndarray (channels, rows * samples per tick)
@@ -130,13 +132,17 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
         rows[c.row, i] = m[g.hashed + i]
     sample_channels(m, samples, j)
 
-    noise = drawn + g.noise
+    noise, position_noise = drawn + g.noise, drawn + g.position_noise
+    sensors, read = record_at(m, g.sensors, SENSORS), record_at(m, g.read, READ)
     update = c.update
     for i in range(c.substeps):
         if i % stride == 0:
             if i > 0:
                 detect(o, d, pointer_at(random, noise), m)
+                deflection = d.deflection_voltage * c.deflection_sensitivity
+                sense(o, deflection, drifted, sensors, read, pointer_at(random, position_noise))
                 noise += 2
+                position_noise += 3
                 j += 1
                 if i == update:
                     put_in_force(m, command, (i // c.update) * c.dac_period, faults)
@@ -159,13 +165,12 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
         tell(o, m)
         if scored:
             count_step(sums, o, r, following, (i + 1) / c.substeps, c.control_period)
-    position_noise = pointer_at(random, drawn + g.position_noise)
     for i in range(_REFERENCE_SIZE):
         m[g.asked + i] = m[g.asked_next + i]
     c.k += 1
     c.row += 1
     c.draw = (c.draw + 1) % DRAW_TICKS
-    measure(m, c.k, pointer_at(random, noise), position_noise, faults)
+    measure(m, c.k, pointer_at(random, noise), pointer_at(random, position_noise), faults)
     # NaN is within no range either.
     for axis in range(3):
         if not abs(o.position[axis]) < RANGE:

@@ -141,9 +141,9 @@ class DetectorParameters(Group):
         0.0, description="the position sensors saturate at +-position_limit; 0: no limit"
     )
     rate_bandwidth: Annotated[NonNegative, Unit("Hz")] = Field(
-        0.0,
+        20e3,
         description="first-order low-pass of velocities and deflection rate where they are differences of what sensors "
-        "read, which they are if these are not ideal; 0: none",
+        "read, sample by sample, which they are if these are not ideal; 0: none",
     )
     channels: str = Field(
         "", description="more channels to sample, names separated by commas, such as truth/position_x"

@@ -87,6 +87,24 @@ def test_velocity_is_the_difference_of_what_is_read_as_soon_as_that_is_not_exact
     assert velocity[1:] == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
+def test_sensors_are_read_at_the_rate_of_the_adc_and_rates_are_filtered_there():
+    # Eight samples in a tick: what the measurements tell is that of an instrument that is asked at each of them.
+    fine = {"detector.position_bandwidth": 3e3, "detector.position_bits": 16, "detector.position_limit": 1e-6}
+    given = {"sample.beta": 0.0, "contact.tau": 1e6, "plant.dt": 1e-6, "detector.sample_period": 1e-5}
+
+    def asked(period: float) -> np.ndarray:
+        scope = session.instrument(given | fine | {"plant.control_period": period}, 800)
+        push = scope.drive + np.array([0.5, 0.0, 0.0])
+        for _ in range(round(8e-3 / period)):
+            scope.tick(push)
+        y = scope.take_block().measurements
+        return np.column_stack([y.position, y.velocity])
+
+    coarse, every = asked(8e-5), asked(1e-5)
+    assert np.ptp(coarse[:, 0]) > 1e-9
+    np.testing.assert_allclose(coarse[1:], every[8::8], rtol=1e-12, atol=0.0)
+
+
 def test_ideal_sensors_tell_the_true_velocity():
     position, true, velocity = read({}, 300)
     np.testing.assert_array_equal(position, true)
