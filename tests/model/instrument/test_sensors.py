@@ -144,3 +144,14 @@ def test_one_source_of_noise_leaves_the_numbers_of_the_others_alone():
 def test_what_cannot_be_is_refused(values, told):
     with pytest.raises(ParameterError, match=told):
         build(InstrumentParameters, values)
+
+
+def test_noise_of_a_velocity_is_what_the_page_gives_for_the_default_low_pass():
+    given = {"sample.beta": 0.0, "plant.control_period": 1e-4, "detector.position_noise": 5e-11}
+    scope = session.instrument(given, 1500)
+    drive = scope.drive
+    for _ in range(1500):
+        scope.tick(drive)
+    velocity = scope.take_block().measurements.velocity[1:]
+    # A tick is 12 time constants of the low-pass: the velocities are independent.
+    assert velocity.std() == pytest.approx(6.087e-6, rel=5.0 / np.sqrt(2.0 * velocity.size))
