@@ -14,8 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from afm_model import Scenario
-from afm_model.checks import start_warnings
-from afm_model.registry import find
+from afm_model.checks import implausible, start_warnings
 from afm_node_common import topics
 
 from .files import executable
@@ -101,7 +100,7 @@ class Session:
         if self._controller in (OWN, COMPOSED):
             told = start_warnings(sim, self._scenario.controller)
         else:
-            told = find("plant", sim.plant.kind).warnings(sim)
+            told = implausible(sim)
         for sentence in told:
             _say(f"warning: {sentence}")
         for number in _SIGNALS:

@@ -28,5 +28,6 @@ OPTIONAL = (
     Channel("truth/stuck", "1", "truth.stuck"),
     *(Channel(f"drive_{axis}", "V", f"applied.voltage.{axis}") for axis in "xyz"),
     *(Channel(f"truth/piezo_{axis}", "V", f"effective.voltage.{axis}") for axis in "xyz"),
+    *(Channel(f"truth/drift_{axis}", "m", f"drifted.displacement.{axis}") for axis in "xyz"),
 )
 """Sampled besides if detector.channels names them, whatever the parts are."""

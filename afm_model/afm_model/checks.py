@@ -12,8 +12,16 @@ _MOST_PERIODS = 64
 """Fractions of the control period that are tried for a limit."""
 
 
+def implausible(sim: SimParameters) -> list[str]:
+    """What is implausible in plant, onboard loop, piezo, detector and drift, a sentence each."""
+    parts = (("plant", sim.plant), ("onboard", sim.onboard), ("piezo", sim.piezo), ("detector", sim.detector))
+    of_parts = [sentence for family, group in parts for sentence in find(family, group.kind).warnings(sim)]
+    return [*of_parts, *sim.drift.warnings()]
+
+
 def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list[str]:
-    """What is implausible in the plant, and why a loop cannot work as it is set up, a sentence each, with its limit.
+    """What is implausible in the instrument, and why a loop cannot work as it is set up: a sentence each, with its
+    limit.
 
     Of the loop: what the law itself tells of its rate; whether it is made for this period and delay; whether the
     linearised loop is stable, and up to which period or delay it would be.
@@ -24,7 +32,7 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
     controller : ControllerParameters
     """
     plant = sim.plant
-    told: list[str] = [*find("plant", plant.kind).warnings(sim), *find("onboard", sim.onboard.kind).warnings(sim)]
+    told = implausible(sim)
     told += find("law", controller.law.kind).warnings(controller, plant.control_period)
     others = disagreements(controller.law, plant)
     # Limits of a law that is made for something else tell nothing; those of the paper's laws without delay are known

@@ -7,12 +7,12 @@ from .records import record
 
 MEASUREMENT = record(
     "deflection",  # cantilever deflection z_c - a, as read from the photodetector [m]
-    "deflection_rate",  # [m/s]
+    "deflection_rate",  # the true one if the detector is ideal, else the difference of two readings [m/s]
     "lateral_force",  # force of the sample on the tip along x, as read from the photodetector [N]
     "deflection_voltage",  # photodetector signals [V]
     "lateral_voltage",
     "position",  # scanner x, y, z, as read from its sensors [m]
-    "velocity",  # [m/s]
+    "velocity",  # the same of the position sensors [m/s]
     "reference_position",  # reference to track: scanner x, y; tip height z [m]
     "reference_velocity",  # [m/s]
     "reference_acceleration",  # [m/s^2]

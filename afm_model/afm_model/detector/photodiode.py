@@ -1,10 +1,17 @@
-"""Four-quadrant photodiode: deflection and lateral force as voltages, with white noise and an ADC."""
+"""Four-quadrant photodiode: deflection and lateral force as voltages, with what is not ideal about them.
+
+    V_deflection = deflection_gain z / S_z + lateral_in_deflection F / S_F
+    V_lateral    = deflection_in_lateral z / S_z + lateral_gain F / S_F
+
+then noise, low-pass, ADC; docs/microscope.md.
+"""
 
 from typing import Annotated, Any
 
-from annotated_types import Ge, Lt
-from pydantic import Field
+from annotated_types import Ge, Gt, Lt
+from pydantic import Field, model_validator
 
+from .. import low_pass
 from ..converter import convert
 from ..jit import kernel
 from ..parts.groups import DetectorParameters
@@ -12,30 +19,91 @@ from ..parts.part import Detector, Numbers, Tree
 from ..records import record
 from ..schema import NonNegative, Positive, Unit
 
+_Part = Annotated[float, Gt(-1), Lt(1)]
+
 
 class Photodiode(DetectorParameters):
-    """Photodetector and position sensors. Noise and resolution are off by default."""
+    """Photodetector and position sensors. What is not ideal about them is off by default."""
 
-    noise: Annotated[NonNegative, Unit("V")] = Field(
-        0.0, description="rms white noise of a photodetector sample; the deflection rate has none"
+    noise: Annotated[NonNegative, Unit("V")] = Field(0.0, description="rms white noise of a photodetector sample")
+    noise_density: Annotated[NonNegative, Unit("V/sqrt(Hz)")] = Field(
+        0.0, description="one-sided density of the photodetector's noise, in place of detector.noise"
+    )
+    deflection_noise_density: Annotated[NonNegative, Unit("m/sqrt(Hz)")] = Field(
+        0.0, description="the same as deflection: times detector.deflection_sensitivity"
+    )
+    bandwidth: Annotated[NonNegative, Unit("Hz")] = Field(
+        0.0, description="first-order low-pass of both signals before the ADC; 0: none"
+    )
+    deflection_gain: Annotated[float, Gt(0)] = Field(
+        1.0, description="true deflection voltage over that of detector.deflection_sensitivity"
+    )
+    lateral_gain: Annotated[float, Gt(0)] = Field(
+        1.0, description="true lateral voltage over that of detector.lateral_sensitivity"
+    )
+    lateral_in_deflection: _Part = Field(
+        0.0, description="crosstalk: part of the lateral voltage that is in the deflection voltage"
+    )
+    deflection_in_lateral: _Part = Field(
+        0.0, description="crosstalk: part of the deflection voltage that is in the lateral voltage"
     )
     adc_bits: Annotated[int, Ge(0), Lt(33)] = Field(0, description="resolution over +-adc_limit; 0: continuous")
     adc_limit: Annotated[Positive, Unit("V")] = Field(
         10.0, description="with adc_bits > 0 the ADC saturates at +-adc_limit"
     )
 
+    @model_validator(mode="after")
+    def _one_noise(self) -> "Photodiode":
+        given = {
+            f"detector.noise = {self.noise:g} V": self.noise,
+            f"detector.noise_density = {self.noise_density:g} V/sqrt(Hz)": self.noise_density,
+            f"detector.deflection_noise_density = {self.deflection_noise_density:g} m/sqrt(Hz)": (
+                self.deflection_noise_density
+            ),
+        }
+        if len(told := [sentence for sentence, value in given.items() if value > 0.0]) > 1:
+            raise ValueError(f"{' and '.join(told)} are not allowed together: give one")
+        return self
 
-CONSTANTS = record("a", "deflection_sensitivity", "lateral_sensitivity", "noise", "adc_lsb", "adc_limit")
+    @property
+    def sample_noise(self) -> float:
+        """Rms noise of a sample [V]."""
+        density = self.noise_density or self.deflection_noise_density / self.deflection_sensitivity
+        return self.noise or low_pass.noise_of_density(density, self.bandwidth, self.sample_period)
+
+
+CONSTANTS = record(
+    "a",
+    "deflection_sensitivity",
+    "lateral_sensitivity",
+    "deflection_gain",
+    "lateral_gain",
+    "lateral_in_deflection",
+    "deflection_in_lateral",
+    *low_pass.FIELDS,
+    "adc_lsb",
+    "adc_limit",
+)
+FILTER = record(
+    "started",
+    "deflection",  # behind the low-pass [V]
+    "deflection_in",  # before it, at the last sample
+    "deflection_noise",
+    "lateral",
+    "lateral_in",
+    "lateral_noise",
+)
+"""What the low-pass remembers. It is no state of the part, so that a photodiode without one has none."""
 
 
 def _values(parameters: Tree) -> Numbers:
     detector = parameters.detector
     adc_on = detector.adc_bits > 0
+    given = (name for name in CONSTANTS.names or () if name in Photodiode.model_fields and name != "noise")
     return {
         "a": parameters.cantilever.a,
-        "deflection_sensitivity": detector.deflection_sensitivity,
-        "lateral_sensitivity": detector.lateral_sensitivity,
-        "noise": detector.noise,
+        **{name: getattr(detector, name) for name in given},
+        **low_pass.constants(detector.bandwidth, detector.sample_noise, detector.sample_period),
         "adc_lsb": 2.0 * detector.adc_limit / 2**detector.adc_bits if adc_on else 0.0,
         "adc_limit": detector.adc_limit if adc_on else 0.0,
     }
@@ -43,11 +111,71 @@ def _values(parameters: Tree) -> Numbers:
 
 @kernel
 def detect(o: Any, d: Any, p: Any, s: Any, r: Any) -> None:
-    """See `afm_model.parts.Detector`."""
-    deflection = (o.tip_height - p.a + o.deflection_excess) / p.deflection_sensitivity + p.noise * r[0]
-    lateral = (o.friction[0] + o.lateral_excess) / p.lateral_sensitivity + p.noise * r[1]
+    """See `afm_model.parts.Detector`; s is a record of FILTER."""
+    z = (o.tip_height - p.a + o.deflection_excess) / p.deflection_sensitivity
+    f = (o.friction[0] + o.lateral_excess) / p.lateral_sensitivity
+    deflection = p.deflection_gain * z + p.lateral_in_deflection * f
+    lateral = p.lateral_gain * f + p.deflection_in_lateral * z
+    if p.filtered == 0.0:
+        deflection += p.noise * r[0]
+        lateral += p.noise * r[1]
+    else:
+        if s.started == 0.0:
+            s.started = 1.0
+            s.deflection, s.deflection_noise = deflection, p.noise * r[0]
+            s.lateral, s.lateral_noise = lateral, p.noise * r[1]
+        else:
+            s.deflection = p.keep * s.deflection + p.new * deflection + p.old * s.deflection_in
+            s.lateral = p.keep * s.lateral + p.new * lateral + p.old * s.lateral_in
+            s.deflection_noise = p.keep * s.deflection_noise + p.shake * r[0]
+            s.lateral_noise = p.keep * s.lateral_noise + p.shake * r[1]
+        s.deflection_in, s.lateral_in = deflection, lateral
+        deflection = s.deflection + s.deflection_noise
+        lateral = s.lateral + s.lateral_noise
     d.deflection_voltage = convert(deflection, p.adc_lsb, p.adc_limit)
     d.lateral_voltage = convert(lateral, p.adc_lsb, p.adc_limit)
 
 
-PHOTODIODE = Detector(name="photodiode", parameters=Photodiode, constants=CONSTANTS, values=_values, detect=detect)
+def _noisy(parameters: Tree) -> bool:
+    return bool(parameters.detector.sample_noise > 0.0)
+
+
+def _ideal(parameters: Tree) -> bool:
+    d = parameters.detector
+    exact = d.deflection_gain == 1.0 and d.lateral_in_deflection == 0.0
+    return bool(exact and d.sample_noise == 0.0 and d.bandwidth == 0.0 and d.adc_bits == 0)
+
+
+def _warnings(parameters: Tree) -> list[str]:
+    d = parameters.detector
+    found = []
+    density = d.deflection_noise_density or d.noise_density * d.deflection_sensitivity
+    if density > 0.0 and not 1e-15 <= density <= 1e-11:
+        found.append(
+            f"a noise density of {density:.3g} m/sqrt(Hz) of the deflection is implausible: photodetectors have 5e-15 "
+            f"to 1e-12 m/sqrt(Hz)"
+        )
+    if d.bandwidth > 0.5 / d.sample_period and d.sample_noise > 0.0:
+        found.append(
+            f"detector.bandwidth = {d.bandwidth:g} Hz is above half the rate of the ADC, {0.5 / d.sample_period:g} Hz: "
+            f"noise beyond is folded into the signal"
+        )
+    for name in ("deflection_gain", "lateral_gain"):
+        if not 0.5 <= (value := getattr(d, name)) <= 2.0:
+            found.append(f"detector.{name} = {value:g} is implausible: calibrations are wrong by a factor of 2 at most")
+    for name in ("lateral_in_deflection", "deflection_in_lateral"):
+        if abs(value := getattr(d, name)) > 0.2:
+            found.append(f"detector.{name} = {value:g} is implausible: crosstalk of photodiodes is 0.01 to 0.1")
+    return found
+
+
+PHOTODIODE = Detector(
+    name="photodiode",
+    parameters=Photodiode,
+    constants=CONSTANTS,
+    values=_values,
+    detect=detect,
+    noisy=_noisy,
+    ideal=_ideal,
+    warnings=_warnings,
+)

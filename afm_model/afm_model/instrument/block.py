@@ -19,7 +19,9 @@ from ..parts.header import HEADER
 from ..parts.part import Channel, Part
 from ..records import place, record, record_at, size
 from ..signals import COMMAND, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from .drift import DRIFT, DRIFTED, drift_constants
 from .score import SUMS
+from .sensors import READ, SENSORS, sensor_constants
 
 FAMILIES: dict[str, tuple[Part, ...]] = {
     "plant": plant.PARTS,
@@ -57,7 +59,6 @@ LOOP = record(
     "slew_step",  # largest change at an update [V]; 0: any
     "deflection_sensitivity",  # [m/V]
     "lateral_sensitivity",  # [N/V]
-    "position_noise",  # [m]
     integers=(
         "k",
         "row",
@@ -113,6 +114,11 @@ class Layout:
         self._add("surface", SURFACE)
         self._add("displacement", DISPLACEMENT)
         self._add("score", SUMS)
+        self._add("detector_filter", detector.FILTER)
+        self._add("sensors", SENSORS)
+        self._add("read", READ)
+        self._add("drift", DRIFT)
+        self._add("drifted", DRIFTED)
         self.channels = self._channels(parameters)
         self.places["channel_count"] = len(self.channels)
         self.places["channels"] = self._reserve(len(self.channels))
@@ -127,7 +133,13 @@ class Layout:
         # A row of the random numbers.
         draws = {family: each.part.draws for family, each in self.parts.items()}
         samples = round(parameters.plant.control_period / parameters.detector.sample_period)
-        widths = {"disturbance": draws["plant"], "position_noise": 3, "noise": 2 * samples, "faults": draws["fault"]}
+        widths = {
+            "disturbance": draws["plant"],
+            "position_noise": 3 * samples,
+            "noise": 2 * samples,
+            "faults": draws["fault"],
+        }
+        widths["wander"] = 3
         self.draws = 0
         for name, width in widths.items():
             self.places[name] = self.draws
@@ -173,6 +185,10 @@ class Layout:
             header[name] = self.places[name]
         for family, each in self.parts.items():
             each.fill_constants(block, self.places[f"{family}_constants"], parameters)
+        for name, values in (("sensors", sensor_constants(parameters)), ("drift", drift_constants(parameters))):
+            fields = self.record(block, name)
+            for field, value in values.items():
+                fields[field] = value
         for number, channel in enumerate(self.channels):
             block[self.places["channels"] + number] = self.place(channel.field)
         block[self.places["sample_map"] : self.places["sample_map"] + self._map.size] = self._map

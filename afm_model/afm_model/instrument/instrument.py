@@ -22,6 +22,7 @@ from .block import LOOP, Layout, line_slots
 from .faults import Faults
 from .inside import Inside
 from .score import ScoreSummary, summarize
+from .sensors import position_noise as sensor_noise
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
 
@@ -118,19 +119,20 @@ class Instrument:
         c.slew_step = piezo.slew_limit * dac_period
         c.deflection_sensitivity = detector.deflection_sensitivity
         c.lateral_sensitivity = detector.lateral_sensitivity
-        c.position_noise = detector.position_noise
 
     def reset(self) -> None:
         """Return to the start: at rest, in contact, tick 0, the same random numbers again."""
         layout, block, parameters = self._layout, self._block, self.parameters
         # One stream for each source: to switch one on changes no other.
-        seeds = np.random.SeedSequence(parameters.plant.seed).spawn(4)
-        self._disturbance, self._noise, self._position_noise, self._chance = map(np.random.default_rng, seeds)
+        streams = map(np.random.default_rng, np.random.SeedSequence(parameters.plant.seed).spawn(6))
+        self._disturbance, self._noise, self._position_noise, self._chance, self._wander, self._between = streams
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         self.inside.give_z()
         for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
         for name in ("asked", "asked_next"):
+            layout.array(block, name)[:] = 0.0
+        for name in ("detector_filter", "read", "drifted"):
             layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
             each.fill_start(block, layout.places[f"{family}_state"], parameters)
@@ -146,9 +148,10 @@ class Instrument:
                 )
         for name in ("applied", "regulated", "effective"):
             layout.array(block, name)[:] = held
-        onboard: Any = layout.parts["onboard"].part
-        if onboard.state.names:
-            onboard.begin(parameters, layout.record(block, "onboard_state"), held)
+        for family in ("onboard", "piezo"):
+            part: Any = layout.parts[family].part
+            if part.state.names:
+                part.begin(parameters, layout.record(block, f"{family}_state"), held)
         line = layout.places["line"]
         on_their_way = [line + slot * size(COMMAND) for slot in range(line_slots(parameters))]
         for command in (layout.places["commanded"], *on_their_way):
@@ -385,11 +388,19 @@ class Instrument:
                 anything = True
         noise, position_noise = places["noise"], places["position_noise"]
         samples = 2 * self.samples_per_tick
-        if getattr(parameters.detector, "noise", 1.0) > 0.0:
+        detector: Any = self._layout.parts["detector"].part
+        if detector.noisy(parameters):
             random[:, noise : noise + samples] = self._noise.standard_normal((DRAW_TICKS, samples))
             anything = True
-        if parameters.detector.position_noise > 0.0:
-            random[:, position_noise : position_noise + 3] = self._position_noise.standard_normal((DRAW_TICKS, 3))
+        if sensor_noise(parameters) > 0.0:
+            # Those of the measurements are a stream of their own, the same at any rate of the ADC.
+            end = position_noise + 3 * self.samples_per_tick
+            between = self._between.standard_normal((DRAW_TICKS, end - 3 - position_noise))
+            random[:, position_noise : end - 3] = between
+            random[:, end - 3 : end] = self._position_noise.standard_normal((DRAW_TICKS, 3))
+            anything = True
+        if parameters.drift.wander > 0.0:
+            random[:, places["wander"] : places["wander"] + 3] = self._wander.standard_normal((DRAW_TICKS, 3))
             anything = True
         # Zeros last for ever.
         self._drawn = self._drawn + DRAW_TICKS if anything else sys.maxsize

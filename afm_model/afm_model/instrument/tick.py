@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..converter import convert
 from ..detector import detect
 from ..fault import on_command, on_measurement, unasked
 from ..jit import kernel
@@ -22,8 +23,10 @@ from ..program import reference, watch
 from ..records import Block, pointer_at, record_at, size
 from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
+from .drift import DRIFT, DRIFTED, drift, wander
 from .drive import allowed, due, put_in_force
 from .score import SUMS, count_step
+from .sensors import READ, SENSORS, sense, tell_sensors
 
 _Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED = 0, 1, 2
@@ -50,11 +53,12 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
     y.deflection_voltage = d.deflection_voltage
     y.lateral_voltage = d.lateral_voltage
     y.deflection = y.deflection_voltage * c.deflection_sensitivity
-    y.deflection_rate = o.tip_rate
     y.lateral_force = y.lateral_voltage * c.lateral_sensitivity
+    drifted = record_at(m, g.drifted, DRIFTED)
+    sensors, read = record_at(m, g.sensors, SENSORS), record_at(m, g.read, READ)
+    sense(o, y.deflection, drifted, sensors, read, position_noise)
+    tell_sensors(y, o, drifted, sensors, read)
     for axis in range(3):
-        y.position[axis] = o.position[axis] + c.position_noise * position_noise[axis]
-        y.velocity[axis] = o.velocity[axis]
         y.drive[axis] = a.voltage[axis]
     y.drive_sequence = c.in_force
     y.newest_drive_sequence = record_at(m, c.received, COMMAND).sequence
@@ -87,8 +91,8 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     m : ndarray
         Block of the instrument.
     random : ndarray (DRAW_TICKS * draws,)
-        Random numbers of each tick: of the plant, of the sensors of x, y, z, of the detector at each sample, of the
-        fault.
+        Random numbers of each tick: of the plant, of the sensors of x, y, z and of the detector at each sample, of
+        the fault, of the drift.
     rows : ndarray (rows, ...)
         What is recorded: states of the parts and measurement at tick k, drive applied from it on.
     samples : ndarray (channels, rows * samples per tick)
@@ -116,6 +120,9 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     command = due(m)
     c.in_force = record_at(m, command, COMMAND).sequence
     put_in_force(m, command, 0.0, faults)
+    drifting, drifted = record_at(m, g.drift, DRIFT), record_at(m, g.drifted, DRIFTED)
+    if drifting.on != 0.0:
+        wander(c.k, c.control_period, drifting, drifted, pointer_at(random, drawn + g.wander))
     if scored:
         sums.ticks += 1.0
     reference((c.k + 1) * c.control_period, following, m)
@@ -126,13 +133,17 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
         rows[c.row, i] = m[g.hashed + i]
     sample_channels(m, samples, j)
 
-    noise = drawn + g.noise
+    noise, position_noise = drawn + g.noise, drawn + g.position_noise
+    sensors, read = record_at(m, g.sensors, SENSORS), record_at(m, g.read, READ)
     update = c.update
     for i in range(c.substeps):
         if i % stride == 0:
             if i > 0:
                 detect(o, d, pointer_at(random, noise), m)
+                deflection = d.deflection_voltage * c.deflection_sensitivity
+                sense(o, deflection, drifted, sensors, read, pointer_at(random, position_noise))
                 noise += 2
+                position_noise += 3
                 j += 1
                 if i == update:
                     put_in_force(m, command, (i // c.update) * c.dac_period, faults)
@@ -141,21 +152,27 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             w.voltage[0] = a.voltage[0]
             w.voltage[1] = a.voltage[1]
             w.voltage[2] = a.voltage[2]
-            now = t + (i // stride) * c.sample_period
+            late = (i // stride) * c.sample_period
+            now = t + late
             watch(now, d, r, m)
-            regulate(now, d, r, w, m)
+            if g.onboard != 0:
+                regulate(now, d, r, w, m)
+                # What it has changed goes through the same converter; what has been through it stays.
+                for axis in range(3):
+                    w.voltage[axis] = convert(w.voltage[axis], c.drive_lsb, c.drive_limit)
             actuate(now, w, v, m)
+            if drifting.on != 0.0:
+                drift(now, late, v, drifting, drifted)
         step(v, disturbance, m)
         tell(o, m)
         if scored:
             count_step(sums, o, r, following, (i + 1) / c.substeps, c.control_period)
-    position_noise = pointer_at(random, drawn + g.position_noise)
     for i in range(_REFERENCE_SIZE):
         m[g.asked + i] = m[g.asked_next + i]
     c.k += 1
     c.row += 1
     c.draw = (c.draw + 1) % DRAW_TICKS
-    measure(m, c.k, pointer_at(random, noise), position_noise, faults)
+    measure(m, c.k, pointer_at(random, noise), pointer_at(random, position_noise), faults)
     # NaN is within no range either. The true position: a sensor that fails is no motion.
     for axis in range(3):
         if not abs(o.position[axis]) < RANGE:

@@ -111,8 +111,8 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     Parameters
     ----------
     sim : SimParameters
-        Plant, control period and delay. Noise and faults do not count; other plants than `compliant` are taken to hold
-        the tip on the sample.
+        Plant, control period and delay. Noise and faults do not count, sensors and piezo are taken as ideal; other
+        plants than `compliant` are taken to hold the tip on the sample.
     controller : ControllerParameters
 
     Returns

@@ -87,7 +87,8 @@ def sensors(sim: SimParameters) -> _Array:
 
 def measurement_at_rest(sim: SimParameters) -> _Array:
     """What is measured with the tip at its setpoint, the reference standing still, without noise."""
-    quiet: dict[str, Value] = {"detector.noise": 0.0, "detector.position_noise": 0.0, "fault.kind": "none"}
+    noises = ("noise", "noise_density", "deflection_noise_density", "position_noise", "position_noise_density")
+    quiet: dict[str, Value] = {f"detector.{name}": 0.0 for name in noises} | {"fault.kind": "none"}
     given = {name: value for name, value in flatten(sim).items() if not name.startswith("fault.")}
     known = {name: value for name, value in quiet.items() if name in given or name == "fault.kind"}
     instrument = Instrument(build(SimParameters, given | known), 1, hashed=False)

@@ -18,6 +18,7 @@ from ..schema import (
     unknown_name_message,
 )
 from .controller import ControllerParameters
+from .drift import Drift
 from .instrument import InstrumentParameters, Score
 from .microscope import SetupSection, resolved
 from .run import Run, SimParameters
@@ -27,6 +28,7 @@ __all__ = [
     "Cantilever",
     "Contact",
     "ControllerParameters",
+    "Drift",
     "Group",
     "InstrumentParameters",
     "Microscope",

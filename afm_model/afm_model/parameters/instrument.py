@@ -14,11 +14,12 @@ from ..plant import PlantGroup
 from ..program import Reference
 from ..sample import PaperSample
 from ..schema import Group, Unit, flatten, specifications
+from .drift import Drift
 
 MAX_STEPS = 10_000_000
 """Integration steps in a control tick at most: a second or two of computing, in which nothing else is done."""
 MAX_SAMPLES = 100_000
-"""Samples in a control tick at most. With noise on they take 4 kB of random numbers each."""
+"""Samples in a control tick at most. With noise on they take 10 kB of random numbers each."""
 
 
 class Score(Group):
@@ -39,6 +40,7 @@ class InstrumentParameters(Microscope):
     detector: Photodiode = Photodiode()
     onboard: OnboardParameters = OnboardParameters()
     fault: Schedule = Schedule()
+    drift: Drift = Drift()
     score: Score = Score()
 
     @property

@@ -113,7 +113,7 @@ class SampleParameters(Group):
 
 
 class DetectorParameters(Group):
-    """Photodetector and position sensors. Noise and resolution are off by default."""
+    """Photodetector and position sensors. What is not ideal about them is off by default."""
 
     family = "detector"
 
@@ -126,8 +126,39 @@ class DetectorParameters(Group):
     )
     lateral_sensitivity: Annotated[float, Gt(0), Unit("N/V")] = Field(50e-9, description="lateral force per volt")
     position_noise: Annotated[NonNegative, Unit("m")] = Field(
-        0.0, description="rms white noise of a scanner position sample; the velocity has none"
+        0.0, description="rms white noise of a scanner position sample"
+    )
+    position_noise_density: Annotated[NonNegative, Unit("m/sqrt(Hz)")] = Field(
+        0.0, description="one-sided density of the noise of the position sensors, in place of detector.position_noise"
+    )
+    position_bandwidth: Annotated[NonNegative, Unit("Hz")] = Field(
+        0.0, description="first-order low-pass of the position sensors; 0: none"
+    )
+    position_bits: Annotated[int, Ge(0), Lt(33)] = Field(
+        0, description="resolution of the position sensors over +-position_limit; 0: continuous"
+    )
+    position_limit: Annotated[NonNegative, Unit("m")] = Field(
+        0.0, description="the position sensors saturate at +-position_limit; 0: no limit"
+    )
+    rate_bandwidth: Annotated[NonNegative, Unit("Hz")] = Field(
+        20e3,
+        description="first-order low-pass of velocities and deflection rate where they are differences of what sensors "
+        "read, sample by sample, which they are if these are not ideal; 0: none",
     )
     channels: str = Field(
         "", description="more channels to sample, names separated by commas, such as truth/position_x"
     )
+
+    @model_validator(mode="after")
+    def _sensors_fit(self) -> "DetectorParameters":
+        if self.position_noise > 0.0 and self.position_noise_density > 0.0:
+            raise ValueError(
+                f"detector.position_noise = {self.position_noise:g} m and detector.position_noise_density = "
+                f"{self.position_noise_density:g} m/sqrt(Hz) are not allowed together: give one"
+            )
+        if self.position_bits > 0 and self.position_limit == 0.0:
+            raise ValueError(
+                f"detector.position_bits = {self.position_bits} needs a range: detector.position_limit must be > 0 m, "
+                f"it is {self.position_limit:g} m"
+            )
+        return self

@@ -187,12 +187,22 @@ class Piezo(Part):
     """The piezo ceramic: `actuate(t, u, v, p, s)` writes into v what drive u comes to, in volts of an ideal piezo.
 
     Called at every sample of the virtual ADC, behind range, resolution and delay of the drive.
+
+    Parameters
+    ----------
+    begin : callable
+        (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
+        called if the part has a state. What it comes to must be that drive itself.
+    warnings : callable
+        Parameters -> what is implausible, a sentence each.
     """
 
     family = "piezo"
     functions: ClassVar = {"actuate": (NUMBER, DRIVE, DRIVE, CONSTANTS, STATE)}
 
     actuate: Kernel
+    begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
+    warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,12 +308,25 @@ class Detector(Part):
     """The photodetector: `detect(o, d, p, s, r)` writes a sample d of DETECTION from the truth o.
 
     r holds two standard normal numbers for this sample.
+
+    Parameters
+    ----------
+    noisy : callable
+        Parameters -> whether it uses them; they are zero if not.
+    ideal : callable
+        Parameters -> whether its deflection is exact. If not, the measured rate of the deflection is the difference of
+        what it has read, and not the true one.
+    warnings : callable
+        Parameters -> what is implausible, a sentence each.
     """
 
     family = "detector"
     functions: ClassVar = {"detect": (TRUTH, DETECTION, CONSTANTS, STATE, POINTER)}
 
     detect: Kernel
+    noisy: Callable[[Tree], bool] = lambda parameters: True
+    ideal: Callable[[Tree], bool] = lambda parameters: False
+    warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 
 FAMILIES: tuple[type[Part], ...] = (Program, Law, Fault, Piezo, Onboard, Plant, Sample, Detector)

@@ -9,10 +9,13 @@ from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
 from . import linear
+from .ceramic import CERAMIC
 from .linear import LINEAR
 
 PARTS = (LINEAR,)
 register(*PARTS)
+# Called by address, like one of somebody else's.
+register(CERAMIC)
 
 
 @kernel
@@ -25,4 +28,4 @@ def actuate(t: float, u: Any, v: Any, m: Block) -> None:
         call(g.piezo_actuate, (t, u, v, pointer_at(m, g.piezo_constants), pointer_at(m, g.piezo_state)))
 
 
-__all__ = ["LINEAR", "PARTS", "PiezoParameters", "actuate"]
+__all__ = ["CERAMIC", "LINEAR", "PARTS", "PiezoParameters", "actuate"]

@@ -79,6 +79,15 @@ def test_integral_does_not_wind_up_at_a_limit():
     assert state.z < start + 80e-9
 
 
+def test_drive_of_the_loop_goes_through_the_converter_of_the_piezo():
+    values = {"onboard.setpoint_voltage": 5.2, "piezo.limit": 10.0, "piezo.dac_bits": 12}
+    read, _ = record(values | {"detector.channels": "z_loop, truth/piezo_z"}, 20)
+    levels = read["truth/piezo_z"][1:] / (20.0 / 2**12)
+    assert levels == pytest.approx(np.round(levels), abs=1e-9)
+    assert len(set(levels.tolist())) > 1
+    assert np.abs(read["truth/piezo_z"] - read["z_loop"] / 20e-9)[1:].max() <= 10.0 / 2**12 * (1.0 + 1e-9)
+
+
 def test_hold_keeps_z_where_it_is():
     read, _ = record({"onboard.hold": True, "onboard.setpoint_voltage": 9.0}, 50)
     assert len(set(read["z_loop"][2:].tolist())) == 1

@@ -1,0 +1,65 @@
+"""Thermal drift: the sample moves against the holder of the tip, and no sensor of the scanner sees it.
+
+    D' = rate exp(-t / decay_time) + r(t),   r: Ornstein-Uhlenbeck, rms `wander`, correlation time `wander_time`
+
+It is added behind the piezo, as the voltage of an ideal piezo that moves the sample by D, and taken off what the
+position sensors read. So it moves the sample in every plant, sticks and slips with it, and a z loop follows it. The
+resonances of the scanner are faster than any drift by many orders of magnitude.
+"""
+
+import math
+from typing import Any
+
+from ..jit import kernel
+from ..parameters import InstrumentParameters
+from ..parts.part import Numbers
+from ..records import record
+
+DRIFT = record("on", "rate", "decay", "wander", "keep", "shake", "metres", vectors=("rate", "metres"))
+"""Constants; `decay` in s, 0: none; `metres` per volt of the piezo."""
+DRIFTED = record(
+    "displacement",  # of the sample [m]
+    "rate",  # [m/s]
+    "wandered",  # random part of the displacement at the begin of the tick
+    "wandering",  # random part of the rate, the same during a tick
+    vectors=("displacement", "rate", "wandered", "wandering"),
+)
+
+
+def drift_constants(parameters: InstrumentParameters) -> Numbers:
+    """Values of DRIFT."""
+    drift, piezo = parameters.drift, parameters.piezo
+    ratio = parameters.plant.control_period / drift.wander_time
+    return {
+        "on": float(drift.on),
+        "rate": [drift.rate_x, drift.rate_y, drift.rate_z],
+        "decay": drift.decay_time,
+        "wander": drift.wander,
+        "keep": math.exp(-ratio),
+        "shake": drift.wander * math.sqrt(-math.expm1(-2.0 * ratio)),
+        "metres": [piezo.sensitivity_x, piezo.sensitivity_y, piezo.sensitivity_z],
+    }
+
+
+@kernel
+def wander(k: int, period: float, p: Any, s: Any, r: Any) -> None:
+    """Begin control tick k, of length `period` [s]: the random part goes on, by the random numbers r."""
+    for axis in range(3):
+        s.wandered[axis] += period * s.wandering[axis]
+        if k == 0:
+            s.wandering[axis] = p.wander * r[axis]
+        else:
+            s.wandering[axis] = p.keep * s.wandering[axis] + p.shake * r[axis]
+
+
+@kernel
+def drift(t: float, late: float, v: Any, p: Any, s: Any) -> None:
+    """Add the drift to what the piezo makes of the drive, v [V], at time t [s], `late` after the begin of the tick."""
+    left, way = 1.0, t
+    if p.decay > 0.0:
+        left = math.exp(-t / p.decay)
+        way = -p.decay * math.expm1(-t / p.decay)
+    for axis in range(3):
+        s.displacement[axis] = p.rate[axis] * way + s.wandered[axis] + s.wandering[axis] * late
+        s.rate[axis] = p.rate[axis] * left + s.wandering[axis]
+        v.voltage[axis] += s.displacement[axis] / p.metres[axis]
