@@ -84,6 +84,8 @@ def replayed(parameters: SimParameters) -> SimParameters:
     if not isinstance(parameters.fault, Schedule):
         return parameters
     left_out = tuple(f"fault.{name}." for name, fault in faults_of(parameters).items() if not fault.of_the_sample)
+    if not left_out:
+        return parameters
     kept = {name: value for name, value in flatten(parameters).items() if not name.startswith(left_out)}
     return build(SimParameters, kept)
 
