@@ -5,6 +5,7 @@ import environment
 environment.prepare()
 
 import argparse  # noqa: E402
+import re  # noqa: E402
 import shutil  # noqa: E402
 import signal  # noqa: E402
 import sys  # noqa: E402
@@ -84,7 +85,7 @@ class Torture:
 
     def _together(self, family: Family, numbers: list[int]) -> None:
         """Tries that share their nodes, up to the first that fails."""
-        word = "".join(letter if letter.isalnum() else "_" for letter in family.fault)
+        word = re.sub(r"[^a-z]+", "_", family.fault)
         namespace = f"{word}_{numbers[0]}"
         folder = self._folder / namespace
         shutil.rmtree(folder, ignore_errors=True)

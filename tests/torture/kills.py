@@ -116,7 +116,9 @@ def simulator(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
     def prepared() -> Trio:
         nonlocal number
         number += 1
-        trio = Trio(graph, folder / f"{number}", f"{namespace}_{number}", REALTIME if number % 2 else LOCKSTEP)
+        realtime = number % 2 == 1
+        scenario = REALTIME if realtime else LOCKSTEP
+        trio = Trio(graph, folder / f"{number}", f"{namespace}_{number}", scenario, each=realtime)
         trio.start(CONTROLLER, RECORDER, SIMULATOR)
         return trio
 

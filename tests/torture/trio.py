@@ -39,6 +39,8 @@ class Trio:
         A shipped scenario; its run gets no end.
     environment : mapping
         Of the processes, beside that of this one.
+    each : bool
+        Listen to each measurement; at 1 kHz that delays what else is heard.
     """
 
     def __init__(
@@ -48,6 +50,7 @@ class Trio:
         namespace: str,
         scenario: str = REALTIME,
         environment: Mapping[str, str] | None = None,
+        each: bool = False,
     ) -> None:
         self.graph, self.folder, self.namespace = graph, folder, namespace
         self.path = folder / "run.rrd"
@@ -58,8 +61,7 @@ class Trio:
         run["duration"], run["lockstep_timeout"] = 0.0, 2.0
         self._parameters = folder / "parameters.yaml"
         self._parameters.write_text(yaml.safe_dump(content))
-        # Each measurement of a run that goes as fast as it can would keep the listener busy.
-        self.listener: Listener = graph.add(Listener(namespace, each=scenario == REALTIME))
+        self.listener: Listener = graph.add(Listener(namespace, each=each))
         self.commands: dict[str, Command] = {}
         self._ending: dict[str, Command] = {}
         self.seen: set[File] = set()
