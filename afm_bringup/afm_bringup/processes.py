@@ -114,7 +114,6 @@ class Process:
         self._signal(signal.SIGKILL)
         self._file.close()
 
-
     def _processor_time(self) -> float:
         """What the process has used up to now, in ticks of the system; 0 when it has ended."""
         try:

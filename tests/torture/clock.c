@@ -1,6 +1,8 @@
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <pthread.h>
+#include <semaphore.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <sys/mman.h>
@@ -42,4 +44,47 @@ time_t time(time_t *place) {
     clock_gettime(CLOCK_REALTIME, &now);
     if (place) *place = now.tv_sec;
     return now.tv_sec;
+}
+
+/* What waits until a time of this clock gives that time to the kernel, which knows the true one. */
+static const struct timespec *truly(const struct timespec *until, struct timespec *place) {
+    if (until->tv_sec < 1000000000) return until; /* a time of the monotonic clock */
+    *place = *until;
+    place->tv_sec -= *offset();
+    return place;
+}
+
+static void *next(const char *name) {
+    /* There is an older function of the same name, for conditions of another layout. */
+    void *found = dlvsym(RTLD_NEXT, name, "GLIBC_2.3.2");
+    return found ? found : dlsym(RTLD_NEXT, name);
+}
+
+int pthread_cond_timedwait(pthread_cond_t *condition, pthread_mutex_t *mutex, const struct timespec *until) {
+    static int (*real)(pthread_cond_t *, pthread_mutex_t *, const struct timespec *);
+    struct timespec place;
+    if (!real) real = (int (*)(pthread_cond_t *, pthread_mutex_t *, const struct timespec *))next(__func__);
+    return real(condition, mutex, truly(until, &place));
+}
+
+int pthread_cond_clockwait(pthread_cond_t *condition, pthread_mutex_t *mutex, clockid_t clock,
+                           const struct timespec *until) {
+    static int (*real)(pthread_cond_t *, pthread_mutex_t *, clockid_t, const struct timespec *);
+    struct timespec place;
+    if (!real) real = (int (*)(pthread_cond_t *, pthread_mutex_t *, clockid_t, const struct timespec *))next(__func__);
+    return real(condition, mutex, clock, clock == CLOCK_REALTIME ? truly(until, &place) : until);
+}
+
+int pthread_mutex_timedlock(pthread_mutex_t *mutex, const struct timespec *until) {
+    static int (*real)(pthread_mutex_t *, const struct timespec *);
+    struct timespec place;
+    if (!real) real = (int (*)(pthread_mutex_t *, const struct timespec *))next(__func__);
+    return real(mutex, truly(until, &place));
+}
+
+int sem_timedwait(sem_t *semaphore, const struct timespec *until) {
+    static int (*real)(sem_t *, const struct timespec *);
+    struct timespec place;
+    if (!real) real = (int (*)(sem_t *, const struct timespec *))next(__func__);
+    return real(semaphore, truly(until, &place));
 }

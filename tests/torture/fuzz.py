@@ -36,7 +36,8 @@ _AT_ONCE = 2
 """Before each message that is one: fewer than a queue holds."""
 _DEEP = 10
 """Messages at once on a topic that keeps many."""
-DRIVES, MEASUREMENTS, STREAMS, PARAMETERS = 100, 50, 50, 12
+_ROUNDS = 2
+DRIVES, MEASUREMENTS, STREAMS, PARAMETERS = 100, 50, _ROUNDS * (3 * _DEEP + 2), 12
 """Of one try."""
 _TICKS = DRIVES // _AT_ONCE
 _NUMBERS = (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_DOUBLE)
@@ -74,7 +75,8 @@ def bad(kind: type) -> st.SearchStrategy[bytes]:
     def none(data: bytes) -> bool:
         return bool(data) and read(data + bytes(-len(data) % 4), kind) is None
 
-    return (st.randoms(use_true_random=False).map(lambda rng: nonsense(rng, kind)) | st.binary(max_size=300)).filter(none)
+    spoiled = st.randoms(use_true_random=False).map(lambda rng: nonsense(rng, kind))
+    return (spoiled | st.binary(max_size=300)).filter(none)
 
 
 def drive(sequence: int, z: float) -> NDArray[np.float64]:
@@ -204,7 +206,7 @@ class Tape:
             EVENTS: self._events,
         }
         messages = st.randoms(use_true_random=False)
-        for number in range(STREAMS // len(publishers) // _DEEP):
+        for _ in range(_ROUNDS):
             for topic, publisher in publishers.items():
                 # Of a topic that keeps one value the recorder may see the last one only.
                 count = 1 if topic in (topics.STATUS, topics.SCORE) else _DEEP
@@ -276,7 +278,8 @@ def family(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
     def one(rng: Random, outcome: Outcome) -> None:
         for each in (plant, law, tape, setter):
             each.try_one(rng)
-        outcome.what = f"{DRIVES + MEASUREMENTS + STREAMS} messages dropped and counted, {PARAMETERS} parameters refused"
+        messages = DRIVES + MEASUREMENTS + STREAMS
+        outcome.what = f"{messages} messages dropped and counted, {PARAMETERS} parameters refused"
 
     yield one
     tape.check()

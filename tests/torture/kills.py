@@ -145,7 +145,7 @@ def _killed_while_it_starts(trio: Trio, rng: Random, outcome: Outcome) -> None:
     trio.pass_time(rng.uniform(0.0, 2.0))
     trio.kill(SIMULATOR)
     trio.pass_time(0.5)
-    trio.end(CONTROLLER, RECORDER)
+    trio.end(CONTROLLER, RECORDER, begun=False)
     outcome.what = "killed while starting: the others end in order"
 
 

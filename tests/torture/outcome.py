@@ -52,4 +52,3 @@ class Book:
     def of(self, fault: str) -> list[Outcome]:
         """Those of one fault, the begin and the end of them left out."""
         return [outcome for outcome in self.outcomes if outcome.fault == fault and outcome.number >= 0]
-
