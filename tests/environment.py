@@ -28,5 +28,5 @@ def prepare() -> None:
         "COLUMNS": "200",
         "NO_COLOR": "1",
     }
-    # A shell has what it runs in the background ignore SIGINT, and processes inherit that: those that are started as well.
+    # A shell has what it runs in the background ignore SIGINT, and processes inherit that: those of this run as well.
     signal.signal(signal.SIGINT, signal.default_int_handler)

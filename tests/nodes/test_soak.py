@@ -55,7 +55,7 @@ for flush in range(int(sys.argv[2])):
 print(memory() - before)
 """
 FLUSHES = 1500
-"""Those of ten minutes. rerun's own file sink keeps some 230 bytes for each of nine pieces of a flush: 2.8 MB in all."""
+"""Those of ten minutes. rerun's own file sink keeps some 230 bytes for each of nine pieces of a flush: 3 MB in all."""
 
 
 def test_writer_of_a_recording_keeps_nothing_of_what_it_has_written(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 """The clock of the system is set, forwards or back, as the nodes see it: the machine's own is left alone.
 
-What asks for the time, or waits until a time, in a process is put in between (clock.c). A wait that has begun before the
-step ends as if there had been none.
+What asks for the time, or waits until a time, in a process is put in between (clock.c). A wait that has begun before
+the step ends as if there had been none.
 """
 
 import os

@@ -68,8 +68,8 @@ def drawn(strategy: st.SearchStrategy[bytes], count: int, number: int) -> list[b
 def bad(kind: type) -> st.SearchStrategy[bytes]:
     """Bytes that are no message of this type, by the rules of CDR alone.
 
-    Not without bytes: Fast DDS does not deliver such a message, nor the next ones of the same publisher, until its queue
-    has gone over it. And none that are one when filled up to four bytes: on the way they are.
+    Not without bytes: Fast DDS does not deliver such a message, nor the next ones of the same publisher, until its
+    queue has gone over it. And none that are one when filled up to four bytes: on the way they are.
     """
 
     def none(data: bytes) -> bool:
