@@ -2,7 +2,7 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long build setup lint figures maps bench clean
+.PHONY: help demo test test-long build setup lint figures maps bench soak torture clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
@@ -19,6 +19,9 @@ help:
 	@echo "make figures draw the figures of docs/paper.md again"
 	@echo "make maps    draw again where each law holds: docs/figures/maps, bode (some minutes)"
 	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes on an idle machine)"
+	@echo "make soak    a session for half an hour; what it uses has to stay what it was (ARGS=\"--minutes 5\": shorter)"
+	@echo "make torture what is killed, stopped, filled or confused, and what then becomes of a run (about half an hour;"
+	@echo "             ARGS=\"--tries 2\": a few of each; ARGS=--resume: go on with one that was stopped)"
 	@echo "make clean   remove what was built, .venv and out/"
 
 setup:
@@ -51,6 +54,14 @@ maps: build
 
 bench: build
 	@. ./env.sh && python tests/bench
+
+# Both write their figures into docs/reliability.md unless they are given arguments.
+ARGS ?= --page docs/reliability.md
+soak: build
+	@. ./env.sh && PYTHONPATH="$$PWD/tests$${PYTHONPATH:+:$$PYTHONPATH}" python tests/soak $(ARGS)
+
+torture: build
+	@. ./env.sh && PYTHONPATH="$$PWD/tests$${PYTHONPATH:+:$$PYTHONPATH}" python tests/torture $(ARGS)
 
 clean:
 	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log

@@ -1,34 +1,13 @@
 """Settings of all tests. The environment is set here, before anything of ROS is imported."""
 
-import os
-import signal
 import sys
-import uuid
 from collections.abc import Iterator
 
 import pytest
+from environment import prepare
 from hypothesis import settings
 
-try:
-    from afm_bringup.domain import claim_domain
-
-    # Two clones, or two users, may test at the same time on one machine.
-    _domain, _claim = claim_domain()
-except ImportError:  # the tests of the model need no ROS
-    _domain = 0
-
-os.environ |= {
-    "AFM_TEST_RUN": uuid.uuid4().hex,
-    "ROS_DOMAIN_ID": str(_domain),
-    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    "ROS_PYTHON_CHECK_FIELDS": "1",
-    # The tests judge what is printed: wide, without colours.
-    "COLUMNS": "200",
-    "NO_COLOR": "1",
-}
-
-# A shell has what it runs in the background ignore SIGINT, and processes inherit that: those that tests start as well.
-signal.signal(signal.SIGINT, signal.default_int_handler)
+prepare()
 
 pytest.register_assert_rewrite("support")
 

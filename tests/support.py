@@ -20,6 +20,7 @@ from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive, Score
 from ament_index_python.packages import get_package_prefix
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 from afm_model import Controller, Instrument
@@ -155,7 +156,8 @@ class Graph:
     """
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
-        rclpy.init(args=list(arguments))
+        # Ctrl-C is Python's: it ends what waits, and the nodes in order.
+        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
         self.executor = SingleThreadedExecutor()
         self.nodes: list[Any] = []
 

@@ -17,6 +17,8 @@ from . import keeper
 
 _PATIENCE = 10.0
 """Wall time a process has to end after SIGINT, then again after SIGTERM [s]."""
+_AT_WORK = 600.0
+"""Wall time after SIGINT for which the last one is waited for while it works [s]: it completes a long recording."""
 
 
 class Process:
@@ -82,10 +84,23 @@ class Process:
                     files |= used_by(pid)
         return files
 
-    def end(self) -> None:
-        """End the process: SIGINT, then SIGTERM, then SIGKILL; wait for it."""
+    def end(self, at_work: float = 0.0) -> None:
+        """End the process: SIGINT, then SIGTERM, then SIGKILL; wait for it.
+
+        Parameters
+        ----------
+        at_work : float
+            Wall time for which a process that uses the processor is not sent SIGTERM [s].
+        """
         self.ask_to_end()
+        limit = time.monotonic() + at_work
         for number in (signal.SIGTERM, signal.SIGKILL):
+            used, before = self._processor_time(), -1.0
+            while used > before and time.monotonic() < limit:
+                with suppress(subprocess.TimeoutExpired):
+                    self._process.wait(_PATIENCE)
+                    break
+                used, before = self._processor_time(), used
             try:
                 self._process.wait(_PATIENCE)
                 break
@@ -98,6 +113,14 @@ class Process:
             time.sleep(0.02)
         self._signal(signal.SIGKILL)
         self._file.close()
+
+    def _processor_time(self) -> float:
+        """What the process has used up to now, in ticks of the system; 0 when it has ended."""
+        try:
+            fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return 0.0
+        return float(fields[11]) + float(fields[12])  # utime and stime of proc(5)
 
 
 class Processes:
@@ -133,7 +156,7 @@ class Processes:
         for process in others:
             process.ask_to_end()
         for process in (*others, *(process for process in self._running if process not in others)):
-            process.end()
+            process.end(_AT_WORK if process.name == self._last else 0.0)
         # It now ends what has left its process group, if anything.
         assert self._keeper.stdin is not None
         self._keeper.stdin.close()

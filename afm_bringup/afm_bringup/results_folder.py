@@ -127,7 +127,8 @@ class ResultsFolder:
         OSError
             If something cannot be moved.
         """
-        closed = sorted(path for path in self.work.glob("recording*.rrd") if ".partial" not in path.name)
+        under_way = (".partial", ".closing")
+        closed = sorted(path for path in self.work.glob("recording*.rrd") if not path.stem.endswith(under_way))
         names = [path.name for path in (*closed, self.work / PICTURE, self.work / CARD) if path.exists()]
         self._move([self.work / name for name in names], self.path)
         if complete and self._before is not None:

@@ -34,8 +34,8 @@ from afm_bringup.files import executable
 
 _YES, _NO = ("true", "yes", "on", "1"), ("false", "no", "off", "0", "")
 _WORDS = dict.fromkeys(_YES, True) | dict.fromkeys(_NO, False)
-_CLOSING = "60"
-"""Wall time that the recorder has to write what is left [s]."""
+_CLOSING = "600"
+"""Wall time that the recorder has to complete a long recording [s]."""
 
 _ARGUMENTS = {
     "scenario": ("closed_loop_tanh", "name of a scenario, or a file"),

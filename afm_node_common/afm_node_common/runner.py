@@ -11,6 +11,7 @@ from typing import Protocol, runtime_checkable
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -24,6 +25,7 @@ from .process import Process
 from .shared_memory import shared_memory_cleanup
 from .waiting import Waiting
 
+RCLError = rclpy_implementation.RCLError
 SERVE_PERIOD = 0.02
 """Wall time between two looks at timers, parameters, services and actions while the loop is busy [s]."""
 _EVENTS_EVERY = 50
@@ -170,6 +172,10 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
     except (ParameterError, PartError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2 if isinstance(error, ParameterError) else 1
+    except RCLError as error:
+        # No memory, no place for a node, a middleware without what was asked of it.
+        print(f"error: {str(error).splitlines()[0]}", file=sys.stderr)
+        return 1
     except ExternalShutdownException:
         return 0
     finally:

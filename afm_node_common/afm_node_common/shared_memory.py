@@ -8,6 +8,7 @@ starts, until somebody removes it by hand.
 import fcntl
 import os
 import re
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -16,6 +17,10 @@ File = tuple[str, int]
 """Path and inode: a file that was removed and made again is another one."""
 
 _MAPPED = re.compile(r" (\d+) +(/dev/shm/fast(?:dds|rtps)_\w+)$", re.MULTILINE)
+_FOLDER = Path("/dev/shm")
+_NAME = re.compile(r"fast(?:dds|rtps)_\w+(?<!_el)(?<!_sl)(?<!_mutex)")
+_OLD = 60.0
+"""Age of a file that nobody is about to open or lock for the first time [s]."""
 _LOCKS = ("_el", "_sl")
 """Endings of the lock files beside a file: of its one owner, of its readers."""
 
@@ -38,6 +43,17 @@ def unused(files: set[File]) -> set[File]:
     return {file for file in left if not any(_locked(file[0] + ending) for ending in _LOCKS)}
 
 
+def old() -> set[File]:
+    """Files of this user that have been there for a minute: what killed nodes of any run have left is among them."""
+    found = set()
+    for path in _FOLDER.iterdir():
+        with suppress(OSError):
+            about = path.stat()
+            if about.st_uid == os.getuid() and _NAME.fullmatch(path.name) and time.time() > about.st_mtime + _OLD:
+                found.add((str(path), about.st_ino))
+    return found
+
+
 def remove_unused(files: set[File]) -> None:
     """Remove those of `files` that nobody uses any more, with their lock files.
 
@@ -53,10 +69,14 @@ def remove_unused(files: set[File]) -> None:
 
 @contextmanager
 def shared_memory_cleanup() -> Iterator[None]:
-    """Around the end of this process's nodes and context: what they used and nobody uses afterwards is removed."""
+    """Around the end of this process's nodes and context: what they used and nobody uses afterwards is removed.
+
+    So is what killed nodes of other runs have left: some 0.5 MB each, that nobody would remove until the machine is
+    started anew.
+    """
     files = used_by(os.getpid())
     yield
-    remove_unused(files)
+    remove_unused(files | old())
 
 
 def _exists(file: File) -> bool:

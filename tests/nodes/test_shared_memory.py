@@ -1,11 +1,15 @@
 """Shared memory of the middleware: kept while somebody uses it, removed when its user was killed."""
 
+import fcntl
+import os
+import time
+import uuid
 from pathlib import Path
 
 from support import Command, Graph, Observer, executable, of_this_run, wait_for_the_end_of
 
 from afm_node_common import topics
-from afm_node_common.shared_memory import remove_unused, unused, used_by
+from afm_node_common.shared_memory import old, remove_unused, unused, used_by
 
 
 def test_what_a_killed_node_leaves_is_removed_and_nothing_before(tmp_path: Path) -> None:
@@ -38,3 +42,24 @@ def test_a_file_made_again_under_the_same_name_is_another_one(tmp_path: Path) ->
         assert path.exists()
     finally:
         path.unlink()
+
+
+def test_what_killed_nodes_of_other_runs_have_left_is_removed_and_what_is_new_or_locked_is_not() -> None:
+    paths = {name: Path(f"/dev/shm/fastrtps_{uuid.uuid4().hex[:16]}") for name in ("left", "new", "locked")}
+    locks = {name: Path(f"{path}_el") for name, path in paths.items()}
+    try:
+        for path in (*paths.values(), *locks.values()):
+            path.touch()
+        long_ago = time.time() - 100.0
+        for name in ("left", "locked"):
+            os.utime(paths[name], (long_ago, long_ago))
+            os.utime(locks[name], (long_ago, long_ago))
+        with locks["locked"].open() as owner:
+            fcntl.flock(owner, fcntl.LOCK_EX)
+            ours = {str(path) for path in paths.values()}
+            remove_unused({file for file in old() if file[0] in ours})
+            assert {name for name, path in paths.items() if path.exists()} == {"new", "locked"}
+            assert {name for name, path in locks.items() if path.exists()} == {"new", "locked"}
+    finally:
+        for path in (*paths.values(), *locks.values()):
+            path.unlink(missing_ok=True)

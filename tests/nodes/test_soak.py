@@ -1,0 +1,77 @@
+"""What a session and a recording use stays what it was. The long form is `make soak`."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from soak.judgement import judge
+from soak.report import grown, uses
+from soak.run import endless, soak
+from soak.sampling import Sample
+from support import assert_nothing_left
+
+from afm_recorder_node.reader import read_recording
+
+SAMPLE = Sample(at=0.0, memory=1e8, shared=1e6, descriptors=20, threads=10, segments=5, processor=0.0)
+
+
+def test_session_uses_no_more_after_ten_thousands_of_messages_than_before(tmp_path: Path) -> None:
+    """In lockstep, as fast as it goes: what grew with each message or tick would be seen in seconds."""
+    out = tmp_path / "out"
+    scenario = endless("closed_loop_tanh", tmp_path / "scenario.yaml")
+    samples = soak(scenario, out, seconds=4.0, warm_up=2.0, every=0.25, told=print)
+    assert set(samples) == {"session", "keeper", "afm_sim_node", "afm_controller_node", "afm_recorder_node"}
+    found = uses(samples)
+    problems = grown({name: {key: use for key, use in of.items() if key != "memory"} for name, of in found.items()})
+    assert problems == []
+    # That of the recorder follows the rows that wait, and the loop's must not follow anything.
+    assert grown({name: {"memory": found[name]["memory"]} for name in ("afm_sim_node", "afm_controller_node")}) == []
+    assert read_recording(out / "recording.rrd").complete
+    assert_nothing_left()
+
+
+WRITER = """
+import sys
+from pathlib import Path
+import numpy as np
+from afm_recorder_node import layout
+from afm_recorder_node.writer import RecordingWriter
+
+def memory():
+    (line,) = (line for line in open("/proc/self/status") if line.startswith("RssAnon"))
+    return int(line.split()[1])
+
+writer = RecordingWriter(Path(sys.argv[1]))
+three, one = np.zeros((8, 3)), np.zeros(8)
+for flush in range(int(sys.argv[2])):
+    if flush == int(sys.argv[2]) // 10:
+        before = memory()
+    for signal in layout.CHANNELS:
+        writer.channel(signal, 8 * flush, 1e-3, one)
+    writer.control(8 * flush, 1e-3, position=three, reference=three, deflection=one, drive=three, round_trip=one)
+    writer.flush()
+print(memory() - before)
+"""
+FLUSHES = 1500
+"""Those of ten minutes. rerun's own file sink keeps some 230 bytes for each of nine pieces of a flush: 3 MB in all."""
+
+
+def test_writer_of_a_recording_keeps_nothing_of_what_it_has_written(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", WRITER, str(tmp_path / "run.rrd"), str(FLUSHES)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    assert int(done.stdout) < 1000, f"{done.stdout} kB more"
+
+
+@pytest.mark.parametrize("quantity", ["memory", "shared", "descriptors", "threads", "segments"])
+def test_growth_is_told_and_a_single_moment_is_none(quantity: str) -> None:
+    unit = 1e5 if quantity in ("memory", "shared") else 0.2
+    steady = [replace(SAMPLE, at=60.0 * k) for k in range(30)]
+    growing = [replace(one, **{quantity: getattr(one, quantity) + k * 2.0 * unit}) for k, one in enumerate(steady)]
+    assert judge(steady, quantity).flat
+    assert not judge(growing, quantity).flat
+    moment = [*steady[:-1], replace(steady[-1], **{quantity: 10.0 * getattr(SAMPLE, quantity)})]
+    assert judge(moment, quantity).flat
+    (sentence,) = grown(uses({"node": growing}))
+    assert sentence.startswith(f"{quantity} of node went from ")

@@ -1,0 +1,55 @@
+"""Whether what a process uses is flat."""
+
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from soak.sampling import Sample
+
+MEMORY_RATE = 1e5 / 60.0
+"""Growth of the memory that is called flat [bytes per second]: 0.1 MB a minute, 144 MB a day."""
+RESOLUTION = 1e6
+"""Memory that comes and goes with the moment [bytes]: less is no growth, however short the run."""
+COUNTS = ("descriptors", "threads", "segments")
+
+
+@dataclass(frozen=True)
+class Use:
+    """One quantity of one process, at the begin and at the end of what was judged."""
+
+    begin: float
+    """Median of the first third."""
+    end: float
+    """Median of the last third."""
+    seconds: float
+    """Between the middles of these."""
+    flat: bool
+
+    @property
+    def rate(self) -> float:
+        """Growth per second."""
+        return (self.end - self.begin) / self.seconds
+
+
+def judge(samples: Sequence[Sample], quantity: str) -> Use:
+    """Compare the last third with the first: medians, so that a single moment decides nothing.
+
+    Parameters
+    ----------
+    samples : at least three, in order of time
+    quantity : a field of `Sample`
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three.
+    """
+    if len(samples) < 3:
+        raise ValueError(f"{len(samples)} samples: at least three are needed to tell a growth")
+    third = len(samples) // 3
+    first, last = samples[:third], samples[-third:]
+    begin = statistics.median(getattr(one, quantity) for one in first)
+    end = statistics.median(getattr(one, quantity) for one in last)
+    seconds = statistics.median(one.at for one in last) - statistics.median(one.at for one in first)
+    allowed = 0.0 if quantity in COUNTS else max(RESOLUTION, MEMORY_RATE * seconds)
+    return Use(begin, end, seconds, end - begin <= allowed)

@@ -1,0 +1,54 @@
+"""Nodes that stand still for seconds (SIGSTOP, SIGCONT), as on a machine that is too busy or was put to sleep."""
+
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from random import Random
+
+from support import Graph
+
+from torture.family import Make, Try
+from torture.outcome import Outcome
+from torture.trio import REALTIME, RECORDER, RUNNING, SIMULATOR, Trio, lost, read, ticks_of
+
+
+def stop(name: str, scenario: str = REALTIME) -> Make:
+    """A node stands still for up to five seconds; the run goes on and no recorded tick is missing untold."""
+
+    @contextmanager
+    def make(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
+        trio = Trio(graph, folder, namespace, scenario)
+        trio.start_all()
+        listener = trio.listener
+
+        def one(rng: Random, outcome: Outcome) -> None:
+            trio.pass_time(rng.uniform(0.1, 1.0))
+            before = listener.status.ticks
+            at = trio.signal(name, signal.SIGSTOP)
+            trio.pass_time(rng.uniform(0.2, 5.0))
+            state = listener.status.state
+            trio.signal(name, signal.SIGCONT)
+            told = listener.when(lambda status: status.state not in RUNNING, at)
+            if told is not None:
+                outcome.told["status tells that no drive comes"] = told - at
+            if name == SIMULATOR:
+                said = listener.when_recorder(lambda status: "afm_sim_node" in status.detail, at)
+                if said is not None:
+                    outcome.told["recorder_status tells that the simulator is silent"] = said - at
+            trio.until(lambda: listener.status.state in RUNNING and listener.status.ticks > before + 100)
+            trio.until(lambda: listener.recorder.ticks >= listener.status.ticks - 5000)
+            missing = listener.recorder.ticks_lost
+            outcome.what = "goes on" if state in RUNNING else "held, then goes on"
+            assert missing == 0 or name == RECORDER, f"{missing} ticks are lost"
+            outcome.lost = 0.0 if missing == 0 else missing / listener.rate
+
+        yield one
+        trio.end()
+        recording = read(trio.path)
+        assert recording.complete, "the recording is not complete"
+        lost(listener, ticks_of(recording, listener), time.monotonic())  # none is missing in between
+        trio.destroy()
+
+    return make
