@@ -108,7 +108,7 @@ def test_tip_crash_is_told_on_status_diagnostics_and_score_and_resume_brings_the
 
     values = {
         "run.duration": 1.0,
-        "safety.force_limit": 40e-9,
+        "safety.force_limit": 80e-9,  # the tip that comes back rings to 42 nN
         "safety.approach_force": 1e-6,
         "safety.approach_speed": 1e-4,
         "safety.unrecorded": True,
@@ -137,12 +137,12 @@ def test_tip_crash_is_told_on_status_diagnostics_and_score_and_resume_brings_the
         graph.spin_until(lambda: bench.simulator.run.instrument.ticks > ticks)
         assert len(listeners) == len(_streams(bench.simulator))
 
-        drives["z"] = CRASH
+        drives["z"] = 2.0 * CRASH
         status = bench.until(InstrumentStatus.WITHDRAWN)
         drives["z"] = 0.0
         assert status.reason == "force limit"
         assert status.detail.startswith("the normal force is ")
-        assert status.detail.endswith(" N (safety.force_limit = 4e-08 N): the sample is withdrawn")
+        assert status.detail.endswith(" N (safety.force_limit = 8e-08 N): the sample is withdrawn")
         graph.spin_until(
             lambda: any(
                 entry.level == DiagnosticStatus.ERROR and entry.message == status.detail
