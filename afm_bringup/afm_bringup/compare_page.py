@@ -118,7 +118,7 @@ def _svg(figure: Figure) -> str:
 def _looks(comparison: Comparison) -> dict[str, dict[str, Any]]:
     """Colour and marker of each law."""
     return {
-        each.label: {"color": f"C{i % 10}", "marker": _MARKERS[i % len(_MARKERS)], "label": each.label}
+        each.label: {"color": f"C{i % 10}", "marker": _MARKERS[i % len(_MARKERS)], "label": each.label.replace("$", r"\$")}
         for i, each in enumerate(comparison.contenders)
     }
 
@@ -168,6 +168,8 @@ def chatter_by_error(comparison: Comparison) -> Figure:
         panel.axvline(UNDER, color="0.6", lw=0.8, ls="--")
         panel.set(xscale="log", yscale="log", xlabel="error, max [% of amplitude]", ylabel=_NAMES[name])
         panel.grid(alpha=0.25, which="major")
+        if comparison.table["error"].notna().all():
+            panel.set(xlim=(0.1 * UNDER, _TOP), ylim=(0.1, 10.0))  # a logarithmic axis of nothing has no limits
     figure.suptitle("all runs that finished", fontsize="small")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return figure
