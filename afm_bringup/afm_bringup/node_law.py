@@ -91,9 +91,7 @@ class NodeLaw:
                 taken = desk.take_drive()
             except MalformedError as error:
                 raise LawError(f"the answer to measurement {sequence} is no drive: {error}") from None
-            if taken is not None:
-                if taken[0] != sequence:
-                    continue
+            if taken is not None and taken[0] == sequence:
                 if isinstance(taken[1], DriveError):
                     raise taken[1]
                 return taken[1]
@@ -105,7 +103,8 @@ class NodeLaw:
             if now - asked > _AGAIN:
                 asked = now
                 desk.publish(sequence, measurement)
-            desk.wait(0.05)
+            if taken is None:
+                desk.wait(0.05)
 
 
 def node_contender(command: str, scenario: Scenario | None = None, *, ros_arguments: bool = True) -> Contender:
@@ -211,7 +210,7 @@ def _domain_of_its_own() -> Iterator[None]:
 def _interruptible() -> Iterator[None]:
     """The first signal to end raises KeyboardInterrupt, so that the node is ended; further ones do not disturb that."""
     # nohup has a program ignore SIGHUP: that stays.
-    ours = {each: signal.getsignal(each) for each in _SIGNALS if signal.getsignal(each) != signal.SIG_IGN}
+    ours = {each: handler for each in _SIGNALS if (handler := signal.getsignal(each)) not in (None, signal.SIG_IGN)}
 
     def interrupt(number: int, frame: object) -> None:
         for each in ours:

@@ -1,4 +1,4 @@
-"""Claims about a node as a law of a comparison, without topics: what it makes of answers, and what it tells the node."""
+"""Claims about a node as a law of a comparison, without topics: what becomes of its answers, and what it is told."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ from afm_bringup.node_law import NodeLaw, _told, node_contender
 from afm_bringup.parameter_file import write_parameters
 from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters, build
 from afm_model.comparing import run_trial
-from afm_model.errors import LawError, MalformedError
+from afm_model.errors import MalformedError
 from afm_model.records import size
 from afm_model.signals import MEASUREMENT
 

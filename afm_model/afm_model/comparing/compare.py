@@ -76,7 +76,9 @@ def compare(
     common = Common(scenario, cycles)
     contenders = tuple(law if isinstance(law, Contender) else contender(law) for law in laws)
     if len({each.label for each in contenders}) < len(contenders):
-        raise ParameterError(f"laws = {', '.join(each.label for each in contenders)} is not allowed: a law stands there twice")
+        raise ParameterError(
+            f"laws = {', '.join(each.label for each in contenders)} is not allowed: a law stands there twice"
+        )
     if not cycles > 0.5:
         raise ParameterError(
             f"cycles = {cycles:g} is not allowed: it must be > 0.5, the first half period is not scored"

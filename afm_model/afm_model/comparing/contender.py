@@ -1,4 +1,4 @@
-"""Laws that take part in a comparison: parts by their kind, objects that answer measurements, or what runs elsewhere."""
+"""Laws that take part in a comparison: parts by their kind, objects that answer measurements, laws elsewhere."""
 
 import importlib
 import sys

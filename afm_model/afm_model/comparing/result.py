@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 RANKED = ("error_max", "chatter", "energy", "tip_force", "margin")
 """By which laws are ranked; less is better, but for the margin."""
+_LATEX = str.maketrans(
+    {each: "\\" + each for each in "_&%#${}"}
+    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+)
 UNDER = 1.0
 """Error [% of amplitude] up to which a run counts as good."""
 
@@ -89,9 +93,7 @@ class Comparison:
             numbers = (100.0 * row.good, row.error_max, row.chatter, 1e9 * row.tip_force, row.margin)
             cells = [f"{number:.3g}" if math.isfinite(number) else "--" for number in numbers]
             cells[0] += r"\,\%"
-            name = str(row.law)
-            for sign in "_&%#$":
-                name = name.replace(sign, "\\" + sign)
+            name = str(row.law).translate(_LATEX)
             lines.append(f"{name} & {row.runs} & {row.finished} & {' & '.join(cells)} \\\\")
         return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
