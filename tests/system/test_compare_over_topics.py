@@ -10,6 +10,7 @@ from pathlib import Path
 import distributed
 import pandas as pd
 import yaml
+from pd_twin import EXAMPLE
 from support import Command, assert_nothing_left, executable, processes, session
 
 from afm_model import compare
@@ -40,43 +41,15 @@ def test_row_over_topics_has_the_trajectory_of_the_table(tmp_path):
     assert processes() == {}
 
 
-TWIN = f"""
-import runpy
-
-import numpy as np
-
-from afm_model.records import record_at
-from afm_model.signals import MEASUREMENT
-
-GAINS = runpy.run_path({str(ROOT / "examples" / "pd_controller.py")!r}, run_name="read")["GAINS"].values()
-
-
-class Twin:
-    def __init__(self, sim):
-        pass
-
-    def answer(self, measurement):
-        y = record_at(measurement, 0, MEASUREMENT)
-        position = [y.position[0], y.position[1], y.deflection]
-        return np.array([
-            gain * (y.reference_position[i] - position[i])
-            + damping * (y.reference_velocity[i] - y.velocity[i])
-            for i, (gain, damping) in enumerate(GAINS)
-        ])
-"""
-"""The law of examples/pd_controller.py, in process."""
-
-
 def test_command_leaves_its_files_and_a_node_has_the_rows_of_the_same_law_in_process(tmp_path):
-    (tmp_path / "twin.py").write_text(TWIN)
-    node = shlex.join([sys.executable, str(ROOT / "examples" / "pd_controller.py")])
+    node = shlex.join([sys.executable, str(EXAMPLE)])
     broken = "sh -c 'echo error: no device; exit 3'"
-    command = [executable("afm_bringup", "compare"), "pd_law:PD", "pd_class:Pd", "twin:Twin", "--node", broken]
+    command = [executable("afm_bringup", "compare"), "pd_law:PD", "pd_class:Pd", "pd_twin:Twin", "--node", broken]
     command += ["--node", node, "--references", "sine 2500", "--periods", "5e-6", "5e-5", "--delays", "0"]
     done = subprocess.run(
         [*command, "--workers", "1", "--out", str(tmp_path / "out")],
         cwd=ROOT / "examples" / "controllers",
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])},
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])},
         capture_output=True,
         text=True,
         timeout=120,
@@ -87,7 +60,7 @@ def test_command_leaves_its_files_and_a_node_has_the_rows_of_the_same_law_in_pro
     assert rows["pd_law:PD"]["error"].isna().all() and rows["pd_class:Pd"]["error"].isna().all()
     # As text, all digits. At 5 us it tracks; at 50 us it diverges, in the same sentence.
     assert rows[node]["error"].isna().tolist() == [True, False]
-    pd.testing.assert_frame_equal(rows[node], rows["twin:Twin"])
+    pd.testing.assert_frame_equal(rows[node], rows["pd_twin:Twin"])
     assert rows[broken]["error"].tolist() == ["the node ended with code 3: no device"] * 2
     page = (tmp_path / "out" / "comparison.html").read_text()
     assert len(page) > 10_000 and "not declared" in page
