@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from numpy.typing import NDArray
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from afm_bringup.node_law import NodeLaw, _told, node_contender
 from afm_bringup.parameter_file import write_parameters
 from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters, build
-from afm_model.comparing import run_trial
+from afm_model.comparing import CONDITIONS, Comparison, run_trial
+from afm_model.comparing.conditions import Common
 from afm_model.errors import MalformedError
 from afm_model.records import size
 from afm_model.signals import MEASUREMENT
@@ -132,3 +134,14 @@ def test_command_that_cannot_start_is_refused_before_anything_runs(command, sent
 def test_node_declares_no_knowledge_and_is_no_part():
     node = node_contender("sh -c true")
     assert (node.label, node.knowledge, node.is_part) == ("sh -c true", "not declared", False)
+
+
+def test_scenario_of_a_row_of_a_node_is_that_of_its_instrument(tmp_path):
+    node = node_contender("sh -c true")
+    row = {"law": node.label} | dict(zip(CONDITIONS, (2e-5, 3, 0.0, 1.2, "sine 500"), strict=True))
+    common = Common(Scenario("default", tmp_path / "default.yaml"), 1.5)
+    (section,) = Comparison(pd.DataFrame([row]), (node,), common).scenario_of(0).items()
+    assert section[0] == "/**/afm_sim_node"
+    given = {"plant.control_period": 2e-5, "plant.delay_ticks": 3, "reference.omega_x": 500.0}
+    assert given.items() <= section[1].items()
+    assert section[1]["contact.tau"] == pytest.approx(1.2 * SimParameters().contact.tau)
