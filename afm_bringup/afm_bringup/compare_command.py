@@ -1,4 +1,4 @@
-"""`ros2 run afm_bringup compare`: laws side by side, in process; a table, a ranking and a page of pictures."""
+"""`ros2 run afm_bringup compare`: laws side by side; a table, a ranking and a page of pictures."""
 
 import argparse
 import sys
@@ -8,6 +8,7 @@ from afm_model import Comparison, ParameterError, ScenarioError, SweepError, com
 from afm_model.registry import names
 
 from .compare_page import page
+from .node_law import node_contender
 from .scenario import read_scenario
 
 CSV, LATEX, PAGE = "comparison.csv", "ranking.tex", "comparison.html"
@@ -17,16 +18,26 @@ CSV, LATEX, PAGE = "comparison.csv", "ranking.tex", "comparison.html"
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="compare",
-        description="Run laws under every combination of the conditions given, in process, and rank them.",
+        description="Run laws under every combination of the conditions given, and rank them: laws in process, nodes "
+        "over topics in lockstep.",
         formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     parser.add_argument(
         "laws",
         nargs="*",
-        default=[name for name in names("law") if name not in ("open_loop", "chirp")],
         metavar="LAW",
         help="a law by its name, or module:NAME of a law or of a class of your own; with parameters in quotes: "
-        "'tanh alpha=0.4'",
+        "'tanh alpha=0.4'; without LAW and --node, all laws of this package",
+    )
+    parser.add_argument(
+        "--node",
+        action="append",
+        default=[],
+        metavar="COMMAND",
+        help="command that starts a node as a law, in quotes; may be given several times",
+    )
+    parser.add_argument(
+        "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
     )
     parser.add_argument("--out", required=True, type=Path, help="folder for the results")
     parser.add_argument("--scenario", help="scenario that tells what all runs have in common")
@@ -48,9 +59,14 @@ def main() -> int:
     """Entry point; the exit code is 2 for what is not allowed, 1 if the results cannot be written."""
     arguments = _arguments()
     try:
+        scenario = read_scenario(arguments.scenario) if arguments.scenario else None
+        nodes = [node_contender(each, scenario, ros_arguments=arguments.ros_arguments) for each in arguments.node]
+        laws = arguments.laws
+        if not laws and not nodes:
+            laws = [name for name in names("law") if name not in ("open_loop", "chirp")]
         comparison = compare(
-            arguments.laws,
-            read_scenario(arguments.scenario) if arguments.scenario else None,
+            [*laws, *nodes],
+            scenario,
             periods=arguments.periods,
             delay_ticks=arguments.delays,
             noise=arguments.noise,
@@ -62,6 +78,9 @@ def main() -> int:
     except (ParameterError, ScenarioError, SweepError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
     try:
         write(comparison, arguments.out)
     except OSError as error:

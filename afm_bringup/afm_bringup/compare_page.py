@@ -3,6 +3,7 @@
 import base64
 import io
 import math
+import textwrap
 from html import escape
 from typing import Any
 
@@ -39,6 +40,7 @@ _NAMES = {
 _SCALES = {"tip_force": 1e9, "contact": 100.0, "z_rms": 1e9}
 _TOP = 1000.0
 """Error [%] beyond which nothing is told apart."""
+_LEGEND_WIDTH = 32
 _MARKERS = "osD^vP*Xhp<>"
 
 
@@ -115,10 +117,15 @@ def _svg(figure: Figure) -> str:
     return base64.b64encode(buffer.getvalue().encode()).decode()
 
 
+def _legend(label: str) -> str:
+    """A label on several short lines: that of a node is a whole command. A dollar sign begins no formula."""
+    return textwrap.fill(label, _LEGEND_WIDTH).replace("$", r"\$")
+
+
 def _looks(comparison: Comparison) -> dict[str, dict[str, Any]]:
     """Colour and marker of each law."""
     return {
-        each.label: {"color": f"C{i % 10}", "marker": _MARKERS[i % len(_MARKERS)], "label": each.label}
+        each.label: {"color": f"C{i % 10}", "marker": _MARKERS[i % len(_MARKERS)], "label": _legend(each.label)}
         for i, each in enumerate(comparison.contenders)
     }
 
@@ -168,6 +175,8 @@ def chatter_by_error(comparison: Comparison) -> Figure:
         panel.axvline(UNDER, color="0.6", lw=0.8, ls="--")
         panel.set(xscale="log", yscale="log", xlabel="error, max [% of amplitude]", ylabel=_NAMES[name])
         panel.grid(alpha=0.25, which="major")
+        if comparison.table["error"].notna().all():
+            panel.set(xlim=(0.1 * UNDER, _TOP), ylim=(0.1, 10.0))  # a logarithmic axis of nothing has no limits
     figure.suptitle("all runs that finished", fontsize="small")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return figure

@@ -20,5 +20,9 @@ class DriveError(ValueError):
     """A drive that no piezo can follow; the message names the axis, the value and what is allowed."""
 
 
+class LawError(RuntimeError):
+    """A law that runs somewhere else does not start or does not answer; the message says why."""
+
+
 class MalformedError(RuntimeError):
     """Bytes that are no message, or not one that can be meant; the message says in a clause what is wrong with them."""

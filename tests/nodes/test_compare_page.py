@@ -3,6 +3,8 @@
 import base64
 import re
 import sys
+import warnings
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
@@ -77,6 +79,21 @@ def test_text_of_a_law_does_not_break_the_page(comparison):
     odd = Comparison(comparison.table.replace("pid", "<b>&pid"), comparison.contenders, comparison.common)
     assert "<b>" not in page(odd).split("<h1>")[1].split("<img")[0]
     assert "&lt;b&gt;&amp;pid" in page(odd)
+
+
+def test_command_of_a_node_breaks_neither_page_nor_table_for_latex(comparison):
+    label = r"sh -c 'node ~/{a}_$X$ \frac'" + " --and-more" * 9
+    nodes = tuple(replace(each, label=label) if each.label == "pid" else each for each in comparison.contenders)
+    odd = Comparison(comparison.table.replace("pid", label), nodes, comparison.common)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # of a figure without room for its axes
+        assert "--and-more" in page(odd)
+    assert r"node \textasciitilde{}/\{a\}\_\$X\$ \textbackslash{}frac" in odd.to_latex()
+
+
+def test_page_of_runs_that_all_failed_is_drawn(comparison):
+    lost = comparison.table.assign(error="the motion diverged", error_max=float("nan"), chatter=float("nan"))
+    assert "the motion diverged" in page(Comparison(lost, comparison.contenders, comparison.common))
 
 
 def test_results_are_written_into_the_folder(comparison, tmp_path):

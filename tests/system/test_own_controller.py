@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
+from pd_twin import Twin
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from support import ROOT, Graph, HandController, Observer, answer, assert_nothing_left, session, write_scenario
@@ -61,8 +62,10 @@ def test_ordinary_node_is_scored_and_ended_even_behind_another_process(scenario:
     assert 0.0 < card["tracking"]["x"]["max_m"] < 1e-9
     assert 0.0 < card["tracking"]["y"]["max_m"] < 1e-9
     # Along z it does as our law does, so that scores can be compared; with the z drive left as it is z errs by more.
-    ours = simulate(build(SimParameters, SIMULATOR), ControllerParameters()).score
+    sim = build(SimParameters, SIMULATOR)
+    ours = simulate(sim, ControllerParameters()).score
     assert card["tracking"]["z"]["rms_m"] == pytest.approx(ours.rms[2], rel=0.05)
+    assert card["trajectory_sha256"] == simulate(sim, Twin(sim)).trajectory_sha256
     assert_nothing_left()
 
 

@@ -19,7 +19,7 @@ from afm_model.errors import MalformedError
 from afm_node_common import topics
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
-from afm_node_common.drive_codec import drive_codec
+from afm_node_common.drive_codec import Drive, drive_codec
 from afm_node_common.shared_memory import shared_memory_cleanup
 
 from .log import Answer, Phase
@@ -98,6 +98,20 @@ class TopicDesk:
         else:
             drives = np.array(drive).reshape(1, 3)
         return Answer(phase, sequence, now, drives, frame=deserialize_message(data, PiezoDrive).header.frame_id)
+
+    def take_drive(self) -> tuple[int, Drive] | None:
+        """Sequence and drive of the oldest message not yet taken, as an instrument reads it; None if there is none.
+
+        Raises
+        ------
+        MalformedError
+            If the bytes are no message.
+        """
+        taken = self._inbox.take()
+        if taken is None:
+            return None
+        sequence, _, drive = self._decode(taken[0])
+        return sequence, drive
 
     def wait(self, timeout: float) -> None:
         """Sleep until a drive may be there, or for `timeout` seconds."""

@@ -1,8 +1,9 @@
-"""Every law under every combination of conditions, in process, over all cores."""
+"""Every law under every combination of conditions: in process over all cores, or where it runs."""
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +12,13 @@ from ..progress import reporting
 from ..scenario import Scenario
 from ..sweeping import require_scattering, scattered
 from .conditions import CONDITIONS, Common, instrument_under, law_under
-from .contender import contender
+from .contender import Contender, contender
 from .result import Comparison
 from .trial import NUMBERS, run_trial
 
 
 def compare(
-    laws: Sequence[str],
+    laws: Sequence[str | Contender],
     scenario: Scenario | None = None,
     *,
     periods: Sequence[float] = (5e-5,),
@@ -32,13 +33,16 @@ def compare(
 ) -> Comparison:
     """Run every law under every combination of conditions, in process, over all cores.
 
+    A law that runs somewhere else (`Contender.start`) runs after those, one run at a time, against the same loop in
+    this process.
+
     A law is told what it declares of scanner, cantilever, scales, piezo, control period and delay, all of it right.
     Nobody tells it of the sample, or of a friction that is not nominal. A loop that diverges is a result.
 
     Parameters
     ----------
-    laws : sequence of str
-        See `contender`.
+    laws : sequence of str or Contender
+        Text: see `contender`.
     scenario : Scenario, optional
         What is common to all runs; the instrument's defaults without.
     periods : sequence of float [s]
@@ -70,9 +74,11 @@ def compare(
     pandas = require_scattering(scheduler, workers)
     scenario = scenario or Scenario("default", Path("default.yaml"))
     common = Common(scenario, cycles)
-    contenders = tuple(contender(text) for text in laws)
+    contenders = tuple(law if isinstance(law, Contender) else contender(law) for law in laws)
     if len({each.label for each in contenders}) < len(contenders):
-        raise ParameterError(f"laws = {', '.join(laws)} is not allowed: a law stands there twice")
+        raise ParameterError(
+            f"laws = {', '.join(each.label for each in contenders)} is not allowed: a law stands there twice"
+        )
     if not cycles > 0.5:
         raise ParameterError(
             f"cycles = {cycles:g} is not allowed: it must be > 0.5, the first half period is not scored"
@@ -80,6 +86,7 @@ def compare(
     grid = list(itertools.product(periods, delay_ticks, noise, friction, references))
     rows: list[dict[str, Any]] = []
     jobs: list[tuple[int, Any]] = []
+    elsewhere: list[tuple[int, Any]] = []
     for law in contenders:
         linearised = set()
         for values in grid:
@@ -94,13 +101,17 @@ def compare(
             # The margin is that of what the law is told: nominal friction, no noise. It is found once.
             timing = values[:2]
             told = instrument_under(common, conditions | {"noise": 0.0, "friction": 1.0})
+            if law.start is not None:
+                elsewhere.append((len(rows), (sim, None, law.kind, None, partial(law.start, told))))
+                rows.append({"law": law.label, **conditions})
+                continue
             jobs.append((len(rows), (sim, controller, law.kind, None if timing in linearised else told)))
             linearised.add(timing)
             rows.append({"law": law.label, **conditions})
     with reporting(progress, "comparing") as report:
-        done = len(rows) - len(jobs)
+        done = len(rows) - len(jobs) - len(elsewhere)
         report(done, len(rows))
-        for number, results in scattered(run_trial, jobs, scheduler, workers):
+        for number, results in itertools.chain(scattered(run_trial, jobs, scheduler, workers), _one_by_one(elsewhere)):
             rows[number] |= results
             done += 1
             report(done, len(rows))
@@ -109,6 +120,12 @@ def compare(
         row["margin"] = margins.get((row["law"], *_timing(row)), math.nan)
     table = pandas.DataFrame(rows, columns=["law", *CONDITIONS, *NUMBERS, "trajectory_sha256", "error"])
     return Comparison(table.astype(dict.fromkeys(NUMBERS, "float64")), contenders, common)
+
+
+def _one_by_one(jobs: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Number and row of each, run here."""
+    for number, job in jobs:
+        yield number, run_trial(*job)
 
 
 def _timing(row: Mapping[str, Any]) -> tuple[Any, Any]:

@@ -1,22 +1,28 @@
-"""Laws that take part in a comparison: parts by their kind, or objects that answer measurements."""
+"""Laws that take part in a comparison: parts by their kind, objects that answer measurements, laws elsewhere."""
 
 import importlib
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
 
 from ..errors import ParameterError
 from ..law import PaperLaw
-from ..parameters import ControllerParameters, Value, build
+from ..parameters import ControllerParameters, SimParameters, Value, build
 from ..registry import find, names
 
 _OF_THE_PAPER = "positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction"
 """Knowledge of the paper's laws."""
+_UNDECLARED = "not declared"
+Start = Callable[[SimParameters], AbstractContextManager[Any]]
+"""Starts a law that runs somewhere else, for one run: told the instrument with nominal friction and without noise, it
+gives an object with `answer(measurement)`; LawError if it does not start or answer. At the exit the law is ended."""
 
 
 @dataclass(frozen=True)
 class Contender:
-    """A law that takes part: a part by its kind, or an object that answers measurements.
+    """A law that takes part: a part by its kind, an object that answers measurements, or a law that runs elsewhere.
 
     Parameters
     ----------
@@ -26,24 +32,29 @@ class Contender:
         Name of the law, or module:NAME.
     values : dict
         Parameters that are not left at their default, by name within `law.`.
+    start : callable, optional
+        Of a law that runs in a process of its own, a node for instance: starts it, see `Start`.
     """
 
     label: str
     kind: str
     values: dict[str, Value]
+    start: Start | None = None
 
     @property
     def is_part(self) -> bool:
-        """Whether it is a part, and not an object."""
-        return getattr(load_law(self.kind), "family", None) == "law"
+        """Whether it is a part, and not an object or elsewhere."""
+        return self.start is None and getattr(load_law(self.kind), "family", None) == "law"
 
     @property
     def knowledge(self) -> str:
         """What it uses and knows, as the law declares it."""
+        if self.start is not None:
+            return _UNDECLARED
         law = load_law(self.kind)
         if getattr(law, "parameters", None) is PaperLaw:
             return _OF_THE_PAPER
-        return str(getattr(law, "knowledge", "") or "not declared")
+        return str(getattr(law, "knowledge", "") or _UNDECLARED)
 
 
 def contender(text: str) -> Contender:

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 RANKED = ("error_max", "chatter", "energy", "tip_force", "margin")
 """By which laws are ranked; less is better, but for the margin."""
+_LATEX = str.maketrans(
+    {each: "\\" + each for each in "_&%#${}"}
+    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+)
 UNDER = 1.0
 """Error [% of amplitude] up to which a run counts as good."""
 
@@ -89,14 +93,14 @@ class Comparison:
             numbers = (100.0 * row.good, row.error_max, row.chatter, 1e9 * row.tip_force, row.margin)
             cells = [f"{number:.3g}" if math.isfinite(number) else "--" for number in numbers]
             cells[0] += r"\,\%"
-            name = str(row.law)
-            for sign in "_&%#$":
-                name = name.replace(sign, "\\" + sign)
+            name = str(row.law).translate(_LATEX)
             lines.append(f"{name} & {row.runs} & {row.finished} & {' & '.join(cells)} \\\\")
         return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
     def scenario_of(self, number: int) -> dict[str, dict[str, Any]]:
         """Sections of a scenario file for one row: the same run over topics, by `session`.
+
+        Of a law that runs elsewhere: the instrument's alone; a session starts a node as `--controller COMMAND`.
 
         Raises
         ------
@@ -105,19 +109,19 @@ class Comparison:
         """
         row = self.table.iloc[number]
         law = next(each for each in self.contenders if each.label == row["law"])
+        conditions = {name: _plain(row[name]) for name in CONDITIONS}
+        plain, default = flatten(instrument_under(self.common, conditions)), flatten(SimParameters())
+        instrument = {name: value for name, value in plain.items() if value != default.get(name)}
+        if law.start is not None:
+            return {"/**/afm_sim_node": instrument}
         if not law.is_part:
             raise ParameterError(
                 f"law {law.label} is an object and no part: a session starts it as --controller COMMAND"
             )
-        conditions = {name: _plain(row[name]) for name in CONDITIONS}
-        sim, controller = instrument_under(self.common, conditions), law_under(self.common, law, conditions)
+        controller = law_under(self.common, law, conditions)
         own, usual = flatten(controller), flatten(build(ControllerParameters, {"law.kind": law.kind}))
         given = {name: value for name, value in own.items() if name == "law.kind" or value != usual.get(name)}
-        plain, default = flatten(sim), flatten(SimParameters())
-        return {
-            "/**/afm_sim_node": {name: value for name, value in plain.items() if value != default.get(name)},
-            "/**/afm_controller_node": given,
-        }
+        return {"/**/afm_sim_node": instrument, "/**/afm_controller_node": given}
 
 
 def _plain(value: Any) -> Any:

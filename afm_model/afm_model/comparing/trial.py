@@ -1,12 +1,14 @@
 """One run of a comparison, in a worker: score, chatter, energy, force on the tip, margin."""
 
 import math
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DivergenceError, DriveError, ParameterError, PartError
+from ..errors import DivergenceError, DriveError, LawError, ParameterError, PartError
 from ..instrument import Block
 from ..linear import LinearError, linearise, nominal_friction
 from ..parameters import ControllerParameters, SimParameters
@@ -62,7 +64,11 @@ class Drives:
 
 
 def run_trial(
-    sim: SimParameters, controller: ControllerParameters | None, kind: str, told: SimParameters | None
+    sim: SimParameters,
+    controller: ControllerParameters | None,
+    kind: str,
+    told: SimParameters | None,
+    start: Callable[[], AbstractContextManager[Any]] | None = None,
 ) -> dict[str, Any]:
     """The numbers of one run.
 
@@ -74,6 +80,8 @@ def run_trial(
     kind : str
     told : SimParameters or None
         The instrument with which the loop is linearised; None: it is not.
+    start : callable, optional
+        Starts a law that runs somewhere else, in place of `controller` and `kind`, for this run.
 
     Returns
     -------
@@ -85,9 +93,13 @@ def run_trial(
         row["margin"] = math.nan if controller is None else margin(told, controller)
     drives = Drives(sim)
     try:
-        law = controller if controller is not None else load_law(kind)(sim)
-        instrument = run(sim, law, drives.take, block_ticks=_BLOCK_TICKS)
-    except (ParameterError, PartError, DriveError, DivergenceError) as error:
+        with ExitStack() as stack:
+            if start is not None:
+                law = stack.enter_context(start())
+            else:
+                law = controller if controller is not None else load_law(kind)(sim)
+            instrument = run(sim, law, drives.take, block_ticks=_BLOCK_TICKS)
+    except (ParameterError, PartError, DriveError, DivergenceError, LawError) as error:
         return row | {"error": str(error)}
     except Exception as error:
         # An object of somebody else's may raise anything; it costs no other run.

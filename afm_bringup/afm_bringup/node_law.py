@@ -1,0 +1,226 @@
+"""A node as a law of a comparison: started anew for every run, it answers measurements over topics, in lockstep."""
+
+import dataclasses
+import os
+import shlex
+import shutil
+import signal
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters
+from afm_model.comparing import Contender
+from afm_model.errors import LawError, MalformedError
+from afm_model.fault import faults_of
+from afm_model.scenario import ALL, NAMESPACE
+
+from .domain import claim_domain
+from .parameter_file import write_parameters
+from .processes import Processes
+
+_Array = NDArray[np.float64]
+_NODE = "the node"
+_START_TIMEOUT = 60.0
+"""Wall time for a node to start and to connect [s]."""
+_PATIENCE = 10.0
+"""Wall time after which an answer does not come any more [s]."""
+_AGAIN = 1.0
+"""Wall time after which a measurement that is not answered is sent again, as the simulator does [s]."""
+_SIMULATOR, _CONTROLLER = "/**/afm_sim_node", "/**/afm_controller_node"
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+
+class Desk(Protocol):
+    """Where the instrument and the node meet."""
+
+    def now(self) -> float:
+        """Steady wall time [s]."""
+        ...
+
+    def publish(self, sequence: int, measurement: _Array) -> None:
+        """Send a measurement."""
+        ...
+
+    def take_drive(self) -> tuple[int, _Array | Command | DriveError] | None:
+        """Sequence and drive of the oldest message not yet taken; None if there is none."""
+        ...
+
+    def wait(self, timeout: float) -> None:
+        """Let time pass until something may have come, or for `timeout` seconds."""
+        ...
+
+    def problem(self) -> str:
+        """How the node has ended by itself; empty if it has not."""
+        ...
+
+
+class NodeLaw:
+    """Answers each measurement with what the node at a desk answers to it.
+
+    Parameters
+    ----------
+    desk : Desk
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._sequence = 0
+
+    def answer(self, measurement: _Array) -> _Array | Command:
+        """Drive [V], (3,), or drive and horizon; answers to other measurements are passed over.
+
+        Raises
+        ------
+        LawError
+            If the node has ended, stays silent, or sends what is no drive.
+        DriveError
+            If it sends a horizon that is not allowed.
+        """
+        desk, sequence = self._desk, self._sequence
+        self._sequence += 1
+        begun = asked = desk.now()
+        desk.publish(sequence, measurement)
+        while True:
+            try:
+                taken = desk.take_drive()
+            except MalformedError as error:
+                raise LawError(f"the answer to measurement {sequence} is no drive: {error}") from None
+            if taken is not None and taken[0] == sequence:
+                if isinstance(taken[1], DriveError):
+                    raise taken[1]
+                return taken[1]
+            if problem := desk.problem():
+                raise LawError(f"{problem} (measurement {sequence} is not answered)")
+            now = desk.now()
+            if now - begun > _PATIENCE:
+                raise LawError(f"{_NODE} has not answered measurement {sequence} within {_PATIENCE:g} s")
+            if now - asked > _AGAIN:
+                asked = now
+                desk.publish(sequence, measurement)
+            if taken is None:
+                desk.wait(0.05)
+
+
+def node_contender(command: str, scenario: Scenario | None = None, *, ros_arguments: bool = True) -> Contender:
+    """A node as a law that takes part in a comparison, named by its command.
+
+    Parameters
+    ----------
+    command : str
+        As it is typed in a shell.
+    scenario : Scenario, optional
+        Its sections are given to the node, but for that of the simulator.
+    ros_arguments : bool
+        Whether the command is given parameters and the namespace, as arguments of ROS.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such program.
+    """
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise ParameterError(f"node {command} is not allowed: {error}") from None
+    if not words or shutil.which(words[0]) is None:
+        raise ParameterError(f"node {command!r} cannot be started: there is no program {words[0] if words else ''!r}")
+    common = scenario or Scenario("default", Path("default.yaml"))
+    absent: list[str] = []
+
+    @contextmanager
+    def start(told: SimParameters) -> Iterator[NodeLaw]:
+        # One that has never connected would be waited for a minute in every run.
+        if absent:
+            raise LawError(absent[0])
+        with _started(words, _told(common, told), told, ros_arguments, absent) as law:
+            yield law
+
+    return Contender(command, "node", {}, start)
+
+
+def _told(scenario: Scenario, sim: SimParameters) -> Scenario:
+    """What a node is told: control period, delay, and the scenario's sections but for that of the instrument."""
+    timing = {"law.period": sim.plant.control_period, "law.delay_ticks": sim.plant.delay_ticks}
+    sections = {key: values for key, values in scenario.sections.items() if key != _SIMULATOR}
+    for key in (ALL, _CONTROLLER):
+        sections[key] = sections.get(key, {}) | timing
+    return dataclasses.replace(scenario, sections=sections)
+
+
+@contextmanager
+def _started(
+    command: list[str], scenario: Scenario, sim: SimParameters, ros_arguments: bool, absent: list[str]
+) -> Iterator[NodeLaw]:
+    """The node, started in a ROS domain of its own and connected; at the exit it is ended.
+
+    `absent` receives the sentence about one that does not connect.
+    """
+    from .exam.desk import TopicDesk  # here: a second, which laws in process do not need
+
+    if any(each.kind == "loss" and each.signal == "measurement" for each in faults_of(sim).values()):
+        raise LawError(f"{_NODE} cannot be compared under a fault that loses measurements: compare it with session")
+    with _interruptible(), _domain_of_its_own(), tempfile.TemporaryDirectory() as folder, Processes(last="") as nodes:
+        parameters = Path(folder) / "parameters.yaml"
+        write_parameters(scenario, parameters)
+        given = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:=/{NAMESPACE}"]
+
+        def problem() -> str:
+            return nodes.ended() or ""
+
+        with TopicDesk(NAMESPACE, sim, problem) as desk:
+            try:
+                nodes.start(_NODE, [*command, *(given if ros_arguments else ())], Path(folder) / "log")
+            except OSError as error:
+                raise LawError(f"{_NODE} could not be started: {error.strerror}") from None
+            if not desk.connect(_START_TIMEOUT):
+                if ended := problem():
+                    raise LawError(ended)
+                absent.append(desk.unheard() or f"{_NODE} does not connect: {desk.missing()}")
+                raise LawError(absent[0])
+            nodes.note_shared_memory()
+            yield NodeLaw(desk)
+
+
+@contextmanager
+def _domain_of_its_own() -> Iterator[None]:
+    """A free ROS domain, in force for what is started here."""
+    before = os.environ.get("ROS_DOMAIN_ID")
+    try:
+        domain, claim = claim_domain()
+    except RuntimeError as error:
+        raise LawError(str(error)) from None
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    try:
+        with claim:
+            yield
+    finally:
+        if before is None:
+            del os.environ["ROS_DOMAIN_ID"]
+        else:
+            os.environ["ROS_DOMAIN_ID"] = before
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """The first signal to end raises KeyboardInterrupt, so that the node is ended; further ones do not disturb that."""
+    # nohup has a program ignore SIGHUP: that stays.
+    ours = {each: handler for each in _SIGNALS if (handler := signal.getsignal(each)) not in (None, signal.SIG_IGN)}
+
+    def interrupt(number: int, frame: object) -> None:
+        for each in ours:
+            signal.signal(each, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    for each in ours:
+        signal.signal(each, interrupt)
+    try:
+        yield
+    finally:
+        for each, handler in ours.items():
+            signal.signal(each, handler)
