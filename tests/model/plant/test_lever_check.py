@@ -20,7 +20,7 @@ from .lever_bench import BASE, LeverBench
         ({"plant.dt": 2e-6, "detector.sample_period": 2e-6}, "bending mode 2 turns by"),
         (
             {"plant.modes": 1, "plant.dt": 1e-5, "detector.sample_period": 1e-5},
-            r"bending mode 1 turns by 1\.45 rad in a step and must turn by at most 0\.75: take plant\.dt <= 5\.19e-06 s",
+            r"mode 1 turns by 1\.45 rad in a step and must turn by at most 0\.75: take plant\.dt <= 5\.19e-06 s",
         ),
         ({"plant.width": 1e-3}, "a cantilever is longer than wide"),
         ({"scanner.f_x": 800.0}, "scanner.f_x = 800.0 has no effect with plant.kind = lever"),
