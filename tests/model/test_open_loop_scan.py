@@ -85,7 +85,7 @@ def test_retrace_is_shifted_by_the_opening_of_the_loop(ideal, distorted):
     assert 2.0 * half / SIZE == pytest.approx(0.063, abs=5e-4)
     no_creep = scan(CERAMIC | {"piezo.creep": 0.0}, 1)
     assert shifts(no_creep, 0).max() == pytest.approx(2.0 * half / SIZE, abs=1e-3)
-    # Creep makes it larger: the numbers of docs/microscope.md.
+    # Creep makes it larger: the numbers of docs/imperfections.md.
     assert shifts(distorted, LINES - 1).max() == pytest.approx(0.073, abs=5e-4)
     assert np.abs(shifts(ideal, 0)).max() < 2e-3
 
@@ -98,6 +98,6 @@ def test_creep_of_the_way_to_the_frame_bends_its_first_lines(ideal, distorted):
 
 
 def test_page_shows_the_figure():
-    assert "figures/open_loop_scan.png" in (ROOT / "docs" / "microscope.md").read_text()
+    assert "figures/open_loop_scan.png" in (ROOT / "docs" / "imperfections.md").read_text()
     for kind in ("png", "svg"):
         assert (ROOT / "docs" / "figures" / f"open_loop_scan.{kind}").stat().st_size < 200_000

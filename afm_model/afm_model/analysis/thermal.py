@@ -1,7 +1,7 @@
 """Spring constant of a cantilever from its thermal noise: fit of a damped oscillator to the spectrum.
 
-Takes a record in volts, from this simulator or from a real microscope. References: Hutter and Bechhoefer 1993,
-doi:10.1063/1.1143970; Butt and Jaschke 1995, doi:10.1088/0957-4484/6/1/001.
+Takes a record in volts, from this simulator or from a real microscope. References: Hutter and Bechhoefer,
+Rev. Sci. Instrum. 64 (1993) 1868; Butt and Jaschke, Nanotechnology 6 (1995) 1.
 """
 
 import math

@@ -3,7 +3,7 @@
     V_deflection = deflection_gain z / S_z + lateral_in_deflection F / S_F
     V_lateral    = deflection_in_lateral z / S_z + lateral_gain F / S_F
 
-then noise, low-pass, ADC; docs/microscope.md.
+then noise, low-pass, ADC; docs/imperfections.md.
 """
 
 from typing import Annotated, Any

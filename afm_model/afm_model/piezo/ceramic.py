@@ -1,4 +1,4 @@
-"""The piezo ceramic as it is: amplifier, hysteresis, creep, in this order; docs/microscope.md.
+"""The piezo ceramic as it is: amplifier, hysteresis, creep, in this order; docs/imperfections.md.
 
 Hysteresis is rate independent, by play operators (Prandtl and Ishlinskii): of a drive u, counted from the start,
 

@@ -11,10 +11,19 @@ from . import beam
 from .lever_apex import apex_warnings, check_apex
 from .lever_constants import sample_curvature
 
-RESOLVED = 1.5
-"""Angle [rad] by which the fastest mode of the cantilever may turn in a step."""
+RESOLVED = (0.75, 1.5, 1.5)
+"""Angle [rad] by which the fastest mode of bending may turn in a step, with 1, 2, 3 of them; docs/lever.md section 3.
+
+One mode alone rings in contact at 6.7 f0, so that it needs shorter steps for what it can show.
+"""
+RESOLVED_TORSION = 1.5
+"""The same for torsion that moves."""
 RESOLVED_SCANNER = 0.5
 """The same for a resonance of the scanner."""
+_CONTACT_RESONANCE = 5.2
+"""First contact resonance over f0, docs/lever.md section 1."""
+_EDGE_TIME = 4.0
+"""How many times its radius an edge may be passed in a period of that: from there on the tip is seen to jump off."""
 
 
 def check(parameters: Tree) -> None:
@@ -29,18 +38,19 @@ def check(parameters: Tree) -> None:
             f"allowed: a cantilever is longer than wide and wider than thick"
         )
     turn = 2.0 * math.pi * c.f0 * beam.MODE[plant.modes - 1].frequency * plant.dt
-    if turn > RESOLVED:
+    most = RESOLVED[plant.modes - 1]
+    if turn > most:
         raise ValueError(
             f"plant.dt = {plant.dt:g} s is not allowed: bending mode {plant.modes} turns by {turn:.3g} rad in a step "
-            f"and must turn by at most {RESOLVED:g}: take plant.dt <= {plant.dt * RESOLVED / turn:.3g} s, or fewer "
-            f"plant.modes"
+            f"and must turn by at most {most:g}: take plant.dt <= {plant.dt * most / turn:.3g} s"
+            + (", or fewer plant.modes" if plant.modes > 1 else "")
         )
     turn = 2.0 * math.pi * c.f_torsion * plant.dt
-    if plant.torsion == "moving" and turn > RESOLVED:
+    if plant.torsion == "moving" and turn > RESOLVED_TORSION:
         raise ValueError(
             f"plant.dt = {plant.dt:g} s is not allowed: the torsional resonance of {c.f_torsion:.4g} Hz turns by "
-            f"{turn:.3g} rad in a step and must turn by at most {RESOLVED:g}: take plant.dt <= "
-            f"{plant.dt * RESOLVED / turn:.3g} s, or plant.torsion = static"
+            f"{turn:.3g} rad in a step and must turn by at most {RESOLVED_TORSION:g}: take plant.dt <= "
+            f"{plant.dt * RESOLVED_TORSION / turn:.3g} s, or plant.torsion = static"
         )
     fastest = max(s.f_x, s.f_y, s.f_z)
     if (turn := 2.0 * math.pi * fastest * plant.dt) > RESOLVED_SCANNER:
@@ -124,4 +134,21 @@ def warnings(parameters: Tree) -> list[str]:
                 f"plant.k_{axis} = {k:g} N/m and plant.f_{axis} = {f:g} Hz make the moving mass {moved:.3g} kg: "
                 f"scanners move 1e-4 to 1 kg"
             )
-    return found + apex_warnings(parameters)
+    return found + _jumps_off(parameters) + apex_warnings(parameters)
+
+
+def _jumps_off(parameters: Tree) -> list[str]:
+    """Of edges that are passed faster than the contact can follow; of samples in closed form with a known speed."""
+    part = registry.find("sample", parameters.sample.kind)
+    if part.contrast is not None or part.lattice is not None:
+        return []
+    speed = getattr(parameters.reference, "top_speed", 0.0)
+    curvature = 2.0 * sample_curvature(parameters)
+    slowest = _CONTACT_RESONANCE * parameters.plant.cantilever_numbers.f0 / _EDGE_TIME
+    if speed * curvature <= slowest:
+        return []
+    return [
+        f"the reference moves at up to {speed:.3g} m/s over edges with a radius of {1.0 / curvature:.3g} m: from some "
+        f"{slowest / curvature:.2g} m/s on the tip jumps off them, and how high depends on plant.dt = "
+        f"{parameters.plant.dt:g} s: compare with a run at half of it"
+    ]

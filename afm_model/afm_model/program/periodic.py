@@ -41,6 +41,15 @@ class Reference(ProgramParameters):
         """Amplitude along x and y [m]."""
         return self.amplitude_x, self.amplitude_y
 
+    @property
+    def top_speed(self) -> float:
+        """Largest of the speeds along x and y [m/s]."""
+        part = {"sine": 1.0, "triangle": 2.0 / math.pi, "constant": 0.0}
+        return max(
+            part[self.shape_x] * abs(self.amplitude_x) * self.omega_x,
+            part[self.shape_y] * abs(self.amplitude_y) * self.omega_y,
+        )
+
 
 CONSTANTS = record("shape_x", "shape_y", "amplitude_x", "amplitude_y", "omega_x", "omega_y", "z_r")
 

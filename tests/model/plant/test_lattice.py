@@ -151,3 +151,25 @@ def test_double_slips_come_at_eta_4_603_and_only_with_little_damping():
     assert set.union(*(slip_lengths(4.4, damping) for damping in dampings)) == {1}
     assert set.union(*(slip_lengths(5.2, damping) for damping in dampings)) == {0, 1, 2}
     assert slip_lengths(5.2, 1e6) == {1}
+
+
+def test_with_torsion_that_moves_the_tip_slips_at_the_same_places_and_rings_after_each():
+    n, step = 30_000, 5e-7
+    moving = {"plant__torsion": "moving", "plant__dt": step, "plant__Q_torsion": 10.0}
+    b, model = bench(3.0, **moving)
+    way = 4.0 * A
+    r = b.run(along(ramp(way, n)))
+    # Slips are a thousand steps and more apart: the ringing of torsion has ended long before the next one.
+    jumps = np.flatnonzero(r.stuck == 0.0)
+    first = jumps[np.diff(jumps, prepend=-n) > 1000]
+    expected = model.last_support + A * np.arange(len(first))
+    assert len(first) == 4
+    assert 0.5 * (r.X[first] + r.X[first - 1]) == pytest.approx(expected, abs=4.0 * way / n)
+    quiet = first - 100
+    assert r.F_x[quiet] == pytest.approx(r.F_x[quiet[0]], rel=0.02)
+    # Torsion goes beyond its new rest after a slip: it would not if it followed without delay.
+    static, _ = bench(3.0, plant__dt=step)
+    still = static.run(along(ramp(way, n)))
+    for i in first:
+        assert r.twist[i : i + 40].min() < still.twist[i + 3 : i + 40].min() - 0.1 * np.ptp(still.twist)
+    assert r.twist[first[1] - 200] == pytest.approx(still.twist[first[1] - 200], rel=1e-3)

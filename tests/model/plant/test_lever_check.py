@@ -1,17 +1,27 @@
 """Claims about parameters of the plant `lever`: what is refused, what is told."""
 
+import math
+from typing import Any
+
+import numpy as np
 import pytest
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.plant import LEVER
+from afm_model.plant.beam import MODE
+from afm_model.plant.lever_check import RESOLVED
 
-from .lever_bench import BASE
+from .lever_bench import BASE, LeverBench
 
 
 @pytest.mark.parametrize(
     ("values", "told"),
     [
         ({"plant.dt": 2e-6, "detector.sample_period": 2e-6}, "bending mode 2 turns by"),
+        (
+            {"plant.modes": 1, "plant.dt": 1e-5, "detector.sample_period": 1e-5},
+            r"mode 1 turns by 1\.45 rad in a step and must turn by at most 0\.75: take plant\.dt <= 5\.19e-06 s",
+        ),
         ({"plant.width": 1e-3}, "a cantilever is longer than wide"),
         ({"scanner.f_x": 800.0}, "scanner.f_x = 800.0 has no effect with plant.kind = lever"),
         ({"plant.f_x": 2e5}, "the scanner's resonance of 200000 Hz turns by"),
@@ -110,3 +120,31 @@ def test_what_is_implausible_is_told_and_presets_are_not(values, told):
         assert found == []
     else:
         assert any(told.replace("1e.11", "1e+11") in sentence for sentence in found)
+
+
+# Slopes of 1 rad and 20 nm, radius of the edges 20 nm.
+STEEP = {"sample.kind": "grating", "sample.step": 20e-9, "sample.edge_radius": 20e-9, "sample.angle": 1.0}
+
+
+def test_a_reference_that_makes_the_tip_jump_off_edges_is_told_with_the_speed():
+    def told(speed: float, values: dict[str, Any]) -> list[str]:
+        scan = {"reference.amplitude_x": -1e-6, "reference.omega_x": 0.5e6 * math.pi * speed}
+        return LEVER.warnings(build(InstrumentParameters, BASE | scan | {"reference.shape_x": "triangle"} | values))
+
+    # A quarter of the radius in a period of the contact: 20 nm 5.2 23 kHz / 4.
+    assert told(5.9e-4, STEEP) == []
+    (sentence,) = told(6.1e-4, STEEP)
+    assert "moves at up to 0.00061 m/s over edges with a radius of 2e-08 m: from some 0.0006 m/s on" in sentence
+    assert told(1e-2, {"sample.kind": "plane", "sample.angle_x": 0.1}) == []
+
+
+# One mode at its longest step resolves its contact least: 2.8 nm at edges of 20 nm; two and three meet within 0.3 nm.
+@pytest.mark.parametrize(("modes", "apart"), [(1, 4e-9), (2, 1e-9), (3, 1e-9)])
+def test_below_that_speed_the_longest_step_goes_over_edges_as_a_short_one(modes, apart):
+    def excursion(turn: float) -> float:
+        step = turn / (2.0 * math.pi * 23e3 * MODE[modes - 1].frequency)
+        b = LeverBench(**STEEP, **{"plant.modes": modes, "plant.dt": step, "sample.pitch": 1e-6, "sample.top": 0.4e-6})
+        n = round(1e-6 / 5.9e-4 / step)
+        return float(np.ptp(b.run(np.arange(1, n + 1)[:, None] * step * np.array([5.9e-4, 0.0, 0.0])).q[:, 0]))
+
+    assert excursion(0.999 * RESOLVED[modes - 1]) == pytest.approx(excursion(0.2), abs=apart)
