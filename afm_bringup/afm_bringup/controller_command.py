@@ -44,6 +44,7 @@ def _interrupt(number: int, frame: object) -> None:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="check_controller",
+        usage="%(prog)s [-h] [--scenario SCENARIO] [--deadline SECONDS] [--no-ros-args] -- COMMAND ...",
         description="Start a controller, examine it, and say rule by rule whether it keeps the contract of a drive. "
         "Exit status: 0 if it does, 1 if it does not, 2 if it could not be tested.",
     )
@@ -159,4 +160,4 @@ def _show(verdicts: list[Verdict], title: str) -> None:
     broken = sum(each.outcome is Outcome.BROKEN for each in verdicts)
     untested = sum(each.outcome is Outcome.UNTESTED for each in verdicts)
     kept = len(verdicts) - broken - untested
-    console.print(f"{kept} rules kept, {broken} broken, {untested} not tested.")
+    console.print(f"Rules: {kept} kept, {broken} broken, {untested} not tested.")

@@ -61,6 +61,8 @@ def test_what_cannot_be_tested_is_told_from_what_is_wrong(tmp_path: Path, comman
     with check(*command, folder=tmp_path) as run:
         assert run.wait() == 2, run.text
     assert sentence in run.text
+    # What could not be looked at is not said to be kept.
+    assert "kept" not in outcomes(run.text).values()
     assert_nothing_left()
 
 
