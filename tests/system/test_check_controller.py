@@ -20,7 +20,8 @@ OVER_TOPICS = [way for way in WAYS if way not in ("right", "too far", "too steep
 
 
 def check(*command: str | Path, folder: Path) -> Command:
-    return Command(executable("afm_bringup", "check_controller"), "--log", folder / PRINTED, "--", *command, folder=folder)
+    options = ("--log", folder / PRINTED, "--")
+    return Command(executable("afm_bringup", "check_controller"), *options, *command, folder=folder)
 
 
 def outcomes(text: str) -> dict[str, str]:

@@ -39,7 +39,7 @@ class Run(Group):
     )
     retract_distance: Annotated[Positive, Unit("m")] = Field(
         240e-9,
-        description="how far below its rest the sample is retracted or withdrawn; pull-off takes some 126 nm by default",
+        description="how far below its rest the sample is retracted or withdrawn; pull-off takes some 126 nm",
     )
     retract_time: Annotated[Positive, Unit("s")] = Field(
         0.01, description="simulated time in which the sample is retracted or withdrawn"
