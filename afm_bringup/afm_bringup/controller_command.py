@@ -130,9 +130,7 @@ def _examine(scenario: Scenario, command: list[str], ros_arguments: bool, printe
             return processes.ended() or ""
 
         with TopicDesk(topics.NAMESPACE, scenario.sim, problem) as desk:
-            processes.start(
-                _CONTROLLER, [*command, *(given if ros_arguments else ())], printed or Path(folder) / "log"
-            )
+            processes.start(_CONTROLLER, [*command, *(given if ros_arguments else ())], printed or Path(folder) / "log")
             print(f"waiting for the controller, {_START_TIMEOUT:g} s at most ...", file=sys.stderr, flush=True)
             if not desk.connect(_START_TIMEOUT):
                 unheard = desk.unheard()
