@@ -61,8 +61,8 @@ def _arguments() -> argparse.Namespace:
         type=float,
         default=STALL_TIMEOUT,
         metavar="SECONDS",
-        help="wall time for which a controller that has been reported may stay silent before the session ends "
-        f"(default {STALL_TIMEOUT:g})",
+        help="wall time for which a controller that has been reported may stay silent, or the run may be withdrawn or "
+        f"held, before the session ends (default {STALL_TIMEOUT:g})",
     )
     return parser.parse_args()
 

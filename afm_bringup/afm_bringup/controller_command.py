@@ -44,6 +44,7 @@ def _interrupt(number: int, frame: object) -> None:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="check_controller",
+        usage="%(prog)s [-h] [--scenario SCENARIO] [--deadline SECONDS] [--no-ros-args] [--log FILE] -- COMMAND ...",
         description="Start a controller, examine it, and say rule by rule whether it keeps the contract of a drive. "
         "Exit status: 0 if it does, 1 if it does not, 2 if it could not be tested.",
     )
@@ -68,6 +69,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
     )
+    parser.add_argument("--log", type=Path, metavar="FILE", help="keep what the controller prints in this file")
     return parser.parse_args()
 
 
@@ -90,12 +92,17 @@ def main() -> int:
         signal.signal(number, _interrupt)
     terms = Terms(scenario.sim, arguments.deadline)
     try:
-        log = _examine(scenario, command, arguments.ros_arguments)
+        log = _examine(scenario, command, arguments.ros_arguments, arguments.log)
     except Interrupted:
         print("interrupted", file=sys.stderr)
         return 130
     except OSError as error:
-        print(f"error: the controller could not be started: {shlex.join(command)}: {error.strerror}", file=sys.stderr)
+        if arguments.log is not None and error.filename == str(arguments.log):
+            print(f"error: --log {arguments.log} cannot be written: {error.strerror}", file=sys.stderr)
+        else:
+            print(
+                f"error: the controller could not be started: {shlex.join(command)}: {error.strerror}", file=sys.stderr
+            )
         return 2
     del claim
     verdicts = judge(log, terms)
@@ -112,8 +119,8 @@ def _own_domain() -> socket.socket | None:
     return claim
 
 
-def _examine(scenario: Scenario, command: list[str], ros_arguments: bool) -> Log:
-    """Start the controller, examine it, end it."""
+def _examine(scenario: Scenario, command: list[str], ros_arguments: bool, printed: Path | None) -> Log:
+    """Start the controller, examine it, end it; what it prints goes to a file, if one is given."""
     with tempfile.TemporaryDirectory() as folder, Processes(last="") as processes:
         parameters = Path(folder) / "parameters.yaml"
         write_parameters(scenario, parameters, {})
@@ -123,11 +130,13 @@ def _examine(scenario: Scenario, command: list[str], ros_arguments: bool) -> Log
             return processes.ended() or ""
 
         with TopicDesk(topics.NAMESPACE, scenario.sim, problem) as desk:
-            processes.start(_CONTROLLER, [*command, *(given if ros_arguments else ())], Path(folder) / "log")
+            processes.start(_CONTROLLER, [*command, *(given if ros_arguments else ())], printed or Path(folder) / "log")
+            print(f"waiting for the controller, {_START_TIMEOUT:g} s at most ...", file=sys.stderr, flush=True)
             if not desk.connect(_START_TIMEOUT):
                 unheard = desk.unheard()
                 return Log(ended=problem(), unheard=unheard, absent="" if unheard or problem() else desk.missing())
             processes.note_shared_memory()
+            print("it is connected; the examination takes some ten seconds ...", file=sys.stderr, flush=True)
             log = Course(desk, scenario.sim).run()
             if not log.ended:
                 log.went = _ends(processes)
@@ -159,4 +168,4 @@ def _show(verdicts: list[Verdict], title: str) -> None:
     broken = sum(each.outcome is Outcome.BROKEN for each in verdicts)
     untested = sum(each.outcome is Outcome.UNTESTED for each in verdicts)
     kept = len(verdicts) - broken - untested
-    console.print(f"{kept} rules kept, {broken} broken, {untested} not tested.")
+    console.print(f"Rules: {kept} kept, {broken} broken, {untested} not tested.")

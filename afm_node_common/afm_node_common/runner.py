@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from afm_model.errors import ParameterError, PartError
-from afm_model.parameters import Group, specifications
+from afm_model.parameters import ControllerParameters, Group, InstrumentParameters, SetupSection, specifications
 from afm_model.schema import with_parts
 
 from . import scheduling
@@ -93,7 +93,11 @@ class Stop:
 def usage(name: str, model: type[Group]) -> str:
     """The text of `--help`: every parameter with default, unit, description and what is allowed."""
     lines = [f"usage: {name} [--ros-args -p NAME:=VALUE ... --params-file FILE]", "", "parameters:"]
-    for spec in specifications(model):
+    told = list(specifications(model))
+    # What the microscope is may be said once, for simulator and controller alike.
+    if issubclass(model, InstrumentParameters | ControllerParameters):
+        told += specifications(SetupSection)
+    for spec in told:
         unit = "" if spec.unit == "1" else f" {spec.unit}"
         lines.append(f"  {spec.name} := {spec.default}{unit}")
         lines.append(f"      {spec.description} ({spec.allowed})")

@@ -49,3 +49,5 @@ EVENTS_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)
 """What has happened is kept for a recorder that joins late."""
 LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """The last value is kept for whoever joins late."""
+EVERY_STATE_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)
+"""Status for the recorder: with a depth of 1 a state is lost that is followed by another before the recorder looks."""

@@ -68,7 +68,7 @@ class RecorderNode(Node):
         self._watch = ParameterWatch(self, self._ears, self._on_known, self._on_changed)
         self._channels = Channels(self, self._ears, self._on_waveform, self.recorder.further_channel)
         self._trace = self._ears.listen(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
-        self._ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        self._ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.EVERY_STATE_QOS)
         self._ears.listen(Event, topics.EVENTS, self._on_event, topics.EVENTS_QOS)
         self._score = self._ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         # A timer of the system's clock stops for as long as that is set back.

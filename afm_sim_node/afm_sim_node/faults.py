@@ -107,5 +107,6 @@ class Faults:
             response.message = str(error)
             return response
         response.success = True
-        response.message = f"{len(values)} faults end at tick {self._next}"
+        ended = f"faults ended: {len(values)}, at tick {self._next}"
+        response.message = ended if values else "no fault was left to end"
         return response

@@ -15,7 +15,8 @@ def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
     if run.state == State.FAULT:
         log.error(run.detail)
     elif run.detail:
-        log.warning(run.detail)
+        by_service = run.state == State.WITHDRAWN and not parameters.safety.resume_after
+        log.warning(f"{run.detail}; it comes back by the service resume" if by_service else run.detail)
     elif run.state == State.WAITING:
         others = [
             *(["a recorder"] if parameters.run.wait_for_recorder else []),

@@ -121,11 +121,22 @@ def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp
         assert told["fault ordered_1 ends"] == tick + 101
         assert told["fault mine ends"] == told["fault ordered_2 ends"] > tick + 200
         graph.spin_until(lambda: recorder.recorder.has(score.ticks, score.ticks))
+        if mode == "lockstep":
+            # After a reset everything that was ordered, or cleared, happens again at the same ticks.
+            graph.spin_until(lambda: recorder.recorder.scored)
+            assert observer.call(graph, topics.RESET).success
+            assert observer.call(graph, topics.PLAY).success
+            graph.spin_until(lambda: len(observer.scores) == 2 and len(observer.events) == 16)
+            again = observer.scores[1]
+            assert (again.trajectory_sha256, again.faults) == (score.trajectory_sha256, score.faults)
+            assert sorted(observer.events[8:]) == sorted(observer.events[:8])
         recorder.finish(lambda timeout: graph.spin())
+    recordings = [path, path.with_stem("run-2")] if mode == "lockstep" else [path]
+    for each in recordings:
+        assert {text for _, text in read_recording(each).events} >= set(told)
     recording = read_recording(path)
-    assert {text for _, text in recording.events} >= set(told)
-    again = recorded_parameters(recording.parameters["afm_sim_node"], recording.parameter_changes)
-    assert simulate(again, Replay(recording.drive)).trajectory_sha256 == score.trajectory_sha256
+    values = recorded_parameters(recording.parameters["afm_sim_node"], recording.parameter_changes)
+    assert simulate(values, Replay(recording.drive)).trajectory_sha256 == score.trajectory_sha256
 
 
 def test_a_simulator_without_a_schedule_takes_no_orders() -> None:

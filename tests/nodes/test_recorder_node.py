@@ -54,6 +54,17 @@ def test_everything_published_stands_in_the_file(bench: Bench) -> None:
     assert (0.01, "FINISHED: the duration is over") in recording.events
 
 
+def test_states_that_follow_one_another_at_once_are_all_events(bench: Bench) -> None:
+    bench.instrument.publish_block(0)
+    changes = [f"change {k}" for k in range(20)]
+    for detail in changes:
+        bench.instrument.publish_status(InstrumentStatus.STALLED, BLOCK, detail)
+    bench.instrument.publish_status(InstrumentStatus.FINISHED, BLOCK)
+    bench.recorder.finish(bench.spin_once)
+    told = [text for _, text in read_recording(bench.path).events]
+    assert [text for text in told if "change" in text] == [f"STALLED: {detail}" for detail in changes]
+
+
 def test_blocks_that_the_status_tells_of_are_waited_for(bench: Bench) -> None:
     bench.instrument.publish_block(0)
     bench.instrument.publish_status(InstrumentStatus.FINISHED, 2 * BLOCK)

@@ -14,12 +14,14 @@ RIGHT = {
     "pd_controller": (sys.executable, ROOT / "examples" / "pd_controller.py"),
     "a law of one's own": (OURS, "--ros-args", "-p", "law.kind:=pd_law:PD"),
 }
+PRINTED = "printed.log"
 OVER_TOPICS = [way for way in WAYS if way not in ("right", "too far", "too steep")]
 """Those that the default scenario can find out: it has no limits."""
 
 
 def check(*command: str | Path, folder: Path) -> Command:
-    return Command(executable("afm_bringup", "check_controller"), "--", *command, folder=folder)
+    options = ("--log", folder / PRINTED, "--")
+    return Command(executable("afm_bringup", "check_controller"), *options, *command, folder=folder)
 
 
 def outcomes(text: str) -> dict[str, str]:
@@ -61,6 +63,10 @@ def test_what_cannot_be_tested_is_told_from_what_is_wrong(tmp_path: Path, comman
     with check(*command, folder=tmp_path) as run:
         assert run.wait() == 2, run.text
     assert sentence in run.text
+    if (tmp_path / PRINTED).exists():
+        assert (tmp_path / PRINTED).read_text() == "error: no device\n"
+    # What could not be looked at is not said to be kept.
+    assert "kept" not in outcomes(run.text).values()
     assert_nothing_left()
 
 

@@ -5,7 +5,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from support import ROOT, executable
+from afm_msgs.srv import Step
+from rclpy.node import Node
+from support import ROOT, Graph, executable
 
 PACKAGES = {
     "afm_sim_node": {"afm_sim_node"},
@@ -64,6 +66,37 @@ def test_every_executable_of_the_readme_is_listed_and_is_the_installed_one() -> 
     assert ros2("pkg", "executables", "afm_bringup").stdout.splitlines() == sorted(
         f"afm_bringup {name}" for package, name in listed if package == "afm_bringup"
     )
+
+
+def test_service_call_fills_the_request_and_prints_the_answer() -> None:
+    def serve(request: Step.Request, response: Step.Response) -> Step.Response:
+        response.message = f"{request.ticks} asked for"
+        return response
+
+    with Graph() as graph:
+        graph.add(Node("stand_in_server")).create_service(Step, "/stand_in/step", serve)
+        command = [str(ROOT / "tools" / "bin" / "ros2"), "service", "call", "/stand_in/step", "afm_msgs/srv/Step"]
+        with subprocess.Popen([*command, "{ticks: 7}"], stdout=subprocess.PIPE, text=True) as process:
+            graph.spin_until(lambda: process.poll() is not None)
+            assert process.stdout is not None
+            assert process.stdout.read() == "afm_msgs.srv.Step_Response(success=False, message='7 asked for')\n"
+    assert process.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "request_text", "sentence"),
+    [
+        ("std_srvs/srv/Trgger", "{}", "there is no service type std_srvs/srv/Trgger: it must be of the form "),
+        ("afm_msgs/srv/Step", "{tics: 3}", "there is no field tics; there is: ticks"),
+        ("afm_msgs/srv/Step", "{ticks: -3}", "ticks = -3 is not allowed: it must be a uint64"),
+        ("afm_msgs/srv/Step", "3", "the request = 3 is not allowed: it must be like {field: value}"),
+        ("afm_msgs/srv/Step", "{", "the request '{' is no YAML: it must be like '{field: value}'"),
+    ],
+)
+def test_service_call_refuses_a_request_that_does_not_fit(kind: str, request_text: str, sentence: str) -> None:
+    end = ros2("service", "call", "/stand_in/step", kind, request_text)
+    assert (end.returncode, end.stdout) == (1, "")
+    assert end.stderr.startswith(f"error: {sentence}")
 
 
 def test_what_it_does_not_know_is_answered_with_what_it_does() -> None:

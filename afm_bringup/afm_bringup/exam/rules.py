@@ -80,7 +80,7 @@ def _answered(log: Log, *phases: Phase) -> str | None:
 
 
 def _connected(log: Log, terms: Terms) -> str | None:
-    return log.unheard or log.absent
+    return log.unheard or log.absent or ("" if log.asked else None)
 
 
 def _alive(log: Log, terms: Terms) -> str | None:

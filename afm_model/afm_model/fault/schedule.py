@@ -39,7 +39,7 @@ def check(parameters: Any) -> None:
     period = parameters.plant.control_period
     problems = [problem(f"fault.{name}", entry, period) for name, entry in faults.items()]
     if len(faults) > MOST:
-        problems.append(f"{len(faults)} faults are too many: {MOST} are the most")
+        problems.append(f"{len(faults)} faults are too many: {MOST} are the most, those that are over included")
     if told := "; ".join(filter(None, problems)):
         raise ValueError(told)
 

@@ -39,9 +39,11 @@ class Run(Group):
     )
     retract_distance: Annotated[Positive, Unit("m")] = Field(
         240e-9,
-        description="realtime: how far below its rest the sample is retracted; pull-off takes some 126 nm by default",
+        description="how far below its rest the sample is retracted or withdrawn; pull-off takes some 126 nm",
     )
-    retract_time: Annotated[Positive, Unit("s")] = Field(0.01, description="realtime: simulated time of the retract")
+    retract_time: Annotated[Positive, Unit("s")] = Field(
+        0.01, description="simulated time in which the sample is retracted or withdrawn"
+    )
 
 
 class SimParameters(InstrumentParameters):

@@ -57,8 +57,12 @@ class Course:
         if self.phase == State.RUNNING:
             self.life.go(cause)
         else:
-            back = Cause.BACK_WITHDRAWN if self.phase == State.WITHDRAWN else Cause.BACK_APPROACHING
-            self.life.go(back, f"the instrument has the drive (after: {self.reason})")
+            back, what = (
+                (Cause.BACK_WITHDRAWN, "the sample is still withdrawn")
+                if self.phase == State.WITHDRAWN
+                else (Cause.BACK_APPROACHING, "the approach goes on")
+            )
+            self.life.go(back, f"{what} (after: {self.reason})")
 
     @property
     def controller(self) -> str:
