@@ -53,6 +53,15 @@ def test_scenario_of_the_page_is_a_friction_loop_of_25_N_per_m(tmp_path):
     assert run.score.contact_fraction == 1.0
 
 
+def test_code_of_the_page_draws_the_loop(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "loop.yaml").write_text(EXAMPLES["scenario"])
+    scope: dict[str, Any] = {}
+    exec(compile(EXAMPLES["see"], "see", "exec"), scope)
+    assert (tmp_path / "loop.png").stat().st_size > 5000
+    assert np.ptp(scope["done"].lateral_force) == pytest.approx(8e-9, rel=0.02)
+
+
 def test_code_of_the_page_finds_the_spring_constant_from_a_second_of_thermal_noise(capsys):
     found = {}
     exec(PAGE.partition("<!-- thermal -->\n```python\n")[2].partition("```")[0], found)
