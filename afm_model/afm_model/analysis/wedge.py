@@ -10,7 +10,7 @@ For F = m (N + A), A the adhesion, (1) gives with the sensitivity S, half-width 
     S W = m (L + A c) / (c^2 - m^2 s^2),   S D = [m^2 s (L c + A) + L s c] / (c^2 - m^2 s^2)                     (2)
 
 which D. F. Ogletree, R. W. Carpick and M. Salmeron, Rev. Sci. Instrum. 67 (1996) 3298, doi:10.1063/1.1147411, use at
-several loads, and M. Varenberg, I. Etsion and G. Halperin, Rev. Sci. Instrum. 74 (2003) 3362, doi:10.1063/1.1602947, at
+several loads, and M. Varenberg, I. Etsion and G. Halperin, Rev. Sci. Instrum. 74 (2003) 3362, at
 one load with the adhesion. Friction that follows the area of the contact is no straight line of the load: then take
 `wedge_by_flat`, which uses (1) with friction as it was measured beside the slope.
 
