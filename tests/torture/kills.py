@@ -26,7 +26,7 @@ def recorder(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
     def one(rng: Random, outcome: Outcome) -> None:
         moment, recorded = rng.choices(("recording", "starting", "ending"), (8, 1, 1))[0], 0.0
         if moment == "starting":
-            trio.end(RECORDER)
+            trio.end(RECORDER, begun=False)
             trio.path.unlink(missing_ok=True)
             trio.start(RECORDER)
             trio.pass_time(rng.uniform(0.0, 2.5))

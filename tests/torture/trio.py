@@ -52,8 +52,9 @@ class Trio:
         environment: Mapping[str, str] | None = None,
         each: bool = False,
     ) -> None:
-        self.graph, self.folder, self.namespace = graph, folder, namespace
-        self.path = folder / "run.rrd"
+        # The nodes tell full paths.
+        self.graph, self.folder, self.namespace = graph, folder.resolve(), namespace
+        self.path = self.folder / "run.rrd"
         self._environment = dict(environment or {})
         folder.mkdir(parents=True, exist_ok=True)
         content = yaml.safe_load(scenario_file(scenario).read_text())
