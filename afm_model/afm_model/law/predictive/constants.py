@@ -85,7 +85,15 @@ CONSTANTS = record(
     "of_drive",
     vectors=("stiffness", "damping", "volts"),
     integers=("slots", "delay", "count", "reserve", "fine", "horizon", "steps", "surface", "identified", "measured"),
-    arrays={"K": (3, 2), "L": (3, 2), "free": (2, 2), "of_drive": (2,), "Phi": (3, 2, 2), "Gamma": (3, 2), "G": (3, INTERVALS, 2)},
+    arrays={
+        "K": (3, 2),
+        "L": (3, 2),
+        "free": (2, 2),
+        "of_drive": (2,),
+        "Phi": (3, 2, 2),
+        "Gamma": (3, 2),
+        "G": (3, INTERVALS, 2),
+    },
 )
 
 
