@@ -184,10 +184,36 @@ def test_positions_alone_are_enough_where_the_surface_is_known(period, known):
     assert result.score.contact_fraction == 1.0
 
 
-def test_positions_alone_and_an_unknown_surface_are_warned_of():
+@pytest.mark.parametrize("known", [NOTHING, LEARNED], ids=["observed", "learned"])
+@pytest.mark.parametrize("delay", [0, 1])
+def test_positions_alone_are_enough_at_50_us_with_nothing_known(delay, known):
+    noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
+    result = run(5e-5, delay, {"law.feedback": "measured", **known}, 0.5, 1.0, **noise)
+    assert error(result.score) < 1.2
+    assert smoothness(result) < 2.0
+    assert result.score.contact_fraction == 1.0
+
+
+@pytest.mark.parametrize("plant", [{}, {"sample__beta": -12.5e-9}], ids=["sample", "upside down"])
+def test_positions_without_noise_are_enough_at_200_us_with_nothing_known(plant):
+    assert error(run(2e-4, 1, {"law.feedback": "measured", **NOTHING}, **plant).score) < 1.2
+
+
+def test_positions_alone_and_friction_identified_in_packets_are_warned_of():
     law = registry.find("law", "predictive")
-    (told,) = law.warnings(build(ControllerParameters, {"law.kind": "predictive", "law.feedback": "measured"}), 5e-5)
-    assert "law.feedback = measured needs law.surface = known, it is observed" in told
+    told = {"law.kind": "predictive", "law.feedback": "measured"}
+    assert law.warnings(build(ControllerParameters, told), 5e-5) == []
+    packets = told | {"law.period": 1e-3, **PACKET}
+    (sentence,) = law.warnings(build(ControllerParameters, packets), 1e-3)
+    assert "friction is identified with law.packet = 1 only, it is 20" in sentence
+    assert law.warnings(build(ControllerParameters, packets | {"law.friction": "nominal"}), 1e-3) == []
+
+
+def test_packets_at_1_ms_hold_with_positions_alone_where_surface_and_friction_are_known():
+    noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
+    result = run(1e-3, 1, {"law.feedback": "measured", **EXACT, **PACKET}, 0.5, 1.0, **noise)
+    assert error(result.score) < 1.3
+    assert smoothness(result) < 2.0
 
 
 def test_the_same_measurements_give_the_same_drives_after_a_reset():

@@ -9,7 +9,7 @@ from ...friction.strength import bound_of_load
 from ...parts.part import Numbers, Tree
 from ...records import record
 from ...signals import LONGEST_HORIZON
-from .gains import gains, grid, observer_gains
+from .gains import gains, grid, observer_gains, transition
 
 INTERVALS = 512
 """Fine intervals that the law can look ahead."""
@@ -61,6 +61,7 @@ _SCALARS = (
     "ripple",  # of the strength, from that curvature
     "measured",
     "position_noise",
+    "force_noise",  # of friction measured along x
     "uncertain",  # variance of an estimated position, x and y
     "height_noise",
     "ratio_noise",
@@ -80,9 +81,19 @@ CONSTANTS = record(
     "Gamma",
     "G",
     "L",  # of the observer
+    "free",  # a control period of the free scanner, mean of x and y: transition, and of a drive
+    "of_drive",
     vectors=("stiffness", "damping", "volts"),
     integers=("slots", "delay", "count", "reserve", "fine", "horizon", "steps", "surface", "identified", "measured"),
-    arrays={"K": (3, 2), "L": (3, 2), "Phi": (3, 2, 2), "Gamma": (3, 2), "G": (3, INTERVALS, 2)},
+    arrays={
+        "K": (3, 2),
+        "L": (3, 2),
+        "free": (2, 2),
+        "of_drive": (2,),
+        "Phi": (3, 2, 2),
+        "Gamma": (3, 2),
+        "G": (3, INTERVALS, 2),
+    },
 )
 
 
@@ -140,6 +151,7 @@ def values(parameters: Tree) -> Numbers:
     disturbances = (left * f_0, left * f_0, _FLOOR * eta_c**2 / mu)
     noises = (noise, noise, law.position_noise / z0)
     L = [observer_gains(stiffness[i], damping[i], hold, disturbances[i], noises[i]) for i in range(3)]
+    free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
     return {
         "hold": hold,
         "slot": slot,
@@ -175,10 +187,13 @@ def values(parameters: Tree) -> Numbers:
         "ripple": ripple,
         "measured": measured,
         "position_noise": noise,
+        "force_noise": ratio_noise * f_0,
         "uncertain": max(L[0][0], L[1][0]) * noise**2,
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
         "L": np.array(L),
+        "free": free,
+        "of_drive": of_drive,
         "x0": x0,
         "z0": z0,
         "w0": w0,

@@ -119,6 +119,9 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
     if speed == 0.0:
         b_x, b_y = u_x - p.stiffness[0] * s.X, u_y - p.stiffness[1] * s.Y
         held = math.sqrt(b_x * b_x + b_y * b_y) / nominal
+        if p.measured != 0 and p.surface != KNOWN:
+            # Friction is never more than its bound, but for the noise of its measurement.
+            held = s.grip / nominal - 3.0 * p.ratio_noise
         s.ratio[VALUE] = max(s.ratio[VALUE], held)
         s.ratio[MEAN] = max(s.ratio[MEAN], held)
         # What a slope does not explain holds everywhere.
@@ -128,7 +131,12 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
     if abs(s.V_X) <= 0.3 * speed:
         return 0.0
     measured = force * speed / (s.V_X * nominal)
-    if p.measured != 0:
+    if p.measured != 0 and p.surface != KNOWN:
+        # The tip has stopped, or was at rest until now.
+        if s.grip == 0.0:
+            return 0.0
+        measured = s.grip / nominal
+    elif p.measured != 0:
         # Whether the tip slips is only estimated, and at rest the force is less than the bound: that falls no faster
         # than the steepest slope lets it on the way of the reference.
         steepest = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1]))
@@ -144,4 +152,6 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
         begin(s.ratio, measured, p.ripple, p.ratio_noise, p)
     else:
         follow(s.ratio, measured, d_x, d_y, p.ripple, p.ratio_noise, p)
+        if p.measured != 0:
+            s.ratio[VALUE] = max(s.ratio[VALUE], s.grip / nominal - 3.0 * p.ratio_noise)
     return measured

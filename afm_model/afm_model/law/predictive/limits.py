@@ -40,10 +40,10 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
     law, scanner = parameters.law, parameters.scanner
     slot = control_period / law.packet
     told = []
-    if law.feedback == "measured" and law.surface != "known":
+    if law.feedback == "measured" and law.friction == "identified" and law.packet > 1:
         told.append(
-            f"along x and y the error will be tens of percent: law.feedback = measured needs law.surface = known, "
-            f"it is {law.surface} (docs/laws.md)"
+            f"x and y will diverge: with law.feedback = measured friction is identified with law.packet = 1 only, it is"
+            f" {law.packet}; take law.friction = nominal or law.packet = 1 (docs/laws.md)"
         )
     return told + [
         f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet "

@@ -64,7 +64,7 @@ def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
         load = p.w + p.eta_c2 * (tip - p.a)
         p_x = (1.0 - d_x) * s.V_X + h * (u_x - p.stiffness[0] * s.X)
         p_y = (1.0 - d_y) * s.V_Y + h * (u_y - p.stiffness[1] * s.Y)
-        f = s.here * nominal_bound(load, p, s)
+        f = s.bound if s.bound > 0.0 else s.here * nominal_bound(load, p, s)
         j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, 1.0 + d_x, 1.0 + d_y, h * f)
         s.V_X = 0.0 if stick else (p_x - j_x) / (1.0 + d_x)
         s.V_Y = 0.0 if stick else (p_y - j_y) / (1.0 + d_y)

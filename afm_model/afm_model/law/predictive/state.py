@@ -14,6 +14,9 @@ STATE = record(
     "sent",
     "last",  # number of the last measurement
     "estimate",  # position and rate there
+    "grip",  # measured friction along its direction; no measurement: zero
+    "spread",  # covariance of position and speed along the motion, variance across it, over that of a position
+    "bound",  # of friction, in place of the one believed in, for the copy; zero: none
     "X",  # the scanner as measured or estimated, then as predicted
     "Y",
     "Z",
@@ -74,6 +77,7 @@ STATE = record(
         "H": (10,),
         "ratio": (10,),
         "estimate": (6,),
+        "spread": (4,),
         "answered": (ANSWERS,),
         "lengths": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),
