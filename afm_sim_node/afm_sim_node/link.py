@@ -37,7 +37,9 @@ class TopicLink(Link):
         fast = parameters.process.fast_codec
         measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
         self._inbox = Inbox(node, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
-        self._outbox = Outbox(node, Measurement, topics.MEASUREMENT, topics.MEASUREMENT_QOS)
+        in_realtime = parameters.run.mode == "realtime"
+        kept = topics.MEASUREMENT_IN_REALTIME_QOS if in_realtime else topics.MEASUREMENT_QOS
+        self._outbox = Outbox(node, Measurement, topics.MEASUREMENT, kept)
         self._encode, self._publish = measurements.encode, self._outbox.publish
         self._decode, self._take = drives.decode, self._inbox.take
         self._period_ns = parameters.plant.control_period * 1e9
