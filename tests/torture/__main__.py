@@ -126,7 +126,6 @@ def main() -> int:
     arguments.out.mkdir(parents=True, exist_ok=True)
     book = Book(arguments.out / "tries.jsonl", fresh=not arguments.resume)
     torture = Torture(book, arguments.out, arguments.seed, arguments.tries)
-    begin = time.monotonic()
     stopped = False
     try:
         for family in FAMILIES:
@@ -139,7 +138,7 @@ def main() -> int:
     support.remove_shared_memory_left()
     lines = [
         f"Last run ({date.today()}): `make torture`, seed {arguments.seed}, {len(book.outcomes)} tries in "
-        f"{(time.monotonic() - begin) / 60.0:.0f} minutes{', stopped before its end' if stopped else ''}.",
+        f"{sum(each.seconds for each in book.outcomes) / 60.0:.0f} minutes{', stopped before its end' if stopped else ''}.",
         "",
         markdown([row(family.fault, found) for family in FAMILIES if (found := book.of(family.fault))]),
         "",
