@@ -136,9 +136,10 @@ def main() -> int:
         support.end_all_processes()
     left = [*support.end_all_processes().values(), *support.shared_memory_left()]
     support.remove_shared_memory_left()
+    minutes = sum(each.seconds for each in book.outcomes) / 60.0
     lines = [
         f"Last run ({date.today()}): `make torture`, seed {arguments.seed}, {len(book.outcomes)} tries in "
-        f"{sum(each.seconds for each in book.outcomes) / 60.0:.0f} minutes{', stopped before its end' if stopped else ''}.",
+        f"{minutes:.0f} minutes{', stopped before its end' if stopped else ''}.",
         "",
         markdown([row(family.fault, found) for family in FAMILIES if (found := book.of(family.fault))]),
         "",
