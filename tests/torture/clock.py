@@ -7,7 +7,6 @@ the step ends as if there had been none.
 import os
 import struct
 import subprocess
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +16,7 @@ from support import Graph
 
 from torture.family import Make, Try
 from torture.outcome import Outcome
-from torture.trio import RUNNING, Trio, lost, read, ticks_of
+from torture.trio import RUNNING, Trio
 
 _LARGEST = 86_400
 """Step of the clock [s]."""
@@ -52,10 +51,6 @@ def steps(scenario: str) -> Make:
             outcome.what = "goes on"
 
         yield one
-        trio.end()
-        recording = read(trio.path)
-        assert recording.complete, "the recording is not complete"
-        lost(listener, ticks_of(recording, listener), time.monotonic())  # none is missing in between
-        trio.destroy()
+        trio.end_recorded()
 
     return make

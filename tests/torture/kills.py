@@ -101,11 +101,7 @@ def controller(scenario: str) -> Make:
 
         yield one
         trio.until(lambda: listener.status.state in RUNNING)
-        trio.end()
-        recording = read(trio.path)
-        assert recording.complete, "the recording is not complete"
-        lost(trio.listener, ticks_of(recording, trio.listener), time.monotonic())  # none is missing in between
-        trio.destroy()
+        trio.end_recorded()
 
     return make
 

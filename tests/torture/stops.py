@@ -1,7 +1,6 @@
 """Nodes that stand still for seconds (SIGSTOP, SIGCONT), as on a machine that is too busy or was put to sleep."""
 
 import signal
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +10,7 @@ from support import Graph
 
 from torture.family import Make, Try
 from torture.outcome import Outcome
-from torture.trio import REALTIME, RECORDER, RUNNING, SIMULATOR, Trio, lost, read, ticks_of
+from torture.trio import REALTIME, RECORDER, RUNNING, SIMULATOR, Trio
 
 
 def stop(name: str, scenario: str = REALTIME) -> Make:
@@ -45,10 +44,6 @@ def stop(name: str, scenario: str = REALTIME) -> Make:
             outcome.lost = 0.0 if missing == 0 else missing / listener.rate
 
         yield one
-        trio.end()
-        recording = read(trio.path)
-        assert recording.complete, "the recording is not complete"
-        lost(listener, ticks_of(recording, listener), time.monotonic())  # none is missing in between
-        trio.destroy()
+        trio.end_recorded()
 
     return make

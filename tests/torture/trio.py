@@ -168,6 +168,20 @@ class Trio:
             # Asked to end before it had begun, it says so.
             assert code in ((0,) if begun else (0, 130)), f"{name} ended with code {code}: {commands[name].text}"
 
+    def end_recorded(self) -> None:
+        """End all, with a recording that is complete and lacks nothing that the listener has heard.
+
+        Raises
+        ------
+        AssertionError
+            If it is not, or a node does not end with code 0.
+        """
+        self.end()
+        recording = read(self.path)
+        assert recording.complete, "the recording is not complete"
+        lost(self.listener, ticks_of(recording, self.listener), time.monotonic())
+        self.destroy()
+
     def destroy(self) -> None:
         """End what still runs, and the listener."""
         for command in (*self.commands.values(), *self._ending.values()):
