@@ -22,7 +22,7 @@ from afm_model.registry import names
 
 PERIODS = [2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3]
 DELAYS = [0, 1, 2, 3, 4, 6]
-LAWS = [name for name in names("law") if name not in ("open_loop", "chirp", "sgn_tracking")]
+LAWS = [name for name in names("law") if name not in ("open_loop", "chirp", "external", "sgn_tracking")]
 BODE = (("pid", 5e-5, 0), ("super_twisting", 5e-5, 0), ("observer", 5e-5, 0), ("observer", 5e-5, 1))
 """Law, control period [s] and delay of each curve."""
 

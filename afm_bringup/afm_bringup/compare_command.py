@@ -63,7 +63,7 @@ def main() -> int:
         nodes = [node_contender(each, scenario, ros_arguments=arguments.ros_arguments) for each in arguments.node]
         laws = arguments.laws
         if not laws and not nodes:
-            laws = [name for name in names("law") if name not in ("open_loop", "chirp")]
+            laws = [name for name in names("law") if name not in ("open_loop", "chirp", "external")]
         comparison = compare(
             [*laws, *nodes],
             scenario,

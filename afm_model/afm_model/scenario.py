@@ -14,6 +14,7 @@ from typing import Any
 from .errors import ParameterError
 from .law.timing import TIMING, SampledLaw
 from .parameters import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
+from .parameters.law_inside import timing_inside
 from .parameters.microscope import PREFIX
 from .schema import with_parts
 from .shipped import scenario_file
@@ -116,11 +117,20 @@ def load_scenario(
         try:
             if node == "afm_controller_node":
                 values.update(law_timing(values, parts.get("sim", SimParameters())))
-            group = build(known[node], resolved(known[node], common | _without_process(node, values, process)))
+            given = resolved(known[node], common | _without_process(node, values, process))
+            group = build(known[node], given | timing_inside(known[node], given))
         except ParameterError as error:
             raise ScenarioError(f"{_told(path, overrides)}: {error}") from None
         if node in SECTIONS:
             parts[SECTIONS[node][0]] = group
+    sim = parts.get("sim", SimParameters())
+    if (inside := sim.controller_inside) is not None:
+        if sections.get(_section("afm_controller_node")):
+            raise ScenarioError(
+                f"{_told(path, overrides)}: law.kind = {sim.law.kind} of afm_sim_node puts the law inside the "
+                f"simulator: leave out section {_section('afm_controller_node')}, or law.kind"
+            )
+        parts["controller"] = inside
     return Scenario(path.stem, path, **parts, sections=sections)
 
 

@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter
 
 from afm_model.errors import ParameterError
 from afm_model.parameters import Group, Specification, Value, build, flatten, resolved, specifications
+from afm_model.parameters.law_inside import timing_inside
 from afm_model.schema import with_parts
 
 from .parameter_services import check_services
@@ -74,7 +75,8 @@ class Declared(Generic[G]):
         self._node, self._tunable, self._accepts, self._on_change = node, tunable, accepts, on_change
         # rclpy offers no public way to see values given for names that nobody declares.
         given = {name: p.value for name, p in node._parameter_overrides.items() if not _foreign(name)}
-        current = build(model, resolved(model, given))
+        given = resolved(model, given)
+        current = build(model, given | timing_inside(model, given))
         if accepts is not None:
             accepts(current)
         self.current = current

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from afm_model.parameters.law_inside import is_inside
 from afm_model.run import Snapshot, State
 from afm_node_common.process import SimNodeParameters
 
@@ -19,10 +20,11 @@ def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
         log.warning(f"{run.detail}; it comes back by the service resume" if by_service else run.detail)
     elif run.state == State.WAITING:
         others = [
+            *(["a controller"] if not is_inside(parameters.law) else []),
             *(["a recorder"] if parameters.run.wait_for_recorder else []),
             *(["the play service"] if parameters.run.start_paused else []),
         ]
-        log.info(f"waiting for {' and '.join(['a controller', *others])}")
+        log.info(f"waiting for {' and '.join(others)}" if others else f"the law is inside: {parameters.law.kind}")
     elif run.state == State.FINISHED:
         log.info(f"finished: {run.ticks} ticks, {run.time:.6g} s simulated")
     else:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from afm_model import Block
+from afm_model import Block, Controller
+from afm_model.parameters.law_inside import is_inside
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
 from afm_node_common.chores import Chore, Chores
@@ -21,6 +22,7 @@ from afm_node_common.process import SimNodeParameters
 
 from .control import Control
 from .faults import Faults
+from .inside_link import InsideLink
 from .link import TopicLink
 from .peers import Peers
 from .reporter import Reporter
@@ -28,8 +30,8 @@ from .standard import INSTALLED, Standard
 from .streams import Streams, clock_bytes
 from .telemetry import Telemetry
 
-TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout", "run.telemetry_rate")
-"""What may change while the instrument runs."""
+TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout", "run.telemetry_rate", "law.")
+"""What may change while the instrument runs; of the law one that is inside."""
 
 _BLOCK_SAMPLES = 4000
 _STATUS_PERIOD = 0.2
@@ -49,13 +51,17 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__("afm_sim_node", namespace=topics.NAMESPACE)
-        declared = Declared(self, SimNodeParameters, tunable=TUNABLE, on_change=self._on_change)
+        declared = Declared(
+            self, SimNodeParameters, tunable=TUNABLE, accepts=_check_law_inside, on_change=self._on_change
+        )
         self.parameters = parameters = declared.current
         self.process = parameters.process
         self.exit_code = 0
         self._period = _wall_period(parameters)
-        self._peers = Peers(self)
-        self._link = TopicLink(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
+        inside = is_inside(parameters.law)
+        self._peers = Peers(self, law_inside=inside)
+        make_link = InsideLink if inside else TopicLink
+        self._link = make_link(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
         samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         self.run = Run(
             parameters,
@@ -193,6 +199,12 @@ class SimNode(Node):
         self.parameters = parameters
         self._period = _wall_period(parameters)
         self.run.adapt(parameters)
+
+
+def _check_law_inside(parameters: SimNodeParameters) -> None:
+    """Raise ParameterError if the law inside cannot be computed with these parameters."""
+    if (inside := parameters.controller_inside) is not None:
+        Controller(inside)
 
 
 def _wall_period(parameters: SimNodeParameters) -> float:

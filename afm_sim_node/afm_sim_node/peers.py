@@ -25,10 +25,13 @@ class Peers:
     Parameters
     ----------
     node : Node
+    law_inside : bool
+        Whether the law is inside the simulator, so that nobody takes drives.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, *, law_inside: bool = False) -> None:
         self._node = node
+        self._law_inside = law_inside
         self._counted = 0
         self._known: dict[str, set[bytes]] = {}
         self._drives = node.resolve_topic_name(topics.PIEZO_DRIVE)
@@ -40,7 +43,7 @@ class Peers:
 
     @property
     def controller(self) -> str:
-        """Full name of the node that publishes drives, or of all that do."""
+        """Full name of the node whose drives are taken, or of all whose are."""
         return " and ".join(self.controllers)
 
     def look(self, *, force: bool = False) -> None:
@@ -51,6 +54,10 @@ class Peers:
             return
         self._counted = count
         infos = self._node.get_publishers_info_by_topic(self._drives)
+        if self._law_inside:
+            names = " and ".join(_names(infos))
+            self.unheard = f"{names} publishes piezo_drive, which nobody takes: the law is inside" if names else ""
+            return
         unheard = [info for info in infos if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT]
         before, self.controllers = self.controllers, sorted(set(_names([i for i in infos if i not in unheard])))
         self.unheard = (

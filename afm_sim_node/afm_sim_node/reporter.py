@@ -12,6 +12,7 @@ from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 
 from .diagnostics import diagnostic_status
+from .inside_link import InsideLink
 from .link import TopicLink
 from .log import log_refusal, log_state, log_warnings
 from .peers import Peers
@@ -27,14 +28,20 @@ class Reporter:
     ----------
     node : Node
     run : Run
-    link : TopicLink
+    link : TopicLink or InsideLink
     peers : Peers
     streams : Streams
     parameters : SimNodeParameters
     """
 
     def __init__(
-        self, node: Node, run: Run, link: TopicLink, peers: Peers, streams: Streams, parameters: SimNodeParameters
+        self,
+        node: Node,
+        run: Run,
+        link: TopicLink | InsideLink,
+        peers: Peers,
+        streams: Streams,
+        parameters: SimNodeParameters,
     ) -> None:
         self._run, self._link, self._peers, self._streams = run, link, peers, streams
         self._parameters = parameters
@@ -78,7 +85,7 @@ class Reporter:
             status_message(
                 self._run.snapshot(),
                 self._parameters,
-                controller=self._peers.controller,
+                controller=self._link.controller,
                 recorders=recorders,
                 warning="; ".join(self._warnings),
             )

@@ -9,6 +9,7 @@ from ..records import Block, pointer_at, record_at
 from ..registry import register
 from . import paper, paper_tracking
 from .chirp import CHIRP
+from .external import OUTSIDE, ExternalLaw
 from .implicit import IMPLICIT
 from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from .observer import OBSERVER
@@ -24,7 +25,7 @@ PARTS = paper.PARTS
 _OF_THE_PAPER = len(paper.PARTS)
 register(*PARTS)
 # The others are called by address, like those of somebody else's: the compiled loop knows the paper's alone.
-register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER, PREDICTIVE, *paper_tracking.PARTS, CHIRP)
+register(PID, IMPLICIT, SUPER_TWISTING, OBSERVER, PREDICTIVE, *paper_tracking.PARTS, CHIRP, OUTSIDE)
 
 
 @kernel
@@ -41,6 +42,7 @@ __all__ = [
     "EXTERNAL",
     "PARTS",
     "TANH_GAP",
+    "ExternalLaw",
     "PaperLaw",
     "SampledLaw",
     "TimingWarning",

@@ -82,7 +82,7 @@ class InstrumentParameters(Microscope):
 
     @model_validator(mode="after")
     def _parts_allow(self) -> "InstrumentParameters":
-        for name in type(self).model_fields:
+        for name in InstrumentParameters.model_fields:
             group = getattr(self, name)
             if group.family:
                 registry.find(group.family, group.kind).check(self)

@@ -90,7 +90,7 @@ def resolved(model: type[Group], values: Mapping[str, Any]) -> dict[str, Any]:
     if issubclass(model, InstrumentParameters):
         return own | _of_simulator(setup, given, own)
     if issubclass(model, ControllerParameters):
-        return _of_controller(setup, own) | own
+        return known_of(_lever(setup), {target: getattr(setup, name) for name, target in _OF_PIEZO.items()}, own) | own
     return own
 
 
@@ -116,16 +116,24 @@ def _of_simulator(setup: Any, given: Mapping[str, Value], own: Mapping[str, Valu
     return news
 
 
-def _of_controller(setup: Any, own: Mapping[str, Value]) -> dict[str, Value]:
-    """What its law may know of the microscope, in the words of the controller's parameters."""
-    lever = _lever(setup)
+def known_of(lever: Any, piezo: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
+    """What a law may know of the microscope, in the words of the controller's parameters.
+
+    Parameters
+    ----------
+    lever : LeverGroup
+    piezo : mapping
+        Sensitivities and range by the names of the controller's parameters.
+    own : mapping
+        What the controller is given itself.
+    """
     c, s, pair = lever.cantilever_numbers, lever.scanner_numbers, lever.pair_numbers
     mass = c.k / (2.0 * math.pi * c.f0) ** 2
     news: dict[str, Value] = {"cantilever.f_c": c.f0, "cantilever.xi_c": 0.5 / c.Q, "cantilever.m_c": mass}
     news["scanner.mass_ratio"] = s.k_x / (2.0 * math.pi * s.f_x) ** 2 / mass
     for axis in "xyz":
         news |= {f"scanner.f_{axis}": getattr(s, f"f_{axis}"), f"scanner.xi_{axis}": 0.5 / s.Q}
-    news |= {target: getattr(setup, name) for name, target in _OF_PIEZO.items()}
+    news |= piezo
     news |= {
         "contact.K": pair.K,
         "contact.tau": pair.tau,
@@ -134,7 +142,7 @@ def _of_controller(setup: Any, own: Mapping[str, Value]) -> dict[str, Value]:
     }
     law: Any = with_parts(ControllerParameters, own).model_fields["law"].annotation
     if issubclass(law, SampledLaw):
-        news |= {"law.period": setup.control_period, "law.delay_ticks": setup.delay_ticks}
+        news |= {"law.period": lever.control_period, "law.delay_ticks": lever.delay_ticks}
     return news
 
 

@@ -4,10 +4,13 @@ import math
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from ..law import ExternalLaw
 from ..schema import Group, NonNegative, Positive, Unit
+from .controller import ControllerParameters
 from .instrument import InstrumentParameters
+from .law_inside import controller_of, is_inside
 from .safety import Safety
 
 
@@ -51,6 +54,17 @@ class SimParameters(InstrumentParameters):
 
     run: Run = Run()
     safety: Safety = Safety()
+    law: ExternalLaw = ExternalLaw()
+
+    @property
+    def controller_inside(self) -> ControllerParameters | None:
+        """What the law inside the simulator goes by; None: the law is elsewhere."""
+        return controller_of(self, self.law) if is_inside(self.law) else None
+
+    @model_validator(mode="after")
+    def _law_inside_allows(self) -> "SimParameters":
+        _ = self.controller_inside
+        return self
 
     @property
     def total_ticks(self) -> int:

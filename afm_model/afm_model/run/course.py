@@ -40,6 +40,8 @@ class Course:
     """Who has the drive while simulated time goes on: RUNNING the controller, WITHDRAWN or APPROACHING the guard."""
     limit: Cause | None = None
     """The limit passed last, as long as the guard has the drive."""
+    stop_at: int | None = None
+    """Tick at which the run pauses by itself; None: it does not."""
     tick: Callable[..., bool] = field(init=False)
     """Make one tick, as `Ticker.tick`, or as `Guard.tick` where there is something to guard."""
 

@@ -65,7 +65,7 @@ class Guard:
         self._touching = 0  # ticks in contact in a row, of an approach
         self._instrument.inside.give_z()
 
-    def tick(self, drive: _Array | Command, round_trip: float, sequence: int | None = None) -> bool:
+    def tick(self, drive: _Array | Command | None, round_trip: float, sequence: int | None = None) -> bool:
         """Make a tick with this drive, or with one of its own; see `Ticker.tick`.
 
         Raises
@@ -75,7 +75,7 @@ class Guard:
         """
         course = self._course
         if course.phase != State.RUNNING:
-            if reason := problem(drive):
+            if drive is not None and (reason := problem(drive)):
                 raise DriveError(reason)
             drive = self._own_drive()
             course.counts.ticks_withdrawn += 1

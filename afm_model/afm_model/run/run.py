@@ -12,6 +12,7 @@ from ..parameters import SimParameters
 from .counts import Counts, Snapshot
 from .course import Course, Pacing
 from .guard import Guard
+from .law_inside import LawInside
 from .link import Link
 from .lockstep import Lockstep
 from .realtime import Realtime
@@ -86,9 +87,8 @@ class Run:
         self._guard = Guard(self._course)
         if parameters.safety.guarded:
             self._course.tick = self._guard.tick
-        self._stop_at: int | None = None  # tick at which the run pauses by itself
         self._record_anyway = False
-        self._pacing: Pacing = Lockstep(self._course) if parameters.run.mode == "lockstep" else Realtime(self._course)
+        self._pacing = self._choose_pacing()
         self._period_ns = parameters.plant.control_period * 1e9
         self.step: Callable[[], bool] = self._start_when_ready
         """One look at the link or the clock; True if something was done. Another function in another state: after
@@ -146,8 +146,8 @@ class Run:
 
     def play(self) -> str:
         """Start as soon as everybody is there, or go on after a pause; why not, or an empty string."""
-        if self._stop_at is not None:
-            self._stop_at = None
+        if self._course.stop_at is not None:
+            self._course.stop_at = None
             self._on_change()
         return self._go_on()
 
@@ -160,18 +160,18 @@ class Run:
             return f"{ticks} ticks are not allowed: it must be 1 at least"
         if self.state != State.PAUSED and not (self.state == State.WAITING and self._held):
             return f"the run is {self.state.title}: it must be paused"
-        self._stop_at = self.instrument.ticks + ticks
+        self._course.stop_at = self.instrument.ticks + ticks
         return self._go_on()
 
     @property
     def steps_left(self) -> int:
         """Ticks that `step_by` has asked for and that are not made yet."""
-        return 0 if self._stop_at is None else self._stop_at - self.instrument.ticks
+        return 0 if self._course.stop_at is None else self._course.stop_at - self.instrument.ticks
 
     @property
     def stepping(self) -> bool:
         """Whether there are any."""
-        return self._stop_at is not None
+        return self._course.stop_at is not None
 
     @property
     def waits_for_play(self) -> bool:
@@ -187,7 +187,7 @@ class Run:
 
     def pause(self) -> str:
         """Stop between two ticks, or do not start before `play`; why not, or an empty string."""
-        waited, self._stop_at = self.stepping, None
+        waited, self._course.stop_at = self.stepping, None
         if self.state == State.WAITING:
             self._held = True
             if waited:
@@ -232,9 +232,9 @@ class Run:
         course.ticker.reset()
         course.counts, course.refusal, course.unreadable = Counts(), "", ""
         # A run that was stepped was paused between the steps.
-        paused = self.state == State.PAUSED or self._stop_at is not None
+        paused = self.state == State.PAUSED or self._course.stop_at is not None
         self._held = course.parameters.run.start_paused or paused
-        self._stop_at = None
+        self._course.stop_at = None
         self._record_anyway = False
         self._guard.reset()
         self._watch = Stopwatch(course.clock)
@@ -272,6 +272,12 @@ class Run:
         self.instrument.tick(self.instrument.drive)
         self._course.ticker.reset()
 
+    def _choose_pacing(self) -> Pacing:
+        parameters = self._course.parameters
+        if parameters.controller_inside is not None:
+            return LawInside(self._course)
+        return Lockstep(self._course) if parameters.run.mode == "lockstep" else Realtime(self._course)
+
     # The life.
 
     def _start_when_ready(self) -> bool:
@@ -302,19 +308,19 @@ class Run:
         state = self._life.state
         if state in TICKING:
             self._watch.start()
-            self.step = self._pacing.step if self._stop_at is None else self._step_to_the_stop
+            self.step = self._pacing.step if self._course.stop_at is None else self._step_to_the_stop
         else:
             self._watch.stop()
             self.step = self._start_when_ready if state == State.WAITING else self._rest
         if state in OVER:
-            self._stop_at = None
+            self._course.stop_at = None
         self._listeners.changed()
 
     def _step_to_the_stop(self) -> bool:
         """One of the steps asked for; behind the last one the run is paused."""
         done = self._pacing.step()
-        if self.ticking and self.steps_left == 0 and self._stop_at is not None:
-            self._stop_at = None
+        if self.ticking and self.steps_left == 0 and self._course.stop_at is not None:
+            self._course.stop_at = None
             self._life.go(Cause.PAUSE)
         return done
 

@@ -13,6 +13,7 @@ from ..command import Command
 from ..controller import Controller
 from ..errors import DivergenceError, DriveError, ParameterError
 from ..instrument import Block, ScoreSummary
+from ..law import ExternalLaw
 from ..parameters import SimParameters
 from .counts import Snapshot
 from .latency import Latency
@@ -148,7 +149,8 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
     """
     block_ticks = ticks_of_a_block(parameters)
     run_parameters = parameters.run.model_copy(update={"mode": "realtime", "start_paused": False})
-    parameters = parameters.model_copy(update={"run": run_parameters})
+    # The law given is the one that counts.
+    parameters = parameters.model_copy(update={"run": run_parameters, "law": ExternalLaw()})
     clock = VirtualClock()
     blocks: list[Block] = []
     round_trips: list[NDArray[np.float32]] = []

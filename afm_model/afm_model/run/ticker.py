@@ -1,11 +1,13 @@
 """Ticks an instrument, keeps what each tick brought, and hands it on in blocks."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..command import Command
+from ..controller import Controller
 from ..errors import DriveError
 from ..instrument import Block, Instrument
 from .timing import DelayLog, Delays
@@ -63,6 +65,26 @@ class Ticker:
             self._round_trips.pop()
             raise
         # One comparison for the end of a block and that of the run: at this rate each one is felt.
+        if self._instrument.ticks != self._stop_at:
+            return True
+        self.flush()
+        return self._instrument.ticks != self._total_ticks
+
+    def close_loop(self, controller: Controller, ticks: int) -> bool:
+        """Close the loop with a law for `ticks` ticks in one piece, or less: to the end of a block at most.
+
+        False if the run ends with them.
+
+        Raises
+        ------
+        DriveError, DivergenceError, PartError
+            As `Instrument.close_loop` does; the ticks made before are kept.
+        """
+        before = self._instrument.ticks
+        try:
+            self._instrument.close_loop(controller, min(ticks, self._stop_at - before))
+        finally:
+            self._round_trips += [math.nan] * (self._instrument.ticks - before)
         if self._instrument.ticks != self._stop_at:
             return True
         self.flush()

@@ -1,0 +1,32 @@
+"""The law that is not here: the simulator waits for a controller on topics."""
+
+from typing import Any
+
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.groups import LawParameters
+from ..parts.part import Law, Tree
+
+
+class ExternalLaw(LawParameters):
+    """The law inside the simulator: by default there is none."""
+
+    kind: str = Field(
+        "external",
+        description="law inside the simulator; external: there is none, a controller answers over topics",
+    )
+
+
+def _check(parameters: Tree) -> None:
+    raise ValueError(
+        "law.kind = external is not allowed here: it is for the simulator, which then waits for a controller; give a law"
+    )
+
+
+@kernel
+def _control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+    """Never called: the drive comes from elsewhere."""
+
+
+OUTSIDE = Law(name="external", parameters=ExternalLaw, check=_check, control=_control)

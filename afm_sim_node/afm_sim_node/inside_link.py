@@ -1,0 +1,70 @@
+"""What a simulator with its law inside has in place of the topics of the control loop."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from afm_msgs.msg import Measurement
+from numpy.typing import NDArray
+from rclpy.node import Node
+
+from afm_model.run import Link
+from afm_node_common import topics
+from afm_node_common.process import SimNodeParameters
+
+from .peers import Peers
+
+
+class InsideLink(Link):
+    """Asks nobody: nothing is published on `measurement` and no drive is taken.
+
+    The publisher of `measurement` is there all the same: by it everybody sees that this simulator is.
+
+    Parameters
+    ----------
+    node : Node
+    parameters : SimNodeParameters
+    peers : Peers
+    recorders : callable
+        How many subscribers receive every recording stream.
+    """
+
+    fast_path: dict[str, bool] = {}
+    """Which short cuts of the control loop are there: none is needed."""
+
+    def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
+        self._presence = node.create_publisher(Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
+        self._recorders = recorders if parameters.run.wait_for_recorder else None
+        self._peers = peers
+        self._law = parameters.law.kind
+        self.wait: Callable[[float], None] = time.sleep
+        """wait(timeout): there is nothing to wake for."""
+
+    def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
+        """Nobody is asked."""
+
+    def take(self) -> None:
+        """Nobody answers."""
+
+    def arrived(self) -> float:
+        """Nothing has."""
+        return time.monotonic()
+
+    def ready(self) -> bool:
+        """Whether a recorder is there, if one is asked for."""
+        if self._recorders is not None and not self._recorders():
+            return False
+        self._peers.look(force=True)
+        return True
+
+    def objection(self) -> str:
+        """The sentence about a second simulator."""
+        return self._peers.rivalry()
+
+    @property
+    def controller(self) -> str:
+        """Which law is inside."""
+        return f"inside ({self._law})"
+
+    def close(self) -> None:
+        """Let the node be destroyed."""
