@@ -30,6 +30,7 @@ setup(
             "compare = afm_bringup.__main__:compare",
             "composed = afm_bringup.__main__:composed",
             "identify = afm_bringup.__main__:identify",
+            "replay = afm_bringup.__main__:replay",
             "scorecard = afm_bringup.__main__:scorecard",
             "session = afm_bringup.__main__:session",
         ]

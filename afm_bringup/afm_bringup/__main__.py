@@ -40,5 +40,10 @@ def identify() -> int:
     return start("afm_bringup.identify_command")
 
 
+def replay() -> int:
+    """Exit code of playing a recorded run again; see `afm_bringup.replay_command`."""
+    return start("afm_bringup.replay_command")
+
+
 if __name__ == "__main__":
     sys.exit(session())

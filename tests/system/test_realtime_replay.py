@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 import yaml
 from afm_msgs.msg import Measurement, PiezoDrive
+from geometry_msgs.msg import Vector3
 from support import ROOT, Graph, HandController, answer, assert_nothing_left, session
 
+from afm_bringup import replay_command
 from afm_model import simulate
 from afm_model.run import Replay, recorded_parameters
 from afm_recorder_node.reader import Recording, read_recording
 
 DURATION = 0.01
+UPDATE = 1e-6
+"""Of the DAC [s], where there are several in a tick."""
 
 
 def shortened(path: Path, **simulator: dict[str, Any]) -> Path:
@@ -35,7 +39,7 @@ def replayed(out: Path) -> tuple[dict[str, Any], Recording]:
     recording = read_recording(out / "recording.rrd")
     parameters = recorded_parameters(recording.parameters["afm_sim_node"])  # type: ignore[arg-type]
     assert parameters.run.mode == card["mode"] == "realtime"
-    again = simulate(parameters, Replay(recording.drive, parameters.plant.delay_ticks))
+    again = simulate(parameters, Replay.of(recording, parameters))
     assert again.trajectory_sha256 == card["trajectory_sha256"]
     assert np.array_equal(again.drive, recording.drive)
     assert len(recording.drive) == card["ticks"] == parameters.total_ticks
@@ -53,8 +57,10 @@ def test_closed_loop_in_real_time_is_replayed_to_the_last_bit(tmp_path: Path, pl
     assert_nothing_left()
 
 
-def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too(tmp_path: Path) -> None:
-    """Everything that can go wrong without a fault, with a DAC and a limit on the drive."""
+def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Everything that can go wrong without a fault; a DAC that puts drives sent ahead in force five times a tick."""
     before: list[Measurement] = []
 
     def bad(measurement: Measurement) -> list[PiezoDrive]:
@@ -63,13 +69,16 @@ def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too
             return []  # silent
         stale = [answer(before[-1], 5.0, 5.0)] if k % 7 == 0 and before else []
         before.append(measurement)
-        return [answer(measurement, 0.3 * np.sin(0.01 * k), 2.0, 0.0), *stale]
+        drive = answer(measurement, 0.3 * np.sin(0.01 * k), 2.0, 0.0)
+        drive.horizon = [Vector3(x=0.01 * i, y=2.0) for i in range(k % 128)]
+        drive.horizon_period = UPDATE
+        return [drive, *stale]
 
     scenario = shortened(
         tmp_path / "short.yaml",
         run={"watchdog_timeout": 0.05, "retract_time": 1e-4, "real_time_factor": 0.02},
-        piezo={"dac_bits": 14, "limit": 15.0},
-        detector={"noise": 1e-3},
+        piezo={"dac_bits": 14, "limit": 15.0, "dac_period": UPDATE},
+        detector={"noise": 1e-3, "channels": "drive_x,drive_y,drive_z"},
     )
     out = tmp_path / "out"
     with Graph() as graph, session(scenario, out, "--controller", "external", folder=tmp_path) as command:
@@ -81,4 +90,20 @@ def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too
     # The sample is at the end of its way while it is retracted.
     assert np.count_nonzero(recording.drive[:, 2] < -11.9) > 0
     assert recording.drive.min() < -11.9
+    # Between two ticks the drive was another one, which only its channels tell.
+    updates = recording.channels["drive_x"].values.reshape(len(recording.drive), -1)
+    assert np.count_nonzero(np.ptp(updates, axis=1)) > 0
+    assert np.array_equal(updates[:, 0], recording.drive[:, 0])
     assert_nothing_left()
+    # What `ros2 run afm_bringup replay` says of it.
+    assert replay_command.main([str(out / "recording.rrd")]) == 0
+    assert f"the same trajectory in all 2000 ticks: {card['trajectory_sha256']}" in capsys.readouterr().out
+    recording.channels["drive_x"].values[-1] += 1.0
+    monkeypatch.setattr(replay_command, "read_recording", lambda path: recording)
+    assert replay_command.main([str(out / "recording.rrd")]) == 1
+    assert f"recorded is {card['trajectory_sha256']}" in capsys.readouterr().err
+
+
+def test_replay_of_no_recording_is_told_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert replay_command.main([str(tmp_path / "none.rrd")]) == 1
+    assert capsys.readouterr().err.startswith(f"error: {tmp_path / 'none.rrd'}: ")

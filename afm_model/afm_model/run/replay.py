@@ -1,7 +1,7 @@
 """A recorded run played again."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,18 @@ from ..schema import Value, flatten
 from ..signals import LONGEST_HORIZON
 
 _Array = NDArray[np.float64]
+
+
+class Recorded(Protocol):
+    """What of a recording is needed to play it again: afm_recorder_node.reader.Recording has it."""
+
+    @property
+    def drive(self) -> _Array:
+        """In force from each tick on (n, 3) [V]."""
+
+    @property
+    def channels(self) -> Mapping[str, Any]:
+        """Sampled signals by name; `values` of each (m,)."""
 
 
 class Replay:
@@ -64,6 +76,40 @@ class Replay:
         self._delay_ticks = delay_ticks
         self._dac_period = dac_period
         self._next = 0
+
+    @classmethod
+    def of(cls, recording: Recorded, parameters: SimParameters) -> "Replay":
+        """The drives of a recording, at each update of the DAC where there are several in a tick.
+
+        Parameters
+        ----------
+        recording : Recording
+        parameters : SimParameters
+            Of the instrument: `recorded_parameters`.
+
+        Raises
+        ------
+        ParameterError
+            If the recording has a gap; if there are several updates in a tick and their drives were not recorded.
+        """
+        plant, dac_period = parameters.plant, parameters.piezo.dac_period
+        updates = round(plant.control_period / dac_period) if dac_period else 1
+        if updates == 1:
+            return cls(recording.drive, plant.delay_ticks)
+        samples = round(dac_period / parameters.detector.sample_period)
+        names = [f"drive_{axis}" for axis in "xyz"]
+        if missing := [name for name in names if name not in recording.channels]:
+            raise ParameterError(
+                f"{updates} drives in each tick (piezo.dac_period = {dac_period:g} s) cannot be replayed: of channel "
+                f"{missing[0]} nothing was recorded; detector.channels must name {','.join(names)}"
+            )
+        drives = np.stack([recording.channels[name].values for name in names], axis=-1)
+        if len(drives) != len(recording.drive) * updates * samples:
+            raise ParameterError(
+                f"{len(drives)} samples of the drive in {len(recording.drive)} ticks cannot be replayed: there must be "
+                f"{updates * samples} in each tick"
+            )
+        return cls(drives[::samples].reshape(-1, updates, 3), plant.delay_ticks, dac_period)
 
     def answer(self, measurement: _Array) -> _Array | Command:
         """Drive of the next tick [V], with those of its further updates; after the last one, that again."""

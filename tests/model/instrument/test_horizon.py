@@ -2,7 +2,7 @@
 
 import math
 import sys
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -208,6 +208,20 @@ def test_recorded_updates_are_replayed_to_the_last_bit(ahead, delay):
     for _ in range(40):
         again.tick(replay.answer(again.measurement))
     assert again.trajectory_sha256() == scope.trajectory_sha256()
+
+
+def test_recording_with_several_updates_in_a_tick_is_replayed_from_its_channels_or_not_at_all():
+    parameters = instrument(plant__delay_ticks=1).parameters
+    every = round(DAC / parameters.detector.sample_period)
+    drives = np.arange(3.0 * 4 * 4).reshape(4, 4, 3)
+    samples = np.repeat(drives.reshape(-1, 3), every, axis=0)
+    channels = {f"drive_{axis}": SimpleNamespace(values=samples[:, i]) for i, axis in enumerate("xyz")}
+    told = Replay.of(SimpleNamespace(drive=drives[:, 0], channels=channels), parameters).answer(np.zeros(23))
+    assert np.array_equal([told.voltage, *told.horizon], drives[:2].reshape(-1, 3))
+    with pytest.raises(ParameterError, match=r"of channel drive_x nothing was recorded; detector\.channels must name"):
+        Replay.of(SimpleNamespace(drive=drives[:, 0], channels={}), parameters)
+    with pytest.raises(ParameterError, match="80 samples of the drive in 5 ticks cannot be replayed"):
+        Replay.of(SimpleNamespace(drive=np.zeros((5, 3)), channels=channels), parameters)
 
 
 def test_replay_of_updates_asks_for_what_it_needs():
