@@ -42,13 +42,20 @@ _looked_at = 0.0
 
 def processes() -> dict[int, str]:
     """Living processes of this test run but this one: id and command line."""
-    mark = f"{MARK}={os.environ[MARK]}".encode()
     found = {}
-    for entry in filter(str.isdigit, os.listdir("/proc")):
+    for pid in map(int, filter(str.isdigit, os.listdir("/proc"))):
         with suppress(OSError):
-            if int(entry) != os.getpid() and mark in Path(f"/proc/{entry}/environ").read_bytes().split(b"\0"):
-                found[int(entry)] = Path(f"/proc/{entry}/cmdline").read_bytes().replace(b"\0", b" ").decode().strip()
+            if pid != os.getpid() and _is_ours(pid):
+                found[pid] = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode().strip()
     return found
+
+
+def _is_ours(pid: int) -> bool:
+    """Whether a process carries the mark of this test run: no other run, in whatever clone, has the same."""
+    try:
+        return f"{MARK}={os.environ[MARK]}".encode() in Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
+    except OSError:
+        return False
 
 
 def note_shared_memory(*, at_once: bool = True) -> None:
@@ -113,16 +120,27 @@ def wait_for_the_end_of(pids: Iterable[int]) -> None:
 
 
 def end_all_processes() -> dict[int, str]:
-    """End what is left running, with its shared memory; what that was."""
+    """End what this run has left running, with its shared memory; what that was."""
     left = processes()
     if left:
         note_shared_memory()
         for pid in left:
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+            kill(pid)
         wait_for_the_end_of(left)
         remove_shared_memory_left()
     return left
+
+
+def kill(pid: int) -> None:
+    """SIGKILL for a process of this test run; nothing happens to any other that has got its number by now."""
+    with suppress(ProcessLookupError):
+        handle = os.pidfd_open(pid)
+        try:
+            # By the handle, which stays that of the process looked at.
+            if _is_ours(pid):
+                signal.pidfd_send_signal(handle, signal.SIGKILL)
+        finally:
+            os.close(handle)
 
 
 # Nodes in this process.
@@ -318,9 +336,9 @@ class Command:
         if not self.ended:
             note_shared_memory()
             tree = [self.process.pid, *self.descendants]
-            for pid in tree:
-                with suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
+            self.process.kill()
+            for pid in tree[1:]:
+                kill(pid)
             self.process.wait()
             wait_for_the_end_of(tree)
             remove_shared_memory_left()

@@ -1,10 +1,13 @@
-"""Ending processes: one that completes its work is waited for, one that does nothing is not."""
+"""Ending processes: one that completes its work is waited for, one that does nothing is not, another's is left alone."""
 
+import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import support
 
 from afm_bringup import processes
 from afm_bringup.processes import Process
@@ -45,3 +48,23 @@ def test_process_that_does_nothing_or_may_not_work_on_is_killed(
 ) -> None:
     monkeypatch.setattr(processes, "_PATIENCE", 0.1)
     assert end(does, at_work, tmp_path) == (-signal.SIGKILL, "ready\n")
+
+
+def test_what_a_test_run_ends_is_its_own_and_nothing_of_another_run() -> None:
+    command = [sys.executable, "-c", "import signal; print('ready', flush=True); signal.pause()"]
+    marks = {"ours": os.environ[support.MARK], "another run's": "0" * 32, "nobody's": ""}
+    started = {
+        whose: subprocess.Popen(command, env=os.environ | {support.MARK: mark}, stdout=subprocess.PIPE)
+        for whose, mark in marks.items()
+    }
+    try:
+        assert all(process.stdout and process.stdout.readline() for process in started.values())
+        assert set(support.processes()) == {started["ours"].pid}
+        support.kill(started["another run's"].pid)
+        assert set(support.end_all_processes()) == {started["ours"].pid}
+        assert started["ours"].wait() == -signal.SIGKILL
+        assert [started[whose].poll() for whose in ("another run's", "nobody's")] == [None, None]
+    finally:
+        for process in started.values():
+            process.kill()
+            process.communicate()
