@@ -5,7 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 from .command import Command
 from .comparing import Comparison, compare
 from .controller import Controller
-from .errors import DivergenceError, DriveError, ParameterError, PartError
+from .errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
 from .instrument import Block, Instrument, ScoreSummary
 from .parameters import ControllerParameters, InstrumentParameters, SimParameters, build, flatten, specifications
 from .scenario import Scenario, ScenarioError, load_scenario
@@ -36,6 +36,7 @@ __all__ = [
     "SimParameters",
     "Simulation",
     "SweepError",
+    "VerbError",
     "build",
     "compare",
     "flatten",

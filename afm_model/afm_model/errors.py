@@ -26,3 +26,9 @@ class LawError(RuntimeError):
 
 class MalformedError(RuntimeError):
     """Bytes that are no message, or not one that can be meant; the message says in a clause what is wrong with them."""
+
+
+class VerbError(RuntimeError):
+    """Something that the microscope cannot do, or has not brought to its end; the message is one sentence that names
+    the value and what is allowed.
+    """

@@ -59,6 +59,7 @@ LOOP = record(
     "slew_step",  # largest change at an update [V]; 0: any
     "deflection_sensitivity",  # [m/V]
     "lateral_sensitivity",  # [N/V]
+    "halt",  # where in the block the number stands with which ticking stops unless it is 0; 0: nowhere
     integers=(
         "k",
         "row",
@@ -73,6 +74,7 @@ LOOP = record(
         "in_force",
         "received",
         "score_tick",
+        "halt",
     ),
 )
 

@@ -21,6 +21,7 @@ from ..signals import COMMAND, MEASUREMENT, TRUTH
 from .block import LOOP, Layout, line_slots
 from .faults import Faults
 from .inside import Inside
+from .orders import Orders
 from .score import ScoreSummary, summarize
 from .sensors import position_noise as sensor_noise
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
@@ -91,6 +92,8 @@ class Instrument:
         self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
         self.measurement = layout.array(self._block, "measurement")
         self._faults = Faults(layout, self._block, parameters)
+        self.orders = Orders(layout, self._block, parameters)
+        """What is told while the run goes on."""
         self.inside = Inside(layout, self._block, parameters)
         """What the instrument's own limits look at, and z in their hands."""
         self._external = external_law()
@@ -127,6 +130,7 @@ class Instrument:
         streams = map(np.random.default_rng, np.random.SeedSequence(parameters.plant.seed).spawn(6))
         self._disturbance, self._noise, self._position_noise, self._chance, self._wander, self._between = streams
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
+        self.orders.reset()
         self.inside.give_z()
         for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
@@ -229,6 +233,32 @@ class Instrument:
         self._faults.put_in_force(parameters)
         self.parameters = parameters
 
+    def order(self, order: Any) -> None:
+        """Tell the program what to do from this tick on. Once it is done, `close_loop` stops behind that very tick.
+
+        Parameters
+        ----------
+        order : Order
+            Of `afm_model.program.orders`, for the program `verbs`.
+
+        Raises
+        ------
+        ParameterError
+            If `reference.kind` is a program that takes no orders.
+        """
+        self.orders.put_in_force(order, self.ticks)
+
+    def set_onboard(self, parameters: InstrumentParameters) -> None:
+        """Change the loop inside from the next tick on: `parameters` differ from those of now by `onboard` alone.
+
+        Raises
+        ------
+        ParameterError
+            If it is another loop.
+        """
+        self.orders.set_onboard(parameters)
+        self.parameters = parameters
+
     @property
     def block_full(self) -> bool:
         """Whether the block must be taken before the next tick."""
@@ -271,6 +301,8 @@ class Instrument:
     def close_loop(self, controller: Controller, ticks: int) -> None:
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
 
+        It ends sooner, once, behind the tick with which an order is done (see `order`).
+
         Parameters
         ----------
         controller : Controller
@@ -291,6 +323,8 @@ class Instrument:
             outcome = advance(controller.block, ticks, self._block, self._random, self._rows, self._samples)
             controller.raise_errors()
             self._conclude(outcome, int(self._loop[_DONE]))
+            if self.orders.reached:
+                return
 
     def _prepare(self) -> None:
         """What a tick needs: a row in the block, random numbers."""

@@ -196,7 +196,8 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     Returns
     -------
     int
-        Outcome of the last tick tried. The loop's record tells how many were done, one that diverged included.
+        Outcome of the last tick tried. The loop's record tells how many were done, one that diverged included. They
+        are fewer where the program's order is done (`halt` of LOOP).
     """
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
@@ -214,4 +215,6 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
         outcome = tick(m, random, rows, samples)
         if outcome != REFUSED:
             c.done += 1
+        if c.halt != 0 and m[c.halt] != 0.0:
+            break
     return outcome

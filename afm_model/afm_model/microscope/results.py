@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,17 @@ class Image:
 
 
 @dataclass(frozen=True)
+class Standing:
+    """Where the microscope stands, at the end of Approach, Withdraw and MoveTo."""
+
+    time: float  # simulated [s]
+    x: float  # place asked for [m]
+    y: float
+    z: float  # as driven, positive towards the sample [m]
+    deflection: float  # [V]
+
+
+@dataclass(frozen=True)
 class Record:
     """Signals over time."""
 
@@ -136,3 +148,27 @@ class Calibration:
     unit: str
     details: Mapping[str, float] = field(default_factory=dict)
     """What else came out of it, by names that carry their units, as `f0_Hz`."""
+
+
+COMPLETE, CANCELLED, FAILED = "complete", "cancelled", "failed"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a verb has ended."""
+
+    status: str  # COMPLETE, CANCELLED or FAILED
+    message: str  # one sentence; empty if complete
+    result: Any
+    """What was measured, as far as it came. Approach, Withdraw, MoveTo: Standing; ForceCurve: list of Curve; Scan:
+    Image; FrictionLoop: Loop; ScanPath: PathRecord; ThermalTune, CalibrateSensitivity, CalibrateLateral:
+    Calibration, or None.
+    """
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a verb is."""
+
+    fraction: float  # 0 to 1, of the time that it takes at most
+    detail: str  # a clause

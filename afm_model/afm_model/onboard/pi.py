@@ -4,11 +4,11 @@
 
 The integral holds still where z is at a limit and the error would push it further (no windup). The drive along z is
 then the loop's: what a controller asks along z has no effect. While a program moves z, or z is held, the loop is open;
-afterwards it goes on from where z stands, without a jump. docs/microscope.md.
+afterwards it goes on from where z stands, without a jump. All of it may change between two ticks. docs/microscope.md.
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -37,6 +37,11 @@ class PiParameters(OnboardParameters):
     low: Annotated[float, Unit("m")] = Field(-5e-6, description="least z")
     high: Annotated[float, Unit("m")] = Field(5e-6, description="largest z")
     hold: bool = Field(False, description="keep z where it is: feedback off")
+    feedback: Literal["on", "hold", "off", "external"] = Field(
+        "on",
+        description="what the loop does where the program asks for nothing else: hold and off keep z where it is; "
+        "external passes on what the controller asks along z",
+    )
 
     @model_validator(mode="after")
     def _limits_are_apart(self) -> "PiParameters":
@@ -52,7 +57,10 @@ class PiParameters(OnboardParameters):
         return self
 
 
-CONSTANTS = record("P", "I_step", "by_reference", "setpoint", "a", "volts", "metres", "low", "high", "hold")
+EXTERNAL = 3
+"""Besides what a program asks for: z by the controller."""
+MODES = {"on": FOLLOW, "hold": HOLD, "off": HOLD, "external": EXTERNAL}
+CONSTANTS = record("P", "I_step", "by_reference", "setpoint", "a", "volts", "metres", "low", "high", "hold", "feedback")
 STATE = record(
     "integral",  # [m]
     "z",  # [m]
@@ -78,6 +86,7 @@ def _values(parameters: Tree) -> Numbers:
         "low": loop.low,
         "high": loop.high,
         "hold": float(loop.hold),
+        "feedback": MODES[loop.feedback],
     }
 
 
@@ -118,6 +127,12 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     s.error = setpoint - d.deflection_voltage
     # Who holds z holds it whatever the program asks for.
     mode = HOLD if p.hold != 0.0 else r.z_mode
+    if mode == FOLLOW:
+        mode = p.feedback
+    if mode == EXTERNAL:
+        s.z = u.voltage[2] * p.metres
+        s.mode = mode
+        return
     if mode != s.mode:
         s.mode, s.origin, s.integral = mode, s.z - r.z_offset, s.z - p.P * s.error
     if mode == FOLLOW:

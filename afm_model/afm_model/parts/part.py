@@ -140,6 +140,11 @@ class Program(Part):
 
     reference: Kernel
     watch: Kernel | None = None
+    order: Callable[[Any, int, Tree, Any, Any], None] | None = None
+    """(order, tick, parameters, p, s) -> None: for a program that is told what to do while it runs, between two control
+    ticks. It is in force from this tick on; the reference of this tick is that of before. The program sets `done` of
+    its state to 1.0 at the samples of the control tick with which the order ends.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,11 +10,12 @@ from ..registry import register
 from . import periodic
 from .force_curve import FORCE_CURVE, ForceCurve
 from .periodic import PERIODIC, Reference
+from .verbs import VERBS, Verbs
 
 PARTS = (PERIODIC,)
 register(*PARTS)
-# Called by address, like one of somebody else's.
-register(FORCE_CURVE)
+# Called by address, like those of somebody else.
+register(FORCE_CURVE, VERBS)
 
 
 @kernel
@@ -35,4 +36,4 @@ def watch(t: float, d: Any, r: Any, m: Block) -> None:
         call(g.program_watch, (t, d, r, pointer_at(m, g.program_constants), pointer_at(m, g.program_state)))
 
 
-__all__ = ["FORCE_CURVE", "PARTS", "PERIODIC", "ForceCurve", "Reference", "reference", "watch"]
+__all__ = ["FORCE_CURVE", "PARTS", "PERIODIC", "VERBS", "ForceCurve", "Reference", "Verbs", "reference", "watch"]

@@ -1,0 +1,97 @@
+"""What is told while a run goes on, between two ticks: orders of the program, other gains of the loop inside."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import ParameterError
+from ..parameters import InstrumentParameters
+from ..records import record_at
+from .block import LOOP, Layout
+
+
+class Orders:
+    """Program and loop inside an instrument, to be told something and to be looked at.
+
+    Parameters
+    ----------
+    layout : Layout
+    block : ndarray
+    parameters : InstrumentParameters
+    """
+
+    def __init__(self, layout: Layout, block: NDArray[np.float64], parameters: InstrumentParameters) -> None:
+        self._layout, self._block, self._parameters = layout, block, parameters
+        program: Any = layout.parts["program"].part
+        self._order: Any = program.order
+        self.taken = program.order is not None
+        """Whether the program takes orders."""
+        self._loop = record_at(block, layout.places["loop"], LOOP)
+
+    def reset(self) -> None:
+        """Return to the start of a run: nothing is ordered."""
+        if self.taken:
+            at = self._layout.places["program_constants"]
+            self._layout.parts["program"].fill_constants(self._block, at, self._parameters)
+        self._loop.halt = 0
+
+    def put_in_force(self, order: Any, tick: int) -> None:
+        """Tell the program what to do from this tick on.
+
+        Raises
+        ------
+        ParameterError
+            If it takes no orders.
+        """
+        if not self.taken:
+            raise ParameterError(
+                f"reference.kind = {self._parameters.reference.kind} takes no orders: take reference.kind = verbs"
+            )
+        constants = self._layout.record(self._block, "program_constants")
+        state = self._layout.record(self._block, "program_state")
+        self._order(order, tick, self._parameters, constants, state)
+        self._loop.halt = self._layout.place("program_state.done")
+
+    @property
+    def reached(self) -> bool:
+        """Whether an order has been done since the last look; telling so ends the wait for it."""
+        if self._loop.halt == 0 or self._block[self._loop.halt] == 0.0:
+            return False
+        self._loop.halt = 0
+        return True
+
+    @property
+    def done(self) -> bool:
+        """Whether the order in force is done, or there is none."""
+        return bool(self._layout.record(self._block, "program_state").done != 0.0)
+
+    @property
+    def asked(self) -> Any:
+        """Copy of the reference of this tick, a record of `afm_model.signals.REFERENCE`."""
+        return self._layout.record(self._block, "asked").copy()
+
+    @property
+    def program(self) -> Any:
+        """Copy of the state of the program, a record."""
+        return self._layout.record(self._block, "program_state").copy()
+
+    @property
+    def onboard(self) -> Any:
+        """Copy of the state of the loop inside the instrument, a record."""
+        return self._layout.record(self._block, "onboard_state").copy()
+
+    def set_onboard(self, parameters: InstrumentParameters) -> None:
+        """Change gains, setpoint or mode of the loop inside, which goes on from where it is.
+
+        Raises
+        ------
+        ParameterError
+            If it is another loop.
+        """
+        old, new = self._parameters.onboard.kind, parameters.onboard.kind
+        if new != old:
+            raise ParameterError(f"onboard.kind = {new} is not allowed while it runs: it stays {old}")
+        self._parameters = parameters
+        at = self._layout.places["onboard_constants"]
+        self._layout.parts["onboard"].fill_constants(self._block, at, parameters)

@@ -1,0 +1,136 @@
+"""The instrument as verbs see it: sizes, limits, where everything stands. SI units."""
+
+import math
+from typing import Any
+
+from ..analysis import tilted_stiffness
+from ..instrument import Instrument
+from ..parts.stiffness import spring_constant
+from ..program.orders import Curve, quintic
+
+_TRAVEL = 500e-6
+"""Of a scanner without piezo.limit, to each side [m]."""
+_SETTLING = 3.0
+"""A motion takes at least so many periods of the scanner's resonance."""
+_STEEPEST = 1.875
+"""Largest velocity of a quintic from rest to rest over its mean velocity."""
+
+
+class Bench:
+    """What there is to plan with.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    """
+
+    def __init__(self, instrument: Instrument) -> None:
+        self.instrument = instrument
+        parameters = instrument.parameters
+        self.control_period = parameters.plant.control_period
+        self.sample_period = parameters.detector.sample_period
+        self.samples_per_tick = instrument.samples_per_tick
+        piezo, plant = parameters.piezo, parameters.plant
+        self.travel = tuple(
+            piezo.limit * getattr(piezo, f"sensitivity_{axis}") if piezo.limit > 0.0 else _TRAVEL for axis in "xy"
+        )
+        """Of the scanner to each side, along x and y [m]."""
+        numbers: Any = getattr(plant, "scanner_numbers", None)
+        self.resonance: float = (
+            min((numbers.f_x, numbers.f_y)) if numbers else min(parameters.scanner.f_x, parameters.scanner.f_y)
+        )
+        """Lower one of the scanner along x and y [Hz]."""
+        self.spring_constant = spring_constant(parameters)
+        """Of the cantilever [N/m]; 0: not known."""
+
+    @property
+    def parameters(self) -> Any:
+        """Of the instrument, as they are now."""
+        return self.instrument.parameters
+
+    @property
+    def vertical_stiffness(self) -> float:
+        """Spring constant for vertical forces [N/m]."""
+        plant = self.parameters.plant
+        if not hasattr(plant, "cantilever_numbers"):
+            return self.spring_constant
+        c = plant.cantilever_numbers
+        return tilted_stiffness(c.k, plant.tilt, c.tip_height + 0.5 * c.thickness, c.length)
+
+    @property
+    def setpoint(self) -> float:
+        """Of the deflection [V]."""
+        parameters = self.parameters
+        loop, sensitivity = parameters.onboard, parameters.detector.deflection_sensitivity
+        if loop.setpoint_force != 0.0:
+            return float(loop.setpoint_force / self.spring_constant / sensitivity)
+        if loop.setpoint_voltage != 0.0:
+            return float(loop.setpoint_voltage)
+        return float((parameters.reference.z_r - parameters.cantilever.a) / sensitivity)
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Where the scanner is asked to be [m]."""
+        x, y, _ = self.instrument.orders.asked.position
+        return float(x), float(y)
+
+    @property
+    def z(self) -> float:
+        """As driven, positive towards the sample [m]."""
+        return float(self.instrument.orders.onboard.z)
+
+    @property
+    def offset(self) -> float:
+        """Of z from where the loop was opened [m]; 0 while it follows."""
+        return float(self.instrument.orders.program.offset)
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Least and largest offset that the range of z allows [m]."""
+        parameters = self.parameters
+        most = parameters.piezo.limit * parameters.piezo.sensitivity_z or math.inf
+        origin = self.z - self.offset
+        return max(parameters.onboard.low, -most) - origin, min(parameters.onboard.high, most) - origin
+
+    def ticks(self, duration: float) -> int:
+        """Control ticks that take this time [s] at least, one or more."""
+        return max(1, math.ceil(duration / self.control_period - 1e-6))
+
+    def stay(self, duration: float = 0.0) -> Curve:
+        """x and y where they are."""
+        x, y = self.place
+        return Curve((x,), (y,), self.ticks(duration) if duration else 0)
+
+    def move(self, x: float, y: float, speed: float) -> Curve:
+        """On a straight line from rest to rest, `speed` [m/s] at most, and no faster than the scanner can follow."""
+        at = self.place
+        way = math.hypot(x - at[0], y - at[1])
+        if way == 0.0:
+            return self.stay()
+        ticks = self.ticks(max(_STEEPEST * way / speed, _SETTLING / self.resonance))
+        return self.between(ticks, (at, (0.0, 0.0)), ((x, y), (0.0, 0.0)))
+
+    def between(
+        self,
+        ticks: int,
+        begin: tuple[tuple[float, float], tuple[float, float]],
+        end: tuple[tuple[float, float], tuple[float, float]],
+    ) -> Curve:
+        """From place and velocity to place and velocity, without acceleration at both ends."""
+        x, y = (
+            quintic(ticks, self.control_period, (begin[0][i], begin[1][i], 0.0), (end[0][i], end[1][i], 0.0))
+            for i in range(2)
+        )
+        return Curve(x, y, ticks)
+
+    def brake(self) -> Curve:
+        """From whatever motion to rest."""
+        asked = self.instrument.orders.asked
+        ticks = self.ticks(_SETTLING / self.resonance)
+        curves = []
+        for axis in range(2):
+            p, v, a = (float(vector[axis]) for vector in (asked.position, asked.velocity, asked.acceleration))
+            end = p + 0.5 * v * ticks * self.control_period
+            end = min(max(end, -self.travel[axis]), self.travel[axis])
+            curves.append(quintic(ticks, self.control_period, (p, v, a), (end, 0.0, 0.0)))
+        return Curve(curves[0], curves[1], ticks)

@@ -1,0 +1,223 @@
+"""From recorded blocks to means over pixels: by sample number, the same bytes however the blocks are cut."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..instrument import Block, Instrument
+from ..jit import kernel
+from .results import RETRACE, TRACE, Line, Record
+
+_Array = NDArray[np.float64]
+
+
+class Signal(NamedTuple):
+    """What is measured: a channel of the virtual ADC, or a number of the measurement of a control tick."""
+
+    unit: str
+    row: int  # of Block.samples; -1: of the measurement
+    field: str  # of the measurement
+    axis: int
+    factor: float
+
+
+def _known(instrument: Instrument) -> dict[str, Signal]:
+    parameters = instrument.parameters
+    own = {
+        channel.name: Signal(channel.unit, row, "", 0, channel.scale(parameters))
+        for row, channel in enumerate(instrument.channels)
+    }
+    found = dict(own)
+    # z grows towards the tip, so that the loop lowers a hill: its height is what z has gone down.
+    short = {
+        "height": ("z_loop", "m", -1.0),
+        "z": ("z_loop", "m", 1.0),
+        "error": ("z_loop_error", "V", -1.0),
+        "step": ("verb_step", "1", 1.0),
+    }
+    for name, (channel, unit, factor) in short.items():
+        if channel in own:
+            found[name] = own[channel]._replace(unit=unit, factor=factor)
+    found["lateral"] = own["lateral_force"]
+    found["lateral_voltage"] = own["lateral_force"]._replace(unit="V", factor=1.0)
+    found["deflection_voltage"] = own["deflection"]._replace(unit="V", factor=1.0)
+    for axis, name in enumerate("xy"):
+        found[name] = Signal("m", -1, "position", axis, 1.0)
+        found[f"asked_{name}"] = Signal("m", -1, "reference_position", axis, 1.0)
+    return found
+
+
+def signals(instrument: Instrument, names: Sequence[str]) -> dict[str, Signal]:
+    """What is measured, by name: height [m], error (deflection less setpoint) [V], lateral [N], x, y (of the sensors)
+    [m], z [m], and every channel that is sampled.
+
+    Raises
+    ------
+    KeyError
+        If there is none of a name; the argument is a list of those that there are.
+    """
+    known = _known(instrument)
+    if missing := [name for name in names if name not in known]:
+        raise KeyError(missing, sorted(known))
+    return {name: known[name] for name in names}
+
+
+@kernel
+def accumulate(values: Any, begin: int, end: int, per: int, sums: Any, count: int, out: Any) -> int:
+    """Add columns of values (channels, samples) to sums, and write means of `per` samples into out (channels, ...).
+
+    Returns how many samples are in the sums at the end; they are the same whatever pieces the samples come in.
+    """
+    column = 0
+    for j in range(begin, end):
+        for i in range(values.shape[0]):
+            sums[i] += values[i, j]
+        count += 1
+        if count == per:
+            for i in range(values.shape[0]):
+                out[i, column] = sums[i] / per
+                sums[i] = 0.0
+            count = 0
+            column += 1
+    return count
+
+
+class Collector:
+    """Takes samples from number `first` on, until `end` is set.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    names : sequence of str
+        What is collected; see `signals`.
+    first : int
+        Number of the first sample.
+    """
+
+    def __init__(self, instrument: Instrument, names: Sequence[str], first: int) -> None:
+        self.signals = signals(instrument, names)
+        self.sample_period = instrument.parameters.detector.sample_period
+        self.first = self.taken = first
+        self.end: int | None = None
+        self._per_tick = instrument.samples_per_tick
+        self._factors = np.array([signal.factor for signal in self.signals.values()])[:, None]
+
+    @property
+    def over(self) -> bool:
+        """Whether all samples are there."""
+        return self.end is not None and self.taken >= self.end
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units by name."""
+        return {name: signal.unit for name, signal in self.signals.items()}
+
+    def take(self, block: Block) -> None:
+        """Take what a block has of it."""
+        count = block.samples.shape[1]
+        begin = max(self.taken - block.first_sample, 0)
+        end = count if self.end is None else min(self.end - block.first_sample, count)
+        if end <= begin:
+            return
+        values = np.empty((len(self.signals), end - begin))
+        for number, signal in enumerate(self.signals.values()):
+            if signal.row >= 0:
+                values[number] = block.samples[signal.row, begin:end]
+            else:
+                ticks = block.measurements[signal.field][:, signal.axis]
+                values[number] = ticks[np.arange(begin, end) // self._per_tick]
+        self._add(values, self.taken - self.first)
+        self.taken = block.first_sample + end
+
+    def _add(self, values: _Array, at: int) -> None:
+        """Samples (channels, n), the first of which has number `at` from the first one of all."""
+        raise NotImplementedError
+
+
+class RecordCollector(Collector):
+    """Means of `per` samples, one after the other; what is left at the end is no mean and not kept."""
+
+    def __init__(self, instrument: Instrument, names: Sequence[str], first: int, per: int) -> None:
+        super().__init__(instrument, names, first)
+        self._per = per
+        self._sums, self._count = np.zeros(len(self.signals)), 0
+        self._parts: list[_Array] = []
+
+    def _add(self, values: _Array, at: int) -> None:
+        out = np.empty((len(values), (self._count + values.shape[1]) // self._per))
+        self._count = accumulate(values, 0, values.shape[1], self._per, self._sums, self._count, out)
+        self._parts.append(out * self._factors)
+
+    def record(self) -> Record:
+        """What is there up to now."""
+        parts = self._parts or [np.empty((len(self.signals), 0))]
+        values = np.concatenate(parts, axis=1)
+        middle: _Array = self.first + 0.5 * (self._per - 1) + np.arange(values.shape[1], dtype=np.float64) * self._per
+        return Record(middle * self.sample_period, dict(zip(self.signals, values, strict=True)), self.units)
+
+
+class LineCollector(Collector):
+    """Lines of a scan, each direction handed on as soon as its last pixel is there.
+
+    Parameters
+    ----------
+    instrument, names, first
+        As of Collector; `first` is the first sample of the lead-in.
+    pixels, per_pixel : int
+        Of a line; samples of a pixel.
+    turn : int
+        Samples of a turn.
+    lines : int
+    put : callable
+        Called with every line.
+    """
+
+    def __init__(
+        self,
+        instrument: Instrument,
+        names: Sequence[str],
+        first: int,
+        shape: Mapping[str, int],
+        put: Callable[[Line], None],
+    ) -> None:
+        super().__init__(instrument, names, first)
+        self._pixels, self._per = shape["pixels"], shape["per_pixel"]
+        self._turn, self._lines = shape["turn"], shape["lines"]
+        self._image = self._pixels * self._per
+        self._put = put
+        self._pixel_values = np.empty((len(self.signals), self._pixels))
+        self._sums, self._count = np.zeros(len(self.signals)), 0
+
+    @property
+    def line(self) -> int:
+        """Line that is measured now, from 0."""
+        return min(max(self.taken - self.first - self._turn, 0) // (2 * (self._image + self._turn)), self._lines - 1)
+
+    def _add(self, values: _Array, at: int) -> None:
+        half = self._image + self._turn
+        done, count = 0, values.shape[1]
+        while done < count:
+            number, late = divmod(at + done - self._turn, half)
+            if number < 0 or late >= self._image or number >= 2 * self._lines:
+                # To the next begin of an image part; behind the last one there is none.
+                done += -(at + done - self._turn) if number < 0 else half - late
+                continue
+            end = min(count, done + self._image - late)
+            pixel = late // self._per
+            self._count = accumulate(
+                values, done, end, self._per, self._sums, self._count, self._pixel_values[:, pixel:]
+            )
+            if late + end - done == self._image:
+                self._hand_on(number)
+            done = end
+
+    def _hand_on(self, number: int) -> None:
+        line, back = divmod(number, 2)
+        values = self._pixel_values * self._factors
+        if back:
+            values = values[:, ::-1].copy()
+        begin = self.first + self._turn + number * (self._image + self._turn)
+        channels = dict(zip(self.signals, values, strict=True))
+        self._put(Line(line, RETRACE if back else TRACE, begin * self.sample_period, channels))

@@ -1,0 +1,167 @@
+"""How a verb is done: orders one after the other, what is collected meanwhile, what comes out.
+
+A job yields tasks; each is begun when the order of the one before is done. Its `result` can be asked for at any time:
+it is what has been measured up to there. One that cannot be brought to its end raises VerbError.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import VerbError
+from ..program import orders
+from ..program.orders import END, Order, Step
+from ..records import place
+from ..signals import MEASUREMENT
+from .bench import Bench
+from .collect import Collector
+from .results import Line, Standing
+from .verbs import Approach, MoveTo, Withdraw
+
+MARGIN = 1e-12
+"""Ways of z below this are none [m]."""
+
+
+@dataclass
+class Task:
+    """One order."""
+
+    order: Order
+    duration: float  # that it takes at most [s]
+    detail: str  # a clause for whoever waits
+    collect: Callable[[int], Collector] | None = None
+    """Number of the first sample -> what collects from it on."""
+
+
+@dataclass
+class Desk:
+    """Where the microscope stands."""
+
+    approached: bool = False
+    """The loop follows the sample."""
+    feedback: str = "on"
+    """What the loop does when approached: on, hold, off, external."""
+    setpoint: float = 0.0  # of the deflection [V]
+    proportional_gain: float = 0.0  # [m/V]
+    integral_gain: float = 0.0  # [m/(V s)]
+    place: tuple[float, float] = (0.0, 0.0)
+    """Asked for [m]."""
+    near: bool = False
+    """The tip may touch the sample."""
+    doing: str = ""
+    """Name of the verb that is being done."""
+
+
+class Job:
+    """A verb being done.
+
+    Parameters
+    ----------
+    verb : Verb
+    bench : Bench
+    desk : Desk
+    """
+
+    total: float = 0.0
+    """What it takes at most, as far as known [s]."""
+    on_line: Callable[[Line], None]
+
+    def __init__(self, verb: Any, bench: Bench, desk: Desk) -> None:
+        self.verb, self.bench, self.desk = verb, bench, desk
+
+    def tasks(self) -> Iterator[Task]:
+        """What is to be done, in order; looked at between two ticks, when the order before is done."""
+        raise NotImplementedError
+
+    def result(self) -> Any:
+        """What came out, as far as it is measured."""
+        return standing(self.bench)
+
+    @property
+    def detail(self) -> str:
+        """How far it is, a clause; empty: what the task says."""
+        return ""
+
+
+def standing(bench: Bench) -> Standing:
+    """Where everything is."""
+    x, y = bench.place
+    deflection = float(bench.instrument.measurement[place(MEASUREMENT, "deflection_voltage")])
+    return Standing(bench.instrument.time, x, y, bench.z, deflection)
+
+
+def withdrawing(bench: Bench, distance: float, rate: float) -> tuple[tuple[Step, ...], float]:
+    """Steps that open the loop and move z away, as far as its range goes, and how long they take [s]."""
+    offset = bench.offset
+    target = max(offset - distance, bench.reach[0])
+    return (Step(orders.RAMP, target=target, rate=rate),), abs(offset - target) / rate
+
+
+def landing(bench: Bench, target: float, rate: float, settle: float) -> tuple[Step, ...]:
+    """Steps that go to the sample until the deflection has risen to the setpoint, and close the loop there.
+
+    Without a sample on the way to `target` (an offset of z) the loop stays open.
+    """
+    return (
+        Step(orders.REST, duration=settle, then=1),
+        Step(orders.RAMP, target=target, rate=rate, trigger=bench.setpoint, then=END, triggered=2),
+        Step(orders.FOLLOW, duration=settle),
+    )
+
+
+class Approaching(Job):
+    """Approach."""
+
+    verb: Approach
+
+    def tasks(self) -> Iterator[Task]:
+        """See `Job`."""
+        bench, verb = self.bench, self.verb
+        before = bench.offset
+        target = min(before + verb.range, bench.reach[1])
+        self.total = 2.0 * verb.settle + (target - before) / verb.rate
+        steps = landing(bench, target, verb.rate, verb.settle)
+        yield Task(Order(bench.stay(), steps), self.total, "on the way to the sample")
+        if bench.instrument.orders.program.fired != 0.0:
+            self.desk.approached = True
+            return
+        away = Step(orders.RAMP, target=before, rate=max(verb.rate, Withdraw().rate))
+        yield Task(Order(bench.stay(), (away,)), (target - before) / away.rate, "no sample found, withdrawing")
+        self.desk.near = False
+        raise VerbError(
+            f"no sample within range = {verb.range:g} m: z went {target - before:.4g} m without the deflection rising "
+            f"to the setpoint of {bench.setpoint:.4g} V; the tip is withdrawn again"
+        )
+
+
+class Withdrawing(Job):
+    """Withdraw."""
+
+    verb: Withdraw
+
+    def tasks(self) -> Iterator[Task]:
+        """See `Job`."""
+        steps, self.total = withdrawing(self.bench, self.verb.distance, self.verb.rate)
+        self.desk.approached = False
+        yield Task(Order(self.bench.stay(), steps), self.total, "withdrawing")
+        self.desk.near = False
+
+
+class Moving(Job):
+    """MoveTo."""
+
+    verb: MoveTo
+
+    def tasks(self) -> Iterator[Task]:
+        """See `Job`."""
+        yield from going(self, self.verb.x, self.verb.y, self.verb.speed)
+
+
+def going(job: Job, x: float, y: float, speed: float) -> Iterator[Task]:
+    """Move to a place from rest to rest."""
+    bench = job.bench
+    motion = bench.move(x, y, speed)
+    duration = motion.ticks * bench.control_period
+    job.total = max(job.total, duration)
+    if motion.ticks:
+        yield Task(Order(motion), duration, "moving")

@@ -1,0 +1,152 @@
+"""A microscope in this process: time passes while a verb is being done, and stands still in between."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from ..controller import Controller
+from ..errors import VerbError
+from ..instrument import Instrument
+from ..parameters import ControllerParameters, InstrumentParameters, build, flatten
+from ..schema import Value
+from .backend import OnLine, OnProgress
+from .interrupts import Interrupts
+from .jobs import Desk
+from .operator import Operator, ignore
+from .prepare import with_verbs
+from .results import Outcome
+from .verbs import Verb, Withdraw
+
+_BLOCK_SAMPLES = 20_000
+"""Samples of a block: some hundred milliseconds of computing between two looks."""
+
+
+class Local:
+    """An instrument with a law along x and y, and verbs.
+
+    Parameters
+    ----------
+    parameters : InstrumentParameters
+        What verbs need is added: see `with_verbs`.
+    controller : ControllerParameters
+        The law that moves x and y.
+    block_ticks : int, optional
+        Control ticks between two looks at what is measured. It changes no result.
+    hashed : bool
+        As of Instrument.
+
+    Raises
+    ------
+    ParameterError
+        As `with_verbs` and `Instrument` do.
+    """
+
+    def __init__(
+        self,
+        parameters: InstrumentParameters,
+        controller: ControllerParameters,
+        *,
+        block_ticks: int | None = None,
+        hashed: bool = False,
+    ) -> None:
+        self._given_ticks, self._hashed = block_ticks, hashed
+        self._controller = controller
+        self._begin(with_verbs(parameters))
+
+    def _begin(self, parameters: InstrumentParameters) -> None:
+        per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
+        self._ticks = self._given_ticks or max(1, _BLOCK_SAMPLES // per_tick)
+        self.instrument = Instrument(parameters, self._ticks, hashed=self._hashed)
+        self.operator = Operator(self.instrument)
+        self._law = Controller(self._controller)
+
+    @property
+    def state(self) -> Desk:
+        """See `Backend`."""
+        return self.operator.state
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return self.instrument.time
+
+    def objection(self, verb: Verb) -> str:
+        """See `Backend`."""
+        return self.operator.objection(verb)
+
+    def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
+        """See `Backend`. Ctrl-C cancels the verb: the tip is withdrawn before KeyboardInterrupt goes on."""
+        operator = self.operator
+        operator.on_line = on_line or ignore
+        operator.begin(verb)
+        with Interrupts() as interrupts:
+            while operator.busy:
+                self._run()
+                if on_progress is not None:
+                    on_progress(operator.progress)
+                if interrupts.there:
+                    operator.cancel("interrupted")
+        return operator.outcome()
+
+    def _run(self) -> None:
+        """To the end of a block, or of an order."""
+        instrument = self.instrument
+        instrument.close_loop(self._law, self._ticks)
+        self.operator.take(instrument.take_block())
+        self.operator.look()
+
+    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
+        """See `Backend`."""
+        self.operator.set_setpoint(force=force, voltage=voltage)
+
+    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
+        """See `Backend`."""
+        self.operator.set_gains(proportional, integral)
+
+    def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
+        """See `Backend`."""
+        self.operator.set_feedback(mode)
+
+    def set_sample(self, changes: Mapping[str, Value]) -> None:
+        """See `Backend`."""
+        self._exchange("sample", changes)
+
+    def set_probe(self, changes: Mapping[str, Value]) -> None:
+        """See `Backend`."""
+        self._exchange("plant", changes)
+
+    def _exchange(self, group: str, changes: Mapping[str, Value]) -> None:
+        self._begin(exchanged(self.instrument.parameters, self.state, group, changes))
+
+    def close(self) -> None:
+        """See `Backend`."""
+        if self.state.near:
+            self.execute(Withdraw())
+
+
+def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Value]) -> Any:
+    """Parameters with another sample or probe.
+
+    Parameters
+    ----------
+    parameters : InstrumentParameters
+    desk : Desk
+    group : str
+        sample or plant.
+    changes : mapping
+        Names without the group. If `kind` is among them what is not given is that of a new part's defaults.
+
+    Raises
+    ------
+    VerbError
+        If the tip is not withdrawn, or something is being done.
+    ParameterError
+        If a name or value is not allowed.
+    """
+    what = {"sample": "sample", "plant": "probe"}[group]
+    if desk.near or desk.doing:
+        raise VerbError(f"another {what} is not allowed while the tip may touch the sample: withdraw it first")
+    values = flatten(parameters)
+    if "kind" in changes:
+        values = {name: value for name, value in values.items() if not name.startswith(f"{group}.")}
+    model = type(parameters).origin or type(parameters)
+    return build(model, values | {f"{group}.{name}": value for name, value in changes.items()})

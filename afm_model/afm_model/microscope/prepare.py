@@ -1,0 +1,48 @@
+"""Parameters of an instrument that verbs can be ordered of."""
+
+from typing import TypeVar
+
+from .. import registry
+from ..errors import ParameterError
+from ..parameters import InstrumentParameters, build, flatten
+from ..schema import Value
+
+P = TypeVar("P", bound=InstrumentParameters)
+CHANNELS = ("z_loop", "z_loop_error", "verb_number", "verb_step")
+"""Sampled for the verbs, besides those of every run."""
+GAP = 500e-9
+"""How far the tip is off the sample at the start where the parameters do not say it [m]."""
+
+
+def with_verbs(parameters: P) -> P:
+    """The same with what verbs need: program `verbs`, a z loop, the tip off the sample at the start, channels.
+
+    What is given already stays. Called for every run whose `reference.kind` is verbs, over topics too.
+
+    Raises
+    ------
+    ParameterError
+        If the plant cannot leave the sample.
+    """
+    values = flatten(parameters)
+    plant, program = parameters.plant, parameters.reference
+    if not hasattr(plant, "gap"):
+        raise ParameterError(
+            f"plant.kind = {plant.kind} is not allowed with verbs: its tip cannot leave the sample; take plant.kind = "
+            f"lever or compliant"
+        )
+    news: dict[str, Value] = {"reference.kind": "verbs"}
+    if plant.gap == 0.0:
+        news["plant.gap"] = GAP
+    if program.kind != "verbs":
+        values = {name: value for name, value in values.items() if not name.startswith("reference.")}
+        news["reference.z_r"] = program.z_r
+    if parameters.onboard.kind == "none":
+        values = {name: value for name, value in values.items() if not name.startswith("onboard.")}
+        news["onboard.kind"] = "pi"
+    given = [name.strip() for name in parameters.detector.channels.split(",") if name.strip()]
+    known = {channel.name for channel in registry.find("onboard", str(news.get("onboard.kind", "pi"))).channels}
+    wanted = [name for name in CHANNELS if name in known or name.startswith("verb")]
+    news["detector.channels"] = ", ".join(dict.fromkeys([*given, *wanted]))
+    model = type(parameters).origin or type(parameters)
+    return build(model, values | news)  # type: ignore[return-value]  # its own model, with the groups of its parts

@@ -1,0 +1,239 @@
+"""Verbs of a microscope: x and y move, z is opened, moved and closed, as ordered between two control ticks.
+
+Who orders is no part of the program (`afm_model.instrument.Instrument.order`, `afm_model.microscope`): scan lines,
+force curves and an approach run here, at the rate of the virtual ADC. x and y are a function of time alone; the table
+of z depends on the deflection and has a state. At the start the tip is withdrawn, at rest.
+"""
+
+import math
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from ..jit import kernel
+from ..parts.groups import ProgramParameters
+from ..parts.part import Channel, Numbers, Program, Tree
+from ..records import record
+from ..schema import Unit
+from ..signals import FOLLOW as FOLLOWED
+from ..signals import OPEN
+from .orders import CURVE, END, FOLLOW, LINES, MOST_STEPS, RAMP, REST, Lines, Order, Step, columns
+
+_DEGREES = 6
+
+
+class Verbs(ProgramParameters):
+    """Nothing but what is ordered; at the start the scanner is at a place, the tip withdrawn (plant.gap)."""
+
+    kind: str = Field("verbs", description="program of the reference")
+    x: Annotated[float, Unit("m")] = Field(0.0, description="place of the scanner along x at the start")
+    y: Annotated[float, Unit("m")] = Field(0.0, description="place of the scanner along y at the start")
+
+
+_OF_LINES = ("centre_x", "centre_y", "cos", "sin", "speed", "size", "first", "step", "lines", "image", "turn", "shift")
+CONSTANTS = record(
+    "z_r",
+    "number",  # of the order, from 1
+    "motion",  # CURVE or LINES
+    "begin",  # of the order [s]
+    "curve_time",  # whole, of a curve [s]
+    "last",  # time behind which the motion is at its end with this control tick [s]
+    "curve_x",
+    "curve_y",
+    *_OF_LINES,  # speed [m/s]; image, turn, shift [s]
+    "half_sample",  # [s]
+    *Step._fields,
+    arrays={
+        **dict.fromkeys(("curve_x", "curve_y"), (_DEGREES,)),
+        **dict.fromkeys(Step._fields, (MOST_STEPS,)),
+    },
+)
+STATE = record(
+    "number",  # of the order in force
+    "done",  # 1.0: it is
+    "at",  # step of the table; END: none
+    "since",  # when it began [s]
+    "mode",  # of z
+    "offset",  # of z [m]
+    "origin",  # the same when the step began [m]
+    "sum",  # of the deflection in the last REST [V]
+    "samples",
+    "fired",  # 1.0 if a trigger of this order has
+)
+
+
+def _values(parameters: Tree) -> Numbers:
+    program = parameters.reference
+    zeros: dict[str, Any] = {name: 0.0 for name in CONSTANTS.names or ()}
+    x, y = (((place,) + (0.0,) * (_DEGREES - 1)) for place in (program.x, program.y))
+    half = 0.5 * parameters.detector.sample_period
+    return zeros | {"z_r": program.z_r, "curve_time": 1.0, "curve_x": x, "curve_y": y, "half_sample": half}
+
+
+def _start(parameters: Tree) -> Numbers:
+    zeros = {name: 0.0 for name in STATE.names or ()}
+    return zeros | {"done": 1.0, "at": END, "mode": OPEN}
+
+
+def _check(parameters: Tree) -> None:
+    if parameters.onboard.kind == "none":
+        raise ValueError(
+            "reference.kind = verbs needs a loop inside the instrument that moves z: give onboard.kind = pi"
+        )
+    if not getattr(parameters.plant, "gap", 0.0) > 0.0:
+        raise ValueError(
+            "reference.kind = verbs begins with the tip off the sample: plant.gap must be > 0 m, with plant.kind = "
+            "lever or compliant"
+        )
+
+
+@kernel
+def smooth(s: float) -> tuple[float, float, float]:
+    """3 s^2 - 2 s^3 with its integral from 0 and its slope."""
+    return s * s * (3.0 - 2.0 * s), s * s * s * (1.0 - 0.5 * s), 6.0 * s * (1.0 - s)
+
+
+@kernel
+def along_line(tau: float, p: Any) -> tuple[float, float, float, float, float, float]:
+    """Fast and slow coordinate, velocities and accelerations at time tau of an order LINES."""
+    half = p.image + p.turn
+    q = tau - p.turn
+    if q < 0.0:
+        # From rest to the even speed.
+        speed, way, change = smooth(max(tau, 0.0) / p.turn)
+        x = -0.5 * p.size + p.speed * p.turn * (way - 0.5)
+        return x, p.speed * speed, p.speed * change / p.turn, p.first, 0.0, 0.0
+    number = min(math.floor(q / half), 2.0 * p.lines - 1.0)
+    line = math.floor(0.5 * number)
+    sign = 1.0 if number == 2.0 * line else -1.0
+    y = p.first + line * p.step
+    late = q - number * half - p.image
+    if late <= 0.0:
+        return sign * (0.5 * p.size + p.speed * late), sign * p.speed, 0.0, y, 0.0, 0.0
+    u = min(late / p.turn, 1.0)
+    speed, way, change = smooth(u)
+    if number == 2.0 * p.lines - 1.0:
+        x = sign * (0.5 * p.size + p.speed * p.turn * (u - way))
+        return x, sign * p.speed * (1.0 - speed), -sign * p.speed * change / p.turn, y, 0.0, 0.0
+    x = sign * (0.5 * p.size + p.speed * p.turn * (u - 2.0 * way))
+    v, a = sign * p.speed * (1.0 - 2.0 * speed), -2.0 * sign * p.speed * change / p.turn
+    if sign > 0.0:
+        return x, v, a, y, 0.0, 0.0
+    y += p.step * u * u * u * (10.0 + u * (6.0 * u - 15.0))
+    rate = 30.0 * u * u * (1.0 - u) ** 2
+    bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)
+    return x, v, a, y, p.step * rate / p.turn, p.step * bend / (p.turn * p.turn)
+
+
+@kernel
+def polynomial(c: Any, s: float) -> tuple[float, float, float]:
+    """Value, slope and second derivative of sum c[i] s^i."""
+    value = slope = bend = 0.0
+    for i in range(_DEGREES - 1, -1, -1):
+        bend = bend * s + 2.0 * slope
+        slope = slope * s + value
+        value = value * s + c[i]
+    return value, slope, bend
+
+
+@kernel
+def reference(t: float, r: Any, p: Any) -> None:
+    """See `afm_model.parts.Program`."""
+    r.position[2], r.velocity[2], r.acceleration[2] = p.z_r, 0.0, 0.0
+    tau = t - p.begin
+    if p.motion == LINES:
+        x, v_x, a_x, y, v_y, a_y = along_line(tau + p.shift, p)
+        r.position[0] = p.centre_x + p.cos * x - p.sin * y
+        r.position[1] = p.centre_y + p.sin * x + p.cos * y
+        r.velocity[0], r.velocity[1] = p.cos * v_x - p.sin * v_y, p.sin * v_x + p.cos * v_y
+        r.acceleration[0], r.acceleration[1] = p.cos * a_x - p.sin * a_y, p.sin * a_x + p.cos * a_y
+        return
+    s, rate = min(max(tau / p.curve_time, 0.0), 1.0), 1.0 / p.curve_time
+    x, v_x, a_x = polynomial(p.curve_x, s)
+    y, v_y, a_y = polynomial(p.curve_y, s)
+    r.position[0], r.velocity[0], r.acceleration[0] = x, v_x * rate, a_x * rate * rate
+    r.position[1], r.velocity[1], r.acceleration[1] = y, v_y * rate, a_y * rate * rate
+
+
+@kernel
+def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
+    """See `afm_model.parts.Program`. A step is left at most once in a sample."""
+    if s.at >= 0.0:
+        i = int(s.at)
+        kind, after, fired = p.kind[i], t - s.since + p.half_sample, False
+        if kind == RAMP:
+            s.mode = OPEN
+            way, whole = p.rate[i] * (t - s.since), p.target[i] - s.origin
+            over = way >= abs(whole)
+            s.offset = p.target[i] if over else s.origin + math.copysign(way, whole)
+            if p.trigger[i] > 0.0 and s.samples > 0.0:
+                fired = d.deflection_voltage - s.sum / s.samples >= p.trigger[i]
+        elif kind == FOLLOW:
+            s.mode, s.offset = FOLLOWED, 0.0
+            over = after >= p.duration[i]
+        else:
+            s.mode = OPEN
+            if kind == REST:
+                s.sum += d.deflection_voltage
+                s.samples += 1.0
+            over = after >= p.duration[i]
+        if fired or over:
+            if fired:
+                s.fired = 1.0
+            s.at = p.triggered[i] if fired else p.then[i]
+            s.since, s.origin = t, s.offset
+            if s.at >= 0.0 and p.kind[int(s.at)] == REST:
+                s.sum = s.samples = 0.0
+    s.done = 1.0 if s.at < 0.0 and t > p.last else 0.0
+    r.z_mode, r.z_offset = s.mode, s.offset
+
+
+def _order(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> None:
+    """Put an order in force at control tick `tick`; see `afm_model.parts.Program`."""
+    control, sample = parameters.plant.control_period, parameters.detector.sample_period
+    motion = order.motion
+    p.number += 1.0
+    p.begin = tick * control
+    if isinstance(motion, Lines):
+        p.motion = LINES
+        p.centre_x, p.centre_y, p.cos, p.sin = motion.x, motion.y, math.cos(motion.angle), math.sin(motion.angle)
+        p.size, p.first, p.step, p.lines = motion.size, motion.first, motion.step, motion.lines
+        p.image, p.turn = motion.image * sample, motion.turn * sample
+        p.speed = motion.size / p.image
+        # A sample is taken in the middle of what it stands for: then trace and retrace lie on one another.
+        p.shift = 0.5 * sample
+        ticks = math.ceil(motion.samples * sample / control - 1e-6)
+    else:
+        ticks = motion.ticks
+        p.motion, p.curve_time = CURVE, max(ticks, 1) * control
+        for name, coefficients in (("curve_x", motion.x), ("curve_y", motion.y)):
+            p[name][:] = 0.0
+            p[name][: len(coefficients)] = coefficients
+    # In the middle between the samples before and in the last control tick.
+    p.last = (tick + ticks - 1) * control - 0.5 * sample
+    for name, numbers in columns(order.steps).items():
+        p[name][:] = numbers
+    s.number, s.done, s.fired = p.number, 0.0, 0.0
+    s.at, s.since, s.origin = (0.0 if order.steps else float(END)), p.begin, s.offset
+    if order.steps and order.steps[0].kind == REST:
+        s.sum = s.samples = 0.0
+
+
+VERBS = Program(
+    name="verbs",
+    parameters=Verbs,
+    constants=CONSTANTS,
+    state=STATE,
+    values=_values,
+    start=_start,
+    check=_check,
+    reference=reference,
+    watch=watch,
+    order=_order,
+    channels=(
+        Channel("verb_number", "1", "number"),
+        Channel("verb_step", "1", "at"),
+        Channel("verb_done", "1", "done"),
+        Channel("z_offset", "m", "offset"),
+    ),
+)

@@ -1,0 +1,157 @@
+"""Claims about verbs in process: approach, move, scan, force curve, withdraw; what cannot be is refused."""
+
+import numpy as np
+import pytest
+
+from afm_model import ControllerParameters, SimParameters, VerbError, build
+from afm_model.analysis import force_curve
+from afm_model.microscope.local import Local
+from afm_model.microscope.verbs import Approach, ForceCurve, MoveTo, Scan, Withdraw
+
+QUICK = {
+    "plant.kind": "lever",
+    "plant.scanner": "flexure_90um",
+    "plant.gap": 20e-9,
+    "plant.control_period": 100e-6,
+    "piezo.limit": 50.0,
+    "detector.sample_period": 10e-6,
+    "sample.kind": "patches",
+    "sample.width": 10e-9,
+    "onboard.kind": "pi",
+    "onboard.setpoint_force": 10e-9,
+    "onboard.integral_gain": 10e-6,
+}
+LAW = {
+    "law.kind": "pid",
+    "law.period": 100e-6,
+    "scanner.f_x": 500.0,
+    "scanner.f_y": 500.0,
+    "scanner.f_z": 5e3,
+    "scanner.xi_x": 0.025,
+    "scanner.xi_y": 0.025,
+    "scanner.xi_z": 0.025,
+}
+APPROACH = Approach(rate=10e-6, range=200e-9, settle=10e-3)
+SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=16, lines=2, line_rate=20.0)
+
+
+def local(block_ticks: int | None = None, **values: float | str) -> Local:
+    changes = {name.replace("__", "."): value for name, value in values.items()}
+    return Local(
+        build(SimParameters, QUICK | changes),
+        build(ControllerParameters, LAW),
+        block_ticks=block_ticks,
+        hashed=True,
+    )
+
+
+@pytest.fixture(scope="module")
+def scanned():
+    """A microscope that has approached and scanned, and the outcome."""
+    microscope = local()
+    assert microscope.execute(APPROACH).status == "complete"
+    lines = []
+    return microscope, microscope.execute(SCAN, on_line=lines.append), lines
+
+
+def test_a_scan_tells_two_materials_by_their_friction_and_not_by_their_height(scanned):
+    _, outcome, _ = scanned
+    image = outcome.result
+    assert outcome.status == "complete"
+    assert image.complete
+    assert image.units == {"height": "m", "error": "V", "lateral": "N"}
+    friction = image.friction()
+    strong = (image.x > 2e-9) & (image.x < 8e-9)
+    weak = (image.x < -2e-9) & (image.x > -8e-9)
+    assert friction[:, weak].mean() / friction[:, strong].mean() == pytest.approx(0.5, rel=0.03)
+    for way in ("trace", "retrace"):
+        height = image.data["height", way][1]
+        assert abs(height[strong].mean() - height[weak].mean()) < 5e-12
+
+
+def test_lines_come_one_by_one_and_make_the_image(scanned):
+    _, outcome, lines = scanned
+    assert [(line.index, line.direction) for line in lines] == [
+        (0, "trace"),
+        (0, "retrace"),
+        (1, "trace"),
+        (1, "retrace"),
+    ]
+    # A line starts a period behind the one before; trace and retrace are half of one apart.
+    starts = np.array([line.time for line in lines])
+    assert np.diff(starts) == pytest.approx(0.5 / outcome.result.line_rate, rel=1e-9)
+    assert starts[0] == pytest.approx(outcome.result.start)
+    for line in lines:
+        assert outcome.result.data["lateral", line.direction][line.index].tolist() == line.channels["lateral"].tolist()
+
+
+@pytest.mark.parametrize("block_ticks", [7, 1000])
+def test_the_bytes_do_not_depend_on_the_size_of_the_blocks(scanned, block_ticks):
+    reference, outcome, _ = scanned
+    other = local(block_ticks)
+    other.execute(APPROACH)
+    image = other.execute(SCAN).result
+    for key, values in outcome.result.data.items():
+        assert image.data[key].tobytes() == values.tobytes(), key
+    assert other.instrument.trajectory_sha256() == reference.instrument.trajectory_sha256()
+
+
+def test_approach_withdraw_and_move_go_where_they_say():
+    microscope = local()
+    begin = microscope.instrument.orders.onboard.z
+    standing = microscope.execute(APPROACH).result
+    assert standing.deflection == pytest.approx(5.0, rel=1e-2)  # 10 nN / 0.2 N/m / 10 nm/V
+    assert microscope.state.approached
+    assert standing.z - begin == pytest.approx(20e-9 + 50e-9, abs=3e-9)
+    standing = microscope.execute(MoveTo(x=20e-9, y=-10e-9)).result
+    assert (standing.x, standing.y) == pytest.approx((20e-9, -10e-9), rel=1e-9)
+    assert microscope.instrument.truth.position[:2] == pytest.approx([20e-9, -10e-9], abs=1e-10)
+    before = standing.z
+    standing = microscope.execute(Withdraw(distance=300e-9, rate=50e-6)).result
+    assert standing.z == pytest.approx(before - 300e-9, rel=1e-6)
+    assert not microscope.state.approached
+    assert not microscope.instrument.in_contact
+
+
+def test_an_approach_that_finds_no_sample_leaves_the_tip_withdrawn_and_says_how_far_it_went():
+    microscope = local()
+    begin = microscope.instrument.orders.onboard.z
+    outcome = microscope.execute(Approach(rate=10e-6, range=15e-9, settle=1e-3))
+    assert outcome.status == "failed"
+    assert outcome.message.startswith("no sample within range = 1.5e-08 m: z went 1.5e-08 m")
+    assert microscope.instrument.orders.onboard.z == begin
+    assert microscope.execute(APPROACH).status == "complete"
+
+
+def test_force_curves_show_adhesion_and_leave_the_tip_on_the_sample():
+    microscope = local(plant__tilt=0.0)
+    microscope.execute(APPROACH)
+    verb = ForceCurve(trigger_force=20e-9, approach_rate=10e-6, retract_rate=10e-6, count=2, lift=150e-9, ramp=300e-9)
+    outcome = microscope.execute(verb)
+    assert outcome.status == "complete"
+    first, second = outcome.result
+    for curve in (first, second):
+        assert curve.triggered
+        assert curve.record.channels["deflection"].max() == pytest.approx(10.0, rel=0.02)
+        read = curve.record.channels
+        told = force_curve(read["z"], read["deflection"] * curve.deflection_sensitivity, curve.spring_constant)
+        # pi w R between 1.5 (JKR) and 2 (DMT): 4.7 and 6.3 nN.
+        assert 4.7e-9 < told.adhesion.value < 6.3e-9
+    assert second.record.time[0] > first.record.time[-1]
+    assert microscope.state.approached
+    assert microscope.instrument.in_contact
+
+
+@pytest.mark.parametrize(
+    ("verb", "told"),
+    [
+        (SCAN, "Scan is not allowed while the tip is withdrawn: it must be approached first"),
+        (ForceCurve(), "ForceCurve is not allowed while the tip is withdrawn"),
+        (MoveTo(x=1.0), r"x = 1 m is outside the travel of the scanner: it must be within \+-1e-06 m"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence(verb, told):
+    microscope = local()
+    with pytest.raises(VerbError, match=told):
+        microscope.execute(verb)
+    assert microscope.time == 0.0

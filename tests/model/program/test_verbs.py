@@ -1,0 +1,136 @@
+"""Claims about the program `verbs`: motions of x and y as functions of time, the table of z, orders between ticks."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from afm_model import Instrument, InstrumentParameters, ParameterError, build
+from afm_model.program import orders
+from afm_model.program.orders import Curve, Lines, Order, Step, quintic
+
+QUICK = {
+    "plant.kind": "lever",
+    "plant.scanner": "stack_13um",
+    "plant.gap": 20e-9,
+    "plant.control_period": 40e-6,
+    "sample.kind": "flat",
+    "onboard.kind": "pi",
+    "reference.kind": "verbs",
+    "detector.sample_period": 10e-6,
+    "detector.channels": "z_loop, z_offset, verb_step, verb_number, verb_done",
+}
+LINES = Lines(x=20e-9, y=-10e-9, angle=0.3, size=40e-9, first=-5e-9, step=2e-9, lines=3, image=160, turn=40)
+
+
+def followed(motion: Curve | Lines, ticks: int, period: float = 40e-6) -> NDArray[np.float64]:
+    """Position, velocity, acceleration of x and y asked for, (ticks, 3, 2), from the tick behind the order on."""
+    scope = Instrument(build(InstrumentParameters, QUICK | {"plant.control_period": period}), ticks)
+    scope.order(Order(motion))
+    told = []
+    for _ in range(ticks):
+        asked = scope.orders.asked
+        told.append([v[:2] for v in (asked.position, asked.velocity, asked.acceleration)])
+        scope.tick(np.zeros(3))
+    return np.array(told)[1:]
+
+
+def test_velocity_and_acceleration_of_scan_lines_are_the_derivatives_of_the_position():
+    period = 10e-6
+    told = followed(LINES, LINES.samples, period)
+    for of, name in ((0, "velocity"), (1, "acceleration")):
+        slope = (told[2:, of] - told[:-2, of]) / (2.0 * period)
+        # Where a turn begins the acceleration has a corner: half a step of it is the error there.
+        assert slope == pytest.approx(told[1:-1, of + 1], abs=0.03 * np.abs(told[:, of + 1]).max()), name
+
+
+def test_scan_lines_cover_the_frame_at_even_speed_and_turn_within_the_overscan():
+    told = followed(LINES, LINES.samples // 4 + 3)[:, 0] - (LINES.x, LINES.y)
+    c, s = math.cos(LINES.angle), math.sin(LINES.angle)
+    fast, slow = told @ (c, s), told @ (-s, c)
+    speed = LINES.size / (LINES.image * 10e-6)
+    turn = LINES.turn * 10e-6
+    # From the lead-in to the turn, v T / 2 and 5/16 v T beyond the frame.
+    assert fast.min() == pytest.approx(-0.5 * LINES.size - 0.5 * speed * turn, abs=1e-12)
+    assert fast.max() == pytest.approx(0.5 * LINES.size + 0.3125 * speed * turn, rel=1e-3)
+    rows = sorted({round(float(y) * 1e12) for y in slow[np.abs(fast) < 0.4 * LINES.size]})
+    assert rows == [-5000, -3000, -1000]
+    assert told[-1] == pytest.approx(told[-2], abs=1e-14)
+
+
+def test_quintic_joins_two_states():
+    period, ticks = 1e-4, 50
+    begin, end = (1e-9, 2e-7, 3e-5), (-4e-9, -5e-7, 6e-5)
+    c = quintic(ticks, period, begin, end)
+    T = ticks * period
+    for s, state in ((0.0, begin), (1.0, end)):
+        values = [np.polyval(np.polyder(c[::-1], n), s) / T**n for n in range(3)]
+        assert values == pytest.approx(state, rel=1e-12)
+
+
+def test_a_curve_is_followed_and_stays_at_its_end():
+    told = followed(Curve(quintic(50, 40e-6, (0.0,) * 3, (30e-9, 0.0, 0.0)), (0.0, 5e-9), 50), 70)
+    assert told[49:, 0].tolist() == [told[49, 0].tolist()] * 20
+    assert told[49, 0] == pytest.approx([30e-9, 5e-9], rel=1e-12)
+    assert np.abs(told[:, 1, 0]).max() == pytest.approx(1.875 * 30e-9 / 2e-3, rel=1e-3)
+
+
+def test_steps_of_z_last_as_long_as_they_say_and_ticking_stops_behind_the_last_one():
+    from afm_model import Controller, ControllerParameters
+
+    scope = Instrument(build(InstrumentParameters, QUICK), 1000)
+    law = Controller(build(ControllerParameters, {"law.kind": "open_loop"}))
+    steps = (
+        Step(orders.REST, duration=0.3e-3, then=1),
+        Step(orders.RAMP, target=5e-9, rate=10e-6, then=2),
+        Step(orders.DWELL, duration=0.2e-3, then=3),
+        Step(orders.RAMP, target=-5e-9, rate=20e-6),
+    )
+    scope.order(Order(Curve((0.0,), (0.0,)), steps))
+    scope.close_loop(law, 1000)
+    # 0.3 + 0.5 + 0.2 + 0.5 ms and the sample at which the last one ends, to the end of its tick.
+    end = math.ceil((1.5e-3 + 10e-6) / 40e-6)
+    assert scope.ticks == end
+    assert scope.orders.done
+    rows = {each.name: row for each, row in zip(scope.channels, scope.take_block().samples, strict=True)}
+    lengths = [int((rows["verb_step"] == number).sum()) for number in range(4)]
+    assert lengths == pytest.approx([30, 50, 20, 50], abs=2)
+    z = rows["z_loop"] - rows["z_loop"][0]
+    assert z.max() == pytest.approx(5e-9)
+    assert z[-1] == pytest.approx(-5e-9)
+    # Nothing is ordered: it goes on.
+    scope.close_loop(law, 100)
+    assert scope.ticks == end + 100
+    assert set(scope.take_block().samples[4].tolist()) == {rows["z_loop"][-1]}
+
+
+def test_reset_begins_anew_without_what_was_ordered():
+    scope = Instrument(build(InstrumentParameters, QUICK), 200)
+    first = scope.orders.program.tolist()
+    scope.order(Order(Curve((1e-9, 1e-9), (0.0,), 10), (Step(orders.RAMP, target=1e-9, rate=1e-6),)))
+    for _ in range(50):
+        scope.tick(np.zeros(3))
+    assert scope.orders.program.tolist() != first
+    scope.reset()
+    scope.tick(np.zeros(3))
+    assert scope.orders.asked.position.tolist()[:2] == [0.0, 0.0]
+    assert scope.orders.program.tolist() == first
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        ({"onboard.kind": "none"}, "reference.kind = verbs needs a loop inside the instrument that moves z"),
+        ({"plant.gap": 0.0}, "plant.gap must be > 0 m"),
+    ],
+)
+def test_an_instrument_without_what_verbs_need_is_refused_in_a_sentence(values, told):
+    with pytest.raises(ParameterError, match=told):
+        build(InstrumentParameters, QUICK | values)
+
+
+def test_a_program_that_takes_no_orders_says_so():
+    scope = Instrument(build(InstrumentParameters, {}), 10)
+    with pytest.raises(ParameterError, match=r"reference.kind = periodic takes no orders"):
+        scope.order(Order(Curve((0.0,), (0.0,))))
