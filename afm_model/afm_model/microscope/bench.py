@@ -5,6 +5,7 @@ from typing import Any
 
 from ..analysis import tilted_stiffness
 from ..instrument import Instrument
+from ..parameters import build, flatten
 from ..parts.stiffness import spring_constant
 from ..program.orders import Curve, quintic
 
@@ -14,6 +15,11 @@ _SETTLING = 3.0
 """A motion takes at least so many periods of the scanner's resonance."""
 _STEEPEST = 1.875
 """Largest velocity of a quintic from rest to rest over its mean velocity."""
+
+
+_BAND = 1.4
+"""The first resonance of a cantilever is within this factor of its nominal one; higher modes are beyond, folded or not.
+"""
 
 
 class Bench:
@@ -58,6 +64,30 @@ class Bench:
         return tilted_stiffness(c.k, plant.tilt, c.tip_height + 0.5 * c.thickness, c.length)
 
     @property
+    def vertical_sensitivity(self) -> float:
+        """Vertical motion of the tip over voltage [m/V], from that of the detector, which is across the cantilever.
+
+        A vertical force F bends a cantilever tilted by b, whose tip is h high, by F/k (cos b - 2 (h / L) sin b) as the
+        photodiode shows it, and moves its tip by F over `vertical_stiffness`.
+        """
+        plant, sensitivity = self.parameters.plant, float(self.parameters.detector.deflection_sensitivity)
+        if not hasattr(plant, "cantilever_numbers"):
+            return sensitivity
+        c = plant.cantilever_numbers
+        arm = (c.tip_height + 0.5 * c.thickness) / c.length
+        shown = math.cos(plant.tilt) - 2.0 * arm * math.sin(plant.tilt)
+        return sensitivity * float(c.k) / (self.vertical_stiffness * shown)
+
+    @property
+    def resonance_band(self) -> tuple[float, float] | None:
+        """Frequencies among which the first resonance of the cantilever is looked for, by its nominal one [Hz]."""
+        plant = self.parameters.plant
+        if not hasattr(plant, "cantilever_numbers"):
+            return None
+        f0 = plant.cantilever_numbers.f0
+        return f0 / _BAND, min(f0 * _BAND, 0.5 / self.sample_period)
+
+    @property
     def setpoint(self) -> float:
         """Of the deflection [V]."""
         parameters = self.parameters
@@ -91,6 +121,19 @@ class Bench:
         most = parameters.piezo.limit * parameters.piezo.sensitivity_z or math.inf
         origin = self.z - self.offset
         return max(parameters.onboard.low, -most) - origin, min(parameters.onboard.high, most) - origin
+
+    def set_loop(self, **changes: Any) -> None:
+        """Change parameters `onboard.*`, by their names without it, from the next tick on.
+
+        Raises
+        ------
+        ParameterError
+            If one is not allowed.
+        """
+        parameters = self.parameters
+        news = {f"onboard.{name}": value for name, value in changes.items()}
+        model = type(parameters).origin or type(parameters)
+        self.instrument.set_onboard(build(model, flatten(parameters) | news))
 
     def ticks(self, duration: float) -> int:
         """Control ticks that take this time [s] at least, one or more."""

@@ -30,7 +30,9 @@ class Task:
     duration: float  # that it takes at most [s]
     detail: str  # a clause for whoever waits
     collect: Callable[[int], Collector] | None = None
-    """Number of the first sample -> what collects from it on."""
+    """Number of the first sample -> what collects from it on, to the end of the order."""
+    goes_on: bool = False
+    """What the order before has collected is collected further."""
 
 
 @dataclass
@@ -76,6 +78,9 @@ class Job:
     def result(self) -> Any:
         """What came out, as far as it is measured."""
         return standing(self.bench)
+
+    def leave(self) -> None:
+        """Called at its end, however that comes: put back what was changed."""
 
     @property
     def detail(self) -> str:

@@ -7,27 +7,45 @@ is False, and `outcome` is complete when the blocks up to then have been taken.
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Literal
 
 from ..errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
-from ..parameters import InstrumentParameters, build, flatten
 from ..program.orders import Order
 from .bench import Bench
+from .calibrating import CalibratingLateral, CalibratingSensitivity, Tuning
 from .collect import Collector
 from .imaging import Scanning
 from .jobs import Approaching, Desk, Job, Moving, Task, Withdrawing, withdrawing
 from .refusal import objection
 from .results import CANCELLED, COMPLETE, FAILED, Line, Outcome, Progress
 from .spectroscopy import Curving
-from .verbs import Approach, ForceCurve, MoveTo, Scan, Verb, Withdraw
+from .tracing import Following, Looping
+from .verbs import (
+    Approach,
+    CalibrateLateral,
+    CalibrateSensitivity,
+    ForceCurve,
+    FrictionLoop,
+    MoveTo,
+    Scan,
+    ScanPath,
+    ThermalTune,
+    Verb,
+    Withdraw,
+)
 
 JOBS: dict[type[Verb], type[Job]] = {
     Approach: Approaching,
     Withdraw: Withdrawing,
     MoveTo: Moving,
     ForceCurve: Curving,
+    FrictionLoop: Looping,
     Scan: Scanning,
+    ScanPath: Following,
+    ThermalTune: Tuning,
+    CalibrateSensitivity: CalibratingSensitivity,
+    CalibrateLateral: CalibratingLateral,
 }
 
 
@@ -64,7 +82,7 @@ class Operator:
         self._task: Task | None = None
         self._collectors: list[Collector] = []
         self._status, self._message = COMPLETE, ""
-        self._begun = self._ended = instrument.ticks
+        self._begun = instrument.ticks
 
     @property
     def state(self) -> Desk:
@@ -118,17 +136,20 @@ class Operator:
             self._next()
 
     def _next(self) -> None:
-        self._close_collectors()
         try:
-            self._task = next(self._tasks, None)
+            task = next(self._tasks, None)
         except VerbError as error:
+            self._close_collectors()
             self._status, self._message = FAILED, str(error)
             self._leave()
             return
-        if self._task is None:
+        if task is None or not task.goes_on:
+            self._close_collectors()
+        self._task = task
+        if task is None:
             self._end()
         else:
-            self._put_in_force(self._task)
+            self._put_in_force(task)
 
     def _put_in_force(self, task: Task) -> None:
         if task.collect is not None:
@@ -156,8 +177,9 @@ class Operator:
         self._put_in_force(self._task)
 
     def _end(self) -> None:
+        assert self._job is not None
+        self._job.leave()
         self._desk.doing = ""
-        self._ended = self.instrument.ticks
 
     def take(self, block: Block) -> None:
         """Collect from a recorded block; every block in order, without a gap."""
@@ -191,7 +213,10 @@ class Operator:
     def outcome(self) -> Outcome:
         """How the last verb has ended, with what was measured; when not busy, and every block has been taken."""
         assert self._job is not None and not self.busy
-        return Outcome(self._status, self._message, self._job.result())
+        try:
+            return Outcome(self._status, self._message, self._job.result())
+        except VerbError as error:
+            return Outcome(FAILED, self._message or str(error), None)
 
     # What may be changed at any time, between two ticks.
 
@@ -207,7 +232,7 @@ class Operator:
             raise ParameterError(
                 f"force = {force:g} N with voltage = {voltage:g} V is not allowed: one of them must be given, not 0"
             )
-        self._set(setpoint_force=force, setpoint_voltage=voltage)
+        self._bench.set_loop(setpoint_force=force, setpoint_voltage=voltage)
 
     def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
         """Gains P [m/V] and I [m/(V s)] of the z loop; None: as it is.
@@ -218,7 +243,7 @@ class Operator:
             If one is negative.
         """
         given = {"proportional_gain": proportional, "integral_gain": integral}
-        self._set(**{name: value for name, value in given.items() if value is not None})
+        self._bench.set_loop(**{name: value for name, value in given.items() if value is not None})
 
     def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
         """What the z loop does with an approached tip.
@@ -231,12 +256,5 @@ class Operator:
         ParameterError
             If it is none of these.
         """
-        self._set(feedback=mode)
+        self._bench.set_loop(feedback=mode)
         self._desk.feedback = mode
-
-    def _set(self, **changes: Any) -> None:
-        parameters = self.instrument.parameters
-        news = {f"onboard.{name}": value for name, value in changes.items()}
-        model = type(parameters).origin or type(parameters)
-        changed: InstrumentParameters = build(model, flatten(parameters) | news)  # type: ignore[assignment]
-        self.instrument.set_onboard(changed)

@@ -1,19 +1,32 @@
 """Why the microscope cannot do what it is asked for: one sentence that names the value and what is allowed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
 
 from ..errors import VerbError
 from .bench import Bench
+from .calibrating import curves_of, wedge_plan
 from .collect import signals
 from .imaging import channel_names
 from .jobs import Desk
-from .plan import lines
-from .verbs import Approach, ForceCurve, MoveTo, Scan, Verb
+from .plan import LinePlan, lines
+from .tracing import loop_plan
+from .verbs import (
+    Approach,
+    CalibrateLateral,
+    CalibrateSensitivity,
+    ForceCurve,
+    FrictionLoop,
+    MoveTo,
+    Scan,
+    ScanPath,
+    ThermalTune,
+    Verb,
+)
 
-_ON_THE_SAMPLE = (ForceCurve, Scan)
+_SLIDING = (FrictionLoop, Scan, ScanPath)
+_ON_THE_SAMPLE = (*_SLIDING, ForceCurve, CalibrateSensitivity, CalibrateLateral)
 """Verbs that need an approached tip."""
-_WITH_FEEDBACK = (Scan,)
-"""Verbs that need the loop, or that somebody holds z on purpose."""
 
 
 def objection(verb: Verb, bench: Bench, desk: Desk) -> str:
@@ -26,41 +39,75 @@ def objection(verb: Verb, bench: Bench, desk: Desk) -> str:
     desk : Desk
         Where the microscope stands.
     """
-    return next(_objections(verb, bench, desk), "")
+    try:
+        return next(_objections(verb, bench, desk), "")
+    except VerbError as error:
+        return str(error)
 
 
 def _objections(verb: Verb, bench: Bench, desk: Desk) -> Iterator[str]:
+    yield from _standing(verb, bench, desk)
+    match verb:
+        case MoveTo():
+            yield from _outside(bench, "", [(verb.x, verb.y)])
+        case Scan():
+            yield from _channels(verb, bench)
+            yield from _frame(lines(verb, bench), bench)
+        case FrictionLoop():
+            if verb.count < 2:
+                yield f"count = {verb.count} is not allowed: the first line is not part of the result; it must be >= 2"
+            yield from _frame(loop_plan(verb, bench), bench)
+        case ScanPath():
+            yield from _path(verb, bench)
+        case ForceCurve():
+            yield from _curve(verb, bench)
+        case CalibrateSensitivity():
+            yield from _curve(curves_of(verb), bench)
+        case CalibrateLateral():
+            yield from _wedge(verb, bench)
+
+
+def _standing(verb: Verb, bench: Bench, desk: Desk) -> Iterator[str]:
+    """What the state of the microscope does not allow."""
     name = type(verb).__name__
     if desk.doing:
         yield f"{name} is not allowed while {desk.doing} is being done: wait for its end, or cancel it"
     if isinstance(verb, _ON_THE_SAMPLE) and not desk.approached:
         yield f"{name} is not allowed while the tip is withdrawn: it must be approached first"
-    if isinstance(verb, _WITH_FEEDBACK) and desk.feedback == "off":
+    if isinstance(verb, _SLIDING) and desk.feedback == "off":
         yield f"{name} is not allowed with feedback = off: it must be on, hold or external"
+    if isinstance(verb, CalibrateLateral) and desk.feedback != "on":
+        yield f"{name} is not allowed with feedback = {desk.feedback}: it must be on"
+    if isinstance(verb, ThermalTune) and desk.near:
+        yield f"{name} is not allowed while the tip is on the sample: withdraw it first"
+    band = bench.resonance_band
+    if isinstance(verb, ThermalTune) and band is not None and band[1] <= band[0] * 1.4:
+        yield (
+            f"{name} is not allowed with detector.sample_period = {bench.sample_period:g} s: the cantilever's "
+            f"resonance is beyond half the rate of the ADC, {0.5 / bench.sample_period:g} Hz"
+        )
     if isinstance(verb, Approach):
-        yield from _approach(bench, desk)
-    if isinstance(verb, MoveTo):
-        yield from _outside(bench, {"x": verb.x, "y": verb.y})
-    if isinstance(verb, Scan):
-        yield from _scan(verb, bench)
-    if isinstance(verb, ForceCurve):
-        yield from _curve(verb, bench)
+        if desk.approached:
+            yield f"{name} is not allowed: the tip is on the sample already; withdraw it first"
+        if not bench.setpoint > 0.0:
+            yield f"{name} is not allowed with a setpoint of {bench.setpoint:g} V: it must be > 0 V"
 
 
-def _approach(bench: Bench, desk: Desk) -> Iterator[str]:
-    if desk.approached:
-        yield "Approach is not allowed: the tip is on the sample already; withdraw it first"
-    if not bench.setpoint > 0.0:
-        yield f"Approach is not allowed with a setpoint of {bench.setpoint:g} V: it must be > 0 V"
+def _outside(bench: Bench, what: str, places: Iterable[tuple[float, float]]) -> Iterator[str]:
+    """What is beyond the travel of the scanner."""
+    for place in places:
+        for axis, value, most in zip("xy", place, bench.travel, strict=True):
+            if abs(value) > most:
+                yield (
+                    f"{what}{axis} = {value:.4g} m is outside the travel of the scanner: it must be within +-{most:g} m"
+                )
 
 
-def _outside(bench: Bench, places: dict[str, float]) -> Iterator[str]:
-    for (name, value), most in zip(places.items(), bench.travel, strict=True):
-        if abs(value) > most:
-            yield f"{name} = {value:g} m is outside the travel of the scanner: it must be within +-{most:g} m"
+def _frame(plan: LinePlan, bench: Bench) -> Iterator[str]:
+    yield from _outside(bench, "with its turns the scan reaches to ", plan.corners)
 
 
-def _scan(verb: Scan, bench: Bench) -> Iterator[str]:
+def _channels(verb: Scan, bench: Bench) -> Iterator[str]:
     names = channel_names(verb.channels)
     if not names:
         yield "channels is empty: it must name one at least, such as height"
@@ -71,19 +118,22 @@ def _scan(verb: Scan, bench: Bench) -> Iterator[str]:
         yield (
             f"channels = {verb.channels} is not allowed: there is no {', '.join(missing)}; there are {', '.join(known)}"
         )
-    try:
-        plan = lines(verb, bench)
-    except VerbError as error:
-        yield str(error)
+
+
+def _path(verb: ScanPath, bench: Bench) -> Iterator[str]:
+    if len(verb.x) != len(verb.y) or len(verb.x) < 2:
+        yield (
+            f"a path of {len(verb.x)} x and {len(verb.y)} y is not allowed: there must be as many of both, 2 at least"
+        )
         return
-    for axis, most in enumerate(bench.travel):
-        farthest = max((corner[axis] for corner in plan.corners), key=abs)
-        if abs(farthest) > most:
+    places = list(zip(verb.x, verb.y, strict=True))
+    for number, (one, other) in enumerate(pairwise(places)):
+        if one == other:
             yield (
-                f"the frame of size_x = {verb.size_x:g} m, height {verb.height:g} m at centre_x = {verb.centre_x:g} m, "
-                f"centre_y = {verb.centre_y:g} m is outside the travel of the scanner: with its turns it reaches to "
-                f"{'xy'[axis]} = {farthest:.4g} m and must stay within +-{most:g} m"
+                f"places {number} and {number + 1} of the path are the same, x = {one[0]:g} m, y = {one[1]:g} m: leave "
+                f"one of them out"
             )
+    yield from _outside(bench, "", places)
 
 
 def _curve(verb: ForceCurve, bench: Bench) -> Iterator[str]:
@@ -94,9 +144,30 @@ def _curve(verb: ForceCurve, bench: Bench) -> Iterator[str]:
         )
     low, high = bench.reach
     if bench.offset - verb.lift < low:
-        yield (f"lift = {verb.lift:g} m is not allowed here: z has {bench.offset - low:.4g} m left to go away")
+        yield f"lift = {verb.lift:g} m is not allowed here: z has {bench.offset - low:.4g} m left to go away"
     if bench.offset - verb.lift + verb.ramp > high:
         yield (
             f"ramp = {verb.ramp:g} m is not allowed here: with lift = {verb.lift:g} m z has "
             f"{high - bench.offset + verb.lift:.4g} m to go towards the sample"
         )
+
+
+def _wedge(verb: CalibrateLateral, bench: Bench) -> Iterator[str]:
+    for low, high, unit in (
+        ("slope_from", "slope_to", "m"),
+        ("flat_from", "flat_to", "m"),
+        ("setpoint_from", "setpoint_to", "N"),
+    ):
+        if getattr(verb, low) >= getattr(verb, high):
+            yield (
+                f"{low} = {getattr(verb, low):g} {unit} is not allowed: it must be < {high} = "
+                f"{getattr(verb, high):g} {unit}"
+            )
+    if verb.lines < 2:
+        yield f"lines = {verb.lines} is not allowed: the first line is not used; it must be >= 2"
+    if bench.spring_constant == 0.0:
+        yield (
+            f"CalibrateLateral is not allowed with plant.kind = {bench.parameters.plant.kind}, which tells no spring "
+            f"constant"
+        )
+    yield from _frame(wedge_plan(verb, bench), bench)

@@ -98,6 +98,6 @@ class Curving(Job):
             y,
             verb.approach_rate,
             verb.retract_rate,
-            bench.parameters.detector.deflection_sensitivity,
+            bench.vertical_sensitivity,
             bench.vertical_stiffness,
         )
