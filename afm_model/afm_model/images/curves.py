@@ -6,14 +6,18 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..microscope.results import Curve
+from ..microscope.unlabelled import as_curves
 from ..program.force_curve import APPROACH, RETRACT
 from .writing import replacing
+
+if TYPE_CHECKING:
+    import xarray
 
 _Array = NDArray[np.float64]
 UNITS = {"force": "N", "height (piezo)": "m", "segment": "", "time": "s", "tip position": "m"}
@@ -101,7 +105,7 @@ def _grid(curves: Sequence[Curve]) -> dict[str, float]:
     return found
 
 
-def write_curves(path: Path | str, curves: Curve | Sequence[Curve]) -> Path:
+def write_curves(path: Path | str, curves: "Curve | Sequence[Curve] | xarray.Dataset") -> Path:
     """Write force curves into an HDF5 file, .h5, as afmformats has it.
 
     A group for each curve, `0`, `1`, ..., with its metadata as attributes and the columns `force` [N], `height (piezo)`
@@ -113,7 +117,7 @@ def write_curves(path: Path | str, curves: Curve | Sequence[Curve]) -> Path:
     ----------
     path : Path or str
         Ends with .h5. A file of this name is replaced once the new one is whole.
-    curves : Curve or sequence of Curve
+    curves : Curve or sequence of Curve, or their labelled arrays
 
     Returns
     -------
@@ -124,7 +128,7 @@ def write_curves(path: Path | str, curves: Curve | Sequence[Curve]) -> Path:
     ResultFileError
         If it cannot be written.
     ValueError
-        If there is no curve.
+        If there is no curve, or it is something else.
     ImportError
         If h5py is not installed.
     """
@@ -148,7 +152,7 @@ def write_curves(path: Path | str, curves: Curve | Sequence[Curve]) -> Path:
     return Path(path)
 
 
-def write_curve_tab(path: Path | str, curve: Curve) -> Path:
+def write_curve_tab(path: Path | str, curve: "Curve | xarray.Dataset") -> Path:
     """Write one force curve into a text file, .tab, as afmformats has it: metadata as JSON, columns with tabs.
 
     Columns and keys are those of `write_curves`, with 9 digits.
@@ -157,7 +161,7 @@ def write_curve_tab(path: Path | str, curve: Curve) -> Path:
     ----------
     path : Path or str
         Ends with .tab. A file of this name is replaced once the new one is whole.
-    curve : Curve
+    curve : Curve, or its labelled arrays
 
     Returns
     -------
@@ -167,8 +171,13 @@ def write_curve_tab(path: Path | str, curve: Curve) -> Path:
     ------
     ResultFileError
         If it cannot be written.
+    ValueError
+        If it is not one curve.
     """
-    (table,) = _tables(path, curve)
+    tables = _tables(path, curve)
+    if len(tables) > 1:
+        raise ValueError(f"{path} is not written: a .tab file holds one force curve, these are {len(tables)}")
+    (table,) = tables
     notes = json.dumps(table.notes, sort_keys=True, indent=2).splitlines()
     head = ["# afm_model", "#", "# BEGIN METADATA", *(f"# {each}" for each in notes), "# END METADATA", "#"]
     columns = list(table.columns)
@@ -179,8 +188,8 @@ def write_curve_tab(path: Path | str, curve: Curve) -> Path:
     return Path(path)
 
 
-def _tables(path: Path | str, curves: Curve | Sequence[Curve]) -> list[_Table]:
-    every = [curves] if isinstance(curves, Curve) else list(curves)
+def _tables(path: Path | str, curves: "Curve | Sequence[Curve] | xarray.Dataset") -> list[_Table]:
+    every = as_curves(curves)
     if not every:
         raise ValueError(f"{path} is not written: there is no force curve to write")
     grid = _grid(every)

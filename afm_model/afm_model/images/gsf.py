@@ -1,16 +1,21 @@
 """One layer of a scan as Gwyddion Simple Field, .gsf."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..microscope.results import Image
+from ..microscope.unlabelled import as_image
 from .describing import description
 from .layers import layer
 from .writing import replacing
 
+if TYPE_CHECKING:
+    import xarray
+
 _MAGIC = "Gwyddion Simple Field 1.0\n"
 
 
-def write_gsf(path: Path | str, image: Image, name: str = "height_trace") -> Path:
+def write_gsf(path: Path | str, image: "Image | xarray.Dataset", name: str = "height_trace") -> Path:
     """Write one layer of a scan into a .gsf file.
 
     Row 0 of the file is the top of the picture, that is the largest y of the frame. Values are single precision in SI
@@ -20,7 +25,7 @@ def write_gsf(path: Path | str, image: Image, name: str = "height_trace") -> Pat
     ----------
     path : Path or str
         Ends with .gsf. A file of this name is replaced once the new one is whole.
-    image : Image
+    image : Image, or its labelled arrays
         A scan, as far as it came.
     name : str
         Of the layer, as `height_trace` or `friction`.
@@ -38,6 +43,7 @@ def write_gsf(path: Path | str, image: Image, name: str = "height_trace") -> Pat
 
     Source: the format's description in Gwyddion's user guide.
     """
+    image = as_image(image)
     found, scan = layer(image, name), image.scan
     lines = {
         "XRes": str(scan.pixels),

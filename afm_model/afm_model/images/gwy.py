@@ -1,17 +1,21 @@
 """Scans as files of Gwyddion, .gwy: every layer, with units, size, place and notes."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..microscope.results import Image
+from ..microscope.unlabelled import as_image
 from .describing import description
 from .layers import Layer, layers
 from .writing import replacing
 
+if TYPE_CHECKING:
+    import xarray
 
-def write_gwy(path: Path | str, image: Image) -> Path:
+
+def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
     """Write all layers of a scan into a .gwy file.
 
     Row 0 of the file is the top of the picture, that is the largest y of the frame. Values are double precision in SI
@@ -23,7 +27,7 @@ def write_gwy(path: Path | str, image: Image) -> Path:
     ----------
     path : Path or str
         Ends with .gwy. A file of this name is replaced once the new one is whole.
-    image : Image
+    image : Image, or its labelled arrays
         A scan, as far as it came.
 
     Returns
@@ -41,6 +45,7 @@ def write_gwy(path: Path | str, image: Image) -> Path:
         from gwyfile.objects import GwyContainer
     except ImportError:
         raise ImportError("a .gwy file needs gwyfile, which is not installed: pip install gwyfile") from None
+    image = as_image(image)
     notes = description(image)
     content: Any = GwyContainer()
     for number, each in enumerate(layers(image)):

@@ -1,11 +1,16 @@
 """The layers of a scan: every channel in each direction, and what is made of trace and retrace."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..microscope.results import DIRECTIONS, TRACE, Image
+from ..microscope.unlabelled import as_image
+
+if TYPE_CHECKING:
+    import xarray
 
 _Array = NDArray[np.float64]
 TITLES = {
@@ -36,8 +41,9 @@ class Layer:
         return np.isfinite(self.values)
 
 
-def layers(image: Image) -> list[Layer]:
+def layers(image: "Image | xarray.Dataset") -> list[Layer]:
     """Every layer of a scan, in order of measurement; friction and crosstalk last, if the lateral force is in it."""
+    image = as_image(image)
     found = []
     for channel, unit in image.units.items():
         for direction in DIRECTIONS:
@@ -51,7 +57,7 @@ def layers(image: Image) -> list[Layer]:
     return found
 
 
-def layer(image: Image, name: str) -> Layer:
+def layer(image: "Image | xarray.Dataset", name: str) -> Layer:
     """The layer of this name.
 
     Raises

@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..microscope.results import Image
+from ..microscope.unlabelled import as_image
 from . import level
 from .layers import Layer, layer, layers
 from .prefix import prefixed, text
 from .writing import checked, replacing
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -132,12 +134,14 @@ def _caption(image: Image) -> str:
     return ", ".join(parts)
 
 
-def picture(image: Image, name: str = "height_trace", how: Levelling | None = None, title: str = "") -> "Figure":
+def picture(
+    image: "Image | xarray.Dataset", name: str = "height_trace", how: Levelling | None = None, title: str = ""
+) -> "Figure":
     """A layer of a scan with scale bar, colour bar and title; up is +y of the frame.
 
     Parameters
     ----------
-    image : Image
+    image : Image, or its labelled arrays
         A scan, as far as it came; what is not measured is grey.
     name : str
         Of the layer, as `height_trace` or `friction`.
@@ -157,6 +161,7 @@ def picture(image: Image, name: str = "height_trace", how: Levelling | None = No
     ImportError
         If matplotlib is not installed.
     """
+    image = as_image(image)
     found = layer(image, name)
     figure = _figure(_SIZE)
     draw(figure.subplots(), image, found, how)
@@ -164,7 +169,7 @@ def picture(image: Image, name: str = "height_trace", how: Levelling | None = No
     return figure
 
 
-def sheet(image: Image, title: str = "") -> "Figure":
+def sheet(image: "Image | xarray.Dataset", title: str = "") -> "Figure":
     """All layers of a scan on one sheet: traces above retraces, friction above crosstalk.
 
     Returns
@@ -176,6 +181,7 @@ def sheet(image: Image, title: str = "") -> "Figure":
     ImportError
         If matplotlib is not installed.
     """
+    image = as_image(image)
     every = layers(image)
     columns = (len(every) + 1) // 2
     tall = min(max(image.scan.height / image.scan.size_x, 0.3), 2.0)
@@ -187,7 +193,11 @@ def sheet(image: Image, title: str = "") -> "Figure":
 
 
 def write_picture(
-    path: Path | str, image: Image, name: str = "height_trace", how: Levelling | None = None, title: str = ""
+    path: Path | str,
+    image: "Image | xarray.Dataset",
+    name: str = "height_trace",
+    how: Levelling | None = None,
+    title: str = "",
 ) -> Path:
     """Write `picture` into a PNG file; the same scan gives the same bytes.
 
@@ -204,7 +214,7 @@ def write_picture(
     return _write(path, picture(image, name, how, title))
 
 
-def write_sheet(path: Path | str, image: Image, title: str = "") -> Path:
+def write_sheet(path: Path | str, image: "Image | xarray.Dataset", title: str = "") -> Path:
     """Write `sheet` into a PNG file; the same scan gives the same bytes.
 
     Raises

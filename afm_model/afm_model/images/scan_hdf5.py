@@ -13,16 +13,20 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from ..errors import ParameterError, ResultFileError
 from ..microscope.results import DIRECTIONS, RETRACE, Image, Line
+from ..microscope.unlabelled import as_image
 from ..microscope.verbs import Scan
 from ..schema import build
 from .disk import Disk
 from .writing import checked, reason
+
+if TYPE_CHECKING:
+    import xarray
 
 _FORMAT = "afm_model scan 1"
 
@@ -188,7 +192,7 @@ def _place(channel: str, direction: str) -> str:
     return f"channels/{channel}/{direction}"
 
 
-def write_scan(path: Path | str, image: Image, *, overwrite: bool = False) -> Path:
+def write_scan(path: Path | str, image: "Image | xarray.Dataset", *, overwrite: bool = False) -> Path:
     """Write a scan that is in memory into an HDF5 file, in the format of `ScanFile`.
 
     The times of the lines are not in an `Image`: all are told to have begun at its start.
@@ -198,6 +202,7 @@ def write_scan(path: Path | str, image: Image, *, overwrite: bool = False) -> Pa
     ResultFileError
         If it cannot be written.
     """
+    image = as_image(image)
     file = ScanFile(
         path,
         image.scan,

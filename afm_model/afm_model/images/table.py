@@ -4,15 +4,20 @@ import csv
 import math
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..microscope.results import Image
+from ..microscope.unlabelled import as_image
 from . import level
 from .describing import description
 from .layers import Layer, layers
 from .prefix import prefixed
 from .writing import replacing
+
+if TYPE_CHECKING:
+    import xarray
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,7 @@ class Figures:
     rms_levelled: float  # about the plane of least squares; of a height its roughness, Sq
 
 
-def figures(image: Image) -> list[Figures]:
+def figures(image: "Image | xarray.Dataset") -> list[Figures]:
     """The figures of every layer of a scan."""
     return [_figures(each) for each in layers(image)]
 
@@ -58,8 +63,9 @@ def _figures(found: Layer) -> Figures:
 _COLUMNS = ("mean", "median", "least", "largest", "rms", "rms_levelled")
 
 
-def text_table(image: Image) -> str:
+def text_table(image: "Image | xarray.Dataset") -> str:
     """The notes of a scan and its figures, to be read by people."""
+    image = as_image(image)
     notes = description(image)
     wide = max(map(len, notes))
     rows = [["layer", "unit", "measured", *(name.replace("rms_levelled", "rms less plane") for name in _COLUMNS)]]
@@ -77,14 +83,14 @@ def text_table(image: Image) -> str:
     return "\n".join(lines) + "\n"
 
 
-def write_table(path: Path | str, image: Image) -> Path:
+def write_table(path: Path | str, image: "Image | xarray.Dataset") -> Path:
     """Write the figures of a scan: .csv with numbers in SI units, .txt as text to be read.
 
     Parameters
     ----------
     path : Path or str
         Ends with .csv or .txt. A file of this name is replaced once the new one is whole.
-    image : Image
+    image : Image, or its labelled arrays
 
     Returns
     -------

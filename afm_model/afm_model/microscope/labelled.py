@@ -137,10 +137,11 @@ def _curve_variables(result: Curve) -> dict[str, tuple[_Array, str]]:
     return found | {"force": (force, "N")}
 
 
-_CURVE_NUMBERS = (
+CURVE_NUMBERS = (
     *("triggered", "trigger", "approach_rate", "retract_rate", "deflection_sensitivity", "spring_constant"),
     *("x", "y"),
 )
+"""Fields of a curve that are single numbers."""
 _FLAGS = {"flag_values": [APPROACH, DWELL, RETRACT], "flag_meanings": "approach dwell retract"}
 
 
@@ -150,7 +151,7 @@ def curve(result: Curve) -> "xarray.Dataset":
         name: _variable(("time",), values, name, unit) for name, (values, unit) in _curve_variables(result).items()
     }
     variables["phase"][2].update(_FLAGS)
-    attributes = {name: getattr(result, name) for name in _CURVE_NUMBERS}
+    attributes = {name: getattr(result, name) for name in CURVE_NUMBERS}
     attributes["triggered"] = int(result.triggered)
     time = {"time": _variable(("time",), result.record.time, "time", "s")}
     return _xarray().Dataset(variables, time, attributes)
@@ -174,7 +175,7 @@ def curves(results: Sequence[Curve]) -> "xarray.Dataset":
     units |= {"deflection_sensitivity": "m/V", "spring_constant": "N/m", "triggered": "1"}
     coordinates = {
         name: ("curve", [float(getattr(each, name)) for each in results], {"units": units[name]})
-        for name in _CURVE_NUMBERS
+        for name in CURVE_NUMBERS
     }
     return _xarray().Dataset(variables, coordinates)
 

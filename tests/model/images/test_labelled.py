@@ -5,8 +5,10 @@ import pytest
 import xarray
 
 from afm_model.analysis import Estimate
+from afm_model.images import text_table, write_curve_tab, write_curves, write_gwy
 from afm_model.microscope.labelled import curves, labelled
 from afm_model.microscope.results import Calibration, Loop, PathRecord, Record
+from afm_model.microscope.unlabelled import as_image
 from afm_model.microscope.verbs import FrictionLoop, ScanPath
 
 from . import scans
@@ -80,3 +82,45 @@ def test_curves_of_different_lengths_are_one_array_that_ends_with_nan():
 def test_what_has_no_labelled_form_is_returned_as_it_is():
     assert labelled(None) is None
     assert labelled([]) == []
+
+
+def test_labelled_scan_is_written_as_the_scan_itself(tmp_path):
+    image = scans.scanned(20, angle=0.5, direction="down", channels="height, lateral, x", slow_axis=False)
+    image.units["x"] = image.units.pop("error")
+    for way in ("trace", "retrace"):
+        image.data["x", way] = image.data.pop(("error", way))
+    made = labelled(image)
+    made.to_netcdf(tmp_path / "scan.nc")
+    with xarray.open_dataset(tmp_path / "scan.nc") as read:
+        for dataset in (made, read):
+            again = as_image(dataset)
+            assert (again.scan, again.units, again.metadata) == (image.scan, image.units, image.metadata)
+            assert (again.start, again.line_rate, again.lines_done) == (0.5, 0.998, 20)
+            assert again.complete is False
+            assert (
+                write_gwy(tmp_path / "a.gwy", dataset).read_bytes() == write_gwy(tmp_path / "b.gwy", image).read_bytes()
+            )
+            assert text_table(dataset) == text_table(image)
+
+
+def test_labelled_curves_are_written_as_the_curves_themselves(tmp_path):
+    several = [scans.curve(), scans.curve(1e-9, dwell=7)]
+    for result in (several[0], several):
+        made = labelled(result)
+        made.to_netcdf(tmp_path / "curves.nc")
+        with xarray.open_dataset(tmp_path / "curves.nc") as read:
+            for dataset in (made, read):
+                one, other = write_curves(tmp_path / "curves.h5", dataset), tmp_path / "again" / "curves.h5"
+                other.parent.mkdir(exist_ok=True)
+                assert one.read_bytes() == write_curves(other, result).read_bytes()
+    with pytest.raises(ValueError, match=r"a \.tab file holds one force curve, these are 2"):
+        write_curve_tab(tmp_path / "curves.tab", several)
+
+
+def test_something_else_is_refused_in_a_sentence(tmp_path):
+    loop = labelled(results()["loop"])
+    with pytest.raises(ValueError, match="this is no scan, neither an Image nor the labelled arrays of one: Dataset"):
+        write_gwy(tmp_path / "loop.gwy", loop)
+    with pytest.raises(ValueError, match="these are no force curves, neither Curve nor their labelled arrays: Dataset"):
+        write_curves(tmp_path / "loop.h5", loop)
+    assert not list(tmp_path.iterdir())
