@@ -16,6 +16,7 @@ setup(
     install_requires=["setuptools", "numpy", "scipy", "numba", "pydantic>=2", "pyyaml", "rich"],
     extras_require={
         "plot": ["matplotlib"],
+        "files": ["xarray", "h5py", "gwyfile"],
         "sweep": ["dask", "distributed", "pandas"],
         "margins": ["control"],
     },

@@ -24,6 +24,10 @@ class LawError(RuntimeError):
     """A law that runs somewhere else does not start or does not answer; the message says why."""
 
 
+class ResultFileError(RuntimeError):
+    """A file of results that cannot be written or read; the message names the file and says why."""
+
+
 class MalformedError(RuntimeError):
     """Bytes that are no message, or not one that can be meant; the message says in a clause what is wrong with them."""
 

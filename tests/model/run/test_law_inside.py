@@ -187,7 +187,9 @@ def test_piece_that_takes_long_is_followed_by_a_shorter_one() -> None:
         return now[0]
 
     bench = Bench("lockstep")
-    run = Run(parameters("tanh"), bench.link, clock, Listeners(block=lambda block, _: lengths.append(len(block.drives))))
+    run = Run(
+        parameters("tanh"), bench.link, clock, Listeners(block=lambda block, _: lengths.append(len(block.drives)))
+    )
     for _ in range(4):
         run.step()
     assert run.instrument.ticks == 3

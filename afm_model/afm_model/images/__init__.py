@@ -1,0 +1,37 @@
+"""Scans and force curves as files that other programs open, as pictures and as tables. Needs no ROS.
+
+What a format needs (gwyfile, h5py, matplotlib) is imported when a file is written, not before.
+"""
+
+from .curves import write_curve_tab, write_curves
+from .gsf import write_gsf
+from .gwy import write_gwy
+from .layers import Layer, layer, layers
+from .level import lines as level_lines
+from .level import plane as level_plane
+from .picture import picture, sheet, write_picture, write_sheet
+from .scan_hdf5 import ScanFile, read_scan, write_scan
+from .table import Figures, figures, text_table, write_table
+
+__all__ = [
+    "Figures",
+    "Layer",
+    "ScanFile",
+    "figures",
+    "layer",
+    "layers",
+    "level_lines",
+    "level_plane",
+    "picture",
+    "read_scan",
+    "sheet",
+    "text_table",
+    "write_curve_tab",
+    "write_curves",
+    "write_gsf",
+    "write_gwy",
+    "write_picture",
+    "write_scan",
+    "write_sheet",
+    "write_table",
+]

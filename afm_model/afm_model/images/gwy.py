@@ -1,0 +1,85 @@
+"""Scans as files of Gwyddion, .gwy: every layer, with units, size, place and notes."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..microscope.results import Image
+from ..microscope.unlabelled import as_image
+from .describing import description
+from .layers import Layer, layers
+from .writing import replacing
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
+    """Write all layers of a scan into a .gwy file.
+
+    Row 0 of the file is the top of the picture, that is the largest y of the frame. Values are double precision in SI
+    units. What is not measured is the layer's mean and masked, as Gwyddion itself does it with files that hold NaN.
+    The angle has no place of its own in the format; it is among the notes. There is no boolean component: a reader in
+    use, AFMReader up to 0.0.7, never ends at one.
+
+    Parameters
+    ----------
+    path : Path or str
+        Ends with .gwy. A file of this name is replaced once the new one is whole.
+    image : Image, or its labelled arrays
+        A scan, as far as it came.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ResultFileError
+        If it cannot be written.
+    ImportError
+        If gwyfile is not installed.
+    """
+    try:
+        from gwyfile.objects import GwyContainer
+    except ImportError:
+        raise ImportError("a .gwy file needs gwyfile, which is not installed: pip install gwyfile") from None
+    image = as_image(image)
+    notes = description(image)
+    content: Any = GwyContainer()
+    for number, each in enumerate(layers(image)):
+        place = f"/{number}"
+        measured = each.measured
+        filled = np.where(measured, each.values, each.values[measured].mean() if measured.any() else 0.0)
+        content[f"{place}/data"] = _field(image, filled, each.unit)
+        content[f"{place}/data/title"] = each.title
+        if not measured.all():
+            content[f"{place}/mask"] = _field(image, np.where(measured, 0.0, 1.0), "")
+        content[f"{place}/meta"] = GwyContainer(_notes(each, notes), dict.fromkeys(_notes(each, notes), "s"))
+        # A text of one character would be taken for a number.
+        content.typecodes[f"{place}/data/title"] = "s"
+    with replacing(path, ".gwy") as beside:
+        content.tofile(str(beside))
+    return Path(path)
+
+
+def _notes(layer: Layer, notes: dict[str, str]) -> dict[str, str]:
+    # A NUL ends a text in the file.
+    return {"Channel": layer.name} | {name: value.replace("\0", "") for name, value in notes.items()}
+
+
+def _field(image: Image, values: Any, unit: str) -> Any:
+    from gwyfile.objects import GwyDataField
+
+    scan = image.scan
+    # Offsets are those of the frame's least x and y, which is where Gwyddion's own importers put them.
+    return GwyDataField(
+        np.ascontiguousarray(values[::-1]),
+        xreal=float(scan.size_x),
+        yreal=float(scan.height),
+        xoff=float(scan.centre_x - 0.5 * scan.size_x),
+        yoff=float(scan.centre_y - 0.5 * scan.height),
+        si_unit_xy="m",
+        si_unit_z="" if unit == "1" else unit,
+    )

@@ -1,0 +1,71 @@
+"""The layers of a scan: every channel in each direction, and what is made of trace and retrace."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..microscope.results import DIRECTIONS, TRACE, Image
+from ..microscope.unlabelled import as_image
+
+if TYPE_CHECKING:
+    import xarray
+
+_Array = NDArray[np.float64]
+TITLES = {
+    "height": "Height",
+    "error": "Deflection Error",
+    "lateral": "Lateral Force",
+    "x": "X",
+    "y": "Y",
+}
+"""Of channels, as programs show them; that of another channel is its name."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One picture of a scan."""
+
+    name: str
+    """As in the name of a file: `height_trace`, `friction`."""
+    title: str
+    """As programs show it: `Height`, `Height Retrace`, `Friction`."""
+    unit: str
+    values: _Array
+    """(lines, pixels), row 0 at the least y, NaN where nothing is measured."""
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """Where there is a value (lines, pixels)."""
+        return np.isfinite(self.values)
+
+
+def layers(image: "Image | xarray.Dataset") -> list[Layer]:
+    """Every layer of a scan, in order of measurement; friction and crosstalk last, if the lateral force is in it."""
+    image = as_image(image)
+    found = []
+    for channel, unit in image.units.items():
+        for direction in DIRECTIONS:
+            title = TITLES.get(channel, channel) + ("" if direction == TRACE else " Retrace")
+            name = f"{channel.replace('/', '_')}_{direction}"
+            found.append(Layer(name, title, unit, image.data[channel, direction]))
+    if "lateral" in image.units:
+        unit = image.units["lateral"]
+        found.append(Layer("friction", "Friction", unit, image.friction()))
+        found.append(Layer("crosstalk", "Crosstalk", unit, image.crosstalk()))
+    return found
+
+
+def layer(image: "Image | xarray.Dataset", name: str) -> Layer:
+    """The layer of this name.
+
+    Raises
+    ------
+    ValueError
+        If the scan has none of this name; the message lists those that it has.
+    """
+    every = {each.name: each for each in layers(image)}
+    if name not in every:
+        raise ValueError(f"the scan has no layer {name!r}: it must be one of {', '.join(every)}")
+    return every[name]

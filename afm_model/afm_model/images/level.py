@@ -1,0 +1,96 @@
+"""Levelling of a picture for the eye: a plane, or line by line. NaN stays NaN and is never fitted.
+
+`exclude` is True where the surface is not to be fitted (a particle, a step); it is levelled with the rest.
+"""
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Array = NDArray[np.float64]
+_Mask = NDArray[np.bool_]
+
+
+def _fitted(values: _Array, exclude: _Mask | None) -> _Mask:
+    if values.ndim != 2:
+        raise ValueError(f"a picture has 2 dimensions, this one {values.ndim}")
+    if exclude is None:
+        return np.isfinite(values)
+    if exclude.shape != values.shape:
+        raise ValueError(f"exclude is {exclude.shape}: it must be as the picture, {values.shape}")
+    return np.isfinite(values) & ~exclude.astype(bool)
+
+
+def plane(values: _Array, exclude: _Mask | None = None) -> _Array:
+    """The picture without the plane of least squares through it.
+
+    Parameters
+    ----------
+    values : ndarray (lines, pixels)
+    exclude : ndarray (lines, pixels) of bool, optional
+
+    Returns
+    -------
+    ndarray (lines, pixels)
+        Mean 0 over what was fitted. With a single line or column fitted: without its line of least squares. With
+        nothing to fit: as it was.
+
+    Raises
+    ------
+    ValueError
+        If the arrays are not pictures of one size.
+    """
+    fitted = _fitted(values, exclude)
+    if not fitted.any():
+        return values.copy()
+    rows, columns = (np.linspace(-1.0, 1.0, count) if count > 1 else np.zeros(1) for count in values.shape)
+    y, x = np.meshgrid(rows, columns, indexing="ij")
+    terms = np.stack([np.ones_like(x), x, y])
+    # By the mean first: heights of nanometres may stand on micrometres.
+    flat = values - values[fitted].mean()
+    found, *_ = np.linalg.lstsq(terms[:, fitted].T, flat[fitted], rcond=None)
+    return np.asarray(flat - np.tensordot(found, terms, axes=1))
+
+
+def lines(
+    values: _Array,
+    by: Literal["mean", "median", "polynomial"] = "median",
+    degree: int = 1,
+    exclude: _Mask | None = None,
+) -> _Array:
+    """The picture with every line levelled by itself, which takes drift and jumps between lines away.
+
+    Parameters
+    ----------
+    values : ndarray (lines, pixels)
+    by : str
+        What is taken off a line: its mean, its median, or its polynomial of least squares.
+    degree : int
+        Of the polynomial, 0 to 10.
+    exclude : ndarray (lines, pixels) of bool, optional
+
+    Returns
+    -------
+    ndarray (lines, pixels)
+        A line with too little to fit stays as it was.
+
+    Raises
+    ------
+    ValueError
+        If the arrays are not pictures of one size, for another `by`, or another `degree`.
+    """
+    if by not in ("mean", "median", "polynomial"):
+        raise ValueError(f"lines are levelled by mean, median or polynomial, not by {by!r}")
+    if by == "polynomial" and not 0 <= degree <= 10:
+        raise ValueError(f"a polynomial of degree {degree} is not allowed: 0 to 10")
+    fitted = _fitted(values, exclude)
+    levelled = values.copy()
+    x = np.linspace(-1.0, 1.0, values.shape[1])
+    for row, use in zip(levelled, fitted, strict=True):
+        if by == "polynomial":
+            if use.sum() > degree:
+                row -= np.polynomial.Polynomial.fit(x[use], row[use], degree, domain=(-1.0, 1.0))(x)
+        elif use.any():
+            row -= np.mean(row[use]) if by == "mean" else np.median(row[use])
+    return levelled
