@@ -57,9 +57,11 @@ class Tuning(Job):
         VerbError
             If no resonance is found.
         """
-        if self._collector is None or not self._collector.over:
+        if self._collector is None:
             return None
         volts = self._collector.record().channels["deflection_voltage"]
+        if volts.size * self.bench.sample_period < self.verb.duration * (1.0 - 1e-9):
+            return None
         parameters = self.bench.parameters
         sensitivity = parameters.detector.deflection_sensitivity
         rate = 1.0 / self.bench.sample_period

@@ -126,8 +126,10 @@ class Collector:
             if signal.row >= 0:
                 values[number] = block.samples[signal.row, begin:end]
             else:
-                ticks = block.measurements[signal.field][:, signal.axis]
-                values[number] = ticks[np.arange(begin, end) // self._per_tick]
+                # Sensors are read at control ticks; from one to the next the place goes on as it is asked to.
+                tick, late = np.divmod(np.arange(begin, end), self._per_tick)
+                at, speed = (block.measurements[name][:, signal.axis] for name in (signal.field, "reference_velocity"))
+                values[number] = at[tick] + late * self.sample_period * speed[tick]
         self._add(values, self.taken - self.first)
         self.taken = block.first_sample + end
 

@@ -5,9 +5,19 @@ import threading
 from types import FrameType, TracebackType
 from typing import Any
 
+from .results import Outcome
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C was pressed; the tip is withdrawn, and `outcome` has what was measured."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        super().__init__(outcome.message)
+        self.outcome = outcome
+
 
 class Interrupts:
-    """Keeps Ctrl-C back as long as it is entered; KeyboardInterrupt is raised at the end.
+    """Keeps Ctrl-C back as long as it is entered.
 
     In another thread than the main one nothing is kept back: it gets no signals.
     """
@@ -30,5 +40,3 @@ class Interrupts:
     ) -> None:
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
-        if self.there and error is None:
-            raise KeyboardInterrupt

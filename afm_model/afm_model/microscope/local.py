@@ -9,7 +9,7 @@ from ..instrument import Instrument
 from ..parameters import ControllerParameters, InstrumentParameters, build, flatten
 from ..schema import Value
 from .backend import OnLine, OnProgress
-from .interrupts import Interrupts
+from .interrupts import Interrupted, Interrupts
 from .jobs import Desk
 from .operator import Operator, ignore
 from .prepare import with_verbs
@@ -74,21 +74,23 @@ class Local:
         return self.operator.objection(verb)
 
     def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
-        """See `Backend`. Ctrl-C cancels the verb: the tip is withdrawn before KeyboardInterrupt goes on."""
+        """See `Backend`. Ctrl-C cancels the verb: the tip is withdrawn before `Interrupted` is raised."""
         operator = self.operator
         operator.on_line = on_line or ignore
         operator.begin(verb)
         with Interrupts() as interrupts:
             while operator.busy:
-                self._run()
+                self.step()
                 if on_progress is not None:
                     on_progress(operator.progress)
                 if interrupts.there:
                     operator.cancel("interrupted")
+        if interrupts.there:
+            raise Interrupted(operator.outcome())
         return operator.outcome()
 
-    def _run(self) -> None:
-        """To the end of a block, or of an order."""
+    def step(self) -> None:
+        """Go on to the end of a block, or of an order; for who does not want to wait for a whole verb."""
         instrument = self.instrument
         instrument.close_loop(self._law, self._ticks)
         self.operator.take(instrument.take_block())
@@ -108,13 +110,14 @@ class Local:
 
     def set_sample(self, changes: Mapping[str, Value]) -> None:
         """See `Backend`."""
-        self._exchange("sample", changes)
+        self.exchange("sample", changes)
 
     def set_probe(self, changes: Mapping[str, Value]) -> None:
         """See `Backend`."""
-        self._exchange("plant", changes)
+        self.exchange("plant", changes)
 
-    def _exchange(self, group: str, changes: Mapping[str, Value]) -> None:
+    def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
+        """Another sample, probe, detector or piezo; see `exchanged`."""
         self._begin(exchanged(self.instrument.parameters, self.state, group, changes))
 
     def close(self) -> None:
@@ -131,7 +134,7 @@ def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Val
     parameters : InstrumentParameters
     desk : Desk
     group : str
-        sample or plant.
+        sample, plant, detector or piezo.
     changes : mapping
         Names without the group. If `kind` is among them what is not given is that of a new part's defaults.
 
@@ -142,7 +145,7 @@ def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Val
     ParameterError
         If a name or value is not allowed.
     """
-    what = {"sample": "sample", "plant": "probe"}[group]
+    what = "probe" if group == "plant" else group
     if desk.near or desk.doing:
         raise VerbError(f"another {what} is not allowed while the tip may touch the sample: withdraw it first")
     values = flatten(parameters)

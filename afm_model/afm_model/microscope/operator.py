@@ -216,7 +216,8 @@ class Operator:
         try:
             return Outcome(self._status, self._message, self._job.result())
         except VerbError as error:
-            return Outcome(FAILED, self._message or str(error), None)
+            failed = FAILED if self._status == COMPLETE else self._status
+            return Outcome(failed, self._message or str(error), None)
 
     # What may be changed at any time, between two ticks.
 

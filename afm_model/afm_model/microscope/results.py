@@ -116,7 +116,7 @@ class Curve:
     y: float
     approach_rate: float  # [m/s]
     retract_rate: float
-    deflection_sensitivity: float  # for vertical motion of the tip, that the microscope believes [m/V]
+    deflection_sensitivity: float  # that the microscope believes [m/V]
     spring_constant: float  # for vertical forces, that it believes [N/m]
     trigger: float = 0.0  # rise of the deflection at which the approach was to end [V]; 0: none
 

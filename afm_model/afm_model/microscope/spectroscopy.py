@@ -93,11 +93,13 @@ class Curving(Job):
         x, y = bench.place
         return Curve(
             Record(record.time[part], values | {"phase": phase[part]}, units),
-            fired,
-            x,
-            y,
-            verb.approach_rate,
-            verb.retract_rate,
-            bench.vertical_sensitivity,
-            bench.vertical_stiffness,
+            triggered=fired,
+            x=x,
+            y=y,
+            approach_rate=verb.approach_rate,
+            retract_rate=verb.retract_rate,
+            # Both are those of vertical motion: their product times the voltage is the vertical force.
+            deflection_sensitivity=bench.vertical_sensitivity,
+            spring_constant=bench.vertical_stiffness,
+            trigger=self.trigger,
         )

@@ -1,0 +1,269 @@
+"""A microscope to work with, in this process or somewhere else, in the words of automated microscopy.
+
+    with Microscope("two_materials") as microscope:
+        microscope.approach()
+        image = microscope.scan(size_x=1e-6, pixels=128, lines=128, line_rate=2.0)
+        curve = microscope.get_spectrum(x=100e-9, y=0.0, trigger_force=20e-9)
+
+Every word takes the fields of its verb (`afm_model.microscope.verbs`), in SI units, waits for the end, and returns
+labelled arrays of xarray.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import ParameterError, VerbError
+from ..parameters import ControllerParameters, SimParameters, build, flatten
+from ..scenario import Scenario, load_scenario
+from ..schema import Value
+from . import verbs
+from .backend import Backend, OnLine, OnProgress
+from .interrupts import Interrupted
+from .jobs import Desk
+from .labelled import labelled
+from .local import Local
+from .results import COMPLETE, Outcome, Standing
+from .verbs import Verb
+
+if TYPE_CHECKING:
+    import xarray
+
+_V = TypeVar("_V", bound=Verb)
+
+
+class Microscope:
+    """What a microscope can do.
+
+    Time passes while it does something, and stands still in between (one that runs somewhere else in real time goes
+    on). Ctrl-C withdraws the tip. At the end, `close` or a `with`, the tip is withdrawn.
+
+    Parameters
+    ----------
+    preset : str, path, Scenario or Backend
+        One of `afm_model.scenario_names()`, such as two_materials, a file, or what carries out verbs somewhere else.
+    controller : ControllerParameters, optional
+        The law that moves x and y; that of the scenario if not given.
+    on_progress, on_line : callable, optional
+        Called now and then with how far a verb is (`Progress`), and with every `Line` of a scan.
+    **changes : mapping
+        Groups of parameters of the instrument that differ from the preset's: `sample={"width": 50e-9}`. With `kind` in
+        it what is not given is that of the new part's defaults.
+
+    Raises
+    ------
+    ScenarioError, ParameterError
+        If there is no such preset, or a parameter is not allowed.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        How the last verb has ended, with its result as it is written to files (`afm_model.images`).
+    """
+
+    outcome: Outcome
+
+    def __init__(
+        self,
+        preset: "str | os.PathLike[str] | Scenario | Backend" = "two_materials",
+        controller: ControllerParameters | None = None,
+        *,
+        on_progress: OnProgress | None = None,
+        on_line: OnLine | None = None,
+        **changes: Mapping[str, Value],
+    ) -> None:
+        self.on_progress, self.on_line = on_progress, on_line
+        if not isinstance(preset, str | os.PathLike | Scenario):
+            if changes or controller is not None:
+                raise ParameterError(
+                    f"{', '.join([*changes, *(['controller'] if controller is not None else [])])}: not allowed with a "
+                    f"microscope that runs somewhere else, which has its own"
+                )
+            self.backend: Backend = preset
+            return
+        scenario = preset if isinstance(preset, Scenario) else load_scenario(preset)
+        self.backend = Local(_changed(scenario.sim, changes), controller or scenario.controller)
+
+    def __enter__(self) -> "Microscope":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Withdraw the tip, and let go of the instrument."""
+        self.backend.close()
+
+    @property
+    def state(self) -> Desk:
+        """Where it stands: approached, feedback, setpoint [V], gains, place [m]."""
+        return self.backend.state
+
+    def do(self, verb: Verb) -> Any:
+        """Do a verb and wait for its end.
+
+        Returns
+        -------
+        xarray.Dataset, DataArray or Standing
+            See `afm_model.microscope.labelled`.
+
+        Raises
+        ------
+        VerbError
+            If it cannot be begun, or has not come to its end; `outcome` then has what was measured.
+        """
+        try:
+            self.outcome = self.backend.execute(verb, self.on_progress, self.on_line)
+        except Interrupted as error:
+            self.outcome = error.outcome
+            raise
+        if self.outcome.status != COMPLETE:
+            raise VerbError(self.outcome.message)
+        return labelled(self.outcome.result)
+
+    def objection(self, verb: Verb) -> str:
+        """Why a verb cannot be begun now, one sentence; empty if it can."""
+        return self.backend.objection(verb)
+
+    # To the sample and away from it.
+
+    def approach(self, **fields: Value) -> Standing:
+        """Go to the sample and follow it; fields of `Approach`."""
+        result: Standing = self.do(_verb(verbs.Approach, fields))
+        return result
+
+    def withdraw(self, **fields: Value) -> Standing:
+        """Go away from the sample; fields of `Withdraw`."""
+        result: Standing = self.do(_verb(verbs.Withdraw, fields))
+        return result
+
+    def move_to(self, x: float, y: float, **fields: Value) -> Standing:
+        """Move to a place [m]; fields of `MoveTo`."""
+        result: Standing = self.do(_verb(verbs.MoveTo, {"x": x, "y": y, **fields}))
+        return result
+
+    go_to = move_to
+
+    # Images.
+
+    def scan(self, **fields: Value) -> "xarray.Dataset":
+        """An image, line by line; fields of `Scan`."""
+        return self.do(_verb(verbs.Scan, fields))
+
+    get_scan = scan
+
+    def scan_individual_line(
+        self, direction: Literal["horizontal", "vertical"] = "horizontal", coord: float = 0.0, **fields: Value
+    ) -> "xarray.Dataset":
+        """One line, trace and retrace.
+
+        Parameters
+        ----------
+        direction : str
+            horizontal: along x; vertical: along y.
+        coord : float [m]
+            Where it crosses the other axis.
+        **fields
+            Of `Scan`; `centre_x` is where the middle of a horizontal line is, `centre_y` that of a vertical one.
+        """
+        if direction == "horizontal":
+            along: dict[str, Value] = {"centre_y": coord}
+        elif direction == "vertical":
+            along = {"centre_x": coord, "angle": 0.5 * np.pi}
+        else:
+            raise VerbError(f"direction = {direction} is not allowed: it must be horizontal or vertical")
+        return self.do(_verb(verbs.Scan, {"lines": 1, "slow_axis": False, **along, **fields}))
+
+    def scan_arbitrary_path(self, path_points: ArrayLike, **fields: Value) -> "xarray.Dataset":
+        """Measure along straight lines from place to place.
+
+        Parameters
+        ----------
+        path_points : array_like (n, 2) [m]
+            x and y of the places, in turn.
+        **fields
+            Of `ScanPath`.
+        """
+        points = np.asarray(path_points, np.float64)
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise VerbError(f"path_points of shape {points.shape} are not allowed: they must be of shape (n, 2)")
+        return self.do(_verb(verbs.ScanPath, {"x": tuple(points[:, 0]), "y": tuple(points[:, 1]), **fields}))
+
+    def friction_loop(self, **fields: Value) -> "xarray.Dataset":
+        """Lines to and fro through where the scanner stands; fields of `FrictionLoop`."""
+        return self.do(_verb(verbs.FrictionLoop, fields))
+
+    # Force curves.
+
+    def force_curve(self, **fields: Value) -> "xarray.Dataset":
+        """Force curves where the scanner stands; fields of `ForceCurve`."""
+        return self.do(_verb(verbs.ForceCurve, fields))
+
+    def get_spectrum(self, x: float | None = None, y: float | None = None, **fields: Value) -> "xarray.Dataset":
+        """Force curves at a place [m], or where the scanner stands; fields of `ForceCurve`."""
+        if x is not None or y is not None:
+            at = self.state.place
+            self.move_to(at[0] if x is None else x, at[1] if y is None else y)
+        return self.force_curve(**fields)
+
+    # Calibration.
+
+    def thermal_tune(self, **fields: Value) -> "xarray.DataArray":
+        """Spring constant from thermal noise; fields of `ThermalTune`."""
+        return self.do(_verb(verbs.ThermalTune, fields))
+
+    def calibrate_sensitivity(self, **fields: Value) -> "xarray.DataArray":
+        """Sensitivity of the deflection [m/V]; fields of `CalibrateSensitivity`."""
+        return self.do(_verb(verbs.CalibrateSensitivity, fields))
+
+    def calibrate_lateral(self, **fields: Value) -> "xarray.DataArray":
+        """Sensitivity of the lateral signal [N/V] on a wedge; fields of `CalibrateLateral`."""
+        return self.do(_verb(verbs.CalibrateLateral, fields))
+
+    # Settings.
+
+    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
+        """Setpoint of the deflection, as force of the cantilever [N] or as voltage [V]."""
+        self.backend.set_setpoint(force=force, voltage=voltage)
+
+    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
+        """Gains of the z loop, P [m/V] and I [m/(V s)]; None: as it is."""
+        self.backend.set_gains(proportional, integral)
+
+    def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
+        """What the z loop does with an approached tip: follow, stay, stay and refuse scans, or let the controller."""
+        self.backend.set_feedback(mode)
+
+    def set_sample(self, **changes: Value) -> None:
+        """Another sample, by parameters `sample.*`; only with the tip withdrawn. Simulated time begins anew."""
+        self.backend.set_sample(changes)
+
+    def set_probe(self, **changes: Value) -> None:
+        """Another cantilever, by parameters `plant.*`, such as `lever`; as `set_sample`."""
+        self.backend.set_probe(changes)
+
+
+def _verb(kind: type[_V], fields: Mapping[str, Any]) -> _V:
+    """A verb of its fields; VerbError, one sentence, if one is not allowed."""
+    given = {name: value for name, value in fields.items() if not isinstance(value, Sequence) or isinstance(value, str)}
+    try:
+        made = build(kind, given)
+    except ParameterError as error:
+        raise VerbError(str(error)) from None
+    lists = {name: value for name, value in fields.items() if name not in given}
+    return kind.model_validate(made.model_dump() | lists) if lists else made
+
+
+def _changed(parameters: SimParameters, changes: Mapping[str, Mapping[str, Value]]) -> SimParameters:
+    values = flatten(parameters)
+    for group, news in changes.items():
+        if "kind" in news:
+            values = {name: value for name, value in values.items() if not name.startswith(f"{group}.")}
+        values |= {f"{group}.{name}": value for name, value in news.items()}
+    return build(SimParameters, values)
