@@ -52,6 +52,8 @@ class Declared(Generic[G]):
     model : type[Group]
     tunable : tuple of str
         Names, or prefixes that end in a dot, of what may change while the node runs; the rest is read-only.
+    complete : callable, optional
+        Called with what was given at start; what it returns are the parameters.
     accepts : callable, optional
         Called with validated parameters, at start and before a change; refuses them by raising ParameterError.
     on_change : callable, optional
@@ -69,6 +71,7 @@ class Declared(Generic[G]):
         model: type[G],
         *,
         tunable: tuple[str, ...] = (),
+        complete: Callable[[G], G] | None = None,
         accepts: Callable[[G], object] | None = None,
         on_change: Callable[[G], None] | None = None,
     ) -> None:
@@ -77,6 +80,8 @@ class Declared(Generic[G]):
         given = {name: p.value for name, p in node._parameter_overrides.items() if not _foreign(name)}
         given = resolved(model, given)
         current = build(model, given | timing_inside(model, given))
+        if complete is not None:
+            current = complete(current)
         if accepts is not None:
             accepts(current)
         self.current = current
