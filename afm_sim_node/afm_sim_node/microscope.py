@@ -44,15 +44,18 @@ class Microscope:
         Its attendant was made by `attend`; its listener `verb_over` calls `verb_over`.
     exchange : Exchanging
         Puts in another sample or probe.
+    changed : callable
+        changed(): the loop inside was set.
     """
 
-    def __init__(self, node: Node, run: Run, exchange: Exchanging) -> None:
+    def __init__(self, node: Node, run: Run, exchange: Exchanging, changed: Callable[[], object]) -> None:
         self._run = run
         self._lines = ScanLines(node)
         self._status = node.create_publisher(MicroscopeMessage, topics.MICROSCOPE, topics.LATCHED_QOS)
         self._told: Any = None
         self._verbs = Verbs(node, run, self._begun, self.publish)
-        Settings(node, run, exchange, self.publish)
+        self._changed = changed
+        Settings(node, run, exchange, self._on_setting)
         self.publish()
 
     @property
@@ -81,6 +84,10 @@ class Microscope:
         if isinstance(verb, Scan):
             found = signals(self._run.instrument, channel_names(verb.channels))
             self._lines.begin(verb, {name: signal.unit for name, signal in found.items()})
+
+    def _on_setting(self) -> None:
+        self._changed()
+        self.publish()
 
     def publish(self) -> None:
         """Publish what the microscope is doing, if that has changed."""

@@ -59,8 +59,15 @@ class SimNode(Node):
     def __init__(self) -> None:
         super().__init__("afm_sim_node", namespace=topics.NAMESPACE)
         declared = Declared(
-            self, SimNodeParameters, tunable=TUNABLE, complete=_with_verbs, accepts=_check_law_inside, on_change=self._on_change
+            self,
+            SimNodeParameters,
+            tunable=TUNABLE,
+            complete=_with_verbs,
+            accepts=_check_law_inside,
+            on_change=self._on_change,
+            exchanged=_exchanged,
         )
+        self._declared = declared
         self.parameters = parameters = declared.current
         self.process = parameters.process
         self.exit_code = 0
@@ -93,7 +100,7 @@ class SimNode(Node):
         if self.run.attendant is not None:
             from .microscope import Microscope
 
-            self._microscope = Microscope(self, self.run, self._exchange)
+            self._microscope = Microscope(self, self.run, self._exchange, self._on_setting)
         self._recorder_problem = ""
         if parameters.safety.unrecorded:
             Ears(self).listen(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
@@ -194,6 +201,22 @@ class SimNode(Node):
 
         return partial(attend, self._on_line)
 
+    def _exchange(self, group: str, changes: dict[str, Any]) -> None:
+        """Put in another sample or probe; raises ParameterError or VerbError."""
+        from afm_model.microscope.local import exchanged
+
+        made = exchanged(self._declared.current, self.run.attendant.state, group, changes)
+        self._faults.look()
+        self.run.exchange(made)
+        self._declared.exchange(made)
+        self.parameters = made
+
+    def _on_setting(self) -> None:
+        """The loop inside was set by a service: so it stands in the parameters, and is recorded."""
+        onboard = self.run.instrument.parameters.onboard
+        self._declared.exchange(self._declared.current.model_copy(update={"onboard": onboard}))
+        self.parameters = self._declared.current
+
     def _on_line(self, line: "Line") -> None:
         if self._microscope is not None:
             self._microscope.put_line(line)
@@ -238,6 +261,14 @@ def _with_verbs(parameters: SimNodeParameters) -> SimNodeParameters:
     from afm_model.microscope.prepare import with_verbs
 
     return with_verbs(parameters)
+
+
+def _exchanged(parameters: SimNodeParameters) -> dict[str, str]:
+    """What services change, where verbs are ordered."""
+    if parameters.reference.kind != "verbs":
+        return {}
+    setting = f"{topics.SET_SETPOINT}, {topics.SET_GAINS} or {topics.SET_FEEDBACK}"
+    return {"sample.": topics.SET_SAMPLE, "plant.": topics.SET_PROBE, "onboard.": setting}
 
 
 def _check_law_inside(parameters: SimNodeParameters) -> None:

@@ -63,14 +63,18 @@ class Attendance:
 
     def __init__(self, course: Course, make: Attending, over: Callable[[Any], None]) -> None:
         self._course, self._make, self._over = course, make, over
-        self._orders = course.instrument.orders
         self.attendant = make(course.instrument)
         """It is another one after a reset."""
-        self._tick, course.tick = course.tick, self._tick_and_look
+        self.wrap()
         course.look = self.look
         # In real time simulated time cannot stand still.
         if course.parameters.run.mode == "lockstep":
             course.idle = self._idle
+
+    def wrap(self) -> None:
+        """Look behind every tick of the course."""
+        self._orders = self._course.instrument.orders
+        self._tick, self._course.tick = self._course.tick, self._tick_and_look
 
     def _idle(self) -> bool:
         return not self.attendant.busy

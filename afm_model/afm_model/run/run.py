@@ -274,6 +274,28 @@ class Run:
         self._watch = Stopwatch(course.clock)
         self._life.go(Cause.RESET)
 
+    def exchange(self, parameters: SimParameters) -> None:
+        """Go on with another instrument, from its start: another sample, another cantilever.
+
+        Raises
+        ------
+        ParameterError
+            If there can be no such instrument; nothing changes then.
+        """
+        course = self._course
+        # What was recorded of the one before is handed on while it is there.
+        course.ticker.flush()
+        self.instrument.exchange(parameters)
+        course.parameters = parameters
+        course.tick = course.ticker.tick
+        self._guard = Guard(course)
+        if parameters.safety.guarded:
+            course.tick = self._guard.tick
+        if self._attendance is not None:
+            self._attendance.wrap()
+        self._pacing = self._choose_pacing()
+        self.reset()
+
     def tell_why_waiting(self, detail: str) -> None:
         """Say what a run that has not started waits for, where that needs a word; empty: nothing special."""
         if self.state == State.WAITING:
