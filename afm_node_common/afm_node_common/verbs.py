@@ -169,7 +169,7 @@ _OF_CURVE = (
 
 
 def _curve_message(curve: Curve) -> Any:
-    plain = {name: getattr(curve, name) for name in _OF_CURVE}
+    plain = {name: getattr(curve, name) for name in _OF_CURVE} | {"triggered": bool(curve.triggered)}
     return CurveMessage(record=_record_message(curve.record), **plain)
 
 
