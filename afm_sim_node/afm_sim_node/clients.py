@@ -49,7 +49,7 @@ class Feedback:
 
     @property
     def gone(self) -> bool:
-        """Whether all that may be the client have gone; to be asked some times a second, beside `publish`."""
+        """Whether all that may be the client have gone; to be asked some times a second, before `publish`."""
         now = time.monotonic()
         passed, self._looked_at = min(now - self._looked_at, _LONGEST_LOOK), now
         # Who is matched only after the goal has come may be the client, too.

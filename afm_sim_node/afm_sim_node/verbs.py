@@ -90,11 +90,12 @@ class Verbs:
         if going is None or going.goal is None:
             return
         feedback, progress = self._feedback[going.name], self._run.attendant.progress
-        told = type_of(going.name).Feedback(progress=float(progress.fraction), detail=progress.detail)
-        feedback.publish(going.goal, told)
+        # First: what is published now has not been acknowledged yet.
         if feedback.gone:
             self._log.warning(f"the client of {going.name} has gone: it is cancelled and the tip withdrawn")
             self._run.attendant.cancel("cancelled, because its client has gone")
+        told = type_of(going.name).Feedback(progress=float(progress.fraction), detail=progress.detail)
+        feedback.publish(going.goal, told)
 
     def verb_over(self, outcome: Outcome) -> None:
         """A verb has come to its end."""
