@@ -52,10 +52,15 @@ class Declared(Generic[G]):
     model : type[Group]
     tunable : tuple of str
         Names, or prefixes that end in a dot, of what may change while the node runs; the rest is read-only.
+    complete : callable, optional
+        Called with what was given at start; what it returns are the parameters.
     accepts : callable, optional
         Called with validated parameters, at start and before a change; refuses them by raising ParameterError.
     on_change : callable, optional
         Called with the new, validated parameters after a change.
+    exchanged : callable, optional
+        Called with the parameters at start: prefixes that end in a dot, of what `exchange` may change, and for each the
+        services that do.
 
     Raises
     ------
@@ -69,14 +74,19 @@ class Declared(Generic[G]):
         model: type[G],
         *,
         tunable: tuple[str, ...] = (),
+        complete: Callable[[G], G] | None = None,
         accepts: Callable[[G], object] | None = None,
         on_change: Callable[[G], None] | None = None,
+        exchanged: Callable[[G], Mapping[str, str]] | None = None,
     ) -> None:
         self._node, self._tunable, self._accepts, self._on_change = node, tunable, accepts, on_change
         # rclpy offers no public way to see values given for names that nobody declares.
         given = {name: p.value for name, p in node._parameter_overrides.items() if not _foreign(name)}
         given = resolved(model, given)
         current = build(model, given | timing_inside(model, given))
+        if complete is not None:
+            current = complete(current)
+        self._exchanged = exchanged(current) if exchanged is not None else {}
         if accepts is not None:
             accepts(current)
         self.current = current
@@ -108,13 +118,28 @@ class Declared(Generic[G]):
         self._node.set_parameters([Parameter(name, value=now[name]) for name in changed])
         return self.current
 
+    def exchange(self, parameters: G) -> None:
+        """Take other parameters of the groups in `exchanged`, whichever they have: only the node itself may."""
+        before, self.current = flatten(self.current), parameters
+        now = flatten(parameters)
+        self._model = type(parameters)
+        for name in before.keys() - now.keys():
+            self._node.undeclare_parameter(name)
+        self._declare(spec for spec in specifications(self._model) if spec.name not in before)
+        changed = [name for name in now.keys() & before.keys() if before[name] != now[name]]
+        self._node.set_parameters([Parameter(name, value=now[name]) for name in changed])
+
+    def _service_for(self, name: str) -> str:
+        """What changes a parameter while the node runs; empty: no service does."""
+        return next((service for prefix, service in self._exchanged.items() if name.startswith(prefix)), "")
+
     def _declare(self, specs: Iterable[Specification]) -> None:
         values = flatten(self.current)
         for spec in specs:
             name = spec.name
             free = any(name == each or (each.endswith(".") and name.startswith(each)) for each in self._tunable)
             # An entry may change, but not by anybody: see `_check`.
-            told = descriptor(spec, read_only=not free and not self._is_entry(name))
+            told = descriptor(spec, read_only=not free and not self._is_entry(name) and not self._service_for(name))
             self._node.declare_parameter(name, values[name], told, ignore_override=True)
 
     def _is_entry(self, name: str) -> bool:
@@ -125,6 +150,10 @@ class Declared(Generic[G]):
         current = flatten(self.current)
         known = {spec.name for spec in specifications(with_parts(self._model, current | values))}
         for name in values:
+            if (service := self._service_for(name)) and values[name] != current.get(name):
+                raise ParameterError(
+                    f"{name} = {values[name]} is not allowed while the node runs: it is changed by {service}"
+                )
             if name.endswith(".kind") and known != set(current):
                 raise ParameterError(
                     f"{name} = {values[name]} is not allowed while the node runs: it has other parameters than "

@@ -18,6 +18,9 @@ TELEMETRY = "telemetry"
 SCORE = "score"
 RECORDER_STATUS = "recorder_status"
 EVENTS = "events"
+SCAN_LINE = "scan_line"
+IMAGE = "image"
+MICROSCOPE = "microscope"
 
 PLAY = "play"
 PAUSE = "pause"
@@ -26,6 +29,11 @@ ORDER_FAULT = "order_fault"
 CLEAR_FAULTS = "clear_faults"
 RESUME = "resume"
 STEP = "step"
+SET_SETPOINT = "set_setpoint"
+SET_GAINS = "set_gains"
+SET_FEEDBACK = "set_feedback"
+SET_SAMPLE = "set_sample"
+SET_PROBE = "set_probe"
 
 
 def clock(namespace: str) -> str:
@@ -51,6 +59,8 @@ STREAM_QOS = _reliable(1000)
 """Blocks for recording: room for a recorder that falls behind for seconds."""
 EVENTS_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)
 """What has happened is kept for a recorder that joins late."""
+SCAN_LINE_QOS = _reliable(1024, DurabilityPolicy.TRANSIENT_LOCAL)
+"""Lines of a scan: those of an image of 512 lines are kept for whoever joins late."""
 LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """The last value is kept for whoever joins late."""
 EVERY_STATE_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)

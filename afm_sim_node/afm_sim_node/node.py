@@ -4,6 +4,7 @@ import signal
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from afm_msgs.msg import RecorderStatus
@@ -30,6 +31,12 @@ from .standard import INSTALLED, Standard
 from .streams import Streams, clock_bytes
 from .telemetry import Telemetry
 
+if TYPE_CHECKING:
+    from afm_model.microscope.results import Line, Outcome
+    from afm_model.run.attendance import Attending
+
+    from .microscope import Microscope
+
 TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout", "run.telemetry_rate", "law.")
 """What may change while the instrument runs; of the law one that is inside."""
 
@@ -52,8 +59,15 @@ class SimNode(Node):
     def __init__(self) -> None:
         super().__init__("afm_sim_node", namespace=topics.NAMESPACE)
         declared = Declared(
-            self, SimNodeParameters, tunable=TUNABLE, accepts=_check_law_inside, on_change=self._on_change
+            self,
+            SimNodeParameters,
+            tunable=TUNABLE,
+            complete=_with_verbs,
+            accepts=_check_law_inside,
+            on_change=self._on_change,
+            exchanged=_exchanged,
         )
+        self._declared = declared
         self.parameters = parameters = declared.current
         self.process = parameters.process
         self.exit_code = 0
@@ -63,12 +77,14 @@ class SimNode(Node):
         make_link = InsideLink if inside else TopicLink
         self._link = make_link(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
         samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
+        self._microscope: "Microscope | None" = None
         self.run = Run(
             parameters,
             self._link,
             time.monotonic,
-            Listeners(changed=self._on_state, block=self._on_block, ended=self._on_end),
+            Listeners(changed=self._on_state, block=self._on_block, ended=self._on_end, verb_over=self._on_verb_over),
             block_ticks=max(1, _BLOCK_SAMPLES // samples_per_tick),
+            attend=self._attend() if parameters.reference.kind == "verbs" else None,
         )
         """The life of the instrument."""
         self._streams = Streams(self, parameters, self.run.instrument.channels)
@@ -81,6 +97,10 @@ class SimNode(Node):
         self._faults = Faults(self, self.run, declared)
         self._control = Control(self, self.run, before_reset=self._faults.look)
         self._standard = Standard(self, self.run, self._control) if INSTALLED else None
+        if self.run.attendant is not None:
+            from .microscope import Microscope
+
+            self._microscope = Microscope(self, self.run, self._exchange, self._on_setting)
         self._recorder_problem = ""
         if parameters.safety.unrecorded:
             Ears(self).listen(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
@@ -94,6 +114,7 @@ class SimNode(Node):
             Chore(partial(self._look_for_peers, force=True), _DIAGNOSTICS_PERIOD),
             Chore(self._reporter.compose_diagnostics, _DIAGNOSTICS_PERIOD),
             Chore(self._reporter.publish_diagnostics, _DIAGNOSTICS_PERIOD),
+            *(self._microscope.chores if self._microscope is not None else ()),
         )
         self._reporter.log_state()
         self._reporter.publish_status()
@@ -145,6 +166,8 @@ class SimNode(Node):
         self._telemetry.close()
         if self._standard is not None:
             self._standard.close()
+        if self._microscope is not None:
+            self._microscope.close()
         super().destroy_node()
 
     # What the run calls.
@@ -171,6 +194,36 @@ class SimNode(Node):
         self._peers.look(force=True)
         self._faults.look()
         self._reporter.publish_score()
+
+    def _attend(self) -> "Attending":
+        # Here: whoever orders no verbs need not wait for them to be imported.
+        from .microscope import attend
+
+        return partial(attend, self._on_line)
+
+    def _exchange(self, group: str, changes: dict[str, Any]) -> None:
+        """Put in another sample or probe; raises ParameterError or VerbError."""
+        from afm_model.microscope.local import exchanged
+
+        made = exchanged(self._declared.current, self.run.attendant.state, group, changes)
+        self._faults.look()
+        self.run.exchange(made)
+        self._declared.exchange(made)
+        self.parameters = made
+
+    def _on_setting(self) -> None:
+        """The loop inside was set by a service: so it stands in the parameters, and is recorded."""
+        onboard = self.run.instrument.parameters.onboard
+        self._declared.exchange(self._declared.current.model_copy(update={"onboard": onboard}))
+        self.parameters = self._declared.current
+
+    def _on_line(self, line: "Line") -> None:
+        if self._microscope is not None:
+            self._microscope.put_line(line)
+
+    def _on_verb_over(self, outcome: "Outcome") -> None:
+        if self._microscope is not None:
+            self._microscope.verb_over(outcome)
 
     # Now and then.
 
@@ -199,6 +252,23 @@ class SimNode(Node):
         self.parameters = parameters
         self._period = _wall_period(parameters)
         self.run.adapt(parameters)
+
+
+def _with_verbs(parameters: SimNodeParameters) -> SimNodeParameters:
+    """With what verbs need, if they are to be ordered."""
+    if parameters.reference.kind != "verbs":
+        return parameters
+    from afm_model.microscope.prepare import with_verbs
+
+    return with_verbs(parameters)
+
+
+def _exchanged(parameters: SimNodeParameters) -> dict[str, str]:
+    """What services change, where verbs are ordered."""
+    if parameters.reference.kind != "verbs":
+        return {}
+    setting = f"{topics.SET_SETPOINT}, {topics.SET_GAINS} or {topics.SET_FEEDBACK}"
+    return {"sample.": topics.SET_SAMPLE, "plant.": topics.SET_PROBE, "onboard.": setting}
 
 
 def _check_law_inside(parameters: SimNodeParameters) -> None:

@@ -248,6 +248,16 @@ class Instrument:
         """
         self.orders.put_in_force(order, self.ticks)
 
+    def exchange(self, parameters: InstrumentParameters) -> None:
+        """Become the instrument of other parameters, at its start: another sample, another cantilever.
+
+        Raises
+        ------
+        ParameterError
+            As on making one; nothing has changed then.
+        """
+        vars(self).update(vars(Instrument(parameters, self._block_ticks, hashed=self._hashed)))
+
     def set_onboard(self, parameters: InstrumentParameters) -> None:
         """Change the loop inside from the next tick on: `parameters` differ from those of now by `onboard` alone.
 

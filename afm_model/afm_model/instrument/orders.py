@@ -28,6 +28,7 @@ class Orders:
         self.taken = program.order is not None
         """Whether the program takes orders."""
         self._loop = record_at(block, layout.places["loop"], LOOP)
+        self._done = block[layout.place("program_state.done") :] if self.taken else None
 
     def reset(self) -> None:
         """Return to the start of a run: nothing is ordered."""
@@ -64,7 +65,8 @@ class Orders:
     @property
     def done(self) -> bool:
         """Whether the order in force is done, or there is none."""
-        return bool(self._layout.record(self._block, "program_state").done != 0.0)
+        # By the place, made once: who ticks one by one looks at each of them.
+        return self._done is None or self._done.item(0) != 0.0
 
     @property
     def asked(self) -> Any:

@@ -210,6 +210,19 @@ class Operator:
         self._close_collectors()
         self._leave()
 
+    def give_up(self, reason: str) -> None:
+        """End what is being done here and now, because simulated time does not go on.
+
+        Parameters
+        ----------
+        reason : str
+            One sentence, for the message of the outcome.
+        """
+        if self._desk.doing:
+            self._close_collectors()
+            self._status, self._message = FAILED, reason
+            self._end()
+
     def outcome(self) -> Outcome:
         """How the last verb has ended, with what was measured; when not busy, and every block has been taken."""
         assert self._job is not None and not self.busy

@@ -42,6 +42,10 @@ class Course:
     """The limit passed last, as long as the guard has the drive."""
     stop_at: int | None = None
     """Tick at which the run pauses by itself; None: it does not."""
+    look: Callable[[], None] = lambda: None
+    """look(): behind every piece of ticks: an order may be done."""
+    idle: Callable[[], bool] = lambda: False
+    """idle(): whether simulated time stands still until something is ordered."""
     tick: Callable[..., bool] = field(init=False)
     """Make one tick, as `Ticker.tick`, or as `Guard.tick` where there is something to guard."""
 

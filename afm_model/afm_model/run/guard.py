@@ -90,9 +90,20 @@ class Guard:
         course = self._course
         if passed := self._passed():
             return passed[1]
+        if self._instrument.orders.taken:
+            return self._give_back()
         course.phase = State.APPROACHING
         self._since, self._touching = self._instrument.ticks, 0
         course.life.go(Cause.RESUME, f"the sample is brought back to the tip (after: {course.reason})")
+        return ""
+
+    def _give_back(self) -> str:
+        """An approach is a verb where verbs are ordered: the tip stays withdrawn, z is the loop's again."""
+        course = self._course
+        self._instrument.inside.give_z()
+        course.life.go(Cause.RESUME, f"the tip is withdrawn (after: {course.reason})")
+        course.phase, course.limit = State.RUNNING, None
+        course.life.go(Cause.APPROACHED)
         return ""
 
     def _look(self) -> None:

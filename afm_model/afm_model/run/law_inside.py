@@ -108,6 +108,7 @@ class LawInside(Pacing):
                 going_on = self._make_one_by_one(min(ticks, _GUARDED))
             else:
                 going_on = course.ticker.close_loop(self._controller, ticks)
+                course.look()
         except DriveError as error:
             course.refuse(str(error), self._instrument.ticks)
             course.fail(course.refusal)
@@ -128,4 +129,6 @@ class LawInside(Pacing):
                 drive = self._controller.answer(instrument.measurement, time)
             if not tick(drive, math.nan):
                 return False
+            if self._course.idle():
+                break
         return True

@@ -2,13 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import VerbError
 from ..fault import acted, active
 from ..instrument import Block, Instrument
 from ..parameters import SimParameters
+from .attendance import Attendance, Attending
 from .counts import Counts, Snapshot
 from .course import Course, Pacing
 from .guard import Guard
@@ -35,6 +38,8 @@ class Listeners:
     """block(block, round_trips): recorded ticks, and the round trips of them [s]; blocks join without a gap."""
     ended: Callable[[], None] = _ignore
     """ended(): the duration is over, every block has been handed on; the state becomes FINISHED next."""
+    verb_over: Callable[[Any], None] = _ignore
+    """verb_over(outcome): a verb has come to its end."""
 
 
 class Run:
@@ -52,6 +57,8 @@ class Run:
     listeners : Listeners
     block_ticks : int
         Control ticks in a block.
+    attend : Attending, optional
+        Makes who orders verbs of the instrument. In lockstep simulated time then stands still while none is done.
 
     Raises
     ------
@@ -66,6 +73,7 @@ class Run:
         clock: Callable[[], float],
         listeners: Listeners | None = None,
         block_ticks: int = 500,
+        attend: Attending | None = None,
     ) -> None:
         self._listeners = listeners or Listeners()
         self._life = Life(self._on_change)
@@ -76,7 +84,7 @@ class Run:
         self._course = Course(
             parameters=parameters,
             instrument=self.instrument,
-            ticker=Ticker(self.instrument, block_ticks, parameters.total_ticks, self._listeners.block),
+            ticker=Ticker(self.instrument, block_ticks, parameters.total_ticks, self._on_block),
             link=link,
             clock=clock,
             life=self._life,
@@ -88,6 +96,7 @@ class Run:
         if parameters.safety.guarded:
             self._course.tick = self._guard.tick
         self._record_anyway = False
+        self._attendance = Attendance(self._course, attend, self._listeners.verb_over) if attend is not None else None
         self._pacing = self._choose_pacing()
         self._period_ns = parameters.plant.control_period * 1e9
         self.step: Callable[[], bool] = self._start_when_ready
@@ -142,7 +151,28 @@ class Run:
         """Wall times of the ticks handed on up to now; some ten microseconds."""
         return self._course.ticker.delays()
 
+    @property
+    def attendant(self) -> Any:
+        """Who orders verbs; another one after a reset. None: nobody does."""
+        return None if self._attendance is None else self._attendance.attendant
+
     # What somebody outside may ask for.
+
+    def begin(self, verb: Any) -> None:
+        """Begin a verb between two ticks; `Listeners.verb_over` tells its end.
+
+        Raises
+        ------
+        VerbError
+            If it cannot be begun.
+        """
+        if self._attendance is None:
+            raise VerbError("this instrument takes no orders: start it with reference.kind = verbs")
+        self._attendance.refuse(self.state, self._life.detail)
+        self._attendance.attendant.begin(verb)
+        if self.ticking and self._course.parameters.run.mode == "lockstep":
+            self._pacing.resume()
+            self._watch.start()
 
     def play(self) -> str:
         """Start as soon as everybody is there, or go on after a pause; why not, or an empty string."""
@@ -160,6 +190,8 @@ class Run:
             return f"{ticks} ticks are not allowed: it must be 1 at least"
         if self.state != State.PAUSED and not (self.state == State.WAITING and self._held):
             return f"the run is {self.state.title}: it must be paused"
+        if self._course.idle():
+            return "no verb is being done: simulated time stands still until one is"
         self._course.stop_at = self.instrument.ticks + ticks
         return self._go_on()
 
@@ -230,6 +262,8 @@ class Run:
         course = self._course
         course.ticker.flush()
         course.ticker.reset()
+        if self._attendance is not None:
+            self._attendance.reset()
         course.counts, course.refusal, course.unreadable = Counts(), "", ""
         # A run that was stepped was paused between the steps.
         paused = self.state == State.PAUSED or self._course.stop_at is not None
@@ -239,6 +273,28 @@ class Run:
         self._guard.reset()
         self._watch = Stopwatch(course.clock)
         self._life.go(Cause.RESET)
+
+    def exchange(self, parameters: SimParameters) -> None:
+        """Go on with another instrument, from its start: another sample, another cantilever.
+
+        Raises
+        ------
+        ParameterError
+            If there can be no such instrument; nothing changes then.
+        """
+        course = self._course
+        # What was recorded of the one before is handed on while it is there.
+        course.ticker.flush()
+        self.instrument.exchange(parameters)
+        course.parameters = parameters
+        course.tick = course.ticker.tick
+        self._guard = Guard(course)
+        if parameters.safety.guarded:
+            course.tick = self._guard.tick
+        if self._attendance is not None:
+            self._attendance.wrap()
+        self._pacing = self._choose_pacing()
+        self.reset()
 
     def tell_why_waiting(self, detail: str) -> None:
         """Say what a run that has not started waits for, where that needs a word; empty: nothing special."""
@@ -308,17 +364,32 @@ class Run:
         state = self._life.state
         if state in TICKING:
             self._watch.start()
-            self.step = self._pacing.step if self._course.stop_at is None else self._step_to_the_stop
+            step = self._pacing.step if self._attendance is None else self._step_attended
+            self.step = step if self._course.stop_at is None else self._step_to_the_stop
         else:
             self._watch.stop()
             self.step = self._start_when_ready if state == State.WAITING else self._rest
         if state in OVER:
             self._course.stop_at = None
+        if self._attendance is not None:
+            self._attendance.state_changed(state, self._life.detail)
         self._listeners.changed()
+
+    def _on_block(self, block: Block, round_trips: NDArray[np.float32]) -> None:
+        if self._attendance is not None:
+            self._attendance.attendant.take(block)
+        self._listeners.block(block, round_trips)
+
+    def _step_attended(self) -> bool:
+        """A step while something is being done; else time stands still, in lockstep."""
+        if self._course.idle():
+            self._watch.stop()
+            return False
+        return self._pacing.step()
 
     def _step_to_the_stop(self) -> bool:
         """One of the steps asked for; behind the last one the run is paused."""
-        done = self._pacing.step()
+        done = self._pacing.step() if self._attendance is None else self._step_attended()
         if self.ticking and self.steps_left == 0 and self._course.stop_at is not None:
             self._course.stop_at = None
             self._life.go(Cause.PAUSE)

@@ -34,6 +34,10 @@ class HandLink(Link):
         drive = np.array([x, 0.0, self._bench.rest if z is None else z])
         self._inbox.append((self._bench.now if arrived is None else arrived, sequence, drive))
 
+    def send_drive(self, sequence: int, voltage: NDArray[np.float64]) -> None:
+        """Any drive for measurement `sequence` [V], (3,)."""
+        self._inbox.append((self._bench.now, sequence, voltage.copy()))
+
     def send_horizon(self, sequence: int, *xs: float) -> None:
         """A drive for measurement `sequence`, and one for each of the next control periods."""
         drives = np.array([[x, 0.0, self._bench.rest] for x in xs])

@@ -1,0 +1,116 @@
+"""The microscope on topics: verbs as actions, settings as services, what it is doing, and scans line by line."""
+
+from collections.abc import Callable
+from typing import Any
+
+from afm_msgs.msg import Microscope as MicroscopeMessage
+from rclpy.node import Node
+
+from afm_model import Instrument
+from afm_model.microscope.collect import signals
+from afm_model.microscope.imaging import channel_names
+from afm_model.microscope.operator import Operator
+from afm_model.microscope.results import Line, Outcome
+from afm_model.microscope.verbs import Scan, Verb
+from afm_model.run import Run
+from afm_node_common import topics
+from afm_node_common.chores import Chore
+
+from .scan_lines import ScanLines
+from .settings import Exchanging, Settings, setpoint
+from .streams import stamp
+from .verbs import Verbs
+
+
+_LOOK_PERIOD = 0.2
+_IMAGES_PERIOD = 0.05
+"""Wall time between two looks at the images [s]: at each one at most is published."""
+
+
+def attend(on_line: Callable[[Line], object], instrument: Instrument) -> Operator:
+    """Who orders verbs of an instrument; told every line of a scan."""
+    operator = Operator(instrument)
+    operator.on_line = on_line  # type: ignore[assignment]
+    return operator
+
+
+class Microscope:
+    """Serves verbs and settings, and tells what is being done.
+
+    Parameters
+    ----------
+    node : Node
+    run : Run
+        Its attendant was made by `attend`; its listener `verb_over` calls `verb_over`.
+    exchange : Exchanging
+        Puts in another sample or probe.
+    changed : callable
+        changed(): the loop inside was set.
+    """
+
+    def __init__(self, node: Node, run: Run, exchange: Exchanging, changed: Callable[[], object]) -> None:
+        self._run = run
+        self._lines = ScanLines(node)
+        self._status = node.create_publisher(MicroscopeMessage, topics.MICROSCOPE, topics.LATCHED_QOS)
+        self._told: Any = None
+        self._verbs = Verbs(node, run, self._begun, self.publish)
+        self._changed = changed
+        Settings(node, run, exchange, self._on_setting)
+        self.publish()
+
+    @property
+    def chores(self) -> tuple[Chore, ...]:
+        """What is to be done now and then."""
+        return (
+            Chore(self._verbs.look, _LOOK_PERIOD),
+            Chore(self.publish, _LOOK_PERIOD),
+            Chore(self._lines.publish_images, _IMAGES_PERIOD),
+        )
+
+    def close(self) -> None:
+        """Let the node be destroyed."""
+        self._verbs.close()
+
+    def put_line(self, line: Line) -> None:
+        """A line of a scan has been measured."""
+        self._lines.put(line)
+
+    def verb_over(self, outcome: Outcome) -> None:
+        """A verb has come to its end."""
+        self._lines.end()
+        self._verbs.verb_over(outcome)
+
+    def _begun(self, verb: Verb) -> None:
+        if isinstance(verb, Scan):
+            found = signals(self._run.instrument, channel_names(verb.channels))
+            self._lines.begin(verb, {name: signal.unit for name, signal in found.items()})
+
+    def _on_setting(self) -> None:
+        self._changed()
+        self.publish()
+
+    def publish(self) -> None:
+        """Publish what the microscope is doing, if that has changed."""
+        attendant = self._run.attendant
+        desk, progress = attendant.state, attendant.progress
+        volts, force = setpoint(self._run)
+        message = MicroscopeMessage(
+            approached=desk.approached,
+            feedback=desk.feedback,
+            setpoint_voltage=volts,
+            setpoint_force=force,
+            proportional_gain=desk.proportional_gain,
+            integral_gain=desk.integral_gain,
+            x=desk.place[0],
+            y=desk.place[1],
+            doing=desk.doing,
+            progress=float(progress.fraction) if desk.doing else 0.0,
+            detail=progress.detail if desk.doing else "",
+            last=self._verbs.last,
+        )
+        if repr(message) == self._told:
+            return
+        self._told = repr(message)
+        message.header.frame_id = topics.FRAME
+        message.header.stamp = stamp(self._run.stamp_ns)
+        self._status.publish(message)

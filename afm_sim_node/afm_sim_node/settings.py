@@ -1,0 +1,102 @@
+"""Services by which the microscope is set between two ticks: setpoint, gains, feedback, sample, probe."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import yaml
+from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
+from rclpy.node import Node
+
+from afm_model.errors import ParameterError, VerbError
+from afm_model.parts.stiffness import spring_constant
+from afm_model.run import Run
+from afm_node_common import topics
+
+Exchanging = Callable[[str, dict[str, Any]], None]
+"""exchange(group, changes): another sample or plant; raises ParameterError or VerbError."""
+
+
+class Settings:
+    """Serves them.
+
+    Parameters
+    ----------
+    node : Node
+    run : Run
+        With an attendant.
+    exchange : Exchanging
+    changed : callable
+        changed(): something was set.
+    """
+
+    def __init__(self, node: Node, run: Run, exchange: Exchanging, changed: Callable[[], object]) -> None:
+        self._run, self._exchange, self._changed = run, exchange, changed
+        node.create_service(SetSetpoint, topics.SET_SETPOINT, self._set_setpoint)
+        node.create_service(SetGains, topics.SET_GAINS, self._set_gains)
+        node.create_service(SetFeedback, topics.SET_FEEDBACK, self._set_feedback)
+        for topic, group in ((topics.SET_SAMPLE, "sample"), (topics.SET_PROBE, "plant")):
+            node.create_service(Exchange, topic, partial(self._exchange_part, group))
+
+    def _try(self, change: Callable[[], object], response: Any) -> Any:
+        try:
+            change()
+        except (ParameterError, VerbError) as error:
+            response.message = str(error)
+        else:
+            response.success = True
+            self._changed()
+        return response
+
+    def _set_setpoint(self, request: Any, response: Any) -> Any:
+        set_setpoint = self._run.attendant.set_setpoint
+        self._try(partial(set_setpoint, force=request.force, voltage=request.voltage), response)
+        response.voltage, response.force = setpoint(self._run)
+        return response
+
+    def _set_gains(self, request: Any, response: Any) -> Any:
+        given = [None if value < 0.0 else value for value in (request.proportional, request.integral)]
+        return self._try(partial(self._run.attendant.set_gains, *given), response)
+
+    def _set_feedback(self, request: Any, response: Any) -> Any:
+        return self._try(partial(self._run.attendant.set_feedback, request.mode), response)
+
+    def _exchange_part(self, group: str, request: Any, response: Any) -> Any:
+        def change() -> None:
+            self._exchange(group, _values(request.names, request.values))
+
+        return self._try(change, response)
+
+
+def setpoint(run: Run) -> tuple[float, float]:
+    """In force now: [V], and as force of the cantilever [N]; NaN: not known."""
+    volts = float(run.attendant.state.setpoint)
+    parameters = run.instrument.parameters
+    k = spring_constant(parameters) or float("nan")
+    return volts, volts * parameters.detector.deflection_sensitivity * k
+
+
+def _values(names: Sequence[str], values: Sequence[str]) -> dict[str, Any]:
+    """What is written as text, as numbers and words.
+
+    Raises
+    ------
+    ParameterError
+        If it is none.
+    """
+    if len(names) != len(values):
+        raise ParameterError(f"{len(names)} names with {len(values)} values are not allowed: each name needs one value")
+    read: dict[str, Any] = {}
+    for name, text in zip(names, values, strict=True):
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError:
+            value = None
+        if not isinstance(value, bool | int | float | str):
+            raise ParameterError(f"{name} = {text} is not allowed: it must be a number, true, false or a word")
+        # YAML reads 1e-9, without a point, as a word.
+        try:
+            read[name] = float(value) if isinstance(value, str) else value
+        except ValueError:
+            read[name] = value
+    return read

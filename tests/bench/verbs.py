@@ -1,0 +1,132 @@
+"""A scan over topics, line by line, beside the same scan in process: what the topics cost it."""
+
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from afm_msgs.msg import Microscope, ScanLine
+from machine import cpu_seconds, executable, running
+from rclpy.action import ActionClient
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import Image
+
+from afm_model import load_scenario
+from afm_model.microscope.local import Local
+from afm_model.microscope.results import DIRECTIONS
+from afm_model.microscope.verbs import Approach, Scan, Verb
+from afm_node_common import topics
+from afm_node_common.verbs import TOPICS, goal_of, type_of
+
+SCENARIO = "two_materials"
+CHANNELS = ("height", "error", "lateral")
+_PATIENCE = 300.0
+
+
+class Client:
+    """Asks for verbs, and receives what a client with a picture on its screen does."""
+
+    def __init__(self, node: Node) -> None:
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(node)
+        self.node = node
+        self.lines: list[bytes] = []
+        self.images = 0
+        node.create_subscription(ScanLine, topics.SCAN_LINE, self.lines.append, topics.SCAN_LINE_QOS, raw=True)
+        node.create_subscription(Microscope, topics.MICROSCOPE, lambda message: None, topics.LATCHED_QOS)
+        for name in CHANNELS:
+            for way in DIRECTIONS:
+                topic = f"{topics.IMAGE}/{name}_{way}"
+                node.create_subscription(Image, topic, self._on_image, topics.LATCHED_QOS, raw=True)
+        self.actions = {
+            name: ActionClient(node, type_of(name), TOPICS[name]) for name in (Approach.__name__, Scan.__name__)
+        }
+
+    def _on_image(self, data: bytes) -> None:
+        self.images += 1
+
+    def spin_until(self, predicate: Callable[[], object]) -> None:
+        limit = time.monotonic() + _PATIENCE
+        while not predicate():
+            if time.monotonic() > limit:
+                raise RuntimeError(f"waited {_PATIENCE:g} s for the simulator")
+            self.executor.spin_once(timeout_sec=0.1)
+
+    def do(self, verb: Verb) -> Any:
+        """Result of a verb."""
+        client = self.actions[type(verb).__name__]
+        self.spin_until(client.server_is_ready)
+        goal = client.send_goal_async(goal_of(verb), feedback_callback=lambda message: None)
+        self.spin_until(goal.done)
+        result = goal.result().get_result_async()
+        self.spin_until(result.done)
+        told = result.result().result
+        if not told.success:
+            raise RuntimeError(told.message)
+        return told
+
+    def close(self) -> None:
+        for client in self.actions.values():
+            client.destroy()
+        self.node.destroy_node()
+
+
+def _over_topics(folder: Path, scan: Scan, law: str, repeats: int) -> list[dict[str, float]]:
+    file = str(load_scenario(SCENARIO).path)
+    command = [executable("afm_sim_node", "afm_sim_node"), "--ros-args", "--params-file", file, "-p", f"law.kind:={law}"]
+    rclpy.init()
+    try:
+        with running(command, log=folder / "bench.log") as (process,):
+            client = Client(Node("bench", namespace=topics.NAMESPACE))
+            client.do(Approach())
+            figures = []
+            for _ in range(repeats):
+                used, begin, count = cpu_seconds(process.pid), time.monotonic(), len(client.lines)
+                client.do(scan)
+                client.spin_until(lambda count=count: len(client.lines) == count + 2 * scan.lines)
+                wall = time.monotonic() - begin
+                figures.append({"wall_s": wall, "cpu_s": cpu_seconds(process.pid) - used})
+            client.close()
+        return figures
+    finally:
+        rclpy.shutdown()
+
+
+def _in_process(scan: Scan, repeats: int) -> list[dict[str, float]]:
+    scenario = load_scenario(SCENARIO)
+    local = Local(scenario.sim, scenario.controller, hashed=True)
+    local.execute(Approach())
+    figures = []
+    for _ in range(repeats):
+        used, begin = time.process_time(), time.monotonic()
+        local.execute(scan)
+        figures.append({"wall_s": time.monotonic() - begin, "cpu_s": time.process_time() - used})
+    return figures
+
+
+def measure(folder: Path, lines: int = 64, repeats: int = 3) -> dict[str, Any]:
+    """Medians of both, which take turns; `of_the_floor` is that in process over that over topics."""
+    law = load_scenario(SCENARIO).controller.law.kind
+    scan = Scan(size_x=1e-6, pixels=64, lines=lines, line_rate=10.0)
+    over, inside = [], []
+    for _ in range(repeats):
+        inside += _in_process(scan, 1)
+        over += _over_topics(folder, scan, law, 1)
+    result: dict[str, Any] = {"lines": lines, "over_topics": over, "in_process": inside}
+    for name in ("wall_s", "cpu_s"):
+        result[name] = {
+            "over_topics": statistics.median(each[name] for each in over),
+            "in_process": statistics.median(each[name] for each in inside),
+        }
+    return result
+
+
+if __name__ == "__main__":
+    import json
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as temporary:
+        print(json.dumps(measure(Path(temporary)), indent=1))
