@@ -41,7 +41,8 @@ def _table(curve: Curve, number: int, session: str, grid: Mapping[str, float]) -
     deflection = record.channels["deflection"][part] * curve.deflection_sensitivity
     height = -record.channels["z"][part]
     steps = np.diff(record.time)
-    rate = 1.0 / float(np.median(steps)) if len(steps) else 0.0
+    # Times are sums: their last digits are rounding.
+    rate = float(f"{1.0 / np.median(steps):.9g}") if len(steps) else 0.0
     notes: dict[str, Any] = {
         "imaging mode": "force-distance",
         "feedback mode": "contact",

@@ -24,7 +24,7 @@ Levelling = Literal["plane", "lines", "none"]
 COLOURS = "cividis"
 """The map of colours: even steps of brightness, the same to a colour-blind eye."""
 _MISSING = "0.82"
-_CLIPPED = 0.2
+_CLIPPED = 1.0
 """Part of the pixels at each end that a few spikes may not stretch the colours by [per cent]."""
 _SIZE = (5.2, 4.6)
 _PANEL = (3.2, 2.9)
@@ -230,5 +230,7 @@ def write_sheet(path: Path | str, image: "Image | xarray.Dataset", title: str = 
 
 def _write(path: Path | str, figure: "Figure") -> Path:
     with replacing(path, _SUFFIX) as beside:
+        # Numbers at the bars of colours take place that is known only now: laid out once more, none is cut off.
+        figure.draw_without_rendering()
         figure.savefig(beside, dpi=_DPI, metadata={"Software": None})
     return Path(path)

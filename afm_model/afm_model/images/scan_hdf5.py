@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import xarray
 
 _FORMAT = "afm_model scan 1"
+_UNITS = {"height": "m", "error": "V", "lateral": "N", "x": "m", "y": "m"}
 
 
 def _h5py() -> Any:
@@ -52,8 +53,9 @@ class ScanFile:
         Ends with .h5. There must be no file of this name, unless `overwrite` is true: a scan in it would be lost at the
         first line.
     scan : Scan
-    units : Mapping of str to str
-        SI unit of each channel, in order.
+    units : Mapping of str to str, optional
+        SI unit of each channel, in order. Without, those of `scan.channels`, which are known of height, error, lateral,
+        x and y.
     metadata : Mapping of str to str, optional
         The scan's notes.
     start : float
@@ -66,6 +68,8 @@ class ScanFile:
     ------
     ResultFileError
         If it cannot be written; the message names it and says why.
+    ValueError
+        If the unit of a channel is not known.
     ImportError
         If h5py is not installed.
     """
@@ -74,7 +78,7 @@ class ScanFile:
         self,
         path: Path | str,
         scan: Scan,
-        units: Mapping[str, str],
+        units: Mapping[str, str] | None = None,
         metadata: Mapping[str, str] | None = None,
         *,
         start: float = 0.0,
@@ -84,7 +88,7 @@ class ScanFile:
         h5py = _h5py()
         self.path = checked(path, ".h5")
         # An empty image knows where its rows are.
-        self._frame = Image(scan, dict(units), {})
+        self._frame = Image(scan, dict(units or _units(self.path, scan)), {})
         self._rows: dict[str, Any] = {}
         with self._failing():
             self._disk = Disk(self.path, overwrite=overwrite)
@@ -185,6 +189,13 @@ class ScanFile:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+
+def _units(path: Path, scan: Scan) -> dict[str, str]:
+    names = [name for name in map(str.strip, scan.channels.split(",")) if name]
+    if unknown := [name for name in names if name not in _UNITS]:
+        raise ValueError(f"{path} is not written: the unit of the channel {unknown[0]} is not known; give units")
+    return {name: _UNITS[name] for name in names}
 
 
 def _place(channel: str, direction: str) -> str:

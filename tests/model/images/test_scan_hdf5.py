@@ -40,7 +40,7 @@ def test_scan_is_read_as_it_was_written(tmp_path, lines_done, direction):
 def test_lines_as_they_come_give_the_scan_and_the_time_of_each(tmp_path):
     image = scans.scanned(direction="down")
     path = tmp_path / "scan.h5"
-    with ScanFile(path, image.scan, image.units, image.metadata, start=0.5, line_rate=0.998) as file:
+    with ScanFile(path, image.scan, None, image.metadata, start=0.5, line_rate=0.998) as file:
         for index in range(64):
             for direction in DIRECTIONS:
                 file.put(scans.line(image.scan, index, direction))
@@ -62,6 +62,12 @@ def test_signals_of_any_name_are_written_and_read(tmp_path):
     assert image.units == units
     assert [image.data[name, TRACE][0, 0] for name in units] == [1.0, 2.0, 3.0]
     write_gwy(tmp_path / "scan.gwy", image)
+
+
+def test_signal_whose_unit_nobody_knows_is_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"the unit of the channel truth/place_x is not known; give units"):
+        ScanFile(tmp_path / "scan.h5", Scan(channels="height, truth/place_x"))
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_program_that_is_killed_leaves_every_line_that_it_had_measured(tmp_path):
