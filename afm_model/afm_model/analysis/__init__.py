@@ -1,27 +1,46 @@
-"""What a user makes of measured arrays: calibration, force curves, friction loops. SI units, standard uncertainties.
+"""What a user makes of measured arrays: calibration, force curves, friction loops, images. SI units, uncertainties.
 
 Nothing here knows the simulated instrument: the functions take arrays from any microscope.
 """
 
+from .correlation import correlated_mean, correlation_length
 from .curves import CurveAnalysis, deflection_sensitivity, force_curve, tilted_stiffness
 from .estimate import Estimate
-from .loops import FrictionLoop, friction_loop, means
+from .loops import FrictionLoop, friction_loop, line_loop, means
+from .modulus import ContactFit, contact_fit, young
+from .regions import Contrast, contrast, two_levels
+from .roughness import Roughness, roughness
+from .steps import Edge, edges, step_height
 from .thermal import ThermalTune, spring_constant
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
 
 __all__ = [
+    "ContactFit",
+    "Contrast",
     "CurveAnalysis",
+    "Edge",
     "Estimate",
     "FrictionLoop",
+    "Roughness",
     "ThermalTune",
     "WedgeCalibration",
+    "contact_fit",
+    "contrast",
+    "correlated_mean",
+    "correlation_length",
     "deflection_sensitivity",
+    "edges",
     "force_curve",
     "friction_loop",
+    "line_loop",
     "means",
+    "roughness",
     "spring_constant",
+    "step_height",
     "tilted_stiffness",
+    "two_levels",
     "wedge_by_flat",
     "wedge_ogletree",
     "wedge_varenberg",
+    "young",
 ]

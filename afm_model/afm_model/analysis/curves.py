@@ -164,6 +164,30 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     )
 
 
+def in_contact(z: ArrayLike, deflection: ArrayLike) -> tuple[slice, slice, slice]:
+    """Samples of a curve while the cantilever is free on the approach, in contact on it, and in contact on the retract.
+
+    The approach is taken from where the force is zero, the retract up to the largest pull.
+
+    Raises
+    ------
+    ValueError
+        If there is no approach and retract, the tip is not pressed on, or does not come off.
+    """
+    z = np.asarray(z, np.float64)
+    z_in, d_in, z_out, d_out = _split(z, deflection)
+    free = int(np.flatnonzero(z_in <= z_in[0] + _FREE * (z_in.max() - z_in[0]))[-1]) + 1
+    level, noise = float(d_in[:free].mean()), float(d_in[:free].std())
+    if d_in[-1] - level <= 3.0 * noise:
+        raise ValueError("the tip is not pressed on at the end of the approach")
+    lowest = int(np.argmin(d_out))
+    if d_out[-1] - level < 0.5 * min(float(d_out[lowest]) - level, -5.0 * noise):
+        raise ValueError("the retract ends before the tip comes off: lengthen it")
+    after = int(np.flatnonzero(d_in <= level)[-1])
+    turned = z.size - z_out.size
+    return slice(0, free), slice(after + 1, z_in.size), slice(turned, turned + lowest + 1)
+
+
 def _crossing(z: _Array, d: _Array, i: int) -> float:
     """z between samples i and i + 1, where d passes zero."""
     return float(z[i] - d[i] * (z[i + 1] - z[i]) / (d[i + 1] - d[i]))

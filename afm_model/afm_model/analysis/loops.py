@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .correlation import correlated_mean
 from .estimate import Estimate, mean, straight_line
 
 _Array = NDArray[np.float64]
@@ -83,6 +84,54 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
         raise ValueError("the loop is not open: the signal of the trace is not above that of the retrace")
     slopes = [_stick_slope(position[travel], signal[travel], offset, stick * half) for travel in travels]
     return FrictionLoop(Estimate(half, both), Estimate(offset, both), _weighted(slopes))
+
+
+def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float = 0.5) -> FrictionLoop:
+    """Friction loop of one line of an image.
+
+    Parameters
+    ----------
+    x : array_like (pixels,) [m]
+        Increasing.
+    trace, retrace : array_like (pixels,)
+        Lateral signal; pixel 0 is the leftmost in both.
+    sliding : float
+        Part of the line, up to the end of each way, over which the tip is taken as sliding.
+
+    Returns
+    -------
+    FrictionLoop
+        Uncertainties count the correlation of the noise. The stick slope is NaN where the turns lie outside of the
+        image, as with an overscan.
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not fit together, or the loop is not open.
+    """
+    x, trace, retrace = (np.asarray(each, np.float64) for each in (x, trace, retrace))
+    if x.ndim != 1 or not x.shape == trace.shape == retrace.shape or x.size < 2 or not (np.diff(x) > 0.0).all():
+        raise ValueError(
+            f"x {x.shape}, trace {trace.shape} and retrace {retrace.shape} must be lists of the same length, and x must "
+            f"increase"
+        )
+    if not 0.0 < sliding <= 1.0:
+        raise ValueError(f"sliding = {sliding:g} is not allowed: it must be > 0 and <= 1")
+    reach = sliding * (x[-1] - x[0])
+    forth, back = correlated_mean(trace[x >= x[-1] - reach]), correlated_mean(retrace[x <= x[0] + reach])
+    half, offset = 0.5 * (forth.value - back.value), 0.5 * (forth.value + back.value)
+    both = 0.5 * math.hypot(forth.uncertainty, back.uncertainty)
+    if not half > 0.0:
+        raise ValueError("the loop is not open: the signal of the trace is not above that of the retrace")
+    ways = ((x, trace), (x[::-1], retrace[::-1]))
+    slopes = [_stick_slope(way, signal, offset, 0.6 * half) for way, signal in ways if _sticks(signal, offset, half, way)]
+    return FrictionLoop(Estimate(half, both), Estimate(offset, both), _weighted(slopes))
+
+
+def _sticks(signal: _Array, offset: float, half: float, way: _Array) -> bool:
+    """Whether a way begins on the other side of the loop: the tip has not begun to slide."""
+    forth = 1.0 if way[-1] > way[0] else -1.0
+    return bool(forth * (signal[0] - offset) < -0.6 * half)
 
 
 def _stick_slope(x: _Array, y: _Array, offset: float, reach: float) -> Estimate:

@@ -1,0 +1,165 @@
+"""Least squares behind `contact_fit`: what is unknown, what is compared, and what the fit tells."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from .contact_curve import Contact, branch_nodes, deflection_nodes
+from .correlation import correlation_length
+from .estimate import Estimate
+
+_Array = NDArray[np.float64]
+_LEAST_NOISE = 1e-5
+"""Of the largest deflection: what is taken where a record has less."""
+_PASSES = 3
+"""Fits, each with the noise that the one before has left."""
+_FIRST_KNOWN = 4
+"""Unknowns are: compliance over its first guess, logarithm of work over its own, place of the surface and zero of the
+deflection over the noise; from here on logarithms of what is known with an uncertainty."""
+_FACTOR = 12.0
+"""Logarithm by which work, range and the like may be away from their first guess."""
+
+
+class Solution(NamedTuple):
+    """What a fit has found."""
+
+    compliance: Estimate  # K^(-2/3) [Pa^(-2/3)]
+    work: Estimate
+    pull_off: Estimate
+    transition: Estimate  # lambda
+    k: float
+    surface: float  # z of the undeformed surface [m]
+    indentation: float  # at the largest deflection [m]
+    bent: float  # the largest deflection [m]
+    largest_radius: float  # of the contact there [m]
+    rms: float
+    independent: float
+
+
+class Problem:
+    """One way of a curve to be fitted: the approach or the retract.
+
+    Parameters
+    ----------
+    model : str
+    z, deflection : ndarray (n,) [m]
+        While the tip is in contact.
+    zero : Estimate [m]
+        Deflection of the free cantilever.
+    noise : float [m]
+        Rms of its samples.
+    depth : Estimate [m]
+        Deflection below it at the pull-off.
+    known : dict of str to Estimate
+        k, radius, reach and sensitivity; without an uncertainty one is fixed.
+    contact_point : float [m]
+        Where the force is zero on the approach.
+    """
+
+    def __init__(
+        self,
+        model: str,
+        z: _Array,
+        deflection: _Array,
+        zero: Estimate,
+        noise: float,
+        depth: Estimate,
+        known: dict[str, Estimate],
+        contact_point: float,
+    ) -> None:
+        self.model, self.z, self.deflection = model, z, deflection
+        self.zero, self.depth, self.known = zero, depth, known
+        self.bent = float(deflection.max()) - zero.value
+        self.noise = max(noise, _LEAST_NOISE * self.bent)
+        self.sigma = self.noise
+        """Uncertainty of a point: noise times the root of the correlation length."""
+        k, radius = known["k"].value, known["radius"].value
+        pull = max(k * depth.value, 1e-3 * k * self.bent)
+        self.work = pull / (1.75 * math.pi * radius)
+        top = float(z.max())
+        # Where the force is zero the contact is pressed in already; a hundredth of a nanometre is less than that.
+        given_way = max(top - contact_point - self.bent, 1e-11)
+        K = (k * self.bent + pull) / (math.sqrt(radius) * given_way**1.5)
+        self.compliance = K ** (-2.0 / 3.0)
+        self.most = 1.2 * k * (top - float(z.min())) + pull
+        self.free = [name for name, each in known.items() if each.uncertainty > 0.0]
+        self.surface = contact_point
+
+    def solve(self) -> Solution:
+        """Fit."""
+        count = _FIRST_KNOWN + len(self.free)
+        x = np.zeros(count)
+        x[0] = 1.0
+        low, high = np.full(count, -np.inf), np.full(count, np.inf)
+        low[0] = 1e-4
+        low[1], high[1] = -_FACTOR, _FACTOR
+        low[_FIRST_KNOWN :], high[_FIRST_KNOWN :] = -_FACTOR, _FACTOR
+        for _ in range(_PASSES):
+            found = least_squares(self._left, x, bounds=(low, high), x_scale="jac", diff_step=1e-5, max_nfev=60)
+            x = found.x
+            left = self.sigma * self._left(x)[: self.z.size]
+            rms, length = float(np.sqrt(np.mean(left**2))), correlation_length(left)
+            self.sigma = max(rms, self.noise) * math.sqrt(length)
+        found = least_squares(self._left, x, bounds=(low, high), x_scale="jac", diff_step=1e-5, max_nfev=60)
+        return self._tell(found.x, np.linalg.inv(found.jac.T @ found.jac), rms, left.size / length)
+
+    def _names(self, x: _Array) -> tuple[Contact, dict[str, float]]:
+        """Contact and the other known numbers at the unknowns x."""
+        others = {name: each.value for name, each in self.known.items()}
+        for i, name in enumerate(self.free):
+            others[name] *= math.exp(x[_FIRST_KNOWN + i])
+        contact = Contact(x[0] * self.compliance, self.work * math.exp(x[1]), others["radius"], others["reach"])
+        return contact, others
+
+    def _model(self, x: _Array) -> tuple[_Array, float]:
+        """Deflection as measured, above that of the free cantilever, and the depth of the pull-off [m]."""
+        contact, others = self._names(x)
+        way, deflection = deflection_nodes(self.model, contact, others["k"], self.most)
+        gain = others["sensitivity"]
+        predicted = np.interp(self.z, self.surface + self.noise * x[2] + way, deflection) / gain
+        return predicted, -float(deflection.min()) / gain
+
+    def _left(self, x: _Array) -> _Array:
+        """What the fit leaves, each over its uncertainty: points, pull-off, zero, what was known before."""
+        predicted, depth = self._model(x)
+        points = (self.deflection - self.zero.value - self.noise * x[3] - predicted) / self.sigma
+        rows = [points]
+        rows.append(np.array([(depth - self.depth.value) / max(self.depth.uncertainty, self.noise)]))
+        rows.append(np.array([self.noise * x[3] / max(self.zero.uncertainty, 0.1 * _LEAST_NOISE * self.bent)]))
+        for i, name in enumerate(self.free):
+            each = self.known[name]
+            rows.append(np.array([x[_FIRST_KNOWN + i] * each.value / each.uncertainty]))
+        return np.concatenate(rows)
+
+    def _tell(self, x: _Array, covariance: _Array, rms: float, independent: float) -> Solution:
+        contact, others = self._names(x)
+        k = others["k"]
+        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+        def of_fit(function: Callable[[_Array], float]) -> Estimate:
+            """A number that follows from the unknowns, with its uncertainty."""
+            slope = np.zeros(x.size)
+            for i in np.flatnonzero(spread > 0.0):
+                step = np.where(np.arange(x.size) == i, min(0.1 * spread[i], 0.1), 0.0)
+                slope[i] = (function(x + step) - function(x - step)) / (2.0 * step[i])
+            return Estimate(float(function(x)), math.sqrt(max(float(slope @ covariance @ slope), 0.0)))
+
+        a, force, indentation = branch_nodes(self.model, contact.transition, self.most / contact.force)
+        largest = k * self.bent / contact.force
+        return Solution(
+            compliance=Estimate(float(contact.compliance), float(spread[0]) * self.compliance),
+            work=of_fit(lambda at: self._names(at)[0].work),
+            pull_off=of_fit(lambda at: self._names(at)[1]["k"] * self._model(at)[1]),
+            transition=of_fit(lambda at: self._names(at)[0].transition),
+            k=k,
+            surface=float(self.surface + self.noise * x[2]),
+            indentation=contact.length * float(np.interp(largest, force, indentation)),
+            bent=self.bent,
+            largest_radius=contact.contact_radius * float(np.interp(largest, force, a)),
+            rms=rms,
+            independent=independent,
+        )
