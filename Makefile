@@ -2,7 +2,7 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long build setup lint figures maps bench soak torture clean
+.PHONY: help demo test test-long build setup lint figures notebooks maps bench soak torture clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
@@ -17,6 +17,7 @@ help:
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
 	@echo "make figures draw the figures of docs/paper.md again"
+	@echo "make notebooks run the notebooks of notebooks/ and keep their figures in them"
 	@echo "make maps    draw again where each law holds: docs/figures/maps, bode (some minutes)"
 	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes on an idle machine)"
 	@echo "make soak    a session for half an hour; what it uses has to stay what it was (ARGS=\"--minutes 5\": shorter)"
@@ -48,6 +49,9 @@ lint: build
 
 figures: build
 	@. ./env.sh && python tools/make_figures.py
+
+notebooks: build
+	@. ./env.sh && python -m pip install --quiet --disable-pip-version-check -r requirements/notebooks.txt && python tools/make_notebooks.py
 
 maps: build
 	@. ./env.sh && python tools/make_maps.py

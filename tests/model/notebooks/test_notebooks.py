@@ -1,0 +1,110 @@
+"""Claims about notebooks/: every one runs, shows what the file shows, and what it says is so."""
+
+import json
+import math
+import shutil
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from .notebook import Ran, run
+
+ROOT = Path(__file__).resolve().parents[3]
+NAMES = ("paper", "controller")
+Get = Callable[[str], Ran]
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Get:
+    """Each notebook, run once, in a copy of the folder: nothing is written into the clone."""
+    folder = tmp_path_factory.mktemp("clone") / "notebooks"
+    folder.mkdir()
+    for path in (*(ROOT / "notebooks").glob("*.ipynb"), *(ROOT / "notebooks").glob("*.py")):
+        shutil.copy(path, folder)
+    (folder.parent / "docs").symlink_to(ROOT / "docs")
+    return cache(lambda name: run(folder / f"{name}.ipynb"))
+
+
+def test_all_notebooks_are_tested():
+    assert {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")} == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_notebook_shows_what_its_file_shows(ran: Get, name: str):
+    """The file was made with a real kernel, by `make notebooks`: this run must print the same."""
+    done = ran(name)
+    for now, stored in zip(done.shown, done.stored, strict=True):
+        assert now == stored
+    assert sum(shown.figures for shown in done.shown) >= 1
+    assert done.unlabelled == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_file_of_a_notebook_is_small_whole_and_free_of_where_it_was_made(name: str):
+    path = ROOT / "notebooks" / f"{name}.ipynb"
+    assert path.stat().st_size < 300_000
+    text = path.read_text()
+    notebook = json.loads(text)
+    code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
+    assert set(notebook["metadata"]) == {"kernelspec", "language_info"}
+    assert str(Path.home()) not in text and "/tmp/" not in text
+
+
+def test_notebook_of_the_paper_reproduces_its_figures(ran: Get):
+    paper = ran("paper")
+    # Figure 2: a finite radius at a finite tension, (1) of docs/theory.md at both points.
+    assert paper["pull_off"] == pytest.approx(3.0 * math.pi * paper["contact"].R * paper["contact"].gamma, rel=1e-12)
+    assert paper["a_pull_off"] == pytest.approx(paper["a_0"] / 4.0 ** (1.0 / 3.0), rel=1e-9)
+    # Figures 4 to 6, as docs/paper.md has them.
+    assert paper["open_loop"].trajectory_sha256.startswith("fe23dcf3")
+    assert paper["closed_loop"].trajectory_sha256.startswith("e996f8fb")
+    assert paper["tanh"].trajectory_sha256.startswith("a5be3887")
+    assert paper["open_loop"].score.stick_phases == 22
+    assert paper["ratio"] == pytest.approx(3500, rel=0.01)  # two digits said
+
+
+def test_notebook_of_the_paper_shows_what_its_corrections_do(ran: Get):
+    paper = ran("paper")
+    # C1: it does not move, but by what the held tip gives way: nothing at all.
+    assert paper["travel_printed"] < 1e-3 * paper["travel"]
+    # C10: the ball shrinks with alpha, and the run ends inside.
+    balls = paper["balls"]
+    assert balls[0] > balls[1] > balls[2]
+    assert paper["measured"] < balls[1] < 2.0 * paper["law"].M_x
+    smoother = paper["laws"]["travel [nN/ms]"]
+    assert smoother["sgn"] / smoother["tanh, alpha = 20"] == pytest.approx(2000, rel=0.2)  # "two thousand times"
+    assert paper["laws"]["rms e_x [pm]"]["tanh, alpha = 20"] / paper["laws"]["rms e_x [pm]"]["sgn"] == pytest.approx(
+        4.0, rel=0.05
+    )
+
+
+def test_notebook_of_a_controller_ranks_it_where_it_says(ran: Get):
+    controller = ran("controller")
+    table = controller["comparison"].table.set_index(["law", "period"])
+    error = table["error_max"]
+    for period in (2e-5, 1e-4):
+        assert error["my_law:MINE", period] < error["pid", period]
+        # Close to the observer when as fast: within a half.
+        assert error["my_law:MINE slowness=2", period] < 1.5 * error["observer", period]
+        assert (table["margin"]["my_law:MINE", period]) > 0.3
+    assert error["my_law:MINE", 2e-5] < error["tanh", 2e-5]
+    assert table["error"]["tanh", 1e-4].startswith("the motion diverged")
+    under = error[error < 1.0].index
+    assert [law for law, period in under if period == 1e-4] == ["predictive"]
+
+
+def test_notebook_of_a_controller_makes_a_row_of_its_table_again_to_the_last_bit(ran: Get):
+    controller = ran("controller")
+    assert controller["same"] is True
+
+
+def test_notebook_of_a_controller_tells_that_a_delay_makes_its_loop_unstable(ran: Get):
+    delayed = ran("controller")["delayed"].set_index("law")
+    assert delayed["margin"]["my_law:MINE"] == 0.0
+    assert delayed["chatter"]["my_law:MINE"] > 10.0
+    assert delayed["margin"]["observer"] > 0.3
+    assert delayed["chatter"]["observer"] > 100.0
+    assert delayed["error_max"].idxmin() == "predictive"
