@@ -32,6 +32,11 @@ TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout
 """What may change while the instrument runs."""
 
 _BLOCK_SAMPLES = 4000
+"""Samples of a channel in a block at most."""
+_BLOCK_COST = 2.5e-7
+"""Wall time for each tick of a block to copy and hash it, and about as much again to write its trace [s]."""
+_SMALLEST_BLOCK = 64
+"""Control ticks; smaller ones cost the recorder more than they spare the loop."""
 _STATUS_PERIOD = 0.2
 _DELIVERY_TIMEOUT = 5.0
 _DIAGNOSTICS_PERIOD = 1.0
@@ -56,13 +61,12 @@ class SimNode(Node):
         self._period = _wall_period(parameters)
         self._peers = Peers(self)
         self._link = TopicLink(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
-        samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         self.run = Run(
             parameters,
             self._link,
             time.monotonic,
             Listeners(changed=self._on_state, block=self._on_block, ended=self._on_end),
-            block_ticks=max(1, _BLOCK_SAMPLES // samples_per_tick),
+            block_ticks=_block_ticks(parameters),
         )
         """The life of the instrument."""
         self._streams = Streams(self, parameters, self.run.instrument.channels)
@@ -198,6 +202,15 @@ class SimNode(Node):
 def _wall_period(parameters: SimNodeParameters) -> float:
     """Wall time between two ticks in real time [s]."""
     return parameters.plant.control_period / parameters.run.real_time_factor
+
+
+def _block_ticks(parameters: SimNodeParameters) -> int:
+    """Control ticks in a block. In realtime it is handed on between two ticks, and has to fit there."""
+    samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
+    most = max(1, _BLOCK_SAMPLES // samples_per_tick)
+    if parameters.run.mode == "lockstep":
+        return most
+    return min(most, max(_SMALLEST_BLOCK, round(0.5 * _wall_period(parameters) / _BLOCK_COST)))
 
 
 def main() -> int:
