@@ -28,7 +28,10 @@ def replay(path: Path) -> tuple[str, str, int]:
         recording = read_recording(path)
     if recording.score is None or not recording.score.get("trajectory_sha256"):
         raise ParameterError("there is no score in it, and so no trajectory_sha256 to compare with")
-    parameters = recorded_parameters(recording.parameters["afm_sim_node"], recording.parameter_changes)
+    values = recording.parameters["afm_sim_node"].items()
+    # What is a list belongs to the node, not to the instrument.
+    known = {name: value for name, value in values if not isinstance(value, list)}
+    parameters = recorded_parameters(known, recording.parameter_changes)
     with bar("replaying") as report:
         instrument = run(parameters, Replay.of(recording, parameters), progress=report)
     return str(recording.score["trajectory_sha256"]), instrument.trajectory_sha256(), instrument.ticks

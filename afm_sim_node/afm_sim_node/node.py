@@ -41,6 +41,11 @@ TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout
 """What may change while the instrument runs; of the law one that is inside."""
 
 _BLOCK_SAMPLES = 4000
+"""Samples of a channel in a block at most."""
+_BLOCK_COST = 2.5e-7
+"""Wall time for each tick of a block to copy and hash it, and about as much again to write its trace [s]."""
+_SMALLEST_BLOCK = 64
+"""Control ticks; smaller ones cost the recorder more than they spare the loop."""
 _STATUS_PERIOD = 0.2
 _DELIVERY_TIMEOUT = 5.0
 _DIAGNOSTICS_PERIOD = 1.0
@@ -76,14 +81,13 @@ class SimNode(Node):
         self._peers = Peers(self, law_inside=inside)
         make_link = InsideLink if inside else TopicLink
         self._link = make_link(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
-        samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         self._microscope: "Microscope | None" = None
         self.run = Run(
             parameters,
             self._link,
             time.monotonic,
             Listeners(changed=self._on_state, block=self._on_block, ended=self._on_end, verb_over=self._on_verb_over),
-            block_ticks=max(1, _BLOCK_SAMPLES // samples_per_tick),
+            block_ticks=_block_ticks(parameters),
             attend=self._attend() if parameters.reference.kind == "verbs" else None,
         )
         """The life of the instrument."""
@@ -280,6 +284,15 @@ def _check_law_inside(parameters: SimNodeParameters) -> None:
 def _wall_period(parameters: SimNodeParameters) -> float:
     """Wall time between two ticks in real time [s]."""
     return parameters.plant.control_period / parameters.run.real_time_factor
+
+
+def _block_ticks(parameters: SimNodeParameters) -> int:
+    """Control ticks in a block. In realtime it is handed on between two ticks, and has to fit there."""
+    samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
+    most = max(1, _BLOCK_SAMPLES // samples_per_tick)
+    if parameters.run.mode == "lockstep":
+        return most
+    return min(most, max(_SMALLEST_BLOCK, round(0.5 * _wall_period(parameters) / _BLOCK_COST)))
 
 
 def main() -> int:

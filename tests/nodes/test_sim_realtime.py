@@ -218,6 +218,13 @@ def test_score_of_a_run_that_fell_behind_says_how_far() -> None:
         assert (score.valid, score.reason) == (True, "")
 
 
+def test_blocks_are_short_where_ticks_leave_no_time_for_long_ones() -> None:
+    # Without that these would be one block: 4000 samples are 400 ticks.
+    with bench(gentle, ticks=200, factor=500.0) as b:
+        b.run_to_the_end()
+        assert max(len(trace.position) // 3 for trace in b.traces) == 64
+
+
 def test_late_ticks_are_counted_and_periods_left_out_are_never_made_up() -> None:
     with bench(gentle, factor=0.05) as b:
         instrument, simulator = b.simulator.run.instrument, b.simulator
