@@ -97,12 +97,14 @@ def remove_shared_memory_left() -> None:
 # Waiting.
 
 
-def wait_until(predicate: Callable[[], object], told: Callable[[], object], spin: Callable[[], object]) -> None:
-    """Spin until `predicate` holds; raise with what `told` says if it does not within TIMEOUT."""
-    limit = time.monotonic() + TIMEOUT
+def wait_until(
+    predicate: Callable[[], object], told: Callable[[], object], spin: Callable[[], object], timeout: float = TIMEOUT
+) -> None:
+    """Spin until `predicate` holds; raise with what `told` says if it does not within `timeout` [s]."""
+    limit = time.monotonic() + timeout
     while not predicate():
         if time.monotonic() > limit:
-            raise TimeoutError(f"still waiting after {TIMEOUT:g} s; last state: {told()}")
+            raise TimeoutError(f"still waiting after {timeout:g} s; last state: {told()}")
         note_shared_memory(at_once=False)
         spin()
 
@@ -171,13 +173,16 @@ class Graph:
     ----------
     arguments : sequence of str
         For every node made in here, as on a command line; see `ros_arguments`.
+    rest : float
+        Wall time for which a turn waits for something to do [s].
     """
 
-    def __init__(self, arguments: Sequence[str] = ()) -> None:
+    def __init__(self, arguments: Sequence[str] = (), rest: float = 0.002) -> None:
         # Ctrl-C is Python's: it ends what waits, and the nodes in order.
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
         self.executor = SingleThreadedExecutor()
         self.nodes: list[Any] = []
+        self._rest = rest
 
     def __enter__(self) -> "Graph":
         return self
@@ -208,7 +213,7 @@ class Graph:
         busy = [node.step() for node in looping]
         for node in looping:
             node.serve_periodic()
-        self.executor.spin_once(timeout_sec=0.0 if any(busy) else 0.002)
+        self.executor.spin_once(timeout_sec=0.0 if any(busy) else self._rest)
 
     def spin_until(self, predicate: Callable[[], object]) -> None:
         """Spin until `predicate` holds."""
@@ -386,7 +391,9 @@ class Command:
         wait_until(lambda: self.ended, lambda: self.told, insist)
         return int(self.process.returncode)
 
-    def wait_until(self, predicate: Callable[[], object], graph: Graph | None = None) -> None:
+    def wait_until(
+        self, predicate: Callable[[], object], graph: Graph | None = None, timeout: float = TIMEOUT
+    ) -> None:
         """Wait until `predicate` holds; fail at once if the process ends before."""
 
         def holds() -> bool:
@@ -395,11 +402,11 @@ class Command:
             assert not self.ended, f"it has ended: {self.told}"
             return False
 
-        wait_until(holds, lambda: self.told, graph.spin if graph else self._wait_a_moment)
+        wait_until(holds, lambda: self.told, graph.spin if graph else self._wait_a_moment, timeout)
 
-    def wait(self, graph: Graph | None = None) -> int:
+    def wait(self, graph: Graph | None = None, timeout: float = TIMEOUT) -> int:
         """Exit code, once it has ended."""
-        wait_until(lambda: self.ended, lambda: self.told, graph.spin if graph else self._wait_a_moment)
+        wait_until(lambda: self.ended, lambda: self.told, graph.spin if graph else self._wait_a_moment, timeout)
         return int(self.process.returncode)
 
     def _wait_a_moment(self) -> None:

@@ -13,11 +13,12 @@ from rclpy.validate_namespace import validate_namespace
 
 from afm_model import Scenario, ScenarioError
 from afm_node_common import topics
+from afm_node_common.runner import Interrupted
 
 from .domain import claim_domain
 from .follow import STALL_TIMEOUT
 from .scenario import foreign_sections, read_scenario
-from .session import COMPOSED, EXTERNAL, OWN, Interrupted, Session, SessionError
+from .session import COMPOSED, EXTERNAL, OWN, Session, SessionError
 
 
 def _arguments() -> argparse.Namespace:

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from afm_model import Scenario, ScenarioError
 from afm_node_common import topics
+from afm_node_common.runner import Interrupted
 
 from .domain import claim_domain
 from .exam.course import Course
@@ -31,10 +32,6 @@ _END_TIME = 10.0
 """Wall time that a controller has to end after SIGINT [s]."""
 _START_TIMEOUT = 60.0
 _COLORS = {Outcome.KEPT: "green", Outcome.BROKEN: "red", Outcome.UNTESTED: "dim"}
-
-
-class Interrupted(Exception):
-    """SIGINT, SIGTERM or SIGHUP."""
 
 
 def _interrupt(number: int, frame: object) -> None:

@@ -8,16 +8,12 @@ from pathlib import Path
 from rclpy.utilities import remove_ros_args
 
 from afm_model import Scenario, ScenarioError
-from afm_node_common.runner import Stop
+from afm_node_common.runner import Interrupted, Stop
 
 from .follow import STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
 from .results import print_scorecard, scorecard, write_scorecard
 from .scenario import read_scenario
-
-
-class _Interrupted(Exception):
-    """A signal has come."""
 
 
 def _arguments() -> argparse.Namespace:
@@ -55,7 +51,7 @@ def _score(arguments: argparse.Namespace, scenario: Scenario) -> None:
 
     def check() -> bool:
         if stop.requested:
-            raise _Interrupted
+            raise Interrupted
         return False
 
     missing = None
@@ -85,7 +81,7 @@ def main() -> int:
     code = 0
     try:
         _score(arguments, read_scenario(arguments.scenario, arguments.overrides))
-    except _Interrupted:
+    except Interrupted:
         code = 130
     except ScenarioError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from afm_model import Scenario
 from afm_model.checks import implausible, start_warnings
 from afm_node_common import topics
+from afm_node_common.runner import Interrupted
 
 from .files import executable
 from .follow import STALL_TIMEOUT, Follower, RunError, check_score
@@ -42,10 +43,6 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 class SessionError(RuntimeError):
     """Why a session failed, in one sentence."""
-
-
-class Interrupted(Exception):
-    """SIGINT, SIGTERM or SIGHUP."""
 
 
 class Session:

@@ -3,9 +3,6 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
-from rich.progress import Progress
-
 Report = Callable[[int, int], None]
 """Is told now and then what is done, and what there is in all."""
 
@@ -13,6 +10,10 @@ Report = Callable[[int, int], None]
 @contextmanager
 def bar(what: str) -> Iterator[Report]:
     """A bar with the title `what`, drawn on stderr at every report and gone at the end."""
+    # Here: nodes import this, and none draws a bar.
+    from rich.console import Console
+    from rich.progress import Progress
+
     with Progress(console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task(what, total=None)
         yield lambda done, total: shown.update(task, completed=done, total=total, refresh=True)

@@ -14,6 +14,7 @@ from typing import Any
 
 from .errors import ParameterError
 
+_GROUP = "afm_model."
 _OWN: dict[str, dict[str, Any]] = {}
 
 
@@ -24,15 +25,20 @@ def register(*parts: Any) -> None:
 
 
 @cache
-def _offered(family: str) -> dict[str, EntryPoint]:
-    """What installed packages offer."""
-    return {point.name: point for point in entry_points(group=f"afm_model.{family}")}
+def _offered() -> dict[str, dict[str, EntryPoint]]:
+    """What installed packages offer, by family: their metadata are read once, not for each family."""
+    points = entry_points()
+    return {
+        group.removeprefix(_GROUP): {point.name: point for point in points.select(group=group)}
+        for group in points.groups
+        if group.startswith(_GROUP)
+    }
 
 
 def names(family: str) -> list[str]:
     """Names that can be chosen, besides `module:NAME`."""
     own = _OWN.get(family, {})
-    return [*own, *(name for name in _offered(family) if name not in own)]
+    return [*own, *(name for name in _offered().get(family, {}) if name not in own)]
 
 
 def find(family: str, name: str) -> Any:
@@ -45,7 +51,8 @@ def find(family: str, name: str) -> Any:
     """
     if name in _OWN.get(family, {}):
         return _OWN[family][name]
-    where = _offered(family)[name].value if name in _offered(family) else name
+    offered = _offered().get(family, {})
+    where = offered[name].value if name in offered else name
     module, _, attribute = where.partition(":")
     if not attribute:
         known = ", ".join(names(family))

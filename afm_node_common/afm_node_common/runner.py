@@ -74,6 +74,10 @@ class HasExitCode(Protocol):
     exit_code: int
 
 
+class Interrupted(Exception):
+    """SIGINT, SIGTERM or SIGHUP has come."""
+
+
 class Stop:
     """Turns SIGINT, SIGTERM and SIGHUP into a flag, so that the loop ends between two steps and never in the middle."""
 

@@ -1,12 +1,14 @@
 """Faults to order: the services, and the events that tell of every fault's begin and end."""
 
+from bisect import bisect_left
+
 from afm_msgs.msg import Event
 from afm_msgs.srv import OrderFault
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from afm_model.errors import ParameterError
-from afm_model.fault import Entry, events, faults_of
+from afm_model.fault import NEVER, Entry, events, faults_of
 from afm_model.run import OVER, Run
 from afm_node_common import topics
 from afm_node_common.parameters import Declared
@@ -33,6 +35,8 @@ class Faults:
         self._publisher = node.create_publisher(Event, topics.EVENTS, topics.EVENTS_QOS)
         self._log = node.get_logger()
         self._told = 0
+        self._known: SimNodeParameters | None = None
+        self._events: list[tuple[int, str]] = []
         node.create_service(OrderFault, topics.ORDER_FAULT, self._order)
         node.create_service(Trigger, topics.CLEAR_FAULTS, self._clear)
 
@@ -42,13 +46,20 @@ class Faults:
         if ticks < self._told:
             self._told = 0
         if self._run.instrument.has_faults:
-            for tick, text in events(self._declared.current, self._told, ticks):
+            for tick, text in self._happened(self._told, ticks):
                 self._log.warning(text)
                 message = Event(tick=tick, text=text)
                 message.header.frame_id = topics.FRAME
                 message.header.stamp = stamp(round(tick * self._period * 1e9))
                 self._publisher.publish(message)
         self._told = ticks
+
+    def _happened(self, begin: int, end: int) -> list[tuple[int, str]]:
+        """Events from tick `begin` up to `end`; looked for 50 times a second, among all faults of a long life."""
+        if self._known is not self._declared.current:
+            self._known = self._declared.current
+            self._events = events(self._known, 0, NEVER)
+        return self._events[bisect_left(self._events, (begin,)) : bisect_left(self._events, (end,))]
 
     @property
     def _period(self) -> float:

@@ -9,6 +9,16 @@ from afm_model import Block, Controller, ControllerParameters, Instrument, Instr
 from afm_model.parameters import Value
 from afm_model.signals import MEASUREMENT
 
+Z_LOOP: dict[str, Value] = {
+    "plant.kind": "lever",
+    "plant.scanner": "stack_13um",
+    "plant.tilt": 0.0,
+    "plant.tau": 1e3,
+    "sample.kind": "flat",
+    "reference.z_r": 50e-9,
+    "onboard.kind": "pi",
+}
+"""A lever on a flat sample, with a z loop inside the instrument."""
 PERIOD = 2.0 * np.pi / 50.0
 """Period of the paper's reference sin(0.005 tau) [s]."""
 X0, Z0 = 2.5e-10, 1e-7

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import yaml
 from afm_msgs.msg import InstrumentStatus
-from support import Command, Graph, Observer, session
+from support import TIMEOUT, Graph, Observer, session
 
 from afm_model.shipped import scenario_file
 from soak.sampling import Sample, sample
 
 _ENDLESS = 1e6
 """Simulated time that no run reaches [s]."""
+_ENDING = 900.0
+"""Wall time that the end may take [s]: the recording of half an hour is copied once, and made complete."""
 
 
 def endless(name: str, path: Path) -> Path:
@@ -54,7 +56,7 @@ def soak(
         If the session does not end as it should.
     """
     out.mkdir(parents=True, exist_ok=True)
-    with Graph() as graph, session(scenario, out, folder=out) as command:
+    with Graph(rest=0.1) as graph, session(scenario, out, folder=out) as command:
         observer = graph.add(Observer())
         command.wait_until(lambda: observer.status.state == InstrumentStatus.RUNNING, graph)
         names = {command.process.pid: "session"} | {pid: _name(line) for pid, line in command.descendants.items()}
@@ -63,7 +65,7 @@ def soak(
         due = begin + warm_up
         told_at = begin
         while due <= begin + warm_up + seconds:
-            _spin_until_time(command, graph, due)
+            command.wait_until(lambda: time.monotonic() >= due, graph, warm_up + every + TIMEOUT)
             for pid, name in names.items():
                 samples[name].append(sample(pid))
             if time.monotonic() >= told_at + 60.0:
@@ -71,15 +73,9 @@ def soak(
                 told(f"{(told_at - begin) / 60.0:.0f} min, {observer.status.ticks} ticks: {_memory(samples)}")
             due += every
         command.interrupt()
-        code = command.wait(graph)
+        code = command.wait(graph, _ENDING)
         assert code == 130, f"the session ended with code {code}: {command.text}"
     return samples
-
-
-def _spin_until_time(command: Command, graph: Graph, due: float) -> None:
-    while time.monotonic() < due:
-        assert not command.ended, f"it has ended: {command.told}"
-        graph.executor.spin_once(timeout_sec=max(due - time.monotonic(), 0.0))
 
 
 def _name(line: str) -> str:

@@ -89,7 +89,7 @@ class Torture:
         namespace = f"{word}_{numbers[0]}"
         folder = self._folder / namespace
         shutil.rmtree(folder, ignore_errors=True)
-        with support.Graph() as graph, family.make(graph, folder, namespace) as one:
+        with support.Graph(rest=0.02) as graph, family.make(graph, folder, namespace) as one:
             while numbers:
                 outcome, begin = Outcome(family.fault, numbers[0]), time.monotonic()
                 try:

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from afm_msgs.msg import InstrumentStatus
 from numpy.typing import NDArray
-from support import TIMEOUT, Command, Graph, executable, wait_for_the_end_of
+from support import TIMEOUT, Command, Graph, executable, wait_for_the_end_of, wait_until
 
 from afm_model.shipped import scenario_file
 from afm_node_common.shared_memory import File, unused, used_by
@@ -104,12 +104,14 @@ class Trio:
         AssertionError
             If a node has ended by itself.
         """
-        limit = time.monotonic() + timeout
-        while not predicate():
-            self.check_alive()
-            if time.monotonic() > limit:
-                raise TimeoutError(f"waited {timeout:g} s; {self.listener.told}; {self.printed()}")
-            self.graph.executor.spin_once(timeout_sec=0.02)
+
+        def holds() -> object:
+            found = predicate()
+            if not found:
+                self.check_alive()
+            return found
+
+        wait_until(holds, lambda: f"{self.listener.told}; {self.printed()}", self.graph.spin, timeout)
 
     def pass_time(self, seconds: float) -> None:
         """Listen for some wall time."""

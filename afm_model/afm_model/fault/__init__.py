@@ -9,12 +9,12 @@ from ..parts.header import HEADER
 from ..records import Block, pointer_at, record_at
 from ..registry import register
 from ..signals import DISPLACEMENT, MEASUREMENT
-from .entry import KINDS, LATENCY_TICKS, TARGETS, Entry
+from .entry import KINDS, LATENCY_TICKS, NEVER, TARGETS, Entry
 from .events import acted, active, events
 from .memory import CONSTANTS, MEMORY, SENSED
 from .message import delay_command, delay_measurement
 from .none import NONE
-from .schedule import SCHEDULED, Schedule, faults_of
+from .schedule import SCHEDULED, Schedule, faults_of, table
 from .signal import spoil_drive, spoil_measurement
 from .surface import disturb_sample
 
@@ -77,6 +77,7 @@ __all__ = [
     "KINDS",
     "LATENCY_TICKS",
     "MEMORY",
+    "NEVER",
     "NONE",
     "PARTS",
     "SCHEDULED",
@@ -92,5 +93,6 @@ __all__ = [
     "on_command",
     "on_drive",
     "on_measurement",
+    "table",
     "unasked",
 ]

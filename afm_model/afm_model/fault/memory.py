@@ -9,7 +9,7 @@ from ..signals import COMMAND, MEASUREMENT
 from .entry import LATENCY_TICKS
 
 MOST = 16
-"""Faults in a schedule at most."""
+"""Faults at a time at most: those that are over, and those that have not begun, take no place."""
 SLOTS = LATENCY_TICKS + 1
 """Messages of each direction that may be on their way."""
 COMMAND_SIZE = size(COMMAND)

@@ -1,8 +1,11 @@
 """Faults to order: a list of faults, each with its kind, begin, duration, signal, size and seed.
 
-Not one is there by default, and then nothing is computed. More can be put in force while the instrument runs.
+Not one is there by default, and then nothing is computed. More can be put in force while the instrument runs. The loop has
+a table of a few places; a fault that is over leaves its place to another one, and takes it again after a reset.
 """
 
+from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any, ClassVar
 
 from pydantic import Field
@@ -10,7 +13,7 @@ from pydantic import Field
 from ..parts.groups import FaultParameters
 from ..parts.part import Fault
 from ..schema import Group
-from .entry import DRIVES, KINDS, MESSAGES, SENSORS, TARGETS, Entry, problem
+from .entry import DRIVES, KINDS, MESSAGES, NEVER, SENSORS, TARGETS, Entry, problem
 from .memory import CONSTANTS, MEMORY, MOST
 from .none import untouched
 
@@ -38,15 +41,57 @@ def check(parameters: Any) -> None:
     faults = faults_of(parameters)
     period = parameters.plant.control_period
     problems = [problem(f"fault.{name}", entry, period) for name, entry in faults.items()]
-    if len(faults) > MOST:
-        problems.append(f"{len(faults)} faults are too many: {MOST} are the most, those that are over included")
     if told := "; ".join(filter(None, problems)):
         raise ValueError(told)
+    changes = sorted(
+        change
+        for begin, end in (_needed(entry, period) for entry in faults.values())
+        if begin < end
+        for change in ((begin, 1), (end, -1))
+    )
+    most = max(accumulate(change for _, change in changes), default=0)
+    if most > MOST:
+        raise ValueError(f"{most} faults at a time are too many: {MOST} are the most")
+
+
+def _needed(entry: Entry, period: float) -> tuple[int, int]:
+    """First tick at whose begin a fault must be in the table, and the first at which it need not any more."""
+    first, last = entry.ticks(period)
+    if first >= last:
+        return 0, 0
+    # The measurement of a tick is made at the end of the one before. What has drifted stays where it is.
+    return first - 1, NEVER if entry.kind == "thermal" else last
+
+
+@dataclass(frozen=True)
+class Table:
+    """The faults that the loop knows from some tick on."""
+
+    names: list[str]
+    """In the order of the table, which is that in which they act."""
+    numbers: dict[str, Any]
+    """As in CONSTANTS."""
+    until: int
+    """The tick before which it must be filled again: another fault needs a place."""
+
+
+def table(parameters: Any, tick: int, places: int = MOST) -> Table:
+    """The table from the begin of `tick` on: without those that are over, and with those that begin soonest."""
+    faults, period = faults_of(parameters), parameters.plant.control_period
+    waiting = sorted(
+        (begin, name) for name, entry in faults.items() for begin, end in [_needed(entry, period)] if end > tick
+    )
+    names = sorted(name for _, name in waiting[:places])
+    until = waiting[places][0] if len(waiting) > places else NEVER
+    return Table(names, _numbers(parameters, [faults[name] for name in names]), until)
 
 
 def values(parameters: Any) -> dict[str, Any]:
-    """The table of faults."""
-    entries = list(faults_of(parameters).values())
+    """The table of faults at the start of a run."""
+    return table(parameters, 0).numbers
+
+
+def _numbers(parameters: Any, entries: list[Entry]) -> dict[str, Any]:
     kinds = list(KINDS)
     rows = [
         (kinds.index(each.kind) + 1, TARGETS.index(each.signal), *each.ticks(parameters.plant.control_period))
@@ -58,7 +103,7 @@ def values(parameters: Any) -> dict[str, Any]:
         return sum(each.signal in targets for each in entries)
 
     columns = zip(*rows, strict=True) if rows else [()] * 4
-    table = dict(zip(("kind", "target", "first", "last"), ([*column, *rest] for column in columns), strict=True))
+    filled = dict(zip(("kind", "target", "first", "last"), ([*column, *rest] for column in columns), strict=True))
     detector, scales = parameters.detector, parameters.scales
     return {
         "count": len(entries),
@@ -67,7 +112,7 @@ def values(parameters: Any) -> dict[str, Any]:
         "on_measurements": count(MESSAGES[0]),
         "on_commands": count(MESSAGES[1]),
         "on_sample": sum(each.of_the_sample for each in entries),
-        **table,
+        **filled,
         "seed": [*(each.seed for each in entries), *rest],
         "size": [*(each.size for each in entries), *rest],
         "control_period": parameters.plant.control_period,

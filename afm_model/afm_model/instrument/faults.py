@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ParameterError
-from ..fault import CONSTANTS, MEMORY, SCHEDULED, SENSED, faults_of
+from ..fault import CONSTANTS, MEMORY, NEVER, SCHEDULED, SENSED, faults_of, table
 from ..parameters import InstrumentParameters
 from ..records import record_at
 from ..signals import COMMAND, copy_command
@@ -12,6 +12,8 @@ from .block import Layout
 
 _TOLD = ("begun", "held")
 """What is remembered of each fault."""
+_SORTS = ("on_sensors", "on_drives", "on_measurements", "on_commands", "on_sample")
+"""How many faults of a sort are in the table; where there is none, nothing is computed."""
 
 
 class Faults:
@@ -32,11 +34,17 @@ class Faults:
         if self._scheduled:
             self._table = record_at(block, layout.places["fault_constants"], CONSTANTS)
             self._memory = record_at(block, layout.places["fault_memory"], MEMORY)
+        self._names: list[str] = []
+        self.until = NEVER
+        """Before this tick is computed, `renew` must be called."""
 
     def reset(self) -> None:
         """Return to the start of a run; the commands of the block are those of the start."""
         if self.there:
             self._layout.array(self._block, "fault_memory")[:] = 0.0
+            for sort in _SORTS:
+                self._table[sort] = 0
+            self._fill(0)
             self._begin_commands(-1)
 
     @property
@@ -57,20 +65,30 @@ class Faults:
             raise ParameterError(
                 f"fault.kind = {kind} takes no faults while it runs: start the simulator with fault.kind = scheduled"
             )
-        old, new = list(faults_of(self._parameters)), list(faults_of(parameters))
-        on_commands, on_measurements = self._table.on_commands > 0, self._table.on_measurements > 0
-        remembered = {name: [self._memory[field][i] for field in _TOLD] for i, name in enumerate(old)}
         self._parameters = parameters
-        self._layout.parts["fault"].fill_constants(self._block, self._layout.places["fault_constants"], parameters)
-        for i, name in enumerate(new):
-            for field, value in zip(_TOLD, remembered.get(name, (0, 0.0)), strict=True):
-                self._memory[field][i] = value
-        self.there = bool(new)
-        tick = int(self._layout.record(self._block, "loop").k)
+        self.there = bool(faults_of(parameters))
+        self.renew(int(self._layout.record(self._block, "loop").k))
+
+    def renew(self, tick: int) -> None:
+        """Fill the table again, for `tick` and those after it: faults that are over leave their places."""
+        on_commands, on_measurements = self._table.on_commands > 0, self._table.on_measurements > 0
+        self._fill(tick)
         if self._table.on_commands > 0 and not on_commands:
             self._begin_commands(tick - 1)
         if self._table.on_measurements > 0 and not on_measurements:
             self._begin_measurements(tick)
+
+    def _fill(self, tick: int) -> None:
+        remembered = {name: [self._memory[field][i] for field in _TOLD] for i, name in enumerate(self._names)}
+        found = table(self._parameters, tick)
+        for name, value in found.numbers.items():
+            # A sort that was there once is looked after to the end of the run: a late message may still be on its way,
+            # a lost one leaves the one before in force, and the friction of the sample is put back.
+            self._table[name] = max(value, self._table[name]) if name in _SORTS else value
+        for i, name in enumerate(found.names):
+            for field, value in zip(_TOLD, remembered.get(name, (0, 0.0)), strict=True):
+                self._memory[field][i] = value
+        self._names, self.until = found.names, found.until
 
     def _begin_commands(self, tick: int) -> None:
         """From now on commands are remembered: the one of `tick` is in force."""

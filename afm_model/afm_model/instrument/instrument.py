@@ -165,7 +165,7 @@ class Instrument:
         loop.in_force, loop.received = -1, layout.places["commanded"]
         self._faults.reset()
         self._hash = hashlib.sha256()
-        self.ticks = self._drawn = 0
+        self.ticks = self._drawn = self._prepared = 0
         self._row = 0
         noise, position_noise = self._noise.standard_normal(2), self._position_noise.standard_normal(3)
         tell(layout.record(block, "truth"), block)
@@ -232,6 +232,7 @@ class Instrument:
         """
         self._faults.put_in_force(parameters)
         self.parameters = parameters
+        self._prepared = min(self._drawn, self._faults.until)
 
     def order(self, order: Any) -> None:
         """Tell the program what to do from this tick on. Once it is done, `close_loop` stops behind that very tick.
@@ -329,7 +330,7 @@ class Instrument:
         self._horizon_count[0] = 0
         while self.ticks < end:
             self._prepare()
-            ticks = min(end, self._drawn) - self.ticks
+            ticks = min(end, self._prepared) - self.ticks
             outcome = advance(controller.block, ticks, self._block, self._random, self._rows, self._samples)
             controller.raise_errors()
             self._conclude(outcome, int(self._loop[_DONE]))
@@ -337,11 +338,15 @@ class Instrument:
                 return
 
     def _prepare(self) -> None:
-        """What a tick needs: a row in the block, random numbers."""
+        """What a tick needs: a row in the block, random numbers, the faults of these ticks."""
         if self._row == self._block_ticks:
             raise RuntimeError("the block is full: call take_block before the next tick")
-        if self.ticks == self._drawn:
-            self._draw()
+        if self.ticks == self._prepared:
+            if self.ticks == self._drawn:
+                self._draw()
+            if self.ticks == self._faults.until:
+                self._faults.renew(self.ticks)
+            self._prepared = min(self._drawn, self._faults.until)
 
     def _conclude(self, outcome: int, done: int) -> None:
         """Count the ticks done and report what the last one came to."""

@@ -5,7 +5,6 @@ import warnings
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_continuous_lyapunov
 
 TANH_GAP = 0.278464542761074
 """sup over s >= 0 of s (1 - tanh s), docs/theory.md (33): |s| - s tanh(alpha s) never exceeds this over alpha."""
@@ -36,6 +35,8 @@ def lyapunov_matrix(c: float, cdot: float, Q: NDArray[np.float64] | None = None)
         If a gain is not positive: A is then not Hurwitz and no such P exists. If Q is not symmetric positive definite,
         or the gains are so far from 1 that P has no digits.
     """
+    from scipy.linalg import solve_continuous_lyapunov  # here: a tenth of a second for nothing in a node without a law
+
     if not (c > 0.0 and cdot > 0.0):
         raise ValueError(f"c = {c:g} and cdot = {cdot:g} must both be > 0 for the error dynamics to be stable")
     weight = np.eye(2) if Q is None else np.asarray(Q, float)

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from ..jit import kernel
 from ..parts.part import Tree
@@ -57,6 +56,8 @@ class Axis(NamedTuple):
 
 def free_axis(eta: float, xi: float, hold: float) -> Axis:
     """Exact step of a free axis over a time `hold` [1/w0] of held drive."""
+    from scipy.linalg import expm  # here: a tenth of a second for nothing in a node without a law
+
     A = np.zeros((3, 3))
     A[0, 1], A[1, 0], A[1, 1], A[1, 2] = 1.0, -eta * eta, -2.0 * xi * eta, 1.0
     E = expm(A * hold)

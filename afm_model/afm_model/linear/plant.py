@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from ..contact.jkr import stiffness_of_u, u_of_load
 from ..friction.strength import bound_of_load
@@ -37,6 +36,8 @@ def _static_load(sim: SimParameters, p: Any) -> float:
 
 def plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, _Array]:
     """Exact step over a control period: nondimensional states from states, from volts, and from friction (8,)."""
+    from scipy.linalg import expm  # here: a tenth of a second for nothing in a node
+
     p = plant_constants(sim)
     F, G = np.zeros((STATES, STATES)), np.zeros((STATES, 3))
     for i, axis in enumerate(AXES):

@@ -17,10 +17,11 @@ from afm_model import (
     flatten,
     simulate,
 )
-from afm_model.fault import acted, active, events, faults_of
+from afm_model.fault import acted, active, events, faults_of, table
 from afm_model.fault.chance import normal, uniform
 from afm_model.fault.entry import KINDS, SENSORS, Entry, problem
 from afm_model.parameters.run import SimParameters as Parameters
+from afm_model.instrument import faults as faults_of_instrument
 from afm_model.run import Replay, recorded_parameters
 from afm_model.signals import MEASUREMENT
 
@@ -288,6 +289,64 @@ def test_a_fault_that_is_ordered_on_the_way_is_the_one_that_was_there_from_the_s
     assert scope.trajectory_sha256() == simulate(given, LAW).trajectory_sha256
 
 
+def in_turn(step: int) -> list[dict[str, object]]:
+    """Something of everything, one after the other: each begins `step` ticks after the one before and lasts for 40."""
+    names = "jihgfedcba"  # another order than that of the begins
+    return [
+        {key.replace(f".{old}.", f".{new}."): value for key, value in each.items()}
+        | {f"fault.{new}.start": (10 + step * i) * PERIOD, f"fault.{new}.duration": 40 * PERIOD}
+        for i, (old, new, each) in enumerate(zip("abcdefghij", names, ALL, strict=True))
+    ]
+
+
+@pytest.mark.parametrize("places", [4, 6])
+def test_a_fault_that_takes_its_place_late_and_leaves_it_early_changes_no_bit(
+    places: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Two at a time, the one that has drifted, and one that begins while two others are ending.
+    given = parameters(*in_turn(25))
+    known_all_the_time = simulate(given, LAW)
+    filled = []
+
+    def short(parameters: SimParameters, tick: int) -> object:
+        filled.append(tick)
+        return table(parameters, tick, places)
+
+    monkeypatch.setattr(faults_of_instrument, "table", short)
+    for law in (LAW, Asked()):
+        run = simulate(given, law)
+        assert run.trajectory_sha256 == known_all_the_time.trajectory_sha256
+        np.testing.assert_array_equal(run.measurements, known_all_the_time.measurements)
+    assert len(set(filled)) > 10 // places
+
+
+def test_more_faults_than_places_come_and_go_and_a_reset_brings_all_of_them_back() -> None:
+    """As many as are ordered in a long life, a few at a time."""
+    rounds = [
+        {key.replace("fault.", f"fault.n{n}"): value for key, value in each.items()}
+        for n in range(5)
+        for each in in_turn(5)
+        if "thermal" not in each.values()
+    ]
+    starts = [next(key for key in each if key.endswith(".start")) for each in rounds]
+    for i, (each, start) in enumerate(zip(rounds, starts, strict=True)):
+        each[start] = (10 + 5 * i) * PERIOD
+    given = parameters(*rounds)
+    assert len(faults_of(given)) == 45
+    scope, law = Instrument(parameters(), TICKS), Controller(LAW)
+    for i in range(len(rounds)):
+        scope.close_loop(law, 10 + 5 * i - 1 - scope.ticks)
+        scope.set_faults(parameters(*rounds[: i + 1]))
+    scope.close_loop(law, TICKS - scope.ticks)
+    expected = simulate(given, LAW).trajectory_sha256
+    assert scope.trajectory_sha256() == expected
+    scope.take_block()
+    scope.reset()
+    law.reset()
+    scope.close_loop(law, TICKS)
+    assert scope.trajectory_sha256() == expected
+
+
 def test_drives_that_were_recorded_give_the_same_trajectory_again() -> None:
     given = parameters(*ALL)
     run = simulate(given, LAW)
@@ -367,7 +426,7 @@ def test_every_kind_has_words(kind: str) -> None:
         ({"fault.kind": "none", **fault("a", kind="friction")}, "unknown parameter fault.a"),
         (
             {f"fault.a{i}.kind": "friction" for i in range(17)},
-            "17 faults are too many: 16 are the most, those that are over included",
+            "17 faults at a time are too many: 16 are the most",
         ),
     ],
 )

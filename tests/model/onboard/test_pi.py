@@ -9,16 +9,9 @@ import pytest
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.onboard import PI
 
-LEVER = {
-    "plant.kind": "lever",
-    "plant.scanner": "stack_13um",
-    "plant.tilt": 0.0,
-    "plant.tau": 1e3,
-    "sample.kind": "flat",
-    "reference.z_r": 50e-9,
-    "onboard.kind": "pi",
-    "detector.channels": "z_loop, z_loop_error, truth/position_z",
-}
+from ..session import Z_LOOP
+
+LEVER = Z_LOOP | {"detector.channels": "z_loop, z_loop_error, truth/position_z"}
 SENSITIVITY = 10e-9
 
 

@@ -9,6 +9,7 @@ import pytest
 from afm_model.run import Cause, State, verdict
 from afm_model.run.state import REASONS
 
+from ..session import Z_LOOP
 from .hand import PERIOD, Bench
 
 RAMP = 8
@@ -303,14 +304,7 @@ def test_score_of_a_run_that_was_withdrawn_in_scored_ticks_is_not_valid() -> Non
 
 # A z loop inside the instrument.
 
-LOOP: dict[str, object] = {
-    "plant.kind": "lever",
-    "plant.scanner": "stack_13um",
-    "plant.tilt": 0.0,
-    "plant.tau": 1e3,
-    "sample.kind": "flat",
-    "reference.z_r": 50e-9,
-    "onboard.kind": "pi",
+LOOP = Z_LOOP | {
     "plant.control_period": 2.0**-14,
     "plant.dt": 2.0**-20,
     "detector.sample_period": 2.0**-20,

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
 
 _Array = NDArray[np.float64]
 
@@ -42,6 +41,8 @@ def grid(hold: float, response: float) -> Grid:
 
 def transition(stiffness: float, damping: float, time: float) -> tuple[_Array, _Array]:
     """Phi (2, 2) and Gamma (2,) of q'' = U - stiffness q - damping q' over `time` under a constant U."""
+    from scipy.linalg import expm  # here: a tenth of a second for nothing in a node without a law
+
     A = np.zeros((3, 3))
     A[0, 1] = 1.0
     A[1] = -stiffness, -damping, 1.0
@@ -102,6 +103,8 @@ def observer_gains(stiffness: float, damping: float, period: float, disturbance:
     noise : float
         Rms noise of the position.
     """
+    from scipy.linalg import solve_discrete_are  # as above
+
     Phi, Gamma = transition(stiffness, damping, period)
     C = np.array([[1.0, 0.0]])
     # In units of the noise, so that the equation is well scaled.
