@@ -231,7 +231,8 @@ class Instrument:
             If `fault.kind` is not `scheduled`.
         """
         self._faults.put_in_force(parameters)
-        self.parameters = parameters
+        # Gains and setpoint of the loop inside may have changed since the start.
+        self.parameters = parameters.model_copy(update={"onboard": self.parameters.onboard})
         self._prepared = min(self._drawn, self._faults.until)
 
     def order(self, order: Any) -> None:

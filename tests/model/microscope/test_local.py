@@ -1,5 +1,7 @@
 """Claims about verbs in process: approach, move, scan, force curve, withdraw; what cannot be is refused."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -123,23 +125,60 @@ def test_an_approach_that_finds_no_sample_leaves_the_tip_withdrawn_and_says_how_
     assert microscope.execute(APPROACH).status == "complete"
 
 
-def test_force_curves_show_adhesion_and_leave_the_tip_on_the_sample():
-    microscope = local(plant__tilt=0.0)
+def test_force_curves_show_snap_in_and_adhesion_and_leave_the_tip_on_the_sample():
+    # DMT, whose branch begins at no indentation, and no friction: closed forms.
+    microscope = local(plant__tilt=0.0, plant__contact="dmt", plant__tau=1e3)
+    microscope.set_sample({"kind": "flat"})
     microscope.execute(APPROACH)
-    verb = ForceCurve(trigger_force=20e-9, approach_rate=10e-6, retract_rate=10e-6, count=2, lift=150e-9, ramp=300e-9)
+    verb = ForceCurve(trigger_force=2e-9, approach_rate=0.5e-6, retract_rate=2e-6, count=2, lift=100e-9, settle=5e-3)
     outcome = microscope.execute(verb)
     assert outcome.status == "complete"
     first, second = outcome.result
+    plant = microscope.instrument.parameters.plant
+    k, R, H, units = 0.2, 10e-9, plant.pair_numbers.hamaker, plant.contact_units
+    # A sphere under van der Waals attraction snaps in at D, over D / 2; the rest is what the contact gives way.
+    D = (H * R / (3.0 * k)) ** (1.0 / 3.0)
+    way = 1.5 * D - (H * R / (12.0 * units.force)) ** 0.5 + 2.0 ** (2.0 / 3.0) * units.indentation
     for curve in (first, second):
         assert curve.triggered
-        assert curve.record.channels["deflection"].max() == pytest.approx(10.0, rel=0.02)
         read = curve.record.channels
+        assert read["deflection"][read["phase"] == 2].max() == pytest.approx(1.0, rel=0.02)
         told = force_curve(read["z"], read["deflection"] * curve.deflection_sensitivity, curve.spring_constant)
-        # pi w R between 1.5 (JKR) and 2 (DMT): 4.7 and 6.3 nN.
-        assert 4.7e-9 < told.adhesion.value < 6.3e-9
+        assert told.adhesion.value == pytest.approx(2.0 * units.force, rel=0.01)
+        # To pass the fold takes time: 0.013 nm of way at 0.2 um/s, 0.036 nm at 1 um/s.
+        assert told.snap_in_way == pytest.approx(way, abs=0.036e-9)
     assert second.record.time[0] > first.record.time[-1]
     assert microscope.state.approached
     assert microscope.instrument.in_contact
+
+
+def test_memory_is_the_same_however_many_lines_are_scanned():
+    microscope = local(block_ticks=500)
+    microscope.execute(APPROACH)
+    scan = Scan(size_x=40e-9, pixels=16, lines=4, line_rate=20.0)
+    microscope.execute(scan)
+    peaks = []
+    for lines in (4, 24):
+        tracemalloc.start()
+        microscope.execute(scan.model_copy(update={"lines": lines, "size_y": 10e-9}))
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    # 20 lines of two directions and three channels of 16 pixels; their samples would be 12 MB.
+    assert peaks[1] - peaks[0] < 20 * 2 * 3 * 16 * 8 + 100_000
+
+
+def test_the_plant_of_the_paper_that_can_leave_the_sample_has_verbs_too():
+    values = {"plant.kind": "compliant", "plant.gap": 200e-9, "sample.beta": 0.0, "detector.sample_period": 2e-6}
+    values |= {"onboard.kind": "pi", "onboard.setpoint_voltage": 5.0, "onboard.integral_gain": 100e-6}
+    microscope = Local(build(SimParameters, values), build(ControllerParameters, {"law.kind": "tanh"}))
+    outcome = microscope.execute(Approach(rate=50e-6, range=500e-9, settle=1e-3))
+    assert outcome.status == "complete"
+    assert microscope.instrument.in_contact
+    outcome = microscope.execute(Scan(size_x=5e-9, size_y=1e-9, pixels=8, lines=1, line_rate=15.0, speed=1e-6))
+    assert outcome.result.complete
+    assert (outcome.result.friction() > 0.0).all()
+    microscope.close()
+    assert not microscope.instrument.in_contact
 
 
 @pytest.mark.parametrize(
