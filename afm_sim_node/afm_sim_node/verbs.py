@@ -81,6 +81,8 @@ class Verbs:
         self._log = node.get_logger()
         self._feedback: dict[str, Feedback] = {}
         self._going: Going | None = None
+        self.scan = 0
+        """Number of the scan that was begun last."""
         self.last = ""
         """What became of the verb before, in a sentence."""
         # Goals are answered late: what the node has otherwise must not wait for them.
@@ -157,6 +159,8 @@ class Verbs:
 
     def _over(self, name: str, goal: ServerGoalHandle, result: Any, outcome: Outcome) -> None:
         put_outcome(outcome, result)
+        if hasattr(result, "scan"):
+            result.scan = self.scan
         if outcome.status != COMPLETE:
             self._log.warning(outcome.message)
         self._answer(name, goal, result)
