@@ -49,7 +49,7 @@ class Feedback:
 
     @property
     def gone(self) -> bool:
-        """Whether all that may be the client have gone; to be asked some times a second, before `publish`."""
+        """Whether one that may be the client was killed, or all of them have left; to be asked some times a second, before `publish`."""
         now = time.monotonic()
         passed, self._looked_at = min(now - self._looked_at, _LONGEST_LOOK), now
         # Who is matched only after the goal has come may be the client, too.
@@ -60,8 +60,8 @@ class Feedback:
             self._silent = 0.0
         else:
             self._silent += passed
-        # Of several nobody knows which one is silent.
-        if self._silent > SILENCE and self._publisher.get_subscription_count() <= 1:
+        # Of several nobody knows which one is silent, and which one's the goal is: the tip is safe without it.
+        if self._silent > SILENCE:
             return True
         return self._publisher.get_subscription_count() < len(self._listeners) and not self._listeners & self._there
 

@@ -84,6 +84,7 @@ class Microscope:
         if isinstance(verb, Scan):
             found = signals(self._run.instrument, channel_names(verb.channels))
             self._lines.begin(verb, {name: signal.unit for name, signal in found.items()})
+            self._verbs.scan = self._lines.number
 
     def _on_setting(self) -> None:
         self._changed()

@@ -9,7 +9,6 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
-from rclpy.task import Future
 
 from afm_model.errors import ParameterError, VerbError
 from afm_model.microscope.results import COMPLETE, Outcome
@@ -23,14 +22,41 @@ _RESULT_KEPT = 30
 """Wall time for which a result is kept for a client that asks for it [s]: a night of force curves is some gigabytes."""
 
 
+class PatientServer(ActionServer):  # type: ignore[misc]  # rclpy's own types are not there
+    """An action server whose goals are executed by somebody else, and answered when that is over.
+
+    A coroutine in its place would be resumed again and again by the executor, which looks at every entity of the node
+    each time: half a millisecond of the loop.
+
+    Parameters
+    ----------
+    begin : callable
+        begin(goal): a goal is accepted; `answer` is called when it is over.
+    """
+
+    def __init__(self, node: Node, kind: Any, name: str, begin: Callable[[ServerGoalHandle], None], **options: Any) -> None:
+        super().__init__(node, kind, name, self._never, **options)
+        self._begin = begin
+
+    def _never(self, goal: ServerGoalHandle) -> Any:
+        raise AssertionError("a goal is answered by `answer`")
+
+    def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: object) -> None:
+        """Called by rclpy when a goal is accepted."""
+        self._begin(goal_handle)
+
+    def answer(self, goal: ServerGoalHandle, conclude: Callable[[ServerGoalHandle], Any]) -> None:
+        """Have the client told the result that `conclude` returns; it has to set the state of the goal, too."""
+        super().notify_execute(goal, conclude)
+
+
 @dataclass
 class Going:
     """A verb that is being done."""
 
     name: str
-    verb: Verb
-    goal: ServerGoalHandle | None
-    over: Future
+    goal: ServerGoalHandle | None  # None: nobody has asked for it
+    over: Callable[[Outcome], None]
 
 
 class Verbs:
@@ -50,39 +76,30 @@ class Verbs:
         changed(): a verb has begun or ended.
     """
 
-    def __init__(
-        self, node: Node, run: Run, begun: Callable[[Verb], object], changed: Callable[[], object]
-    ) -> None:
+    def __init__(self, node: Node, run: Run, begun: Callable[[Verb], object], changed: Callable[[], object]) -> None:
         self._node, self._run, self._begun, self._changed = node, run, begun, changed
         self._log = node.get_logger()
         self._feedback: dict[str, Feedback] = {}
         self._going: Going | None = None
+        self.scan = 0
+        """Number of the scan that was begun last."""
         self.last = ""
         """What became of the verb before, in a sentence."""
         # Goals are answered late: what the node has otherwise must not wait for them.
-        group = ReentrantCallbackGroup()
-        self._servers = [
-            ActionServer(
-                node,
-                type_of(name),
-                topic,
-                partial(self._execute, name),
-                callback_group=group,
-                cancel_callback=self._cancel,
-                result_timeout=_RESULT_KEPT,
-            )
+        options: dict[str, Any] = {
+            "callback_group": ReentrantCallbackGroup(),
+            "cancel_callback": self._cancel,
+            "result_timeout": _RESULT_KEPT,
+        }
+        self._servers = {
+            name: PatientServer(node, type_of(name), topic, partial(self._accepted, name), **options)
             for name, topic in TOPICS.items()
-        ]
+        }
 
     def close(self) -> None:
         """Let the node be destroyed."""
-        for server in self._servers:
+        for server in self._servers.values():
             server.destroy()
-
-    @property
-    def doing(self) -> str:
-        """Name of the verb that is being done; empty: none."""
-        return self._going.name if self._going is not None else ""
 
     def look(self) -> None:
         """Tell the client how far its verb is, and see whether it is still there; a few times a second."""
@@ -102,44 +119,29 @@ class Verbs:
         going, self._going = self._going, None
         if going is not None:
             self.last = outcome.message or f"{going.name} was done"
-            going.over.set_result(outcome)
+            going.over(outcome)
         self._changed()
 
     def _cancel(self, goal: ServerGoalHandle) -> CancelResponse:
         going = self._going
         if going is not None and going.goal is not None and going.goal.goal_id == goal.goal_id:
             self._run.attendant.cancel("cancelled")
-        # Another one has not begun, or is over: `_execute` sees that it was cancelled.
+        else:
+            # It is over and has not been answered: cancelled is cancelled.
+            self._withdraw()
         return CancelResponse.ACCEPT
 
-    async def _execute(self, name: str, goal: ServerGoalHandle) -> Any:
+    def _accepted(self, name: str, goal: ServerGoalHandle) -> None:
         result = type_of(name).Result()
         try:
             verb = verb_of(name, goal.request)
-            if goal.is_cancel_requested:
-                return await self._cancelled_before(name, goal, result)
-            over = self._begin(name, verb, goal)
+            self._begin(name, verb, goal, partial(self._over, name, goal, result))
         except (ParameterError, VerbError) as error:
             self._log.warning(f"{name} was refused: {error}")
             result.message = str(error)
-            goal.abort()
-            return result
-        outcome = await over
-        put_outcome(outcome, result)
-        if goal.is_cancel_requested:
-            # One that came with the last line: cancelled is cancelled, the tip is withdrawn.
-            if outcome.status == COMPLETE:
-                result.success, result.message = False, f"{name} was cancelled at its end; the tip is withdrawn"
-                await self._withdraw()
-            goal.canceled()
-        elif outcome.status == COMPLETE:
-            goal.succeed()
-        else:
-            self._log.warning(outcome.message)
-            goal.abort()
-        return result
+            self._answer(name, goal, result)
 
-    def _begin(self, name: str, verb: Verb, goal: ServerGoalHandle | None) -> Future:
+    def _begin(self, name: str, verb: Verb, goal: ServerGoalHandle | None, over: Callable[[Outcome], None]) -> None:
         if objection := self._run.attendant.objection(verb):
             raise VerbError(objection)
         self._begun(verb)
@@ -147,30 +149,43 @@ class Verbs:
             if name not in self._feedback:
                 self._feedback[name] = Feedback(self._node, type_of(name), TOPICS[name])
             self._feedback[name].begin()
-        self._going = Going(name, verb, goal, Future())
-        over = self._going.over
+        self._going = Going(name, goal, over)
         try:
             self._run.begin(verb)
         except VerbError:
             self._going = None
             raise
         self._changed()
-        return over
 
-    async def _cancelled_before(self, name: str, goal: ServerGoalHandle, result: Any) -> Any:
-        await self._withdraw()
-        result.message = f"{name} was cancelled before it began"
-        goal.canceled()
-        return result
+    def _over(self, name: str, goal: ServerGoalHandle, result: Any, outcome: Outcome) -> None:
+        put_outcome(outcome, result)
+        if hasattr(result, "scan"):
+            result.scan = self.scan
+        if outcome.status != COMPLETE:
+            self._log.warning(outcome.message)
+        self._answer(name, goal, result)
 
-    async def _withdraw(self) -> None:
-        """What a cancelled goal leaves; not while another one is being done."""
+    def _answer(self, name: str, goal: ServerGoalHandle, result: Any) -> None:
+        """Send the result."""
+
+        def conclude(goal: ServerGoalHandle) -> Any:
+            if goal.is_cancel_requested:
+                if result.success:
+                    result.success, result.message = False, f"{name} was cancelled at its end; the tip is withdrawn"
+                goal.canceled()
+            elif result.success:
+                goal.succeed()
+            else:
+                goal.abort()
+            return result
+
+        self._servers[name].answer(goal, conclude)
+
+    def _withdraw(self) -> None:
+        """Take the tip away; not while another verb is being done."""
         attendant = self._run.attendant
-        if attendant.busy or not attendant.state.near:
-            return
-        try:
-            over = self._begin("Withdraw", Withdraw(), None)
-        except VerbError as error:
-            self._log.warning(f"the tip was not withdrawn: {error}")
-            return
-        await over
+        if not attendant.busy and attendant.state.near:
+            try:
+                self._begin("Withdraw", Withdraw(), None, lambda outcome: None)
+            except VerbError as error:
+                self._log.warning(f"the tip was not withdrawn: {error}")

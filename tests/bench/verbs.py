@@ -76,7 +76,8 @@ class Client:
 
 def _over_topics(folder: Path, scan: Scan, law: str, repeats: int) -> list[dict[str, float]]:
     file = str(load_scenario(SCENARIO).path)
-    command = [executable("afm_sim_node", "afm_sim_node"), "--ros-args", "--params-file", file, "-p", f"law.kind:={law}"]
+    arguments = ["--ros-args", "--params-file", file, "-p", f"law.kind:={law}"]
+    command = [executable("afm_sim_node", "afm_sim_node"), *arguments]
     rclpy.init()
     try:
         with running(command, log=folder / "bench.log") as (process,):

@@ -156,7 +156,7 @@ def test_scenario_with_the_law_inside_has_its_controller_and_its_timing(tmp_path
     scenario = load_scenario(path)
     assert scenario.controller == load_scenario("closed_loop_predictive").controller
     path.write_text(section + "/**/afm_controller_node:\n  ros__parameters:\n    law.kind: predictive\n")
-    with pytest.raises(ScenarioError, match="law.kind = predictive of afm_sim_node puts the law inside the simulator"):
+    with pytest.raises(ScenarioError, match=r"law\.kind = predictive of afm_sim_node puts the law inside the simulator"):
         load_scenario(path)
 
 
@@ -174,7 +174,7 @@ def test_law_inside_is_refused_as_it_is_in_a_controller_and_external_is_for_the_
         build(SimParameters, {"law.kind": "nonsense"})
     with pytest.raises(ParameterError, match=r"law.alpha = -1.0 is not allowed"):
         build(SimParameters, {"law.kind": "tanh", "law.alpha": -1.0})
-    with pytest.raises(ParameterError, match="law.kind = external is not allowed here: it is for the simulator"):
+    with pytest.raises(ParameterError, match=r"law\.kind = external is not allowed here: it is for the simulator"):
         build(ControllerParameters, {"law.kind": "external"})
     assert SimParameters().controller_inside is None
 
@@ -187,9 +187,8 @@ def test_piece_that_takes_long_is_followed_by_a_shorter_one() -> None:
         return now[0]
 
     bench = Bench("lockstep")
-    run = Run(
-        parameters("tanh"), bench.link, clock, Listeners(block=lambda block, _: lengths.append(len(block.drives)))
-    )
+    told = Listeners(block=lambda block, _: lengths.append(len(block.drives)))
+    run = Run(parameters("tanh"), bench.link, clock, told)
     for _ in range(4):
         run.step()
     assert run.instrument.ticks == 3

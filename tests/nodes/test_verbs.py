@@ -1,0 +1,216 @@
+"""Verbs over real topics, asked for as any client of ROS 2 does: progress, cancel, refusal, death, the same bytes."""
+
+import re
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from action_msgs.msg import GoalStatus
+from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
+from sensor_msgs.msg import Image as ImageMessage
+from support import Command, Graph, ros_arguments
+from verbs_bench import APPROACH, ENDLESS, INSTRUMENT, LAW, SCAN, Bench, assert_same, scan_in_process
+
+from afm_model.microscope.results import DIRECTIONS, Image
+from afm_model.microscope.verbs import VERBS, ForceCurve, MoveTo, ScanPath, Withdraw
+from afm_node_common import topics
+from afm_node_common.verbs import goal_of, outcome_of, type_of, verb_of
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    with Graph(ros_arguments(INSTRUMENT | LAW)) as graph:
+        made = Bench(graph)
+        yield made
+        made.close()
+
+
+@pytest.fixture(scope="module")
+def in_process() -> tuple[Image, str]:
+    return scan_in_process()
+
+
+def test_bytes_of_a_scan_over_topics_are_those_in_process(bench: Bench, in_process: tuple[Image, str]) -> None:
+    expected, sha = in_process
+    heard: list[Any] = []
+    bench.client.create_subscription(ImageMessage, f"{topics.IMAGE}/height_trace", heard.append, topics.LATCHED_QOS)
+    bench.do(APPROACH)
+    result = bench.do(SCAN)
+    assert result.scan == 1
+    assert (result.lines_done, result.line_rate, result.start) == (2, expected.line_rate, expected.start)
+    assert_same(bench.image(SCAN, 1), expected)
+    assert bench.simulator.run.instrument.trajectory_sha256() == sha
+    bench.graph.spin_until(lambda: heard)
+    picture = np.frombuffer(bytes(heard[-1].data), np.float32).reshape(heard[-1].height, heard[-1].width)
+    # The first row of an Image is the top one.
+    np.testing.assert_array_equal(picture[::-1], expected.data["height", DIRECTIONS[0]].astype(np.float32))
+    assert (heard[-1].encoding, heard[-1].step) == ("32FC1", 4 * SCAN.pixels)
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "sentence"),
+    [
+        ("Scan", {"size_x": 1.0}, "outside the travel of the scanner"),
+        ("Scan", {"lines": 0}, "lines = 0 is not allowed: it must be a whole number >= 1"),
+        ("Scan", {"line_rate": 1e6}, "with pixels = 128: a pixel would be less than a sample"),
+        ("Scan", {"direction": "sideways"}, "direction = sideways is not allowed: it must be one of up, down"),
+        ("MoveTo", {"x": 1.0}, "x = 1 m is outside the travel of the scanner"),
+        ("ScanPath", {"x": [0.0, float("nan")], "y": [0.0, 0.0]}, r"x\[1\] = nan m is not allowed"),
+        ("Approach", {}, "the tip is on the sample already"),
+    ],
+)
+def test_goal_that_cannot_be_is_aborted_in_a_sentence(
+    bench: Bench, name: str, values: dict[str, Any], sentence: str
+) -> None:
+    bench.approach()
+    ticks = bench.simulator.run.instrument.ticks
+    told = bench.end(bench.ask(name, type_of(name).Goal(**values)))
+    assert (told.status, told.result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert re.search(sentence, told.result.message), told.result.message
+    assert bench.simulator.run.instrument.ticks == ticks
+
+
+def test_tip_must_be_approached_and_one_verb_is_done_at_a_time(bench: Bench) -> None:
+    bench.do(Withdraw(distance=50e-9))
+    told = bench.end(bench.begin(SCAN))
+    assert told.result.message == "Scan is not allowed while the tip is withdrawn: it must be approached first"
+    bench.approach()
+    first = bench.begin(ENDLESS)
+    told = bench.end(bench.begin(MoveTo()))
+    assert told.status == GoalStatus.STATUS_ABORTED
+    assert told.result.message.startswith("MoveTo is not allowed while Scan is being done")
+    bench.graph.result(first.cancel_goal_async())
+    assert bench.end(first).status == GoalStatus.STATUS_CANCELED
+
+
+def test_progress_is_told_and_what_is_being_done(bench: Bench) -> None:
+    bench.approach()
+    heard: list[Any] = []
+    handle = bench.begin(ENDLESS, lambda message: heard.append(message.feedback))
+    bench.graph.spin_until(lambda: len(heard) > 2)
+    assert heard[0].progress < heard[-1].progress < 1.0
+    assert heard[-1].detail.endswith("of 8000")
+    bench.graph.spin_until(lambda: bench.states[-1].doing == "Scan" and bench.states[-1].detail)
+    bench.graph.result(handle.cancel_goal_async())
+    bench.end(handle)
+    bench.graph.spin_until(lambda: bench.states[-1].doing == "")
+    assert bench.states[-1].last == "Scan was cancelled; the tip is withdrawn"
+    assert not bench.states[-1].approached
+
+
+def at_once(bench: Bench) -> bool:
+    return True
+
+
+def behind_the_first_lines(bench: Bench) -> bool:
+    number = bench.simulator._microscope._lines.number
+    return any(line.scan == number and line.index > 1 for line in bench.lines)
+
+
+@pytest.mark.parametrize("moment", [at_once, behind_the_first_lines])
+@pytest.mark.parametrize("times", [1, 2])
+def test_cancelled_goal_keeps_what_was_measured_and_leaves_the_tip_withdrawn(
+    bench: Bench, moment: Callable[[Bench], bool], times: int
+) -> None:
+    bench.approach()
+    handle = bench.begin(ENDLESS)
+    bench.graph.spin_until(lambda: moment(bench))
+    for future in [handle.cancel_goal_async() for _ in range(times)]:
+        bench.graph.result(future)
+    told = bench.end(handle)
+    assert (told.status, told.result.success) == (GoalStatus.STATUS_CANCELED, False)
+    assert told.result.message == "Scan was cancelled; the tip is withdrawn"
+    assert told.result.lines_done >= (2 if moment is behind_the_first_lines else 0)
+    assert not bench.near
+    assert not bench.simulator.run.instrument.in_contact
+
+
+def test_cancel_that_comes_when_the_last_line_is_measured_withdraws_the_tip(bench: Bench) -> None:
+    bench.approach()
+    handle = bench.begin(SCAN)
+    run = bench.simulator.run
+    # Without the executor: the verb comes to its end, and nobody has been told.
+    while run.attendant.busy:
+        bench.simulator.step()
+    bench.graph.result(handle.cancel_goal_async())
+    told = bench.end(handle)
+    bench.graph.spin_until(lambda: not run.attendant.busy)
+    # Either the cancel was first, or the result.
+    if told.status == GoalStatus.STATUS_CANCELED:
+        assert told.result.message == "Scan was cancelled at its end; the tip is withdrawn"
+        assert not bench.near
+    else:
+        assert told.status == GoalStatus.STATUS_SUCCEEDED
+    assert told.result.lines_done == SCAN.lines
+
+
+def test_settings_act_between_ticks_and_stand_in_the_parameters(bench: Bench) -> None:
+    set_to = bench.call(SetSetpoint, topics.SET_SETPOINT, force=12e-9)
+    assert (set_to.success, set_to.force) == (True, pytest.approx(12e-9))
+    both = bench.call(SetSetpoint, topics.SET_SETPOINT, force=1e-9, voltage=1.0)
+    assert (both.success, both.force) == (False, pytest.approx(12e-9))
+    assert "one of them must be given" in both.message
+    assert bench.call(SetGains, topics.SET_GAINS, integral=12e-6).success
+    assert not bench.call(SetFeedback, topics.SET_FEEDBACK, mode="loud").success
+    assert bench.call(SetFeedback, topics.SET_FEEDBACK, mode="hold").success
+    value = bench.simulator.get_parameter
+    assert value("onboard.setpoint_force").value == pytest.approx(12e-9)
+    assert value("onboard.integral_gain").value == 12e-6
+    bench.graph.spin_until(lambda: bench.states[-1].feedback == "hold")
+    assert bench.states[-1].setpoint_force == pytest.approx(12e-9)
+    bench.call(SetFeedback, topics.SET_FEEDBACK, mode="on")
+    bench.call(SetSetpoint, topics.SET_SETPOINT, force=10e-9)
+    bench.call(SetGains, topics.SET_GAINS, integral=10e-6)
+
+
+def test_force_curves_come_whole(bench: Bench) -> None:
+    bench.approach()
+    verb = ForceCurve(lift=100e-9, ramp=200e-9, approach_rate=5e-6, retract_rate=5e-6, trigger_force=20e-9)
+    outcome = outcome_of(verb, bench.do(verb), cancelled=False)
+    curve = outcome.result[0]
+    assert (len(outcome.result), curve.triggered, curve.approach_rate) == (1, True, 5e-6)
+    assert set(curve.record.channels) == {"z", "deflection", "lateral", "phase"}
+    assert len(curve.record.time) == len(curve.record.channels["z"]) > 1000
+
+
+def test_client_that_is_killed_leaves_the_tip_withdrawn_and_is_told(bench: Bench, tmp_path: Path) -> None:
+    bench.approach()
+    with Command(sys.executable, Path(__file__).with_name("one_goal.py"), folder=tmp_path) as process:
+        process.wait_until(lambda: bench.simulator.run.attendant.busy, bench.graph)
+        bench.graph.spin_until(lambda: behind_the_first_lines(bench))
+        process.process.send_signal(signal.SIGKILL)
+        bench.graph.spin_until(lambda: not bench.simulator.run.attendant.busy)
+    assert not bench.near
+    bench.graph.spin_until(lambda: bench.states[-1].doing == "")
+    assert bench.states[-1].last == "Scan was cancelled, because its client has gone; the tip is withdrawn"
+
+
+def test_another_sample_begins_anew_with_the_tip_withdrawn_only(bench: Bench) -> None:
+    bench.approach()
+    told = bench.call(Exchange, topics.SET_SAMPLE, names=["width"], values=["2.0e-8"])
+    assert (told.success, "withdraw it first" in told.message) == (False, True)
+    bench.do(Withdraw(distance=50e-9))
+    told = bench.call(Exchange, topics.SET_SAMPLE, names=["width"], values=["-1"])
+    assert (told.success, "sample.width = -1" in told.message) == (False, True)
+    told = bench.call(Exchange, topics.SET_SAMPLE, names=["kind", "height"], values=["flat", "0"])
+    assert not told.success
+    told = bench.call(Exchange, topics.SET_SAMPLE, names=["kind"], values=["flat"])
+    assert (told.success, told.message) == (True, "")
+    assert bench.simulator.get_parameter("sample.kind").value == "flat"
+    assert not bench.simulator.has_parameter("sample.width")
+    bench.do(APPROACH)
+    assert bench.do(SCAN).lines_done == SCAN.lines
+
+
+def test_goals_say_what_verbs_say_in_every_field() -> None:
+    for name, verb in VERBS.items():
+        goal = type_of(name).Goal()
+        assert set(goal.get_fields_and_field_types()) == set(verb.model_fields), name
+        assert verb_of(name, goal) == verb(), name
+        assert verb_of(name, goal_of(verb())) == verb(), name
+    path = ScanPath(x=(0.0, 1e-9), y=(0.0, 2e-9))
+    assert verb_of("ScanPath", goal_of(path)) == path
