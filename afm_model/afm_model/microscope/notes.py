@@ -39,7 +39,4 @@ def notes(parameters: Any) -> dict[str, str]:
     words["Deflection sensitivity"] = f"{detector.deflection_sensitivity:.6g} m/V"
     words["Lateral sensitivity"] = f"{detector.lateral_sensitivity:.6g} N/V"
     words["Sample"] = parameters.sample.kind
-    law = getattr(getattr(parameters, "law", None), "kind", "external")
-    if law != "external":
-        words["Law"] = law
     return words
