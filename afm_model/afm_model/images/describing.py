@@ -3,7 +3,7 @@
 import math
 
 from ..microscope.results import Image
-from .prefix import text
+from ..prefix import text
 
 
 def description(image: Image) -> dict[str, str]:

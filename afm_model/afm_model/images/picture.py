@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ..microscope.results import Image
 from ..microscope.unlabelled import as_image
+from ..prefix import prefixed, text
 from . import level
 from .layers import Layer, layer, layers
-from .prefix import prefixed, text
 from .writing import checked, replacing
 
 if TYPE_CHECKING:
@@ -230,7 +230,6 @@ def write_sheet(path: Path | str, image: "Image | xarray.Dataset", title: str = 
 
 def _write(path: Path | str, figure: "Figure") -> Path:
     with replacing(path, _SUFFIX) as beside:
-        # Numbers at the bars of colours take place that is known only now: laid out once more, none is cut off.
-        figure.draw_without_rendering()
-        figure.savefig(beside, dpi=_DPI, metadata={"Software": None})
+        # Tight: the layout leaves too little place for some numbers at a bar of colours.
+        figure.savefig(beside, dpi=_DPI, bbox_inches="tight", pad_inches=0.08, metadata={"Software": None})
     return Path(path)

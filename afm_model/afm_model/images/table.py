@@ -10,10 +10,10 @@ import numpy as np
 
 from ..microscope.results import Image
 from ..microscope.unlabelled import as_image
+from ..prefix import prefixed
 from . import level
 from .describing import description
 from .layers import Layer, layers
-from .prefix import prefixed
 from .writing import replacing
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from ..program.orders import Order
 from .bench import Bench
 from .collect import LineCollector, signals
 from .jobs import Desk, Job, Task, going
+from .notes import notes
 from .plan import lines
 from .results import Image, Line
 from .verbs import Scan
@@ -26,6 +27,7 @@ class Scanning(Job):
         self._names = channel_names(verb.channels)
         units = {name: signal.unit for name, signal in signals(bench.instrument, self._names).items()}
         self._image = Image.empty(verb, units)
+        self._image.metadata = notes(bench.parameters)
         self._plan = lines(verb, bench)
         self._image.line_rate = self._plan.line_rate
         self._collector: LineCollector | None = None

@@ -9,7 +9,7 @@ from PIL import Image as Png
 
 from afm_model.images import layer, layers, picture, sheet, write_picture, write_sheet
 from afm_model.images.picture import COLOURS, levelled, scale_bar
-from afm_model.images.prefix import prefixed, text
+from afm_model.prefix import prefixed, text
 
 from . import scans
 
