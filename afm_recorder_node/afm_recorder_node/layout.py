@@ -178,7 +178,7 @@ def blueprint(further: Iterable[str] = (), pictures: Iterable[str] = ()) -> rrb.
     images = list(pictures)
     signals = _signals(further)
     return rrb.Blueprint(
-        rrb.Tabs(view(images), signals, active_tab="Scan") if images else signals,
+        rrb.Tabs(view(images), signals, active_tab=0) if images else signals,
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
