@@ -7,7 +7,6 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, Literal
 
-import numpy as np
 from action_msgs.msg import GoalStatus
 from afm_msgs.msg import Microscope as MicroscopeMessage
 from afm_msgs.msg import ScanLine
@@ -23,12 +22,14 @@ from afm_model.errors import ParameterError, VerbError
 from afm_model.microscope.backend import OnLine, OnProgress
 from afm_model.microscope.interrupts import Interrupts
 from afm_model.microscope.jobs import Desk
-from afm_model.microscope.results import FAILED, RETRACE, Image, Line, Outcome, Progress
+from afm_model.microscope.results import COMPLETE, FAILED, Image, Outcome, Progress
 from afm_model.microscope.verbs import Scan, Verb, Withdraw
 from afm_model.schema import Value
 from afm_node_common import topics
 from afm_node_common.shared_memory import shared_memory_cleanup
 from afm_node_common.verbs import TOPICS, goal_of, outcome_of, type_of
+
+from .arriving import Arriving
 
 PATIENCE = 10.0
 """Wall time in which a microscope is found, and in which it answers a setting [s]."""
@@ -38,6 +39,10 @@ _LATE = 5.0
 """Wall time without a new line after which the lines that are missing are lost [s]."""
 _SETTLED = 1.0
 """Wall time in which it says how it stands after a verb or a setting [s]."""
+
+
+def _nothing() -> None:
+    """Nothing to be checked."""
 
 
 class Remote:
@@ -52,6 +57,8 @@ class Remote:
         Of the instrument.
     patience : float
         Wall time in which it must be found [s].
+    check : callable, optional
+        Called some times a second while anything is waited for. What it raises ends the wait.
 
     Raises
     ------
@@ -59,7 +66,17 @@ class Remote:
         If there is no microscope.
     """
 
-    def __init__(self, namespace: str = topics.NAMESPACE, *, patience: float = PATIENCE) -> None:
+    def __init__(
+        self,
+        namespace: str = topics.NAMESPACE,
+        *,
+        patience: float = PATIENCE,
+        check: Callable[[], object] = _nothing,
+    ) -> None:
+        self.outcome: Outcome | None = None
+        """How the last verb has ended, also one that Ctrl-C has cancelled."""
+        self._check = check
+        self._cancel = False
         self._context = Context()
         # Ctrl-C is Python's: it cancels the verb, and the tip is withdrawn before this process ends.
         init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
@@ -70,10 +87,15 @@ class Remote:
         self._services: dict[str, Any] = {}
         self._told: MicroscopeMessage | None = None
         self._news = 0
-        self._lines: _Lines | None = None
+        self._lines: Arriving | None = None
         self._node.create_subscription(MicroscopeMessage, topics.MICROSCOPE, self._on_told, topics.LATCHED_QOS)
         self._node.create_subscription(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
-        if not self._spin_until(lambda: self._told is not None, patience):
+        try:
+            found = self._spin_until(lambda: self._told is not None, patience)
+        except BaseException:
+            self._destroy()
+            raise
+        if not found:
             self._destroy()
             raise VerbError(
                 f"there is no microscope on /{namespace.strip('/')} in ROS domain {os.environ.get('ROS_DOMAIN_ID') or 0}: "
@@ -121,8 +143,8 @@ class Remote:
         """
         name = type(verb).__name__
         client = self._action(name)
-        self._lines = _Lines(verb, self._time, on_line) if isinstance(verb, Scan) else None
-        news = self._news
+        self._lines = Arriving(verb, self._time, on_line) if isinstance(verb, Scan) else None
+        news, self._cancel, self.outcome = self._news, False, None
 
         def on_feedback(message: Any) -> None:
             if on_progress is not None:
@@ -139,7 +161,7 @@ class Remote:
 
             def over() -> bool:
                 nonlocal cancelling
-                if interrupts.there and not cancelling:
+                if (interrupts.there or self._cancel) and not cancelling:
                     cancelling = True
                     goal.cancel_goal_async()
                 return bool(ended.done())
@@ -149,16 +171,20 @@ class Remote:
             cancelled = answer.status == GoalStatus.STATUS_CANCELED
             image, missing = self._image(answer.result)
             outcome = outcome_of(verb, answer.result, cancelled=cancelled, image=image)
-            if outcome.message == "" or cancelled:
+            if missing:
+                lost = (
+                    f"{missing} of {2 * answer.result.lines_done} lines of the scan (trace and retrace counted each) "
+                    f"have not arrived here and are NaN"
+                )
+                outcome = Outcome(FAILED, "; ".join(filter(None, (outcome.message, lost))), image)
+            self.outcome, self._lines = outcome, None
+            if outcome.status == COMPLETE or cancelled:
                 self._spin_until(lambda: self._news > news and self._told is not None and not self._told.doing, _SETTLED)
-        self._lines = None
-        if missing and image is not None:
-            message = (
-                f"{missing} of {2 * answer.result.lines_done} lines of the scan (trace and retrace counted each) have not "
-                "arrived here and are NaN"
-            )
-            return Outcome(FAILED, f"{outcome.message}; {message}" if outcome.message else message, image)
         return outcome
+
+    def cancel(self) -> None:
+        """Cancel what is being done, as Ctrl-C does; for `check`, and for what is called with progress and lines."""
+        self._cancel = True
 
     def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
         """See `Backend`."""
@@ -218,6 +244,7 @@ class Remote:
         limit = time.monotonic() + timeout
         while True:
             self._executor.spin_once(timeout_sec=min(max(limit - time.monotonic(), 0.0), 0.05))
+            self._check()
             if predicate():
                 return True
             if time.monotonic() >= limit:
@@ -281,48 +308,6 @@ class Remote:
                 client.destroy()
             self._node.destroy_node()
             self._context.try_shutdown()
-
-
-class _Lines:
-    """The lines of the scan that is being done.
-
-    Parameters
-    ----------
-    scan : Scan
-    after : float
-        Simulated time before it [s]: the microscope keeps lines of scans before for whoever comes late.
-    on_line : OnLine or None
-        Called with each line.
-    """
-
-    def __init__(self, scan: Scan, after: float, on_line: OnLine | None) -> None:
-        self.scan = scan
-        self.image: Image | None = None
-        self.received = 0
-        self._after, self._on_line = after, on_line
-        self._number = 0
-        self._there: set[int] = set()
-
-    def put(self, message: ScanLine) -> None:
-        """Take a line, if it belongs to this scan."""
-        if message.time < self._after or message.scan < self._number:
-            return
-        if message.scan > self._number:
-            self._number, self.received = message.scan, 0
-            self._there = set()
-            self.image = Image.empty(self.scan, dict(zip(message.channels, message.units, strict=True)))
-        assert self.image is not None
-        values = np.array(message.data, np.float64).reshape(len(message.channels), message.pixels)
-        line = Line(message.index, message.direction, message.time, dict(zip(message.channels, values, strict=True)))
-        self.image.put(line)
-        self._there.add(2 * line.index + (line.direction == RETRACE))
-        self.received += 1
-        if self._on_line is not None:
-            self._on_line(line)
-
-    def missing(self, lines_done: int) -> int:
-        """How many lines of so many, trace and retrace counted each, have not come."""
-        return len(set(range(2 * lines_done)) - self._there)
 
 
 def _text(value: Value) -> str:
