@@ -20,7 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from afm_model.errors import ParameterError, VerbError
 from afm_model.microscope.backend import OnLine, OnProgress
-from afm_model.microscope.interrupts import Interrupts
+from afm_model.microscope.interrupts import Interrupted, Interrupts
 from afm_model.microscope.jobs import Desk
 from afm_model.microscope.results import COMPLETE, FAILED, Image, Outcome, Progress
 from afm_model.microscope.verbs import Scan, Verb, Withdraw
@@ -134,10 +134,12 @@ class Remote:
         return ""
 
     def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
-        """See `Backend`. Ctrl-C cancels the verb: the tip is withdrawn before KeyboardInterrupt goes on.
+        """See `Backend`. Ctrl-C cancels the verb.
 
         Raises
         ------
+        Interrupted
+            After Ctrl-C: the tip is withdrawn; it has what was measured.
         VerbError
             If the microscope does not answer, or has ended.
         """
@@ -180,6 +182,8 @@ class Remote:
             self.outcome, self._lines = outcome, None
             if outcome.status == COMPLETE or cancelled:
                 self._spin_until(lambda: self._news > news and self._told is not None and not self._told.doing, _SETTLED)
+        if interrupts.there:
+            raise Interrupted(outcome)
         return outcome
 
     def cancel(self) -> None:

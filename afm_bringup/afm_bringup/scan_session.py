@@ -28,7 +28,7 @@ from .session import INSIDE, Interrupted, Session, SessionError, say
 if TYPE_CHECKING:
     from afm_recorder_node.reader import Recording
 
-PNG, GWY, TABLE, CSV = "scan.png", "scan.gwy", "scan.txt", "scan.csv"
+PNG, SHEET, GWY, TABLE = "scan.png", "channels.png", "scan.gwy", "scan.csv"
 _LINES_TIMEOUT = 10.0
 """Wall time without a new line at the recorder after which those that are missing are lost [s]."""
 
@@ -47,7 +47,7 @@ class ScanSession(Session):
     namespace : str
     """
 
-    names = (PNG, GWY, TABLE, CSV)
+    names = (PNG, SHEET, GWY, TABLE)
 
     def __init__(
         self,
@@ -167,12 +167,14 @@ class ScanSession(Session):
         """The files of an image, in the folder of what is under way."""
         from afm_model.images import write_gwy, write_sheet, write_table
 
+        from .scan_picture import write_scan_picture
+
         title = self._scenario.header.title or self._scenario.name
         work = self._folder.work
+        write_scan_picture(work / PNG, image, title)
+        write_sheet(work / SHEET, image, title)
         write_gwy(work / GWY, image)
-        write_sheet(work / PNG, image, title)
-        for name in (TABLE, CSV):
-            write_table(work / name, image)
+        write_table(work / TABLE, image)
 
     def _show(self, image: Image, paths: Sequence[Path]) -> None:
         from afm_model.images.prefix import prefixed
