@@ -19,7 +19,7 @@ from .scenario import read_scenario
 from .session import Interrupted, SessionError
 
 _FIRST = "first_image"
-_FRAME = {"size_x": 1e-6, "line_rate": 8.0}
+_FRAME = {"size_x": 1e-6, "line_rate": 5.0}
 """Of the first image; what is not here is the verb's default."""
 _OPTIONS = {
     "size_x": "width of the frame [m]",

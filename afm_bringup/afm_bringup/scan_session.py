@@ -76,7 +76,7 @@ class ScanSession(Session):
         with Remote(self._namespace, check=check) as remote:
             try:
                 self._do(remote)
-                self._wait_until_lines_are_recorded()
+                self._wait_until_recorded()
             except KeyboardInterrupt:
                 self._interrupted = True
             finally:
@@ -129,17 +129,21 @@ class ScanSession(Session):
                 progress.update(bar, completed=1.0, detail="")
         return outcome
 
-    def _wait_until_lines_are_recorded(self) -> None:
-        if self._image is None:
-            return
-        lines, before = 2 * self._image.lines_done, -1
+    def _wait_until_recorded(self) -> None:
+        """Wait for the last lines at the recorder, and for the last word of the simulator: time stands still now."""
+        lines, before = 2 * self._image.lines_done if self._image is not None else 0, -1
 
         def arrived() -> int:
             return int(self._monitor.recorder.lines) if self._monitor.recorder is not None else 0
 
+        def told() -> bool:
+            status, recorder = self._monitor.status, self._monitor.recorder
+            return status is not None and recorder is not None and recorder.ticks <= status.ticks
+
         while arrived() < lines and arrived() > before:
             before = arrived()
             self._monitor.spin_until(lambda: self._check_alive() or arrived() > before, _LINES_TIMEOUT)
+        self._monitor.spin_until(lambda: self._check_alive() or told(), _LINES_TIMEOUT)
 
     def _finish(self, missing: str | None) -> None:
         from afm_recorder_node.reader import RecordingError, read_recording
