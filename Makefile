@@ -2,7 +2,7 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long build setup lint figures notebooks maps bench soak torture clean
+.PHONY: help demo scan test test-long build setup lint figures notebooks maps bench soak torture clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
@@ -12,6 +12,7 @@ BUILT := ros2_ws/install/.built
 
 help:
 	@echo "make demo    close the paper's loop over ROS 2 topics; results in out/demo"
+	@echo "make scan    approach, scan an image, withdraw; picture, .gwy, recording, table in out/scan"
 	@echo "make test    run all tests; what fails first is kept in out/first_failures.txt"
 	@echo "make test-long many more examples at random, and the long tests (SEED=...: the same again)"
 	@echo "make build   set up and build only; then: . ./env.sh"
@@ -33,6 +34,9 @@ build: setup
 
 demo: build
 	@. ./env.sh && ros2 run afm_bringup session closed_loop_tanh --out out/demo
+
+scan: build
+	@. ./env.sh && ros2 run afm_bringup scan --out out/scan
 
 test: build
 	@. ./env.sh && tools/test.sh

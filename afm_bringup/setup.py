@@ -31,6 +31,7 @@ setup(
             "composed = afm_bringup.__main__:composed",
             "identify = afm_bringup.__main__:identify",
             "replay = afm_bringup.__main__:replay",
+            "scan = afm_bringup.__main__:scan",
             "scorecard = afm_bringup.__main__:scorecard",
             "session = afm_bringup.__main__:session",
         ]

@@ -20,6 +20,11 @@ def composed() -> int:
     return start("afm_bringup.composed")
 
 
+def scan() -> int:
+    """Exit code of making an image; see `afm_bringup.scan_command`."""
+    return start("afm_bringup.scan_command")
+
+
 def scorecard() -> int:
     """Exit code of following a run to its score; see `afm_bringup.score_command`."""
     return start("afm_bringup.score_command")

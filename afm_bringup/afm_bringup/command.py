@@ -96,8 +96,19 @@ def _own_domain(arguments: argparse.Namespace) -> socket.socket | None:
     socket or None
         To be kept as long as the session lasts.
     """
+    return None if arguments.controller == EXTERNAL else claimed_domain()
+
+
+def claimed_domain() -> socket.socket | None:
+    """Take a free ROS domain and say which, unless one is chosen; to be kept as long as the session lasts.
+
+    Raises
+    ------
+    SessionError
+        If none is free.
+    """
     # rcl takes an empty one for none.
-    if os.environ.get("ROS_DOMAIN_ID") or arguments.controller == EXTERNAL:
+    if os.environ.get("ROS_DOMAIN_ID"):
         return None
     try:
         domain, claim = claim_domain()
@@ -126,16 +137,17 @@ def main() -> int:
             stall_timeout=arguments.stall_timeout,
         ).run()
     except Interrupted:
-        return _end("interrupted", 130)
+        return end("interrupted", 130)
     except ValueError as error:
-        return _end(f"error: {error}", 2)
+        return end(f"error: {error}", 2)
     except SessionError as error:
-        return _end(f"error: {error}", 1)
+        return end(f"error: {error}", 1)
     del claim
     return 0
 
 
-def _end(text: str, code: int) -> int:
+def end(text: str, code: int) -> int:
+    """Say why it ends, if the terminal is still there; the exit code."""
     with suppress(OSError):  # the terminal may be gone
         print(text, file=sys.stderr, flush=True)
     return code

@@ -8,3 +8,8 @@ from ament_index_python.packages import get_package_prefix
 def executable(package: str, name: str) -> str:
     """An installed executable, as `ros2 run` finds it."""
     return str(Path(get_package_prefix(package)) / "lib" / package / name)
+
+
+def config(name: str) -> Path:
+    """An installed file of ours."""
+    return Path(get_package_prefix("afm_bringup")) / "share" / "afm_bringup" / "config" / name

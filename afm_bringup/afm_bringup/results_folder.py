@@ -7,7 +7,7 @@ does one that is killed, without a hand of its own.
 import fcntl
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -25,6 +25,8 @@ class ResultsFolder:
     ----------
     path : Path
         Made if it is not there.
+    names : sequence of str
+        Final names of the results, beside the recordings.
 
     Raises
     ------
@@ -32,8 +34,9 @@ class ResultsFolder:
         If it cannot be written, or another session writes to it.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, names: Sequence[str] = (PICTURE, CARD)) -> None:
         self.path = path
+        self._names = names
         try:
             path.mkdir(parents=True, exist_ok=True)
             # Held as long as this process lives.
@@ -44,7 +47,7 @@ class ResultsFolder:
             ) from None
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for name in (PICTURE, CARD, RECORDING):
+            for name in (*names, RECORDING):
                 if (path / name).is_dir():
                     raise FolderError(f"{path / name} is a folder: it must be a file, or not be there")
             self.work = self._make("unfinished")
@@ -102,7 +105,7 @@ class ResultsFolder:
             If they cannot be moved.
         """
         recordings = sorted(path for path in self.path.glob("recording*.rrd") if path.is_file())
-        older = [*recordings, *(self.path / name for name in (PICTURE, CARD))]
+        older = [*recordings, *(self.path / name for name in self._names)]
         if recordings:
             self._before = self._make("previous")
             self._move(older, self._before)
@@ -129,7 +132,8 @@ class ResultsFolder:
         """
         under_way = (".partial", ".closing")
         closed = sorted(path for path in self.work.glob("recording*.rrd") if not path.stem.endswith(under_way))
-        names = [path.name for path in (*closed, self.work / PICTURE, self.work / CARD) if path.exists()]
+        results = (self.work / name for name in self._names)
+        names = [path.name for path in (*closed, *results) if path.exists()]
         self._move([self.work / name for name in names], self.path)
         if complete and self._before is not None:
             for path in self._before.iterdir():

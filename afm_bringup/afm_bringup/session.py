@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from afm_model import Scenario
 from afm_model.checks import implausible, start_warnings
+from afm_model.schema import flatten
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
@@ -26,7 +27,7 @@ from .processes import Processes
 from .results import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .results_folder import CARD, PICTURE, RECORDING, FolderError, ResultsFolder
 
-_START_TIMEOUT = 60.0
+_START_TIMEOUT = 180.0
 """Wall time for all nodes to start and see each other; a first start compiles the kernels [s]."""
 _DISCOVERY_TIME = 1.0
 """Wall time before anything is started, in which what already runs makes itself known; more passes while our simulator
@@ -36,8 +37,9 @@ _UNHEARD_TIME = 2.0
 _OVERVIEW_TICKS = 250_000
 """Ticks that the picture shows at most; of a longer run one in several."""
 _RECORDER, _SIMULATOR, _CONTROLLER = "afm_recorder_node", "afm_sim_node", "afm_controller_node"
-OWN, COMPOSED, EXTERNAL = "", "composed", "external"
-"""Controllers that are no command: ours in its own process, ours in the simulator's process, somebody else's."""
+OWN, COMPOSED, INSIDE, EXTERNAL = "", "composed", "inside", "external"
+"""Controllers that are no command: ours in its own process, ours in the simulator's process, our law in the simulator
+itself, somebody else's."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -54,7 +56,7 @@ class Session:
     out : Path
         Folder of the results.
     controller : str
-        Command of the controller to start, or OWN, COMPOSED or EXTERNAL.
+        Command of the controller to start, or OWN, COMPOSED, INSIDE or EXTERNAL.
     namespace : str
         Namespace of the instrument: two instruments in one ROS domain need two.
     ros_arguments : bool
@@ -62,6 +64,9 @@ class Session:
     stall_timeout : float
         Wall time for which a controller may stay silent after it was reported [s].
     """
+
+    names: tuple[str, ...] = (PICTURE, CARD)
+    """Of the results beside the recording."""
 
     def __init__(
         self,
@@ -99,13 +104,13 @@ class Session:
         else:
             told = implausible(sim)
         for sentence in told:
-            _say(f"warning: {sentence}")
+            say(f"warning: {sentence}")
         for number in _SIGNALS:
             # nohup has a program ignore SIGHUP: that stays.
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
                 signal.signal(number, self._interrupt)
         try:
-            with ResultsFolder(self._out) as folder:
+            with ResultsFolder(self._out, self.names) as folder:
                 self._run(folder)
         except (RunError, FolderError) as error:
             raise SessionError(str(error)) from None
@@ -133,11 +138,11 @@ class Session:
             self._finish(follower.missing_in_recording())
         except Interrupted:
             for path in folder.publish(complete=False):
-                _say(f"The recording up to here: {path}")
+                say(f"The recording up to here: {path}")
             raise
         finally:
             if folder.left:
-                _say(f"What was recorded is kept: {', '.join(map(str, folder.left))}")
+                say(f"What was recorded is kept: {', '.join(map(str, folder.left))}")
 
     def _interrupt(self, number: int, frame: object) -> None:
         self._interrupted = True
@@ -196,6 +201,9 @@ class Session:
             _SIMULATOR: {"run.start_paused": True, "run.exit_when_finished": False},
             _RECORDER: {"path": str(work / RECORDING)},
         }
+        if self._controller == INSIDE:
+            law = flatten(self._scenario.controller.law)
+            own[_SIMULATOR] |= {f"law.{name}": value for name, value in law.items()}
         write_parameters(self._scenario, parameters, own)
         arguments = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:={self._monitor.namespace}"]
         commands = {_RECORDER: [executable(_RECORDER, _RECORDER), *arguments]}
@@ -205,7 +213,7 @@ class Session:
         commands[_SIMULATOR] = [executable(_SIMULATOR, _SIMULATOR), *arguments]
         if self._controller == OWN:
             commands[_CONTROLLER] = [executable(_CONTROLLER, _CONTROLLER), *arguments]
-        elif self._controller != EXTERNAL:
+        elif self._controller not in (INSIDE, EXTERNAL):
             commands["controller"] = [*shlex.split(self._controller), *(arguments if self._ros_arguments else ())]
         return commands
 
@@ -227,7 +235,7 @@ class Session:
             if unheard != before:
                 since = time.monotonic()
                 if external and unheard:
-                    _say(f"Waiting: {unheard}")
+                    say(f"Waiting: {unheard}")
             elif unheard and not external and time.monotonic() > since + _UNHEARD_TIME:
                 raise SessionError(unheard)
             return monitor.ready
@@ -237,7 +245,7 @@ class Session:
                 # Somebody else's controller may take its time; our own nodes may not.
                 if not (external and monitor.missing.startswith("a controller")):
                     raise SessionError(f"waited {_START_TIMEOUT:g} s for {monitor.missing}")
-                _say(f"Still waiting for {monitor.missing} ...")
+                say(f"Still waiting for {monitor.missing} ...")
             self._processes.note_shared_memory()
             if not monitor.play(_START_TIMEOUT):
                 raise SessionError("the simulator does not answer its play service")
@@ -305,7 +313,7 @@ class Session:
         print(f"Open the recording with: rerun {self._out / RECORDING}")
 
 
-def _say(text: str) -> None:
+def say(text: str) -> None:
     """Tell the person at the terminal, if it is still there."""
     with suppress(OSError):
         print(text, file=sys.stderr, flush=True)

@@ -1,16 +1,28 @@
 """Whether a message makes sense. Those that do not are dropped: they end no recorder and stand in no recording."""
 
 import math
+import re
 from collections.abc import Sized
 
+import numpy as np
+
 from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
+from afm_msgs.msg import ScanLine as ScanLineMessage
 from std_msgs.msg import Header
 
+from afm_model.errors import ParameterError
+from afm_model.microscope.results import DIRECTIONS, Line
+from afm_model.microscope.verbs import Scan
+from afm_model.schema import build
 from afm_node_common.ears import Senseless
+
+from .scan_lines import ScanLine
 
 _LAST = 2**63 - 1
 """Largest number of a sample, and largest time in nanoseconds, that a recording can hold."""
 _UNIT_LENGTH = 16
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}(/[A-Za-z][A-Za-z0-9_]{0,63})*")
+"""Of a channel of a scan: as of a topic."""
 
 
 def waveform(message: Waveform, si_unit: str | None) -> None:
@@ -53,6 +65,47 @@ def event(message: Event) -> None:
 def score(message: Score) -> None:
     """Check a score."""
     _stamp(message.header)
+
+
+def scan_line(message: ScanLineMessage) -> ScanLine:
+    """Check a line of a scan; it, in words of the model."""
+    _stamp(message.header)
+    names, count = list(message.channels), len(message.channels)
+    if not count or len(message.units) != count or len(set(names)) != count:
+        raise Senseless(f"channels {names}, {len(message.units)} units: it must be different names, a unit for each")
+    for name, unit in zip(names, message.units, strict=True):
+        if not _NAME.fullmatch(name):
+            raise Senseless(f"channel {name[:40]!r}: it must be a name such as height or truth/place_x")
+        if not (unit.isprintable() and len(unit) <= _UNIT_LENGTH):
+            raise Senseless(f"unit {unit[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
+    try:
+        scan = build(
+            Scan,
+            {name: getattr(message, name) for name in _FRAME}
+            | {"direction": "up" if message.up else "down", "channels": ", ".join(names)},
+        )
+    except ParameterError as error:
+        raise Senseless(str(error)) from None
+    if message.direction not in DIRECTIONS or message.index >= scan.lines:
+        raise Senseless(
+            f"direction {message.direction[:40]!r}, index {message.index}: it must be {' or '.join(DIRECTIONS)}, "
+            f"and less than {scan.lines} lines"
+        )
+    if len(message.data) != count * scan.pixels:
+        raise Senseless(f"{len(message.data)} numbers of {count} channels: it must be {count * scan.pixels}")
+    stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+    if not abs(message.time - stamp) <= 1e-6:
+        raise Senseless(f"time {message.time:g} s with a stamp of {stamp:g} s: it must be the same")
+    values = np.frombuffer(message.data).reshape(count, -1)
+    line = Line(message.index, message.direction, message.time, dict(zip(names, values, strict=True)))
+    return ScanLine(message.scan, scan, line, dict(zip(names, message.units, strict=True)))
+
+
+_FRAME = (
+    *("centre_x", "centre_y", "size_x", "size_y", "angle"),
+    *("pixels", "lines", "line_rate", "slow_axis"),
+)
+"""Fields of ScanLine that are those of a scan."""
 
 
 def _block(header: Header, name: str, first: int, period: float, count: int) -> None:

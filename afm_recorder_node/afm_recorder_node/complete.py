@@ -15,7 +15,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
-from . import layout
+from . import layout, pictures
 from .friction_loop import FrictionLoop
 
 _CHUNK_ROWS = 32_768
@@ -153,7 +153,7 @@ def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
         for entity in list(batches):
             send(entity)
         loop.send(stream)
-        stream.send_blueprint(layout.blueprint(layout.further(written)))
+        stream.send_blueprint(layout.blueprint(layout.further(written), pictures.pictures(written)))
     return +written
 
 

@@ -28,6 +28,8 @@ class Health:
     samples_lost: int
     ticks_unwritten: int
     samples_unwritten: int
+    lines: int
+    lines_lost: int
     messages_dropped: int
     writing: bool
     detail: str
@@ -59,7 +61,7 @@ class Teller:
         level, message = DiagnosticStatus.OK, "recording" if health.ticks else "waiting for an instrument"
         if not health.writing:
             level, message = DiagnosticStatus.ERROR, health.detail
-        elif health.detail or health.ticks_lost or health.samples_lost or health.ticks_unwritten:
+        elif health.detail or health.ticks_lost or health.samples_lost or health.ticks_unwritten or health.lines_lost:
             level, message = DiagnosticStatus.WARN, health.detail or "some of the run is missing in the recording"
         values = {key.replace("_", " "): value for key, value in asdict(health).items()}
         told = entry(f"{self._node.get_fully_qualified_name()}: recorder", level, message, values)

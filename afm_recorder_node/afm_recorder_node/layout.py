@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from afm_model import channels
 from afm_model.parts import Channel
 
+from .pictures import SCANS, view
+
 APPLICATION = "afm"
 TIMELINE = "sim_time"
 """Simulated time, a duration since the start of the run."""
@@ -122,21 +124,24 @@ def instants(first: int, count: int, period: float) -> NDArray[np.int64]:
     return np.rint(index * period_ns).astype(np.int64)
 
 
+def plotted(si_unit: str) -> tuple[str, float]:
+    """Unit that a plot can be read in, and how many of it one of `si_unit` is."""
+    return _PLOTTED.get(si_unit, (si_unit, 1.0))
+
+
 def signal(name: str, si_unit: str) -> Signal:
     """A channel by the name of its topic: one that is known, or a new one in a unit that a plot can be read in."""
     for known in CHANNELS:
         if known.name == name:
             return known
-    unit, factor = _PLOTTED.get(si_unit, (si_unit, 1.0))
-    return Signal(f"/{name}", unit, factor, si_unit)
+    return Signal(f"/{name}", *plotted(si_unit), si_unit)
 
 
 def further(entities: Iterable[str]) -> list[str]:
     """Which of these entities are channels beyond those of CHANNELS."""
     others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE, FRICTION_LOOP}
-    return sorted(
-        e for e in entities if e not in others and not e.startswith((f"{PARAMETERS}/", f"{FRICTION_LOOP}/", "/__"))
-    )
+    below = tuple(f"{entity}/" for entity in (PARAMETERS, FRICTION_LOOP, SCANS))
+    return sorted(e for e in entities if e not in others and not e.startswith((*below, "/__")))
 
 
 def _plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
@@ -156,8 +161,10 @@ def _plots(name: str, *signals: Signal, z: str | None = None) -> list[rrb.TimeSe
     return [_plot((axis == "z" and z) or f"{name}, {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
 
 
-def blueprint(further: Iterable[str] = ()) -> rrb.Blueprint:
+def blueprint(further: Iterable[str] = (), pictures: Iterable[str] = ()) -> rrb.Blueprint:
     """The arrangement of the viewer: signals in plots over simulated time; score, events and parameters below.
+
+    With images these come first, and the signals are behind them.
 
     x and y follow the same reference and z is far smaller: each axis has a plot, so that none hides another.
 
@@ -165,38 +172,47 @@ def blueprint(further: Iterable[str] = ()) -> rrb.Blueprint:
     ----------
     further : iterable of str
         Entities of channels beyond those of CHANNELS.
+    pictures : iterable of str
+        Entities of images of scans.
     """
+    images = list(pictures)
+    signals = _signals(further)
     return rrb.Blueprint(
-        rrb.Vertical(
-            rrb.Grid(
-                rrb.Tabs(
-                    *_plots("Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip")
-                ),
-                rrb.Vertical(*_plots("Tracking error", ERROR, z="Tracking error of the tip, z")),
-                rrb.Spatial2DView(
-                    name="Friction loop: lateral force against position, x", origin=FRICTION_LOOP, contents="$origin/**"
-                ),
-                rrb.Tabs(_plot("Lateral force, x", LATERAL_FORCE), _plot("Lateral force, y", LATERAL_FORCE_Y)),
-                rrb.Tabs(*_plots("Drive", DRIVE)),
-                rrb.Tabs(_plot("Deflection", DEFLECTION), _plot("Normal force", NORMAL_FORCE)),
-                grid_columns=3,
-            ),
-            rrb.Horizontal(
-                rrb.TextDocumentView(name="Score", origin=SCORE),
-                rrb.Tabs(
-                    rrb.TextLogView(name="Events", origin=EVENTS),
-                    rrb.TextDocumentView(name="Parameters", origin=PARAMETERS),
-                    rrb.TimeSeriesView(name="Changed parameters", origin="/", contents=[f"{PARAMETERS}/**"]),
-                    _plot("Round trip", ROUND_TRIP),
-                    *(rrb.TimeSeriesView(name=name[1:], origin="/", contents=[name]) for name in further),
-                    active_tab="Events",
-                ),
-                column_shares=[1, 2],
-            ),
-            row_shares=[3, 1],
-        ),
+        rrb.Tabs(view(images), signals, active_tab=0) if images else signals,
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
         auto_views=False,
+    )
+
+
+def _signals(further: Iterable[str]) -> rrb.Container:
+    return rrb.Vertical(
+        rrb.Grid(
+            rrb.Tabs(
+                *_plots("Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip")
+            ),
+            rrb.Vertical(*_plots("Tracking error", ERROR, z="Tracking error of the tip, z")),
+            rrb.Spatial2DView(
+                name="Friction loop: lateral force against position, x", origin=FRICTION_LOOP, contents="$origin/**"
+            ),
+            rrb.Tabs(_plot("Lateral force, x", LATERAL_FORCE), _plot("Lateral force, y", LATERAL_FORCE_Y)),
+            rrb.Tabs(*_plots("Drive", DRIVE)),
+            rrb.Tabs(_plot("Deflection", DEFLECTION), _plot("Normal force", NORMAL_FORCE)),
+            grid_columns=3,
+        ),
+        rrb.Horizontal(
+            rrb.TextDocumentView(name="Score", origin=SCORE),
+            rrb.Tabs(
+                rrb.TextLogView(name="Events", origin=EVENTS),
+                rrb.TextDocumentView(name="Parameters", origin=PARAMETERS),
+                rrb.TimeSeriesView(name="Changed parameters", origin="/", contents=[f"{PARAMETERS}/**"]),
+                _plot("Round trip", ROUND_TRIP),
+                *(rrb.TimeSeriesView(name=name[1:], origin="/", contents=[name]) for name in further),
+                active_tab="Events",
+            ),
+            column_shares=[1, 2],
+        ),
+        row_shares=[3, 1],
+        name="Signals",
     )

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, ScanLine, Score, Waveform
 from numpy.typing import NDArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -69,6 +69,7 @@ class RecorderNode(Node):
         self._channels = Channels(self, self._ears, self._on_waveform, self.recorder.further_channel)
         self._trace = self._ears.listen(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
         self._ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.EVERY_STATE_QOS)
+        self._ears.listen(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
         self._ears.listen(Event, topics.EVENTS, self._on_event, topics.EVENTS_QOS)
         self._score = self._ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         # A timer of the system's clock stops for as long as that is set back.
@@ -105,6 +106,9 @@ class RecorderNode(Node):
             "round_trip": np.frombuffer(message.round_trip, np.float32),
         }
         self.recorder.control(message.first_sequence, message.control_period, _nanoseconds(message.header), columns)
+
+    def _on_line(self, message: ScanLine) -> None:
+        self.recorder.line(checks.scan_line(message))
 
     def _on_status(self, message: InstrumentStatus) -> None:
         checks.status(message)

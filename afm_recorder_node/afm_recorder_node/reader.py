@@ -19,10 +19,13 @@ import pyarrow as pa
 import yaml
 from numpy.typing import NDArray
 
-from . import layout
+from afm_model.microscope.results import Image
+
+from . import layout, pictures
 from .complete import chunks, series
 from .frames import measure
 from .layout import Signal
+from .scan_lines import images
 
 _Array = NDArray[np.float64]
 _Batches = dict[str, list[pa.RecordBatch]]
@@ -82,6 +85,7 @@ class Recording:
     parameter_changes: list[ParameterChange]
     events: list[tuple[float, str]]  # simulated time, text; changes of parameters too
     channels: dict[str, Channel]  # by the name of its topic: "deflection", "truth/normal_force", whatever there was
+    images: list[Image]  # of the scans, in order; one that was not finished has NaN where it lacks lines
     score: dict[str, Value] | None  # as in afm_msgs/Score; None: the run has not come to one
     complete: bool  # False: the recorder is still at work, or has died
 
@@ -130,6 +134,7 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
         parameter_changes=changes,
         events=events,
         channels=_channels(batches),
+        images=list(images(batches[pictures.LINES]).values()),
         score=yaml.safe_load(str(score)) if score is not None else None,
         complete=whole,
     )

@@ -15,6 +15,7 @@ from . import layout
 from .intake import Intake
 from .layout import Signal
 from .parameters import RecorderParameters
+from .scan_lines import ScanLine
 from .writer import Level, RecordingWriter
 
 _Array = NDArray[np.float64]
@@ -44,6 +45,8 @@ class Counts:
     samples_lost: int
     ticks_unwritten: int
     samples_unwritten: int
+    lines: int
+    lines_lost: int
 
 
 class Recorder:
@@ -80,6 +83,9 @@ class Recorder:
         self._state: tuple[str, Level] | None = None
         self._state_ns = 0
         self._score: tuple[int, Mapping[str, object]] | None = None
+        self._lines, self._lines_lost = 0, 0
+        self._last_line: ScanLine | None = None
+        self._held_lines: list[ScanLine] = []  # of the run to come
         self._begun = False  # whether blocks had come by the last state
         self._resetting = False  # the instrument has been reset, but blocks of the run before may still come
 
@@ -151,6 +157,19 @@ class Recorder:
         if not self._resetting:
             self._writer.event(time_ns, text, "WARN")
 
+    def line(self, line: ScanLine) -> None:
+        """One direction of one line of a scan."""
+        last = self._last_line
+        if self._resetting and (last is None or line.time_ns < last.time_ns):
+            self._held_lines.append(line)
+            return
+        known = last is not None and last.number == line.number
+        expected = last.place + 1 if last is not None and known else 0
+        self._lines += 1
+        self._lines_lost += max(line.place - expected, 0)
+        self._last_line = line
+        self._writer.line(line)
+
     def parameters(self, node: str, values: Mapping[str, object]) -> None:
         """Parameters of a node that has not been heard of before."""
         self.known[node] = dict(values)
@@ -175,6 +194,8 @@ class Recorder:
             samples_lost=max(channel.lost for channel in channels),
             ticks_unwritten=self._writer.unwritten[layout.POSITION.entity],
             samples_unwritten=max(self._writer.unwritten[signal.entity] for signal in layout.CHANNELS),
+            lines=self._lines,
+            lines_lost=self._lines_lost,
         )
 
     def has(self, ticks: int, samples: int) -> bool:
@@ -271,6 +292,8 @@ class Recorder:
             self._log.warning(f"the recording begins at tick {begin}: the instrument ran before the recorder was there")
         if counts.ticks_lost or counts.samples_lost:
             self._log.error(f"{counts.ticks_lost} ticks and {counts.samples_lost} samples a channel are missing in it")
+        if counts.lines_lost:
+            self._log.error(f"{counts.lines_lost} lines of scans (trace and retrace counted each) are missing in it")
         if counts.ticks_unwritten or counts.samples_unwritten:
             self._log.error(
                 f"{counts.ticks_unwritten} ticks and {counts.samples_unwritten} samples a channel came while its file "
@@ -291,3 +314,7 @@ class Recorder:
         else:  # the state of the new run is still to come
             self.time_ns, self._ticks, self._state = 0, 0, None
         self._resetting = False
+        self._lines, self._lines_lost, self._last_line = 0, 0, None
+        held, self._held_lines = self._held_lines, []
+        for line in held:
+            self.line(line)

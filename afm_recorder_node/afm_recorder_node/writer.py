@@ -14,11 +14,13 @@ import rerun as rr
 import yaml
 from numpy.typing import ArrayLike, NDArray
 
-from . import layout
+from . import layout, pictures
 from .complete import NoRoom, complete, send_series, verify
 from .frames import END, HEADER, without_ends
 from .layout import Signal, instants
 from .partial import Partial, check_name
+from .scan_lines import ScanLine
+from .scan_writer import ScanWriter
 
 _CHUNK_ROWS = 32_768
 """Rows written at once, whenever they come; fewer are written by `flush`."""
@@ -112,6 +114,7 @@ class RecordingWriter:
         self._file.write(without_ends(first))
         for signal in (*layout.CHANNELS, *layout.TICKS):
             self._declare(signal)
+        self._scans = ScanWriter(self._stream, self._sent, self.event, self._arrange)
 
     @property
     def partial(self) -> Path:
@@ -149,7 +152,7 @@ class RecordingWriter:
         values = np.asarray(samples, dtype=np.float64)
         if signal.entity not in self._columns:
             self._declare(signal)
-            self._stream.send_blueprint(layout.blueprint(layout.further(self._columns)))
+            self._arrange()
         if self._scales.get(signal.entity) != scale:
             self._scales[signal.entity] = scale
             about = rr.AnyValues(scale=scale, factor=signal.factor, unit=signal.si_unit)
@@ -197,6 +200,13 @@ class RecordingWriter:
             (layout.ROUND_TRIP, np.asarray(round_trip, dtype=np.float64)),
         ):
             self._append(signal, times, values * signal.factor)
+
+    def line(self, line: ScanLine) -> None:
+        """One direction of one line of a scan; the image of the scan is drawn as it grows."""
+        if self.problem:
+            self._leave_out(pictures.LINES, np.array([line.time_ns]))
+        else:
+            self._scans.put(line)
 
     def event(self, time_ns: int, text: str, level: Level = "INFO") -> None:
         """A line of text at a simulated time [ns]."""
@@ -259,6 +269,7 @@ class RecordingWriter:
         # A step lasts until the end of the recording.
         for entity, value in self._changed.items():
             self._send(entity, np.array([self._end_ns]), np.array([value]))
+        self._scans.finish()
         self.flush()
         self._end_stream()
         if not any(self._sent[entity] for entity in self._columns):
@@ -290,6 +301,10 @@ class RecordingWriter:
     def _end_stream(self) -> None:
         self._stream.disconnect()
         self._bytes.read(flush=False)  # an index of its own, that rerun would miss in the log otherwise
+
+    def _arrange(self) -> None:
+        """Show in the viewer what there is by now."""
+        self._stream.send_blueprint(layout.blueprint(layout.further(self._columns), pictures.pictures(self._scans.shown)))
 
     def _declare(self, signal: Signal) -> None:
         self._columns[signal.entity] = _Column()
@@ -326,10 +341,12 @@ class RecordingWriter:
         """Bring what was sent into the file; once that is possible again, tell in the recording what is missing."""
         if self._file.write(without_ends(self._bytes.read() or b"")) and self._gap is not None:
             gap, self._gap = self._gap, None
+            lines = gap.rows.pop(pictures.LINES, 0)
             samples = max((rows for entity, rows in gap.rows.items() if entity not in _TICKS), default=0)
+            of_scans = f", and {lines} lines of scans (trace and retrace counted each)," if lines else ""
             self.event(
                 gap.begin_ns,
-                f"{gap.rows[layout.POSITION.entity]} ticks and {samples} samples a channel are missing from "
+                f"{gap.rows[layout.POSITION.entity]} ticks and {samples} samples a channel{of_scans} are missing from "
                 f"{gap.begin_ns / 1e9:g} s to {gap.end_ns / 1e9:g} s: {gap.why}",
                 "ERROR",
             )

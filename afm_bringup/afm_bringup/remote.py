@@ -1,0 +1,319 @@
+"""A microscope that runs somewhere else, on topics: what is asked of it here is done there."""
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Literal
+
+from action_msgs.msg import GoalStatus
+from afm_msgs.msg import Microscope as MicroscopeMessage
+from afm_msgs.msg import ScanLine
+from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
+from rclpy import init
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from afm_model.errors import ParameterError, VerbError
+from afm_model.microscope.backend import OnLine, OnProgress
+from afm_model.microscope.interrupts import Interrupted, Interrupts
+from afm_model.microscope.jobs import Desk
+from afm_model.microscope.results import COMPLETE, FAILED, Image, Outcome, Progress
+from afm_model.microscope.verbs import Scan, Verb, Withdraw
+from afm_model.schema import Value
+from afm_node_common import topics
+from afm_node_common.shared_memory import shared_memory_cleanup
+from afm_node_common.verbs import TOPICS, goal_of, outcome_of, type_of
+
+from .arriving import Arriving
+
+PATIENCE = 10.0
+"""Wall time in which a microscope is found, and in which it answers a setting [s]."""
+_GONE = 5.0
+"""Wall time without its action server after which a microscope has ended [s]."""
+_LATE = 5.0
+"""Wall time without a new line after which the lines that are missing are lost [s]."""
+_SETTLED = 1.0
+"""Wall time in which it says how it stands after a verb or a setting [s]."""
+
+
+def _nothing() -> None:
+    """Nothing to be checked."""
+
+
+class Remote:
+    """The verbs of a microscope whose simulator runs in another process. Use as a context manager, or `close` it.
+
+    It is the backend of `afm_model.microscope.Microscope` as `Local` is: the same verbs bring back the same bytes. Whatever the
+    calling program does, it needs to serve no callbacks.
+
+    Parameters
+    ----------
+    namespace : str
+        Of the instrument.
+    patience : float
+        Wall time in which it must be found [s].
+    check : callable, optional
+        Called some times a second while anything is waited for. What it raises ends the wait.
+
+    Raises
+    ------
+    VerbError
+        If there is no microscope.
+    """
+
+    def __init__(
+        self,
+        namespace: str = topics.NAMESPACE,
+        *,
+        patience: float = PATIENCE,
+        check: Callable[[], object] = _nothing,
+    ) -> None:
+        self.outcome: Outcome | None = None
+        """How the last verb has ended, also one that Ctrl-C has cancelled."""
+        self._check = check
+        self._cancel = False
+        self._context = Context()
+        # Ctrl-C is Python's: it cancels the verb, and the tip is withdrawn before this process ends.
+        init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node(f"microscope_client_{os.getpid()}", namespace=namespace, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._actions: dict[str, ActionClient] = {}
+        self._services: dict[str, Any] = {}
+        self._told: MicroscopeMessage | None = None
+        self._news = 0
+        self._lines: Arriving | None = None
+        self._node.create_subscription(MicroscopeMessage, topics.MICROSCOPE, self._on_told, topics.LATCHED_QOS)
+        self._node.create_subscription(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
+        try:
+            found = self._spin_until(lambda: self._told is not None, patience)
+        except BaseException:
+            self._destroy()
+            raise
+        if not found:
+            self._destroy()
+            raise VerbError(
+                f"there is no microscope on /{namespace.strip('/')} in ROS domain {os.environ.get('ROS_DOMAIN_ID') or 0}: "
+                "start a simulator with reference.kind = verbs, or give its namespace and ROS_DOMAIN_ID"
+            )
+
+    def __enter__(self) -> "Remote":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # What Backend asks for.
+
+    @property
+    def state(self) -> Desk:
+        """See `Backend`: as it was told last."""
+        self._spin_until(lambda: True, 0.0)
+        told = self._told
+        assert told is not None
+        return Desk(
+            approached=told.approached,
+            feedback=told.feedback,
+            setpoint=told.setpoint_voltage,
+            proportional_gain=told.proportional_gain,
+            integral_gain=told.integral_gain,
+            place=(told.x, told.y),
+            near=told.approached or bool(told.doing),
+            doing=told.doing,
+        )
+
+    def objection(self, verb: Verb) -> str:
+        """See `Backend`. Only the microscope itself knows: it refuses the verb when it comes."""
+        return ""
+
+    def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
+        """See `Backend`. Ctrl-C cancels the verb.
+
+        Raises
+        ------
+        Interrupted
+            After Ctrl-C: the tip is withdrawn; it has what was measured.
+        VerbError
+            If the microscope does not answer, or has ended.
+        """
+        name = type(verb).__name__
+        client = self._action(name)
+        self._lines = Arriving(verb, self._time, on_line) if isinstance(verb, Scan) else None
+        news, self._cancel, self.outcome = self._news, False, None
+
+        def on_feedback(message: Any) -> None:
+            if on_progress is not None:
+                on_progress(Progress(message.feedback.progress, message.feedback.detail))
+
+        with Interrupts() as interrupts:
+            sent = client.send_goal_async(goal_of(verb), feedback_callback=on_feedback)
+            self._wait(sent.done, name, client)
+            goal = sent.result()
+            if not goal.accepted:
+                raise VerbError(f"{name} was refused without a sentence: another program serves {TOPICS[name]}")
+            ended = goal.get_result_async()
+            cancelling = False
+
+            def over() -> bool:
+                nonlocal cancelling
+                if (interrupts.there or self._cancel) and not cancelling:
+                    cancelling = True
+                    goal.cancel_goal_async()
+                return bool(ended.done())
+
+            self._wait(over, name, client)
+            answer = ended.result()
+            cancelled = answer.status == GoalStatus.STATUS_CANCELED
+            image, missing = self._image(answer.result)
+            outcome = outcome_of(verb, answer.result, cancelled=cancelled, image=image)
+            if missing:
+                lost = (
+                    f"{missing} of {2 * answer.result.lines_done} lines of the scan (trace and retrace counted each) "
+                    f"have not arrived here and are NaN"
+                )
+                outcome = Outcome(FAILED, "; ".join(filter(None, (outcome.message, lost))), image)
+            self.outcome, self._lines = outcome, None
+            if outcome.status == COMPLETE or cancelled:
+                self._spin_until(lambda: self._news > news and self._told is not None and not self._told.doing, _SETTLED)
+        if interrupts.there:
+            raise Interrupted(outcome)
+        return outcome
+
+    def cancel(self) -> None:
+        """Cancel what is being done, as Ctrl-C does; for `check`, and for what is called with progress and lines."""
+        self._cancel = True
+
+    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
+        """See `Backend`."""
+        self._call(SetSetpoint, topics.SET_SETPOINT, force=force, voltage=voltage)
+
+    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
+        """See `Backend`."""
+        for name, value in (("proportional", proportional), ("integral", integral)):
+            # The service takes negative ones for none given.
+            if value is not None and not value >= 0.0:
+                raise ParameterError(f"{name} = {value:g} is not allowed: it must be >= 0")
+        given = [-1.0 if value is None else value for value in (proportional, integral)]
+        self._call(SetGains, topics.SET_GAINS, proportional=given[0], integral=given[1])
+
+    def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
+        """See `Backend`."""
+        self._call(SetFeedback, topics.SET_FEEDBACK, mode=mode)
+
+    def set_sample(self, changes: Mapping[str, Value]) -> None:
+        """See `Backend`."""
+        self._exchange(topics.SET_SAMPLE, changes)
+
+    def set_probe(self, changes: Mapping[str, Value]) -> None:
+        """See `Backend`."""
+        self._exchange(topics.SET_PROBE, changes)
+
+    def close(self) -> None:
+        """Withdraw the tip and let go of the microscope, which goes on running."""
+        if not self._context.ok():
+            return
+        try:
+            if self.state.approached:
+                # Without a microscope there is no tip to withdraw.
+                with suppress(VerbError):
+                    self.execute(Withdraw())
+        finally:
+            self._destroy()
+
+    # How it is done.
+
+    @property
+    def _time(self) -> float:
+        """Simulated time last heard of [s]."""
+        assert self._told is not None
+        stamp = self._told.header.stamp
+        return float(stamp.sec + stamp.nanosec * 1e-9)
+
+    def _on_told(self, message: MicroscopeMessage) -> None:
+        self._told = message
+        self._news += 1
+
+    def _on_line(self, message: ScanLine) -> None:
+        if self._lines is not None:
+            self._lines.put(message)
+
+    def _spin_until(self, predicate: Callable[[], bool], timeout: float) -> bool:
+        limit = time.monotonic() + timeout
+        while True:
+            self._executor.spin_once(timeout_sec=min(max(limit - time.monotonic(), 0.0), 0.05))
+            self._check()
+            if predicate():
+                return True
+            if time.monotonic() >= limit:
+                return False
+
+    def _wait(self, predicate: Callable[[], bool], name: str, client: ActionClient) -> None:
+        """Serve callbacks until `predicate` holds; raise if the microscope is no longer there."""
+        there = time.monotonic()
+        while not self._spin_until(predicate, 0.2):
+            now = time.monotonic()
+            if client.server_is_ready():
+                there = now
+            elif now > there + _GONE:
+                raise VerbError(f"the microscope has ended while {name} was being done")
+
+    def _action(self, name: str) -> ActionClient:
+        if name not in self._actions:
+            self._actions[name] = ActionClient(self._node, type_of(name), TOPICS[name])
+        if not self._spin_until(self._actions[name].server_is_ready, PATIENCE):
+            raise VerbError(f"the microscope does not serve {TOPICS[name]} (waited {PATIENCE:g} s)")
+        return self._actions[name]
+
+    def _call(self, kind: Any, topic: str, **values: Any) -> None:
+        if topic not in self._services:
+            self._services[topic] = self._node.create_client(kind, topic)
+        client, news = self._services[topic], self._news
+        if not self._spin_until(client.service_is_ready, PATIENCE):
+            raise VerbError(f"the microscope does not serve {topic} (waited {PATIENCE:g} s)")
+        answered = client.call_async(kind.Request(**values))
+        # Another sample or probe: what is compiled for it may take a while.
+        while not self._spin_until(answered.done, PATIENCE):
+            if not client.service_is_ready():
+                raise VerbError(f"the microscope has ended without an answer to {topic}")
+        if not answered.result().success:
+            raise ParameterError(answered.result().message)
+        self._spin_until(lambda: self._news > news, _SETTLED)
+
+    def _exchange(self, topic: str, changes: Mapping[str, Value]) -> None:
+        self._call(Exchange, topic, names=list(changes), values=[_text(value) for value in changes.values()])
+
+    def _image(self, result: Any) -> tuple[Image | None, int]:
+        """What the lines came to, and how many of them are missing."""
+        lines = self._lines
+        if lines is None:
+            return None, 0
+        before = -1
+        while lines.missing(result.lines_done) and lines.received > before:
+            before = lines.received
+            self._spin_until(lambda: not lines.missing(result.lines_done) or lines.received > before, _LATE)
+        missing = lines.missing(result.lines_done)
+        image = lines.image
+        if image is not None:
+            image.lines_done = result.lines_done
+            image.complete = not missing and result.lines_done == lines.scan.lines
+        return image, missing
+
+    def _destroy(self) -> None:
+        with shared_memory_cleanup():
+            self._executor.shutdown()
+            for client in self._actions.values():
+                client.destroy()
+            self._node.destroy_node()
+            self._context.try_shutdown()
+
+
+def _text(value: Value) -> str:
+    """As a parameter file has it."""
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,104 @@
+"""The command line of `scan`."""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import yaml
+
+from afm_model.errors import ParameterError
+from afm_model.microscope.verbs import Approach, Scan
+from afm_model.schema import build
+from afm_node_common import topics
+
+from .command import claimed_domain, end
+from .files import config
+from .first_sample import write_sample
+from .scan_session import ScanSession
+from .scenario import read_scenario
+from .session import Interrupted, SessionError
+
+_FIRST = "first_image"
+_FRAME = {"size_x": 1e-6, "line_rate": 5.0}
+"""Of the first image; what is not here is the verb's default."""
+_OPTIONS = {
+    "size_x": "width of the frame [m]",
+    "size_y": "height of the frame [m]; 0: square pixels",
+    "centre_x": "middle of the frame [m]",
+    "centre_y": "middle of the frame [m]",
+    "angle": "of the fast direction against x, counterclockwise [rad]",
+    "pixels": "in a line",
+    "lines": "of the image",
+    "line_rate": "lines a second; a line is trace and retrace",
+    "overscan": "time of a turn over that of the image part of a line",
+    "direction": "of the slow axis: up or down",
+    "channels": "what is measured, separated by commas",
+}
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="scan",
+        description="Start a microscope, approach, scan an image over topics, withdraw; leave picture, .gwy, recording, "
+        "table. Without a scenario: the letter F and a corner of another material.",
+    )
+    parser.add_argument("scenario", nargs="?", default="", help="name of a scenario, or a scenario file, with reference.kind: verbs")
+    parser.add_argument("--out", required=True, type=Path, help="folder for the results")
+    parser.add_argument(
+        "--overrides", type=Path, metavar="FILE", help="parameter file that counts in place of the scenario's parameters"
+    )
+    parser.add_argument(
+        "--namespace",
+        default=topics.NAMESPACE,
+        help=f"namespace of the instrument, in place of {topics.NAMESPACE}",
+    )
+    for name, told in _OPTIONS.items():
+        default = _FRAME.get(name, Scan.model_fields[name].default)
+        parser.add_argument(
+            f"--{name.replace('_', '-')}",
+            dest=name,
+            type=type(Scan.model_fields[name].default),
+            default=default,
+            metavar="VALUE",
+            help=f"{told} (default %(default)s)",
+        )
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Entry point of `ros2 run afm_bringup scan`."""
+    arguments = _arguments()
+    try:
+        verb = build(Scan, {name: getattr(arguments, name) for name in _OPTIONS})
+        with tempfile.TemporaryDirectory() as folder:
+            if arguments.scenario:
+                scenario = read_scenario(arguments.scenario, arguments.overrides)
+            else:
+                scenario = read_scenario(str(_first(arguments.out, Path(folder))), arguments.overrides)
+        if scenario.sim.reference.kind != "verbs":
+            raise ValueError(
+                f"{scenario.path}: reference.kind = {scenario.sim.reference.kind} is not allowed in a scan: it must be "
+                f"verbs, as in two_materials"
+            )
+        claim = claimed_domain()
+        ScanSession(scenario, arguments.out, verb, Approach(), namespace=arguments.namespace).run()
+    except Interrupted:
+        return end("interrupted", 130)
+    except (ParameterError, ValueError) as error:
+        return end(f"error: {error}", 2)
+    except OSError as error:
+        return end(f"error: {error.filename or arguments.out} cannot be written: {error.strerror}", 2)
+    except SessionError as error:
+        return end(f"error: {error}", 1)
+    del claim
+    return 0
+
+
+def _first(out: Path, folder: Path) -> Path:
+    """The scenario of the first image; its sample is kept beside the results."""
+    sample = write_sample(out / "sample")
+    content = yaml.safe_load(config(f"{_FIRST}.yaml").read_text())
+    content["/**/afm_sim_node"]["ros__parameters"]["sample"] = sample
+    path = folder / f"{_FIRST}.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path

@@ -1,0 +1,34 @@
+"""The picture of a scan: height and friction side by side."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from afm_model.images.layers import layers
+from afm_model.images.picture import draw
+from afm_model.microscope.results import Image
+
+_SIZE = (9.0, 4.4)
+
+
+def write_scan_picture(path: Path, image: Image, title: str) -> None:
+    """Draw height and friction, or the first two layers of a scan that lacks them, into a PNG file.
+
+    A height counts from the lowest place of the scan; nothing else is taken off.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    every = {each.name: each for each in layers(image)}
+    chosen = [every[name] for name in ("height_trace", "friction") if name in every] or list(every.values())[:2]
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    for axes, found in zip(figure.subplots(1, len(chosen), squeeze=False)[0], chosen, strict=True):
+        if found.name == "height_trace" and found.measured.any():
+            found = replace(found, values=found.values - np.nanmin(found.values))
+        draw(axes, image, found, "none")
+    figure.suptitle(title)
+    figure.savefig(path, dpi=120)

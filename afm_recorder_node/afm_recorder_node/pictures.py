@@ -1,0 +1,63 @@
+"""Images of scans in a recording: where they stand, and how the viewer shows them."""
+
+from collections.abc import Iterable
+
+import rerun.blueprint as rrb
+
+from afm_model.microscope.results import RETRACE, TRACE
+
+SCANS = "/scan"
+"""Below it an image that grows for each channel and direction, and what is made of both directions."""
+LINES = f"{SCANS}/lines"
+"""One row for each direction of each line of a scan, in SI units."""
+
+_UNITS = {"height": "nm", "error": "V", "lateral": "nN", "friction": "nN", "crosstalk": "nN", "x": "nm", "y": "nm"}
+_TOGETHER = (("height",), ("friction", "crosstalk"), ("lateral",), ("error",))
+"""Channels that share a place in the viewer, the most important first; each other one has a place of its own."""
+_COLORS = "inferno"
+
+
+def picture_of(name: str, direction: str = "") -> str:
+    """Entity of the image of a channel in one direction of a scan, or of what is made of both."""
+    return f"{SCANS}/{name}/{direction}" if direction else f"{SCANS}/{name}"
+
+
+def pictures(entities: Iterable[str]) -> list[str]:
+    """Which of these entities are images."""
+    return sorted(entity for entity in entities if entity.startswith(f"{SCANS}/") and entity != LINES)
+
+
+def view(entities: Iterable[str]) -> rrb.Container:
+    """Arrangement of images: those of one signal behind one another, different signals side by side."""
+    places: dict[tuple[str, ...], list[str]] = {}
+    for entity in entities:
+        name, _ = _channel(entity)
+        place = next((names for names in _TOGETHER if name in names), (name,))
+        places.setdefault(place, []).append(entity)
+    known = [place for place in _TOGETHER if place in places]
+    ordered = known + sorted(set(places) - set(known))
+    return rrb.Grid(*(rrb.Tabs(*map(_image, sorted(places[place], key=_rank))) for place in ordered), name="Scan")
+
+
+def _channel(entity: str) -> tuple[str, str]:
+    """Name of the channel and direction; no direction if it is made of both."""
+    name, _, direction = entity.removeprefix(f"{SCANS}/").rpartition("/")
+    return (name, direction) if direction in (TRACE, RETRACE) else (entity.removeprefix(f"{SCANS}/"), "")
+
+
+def _rank(entity: str) -> tuple[int, bool]:
+    name, direction = _channel(entity)
+    order = [each for names in _TOGETHER for each in names]
+    return order.index(name) if name in order else len(order), direction == RETRACE
+
+
+def _image(entity: str) -> rrb.TensorView:
+    name, direction = _channel(entity)
+    title = name.capitalize() + (f", {direction}" if direction else "")
+    return rrb.TensorView(
+        name=f"{title} [{_UNITS[name]}]" if name in _UNITS else title,
+        origin=entity,
+        contents=[entity],
+        scalar_mapping=rrb.TensorScalarMapping(colormap=_COLORS, mag_filter="nearest"),
+        view_fit="FillKeepAspectRatio",
+    )

@@ -1,0 +1,98 @@
+"""The lines of scans, as they are recorded and as they make an image again. Needs no ROS."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+
+from afm_model.microscope.results import DIRECTIONS, RETRACE, TRACE, Image, Line
+from afm_model.microscope.verbs import Scan
+
+from .layout import TIMELINE
+from .pictures import LINES
+
+
+@dataclass(frozen=True)
+class ScanLine:
+    """One direction of one line, and the scan that it belongs to."""
+
+    number: int
+    """Of the scan, since the start of the instrument."""
+    scan: Scan
+    line: Line
+    units: dict[str, str]
+    """SI unit of each channel."""
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time at which its first pixel began [ns]."""
+        return round(self.line.time * 1e9)
+
+    @property
+    def place(self) -> int:
+        """Number among all lines of the scan, trace and retrace, from 0."""
+        return 2 * self.line.index + (self.line.direction == RETRACE)
+
+
+def send(stream: rr.RecordingStream, line: ScanLine) -> None:
+    """Write a line, in SI units, as one row."""
+    about = {
+        "channels": line.units,
+        "time": line.line.time,
+        "scan": line.scan.model_dump(),
+    }
+    numbers = np.concatenate([np.asarray(line.line.channels[name], dtype=np.float64) for name in line.units])
+    index = rr.TimeColumn(TIMELINE, duration=np.array([line.time_ns], "timedelta64[ns]"))
+    stream.send_columns(
+        LINES,
+        [index],
+        [
+            *rr.AnyValues.columns(
+                scan=[line.number], index=[line.line.index], direction=[line.line.direction], about=[json.dumps(about)]
+            ),
+            *rr.AnyValues.columns(data=numbers).partition([len(numbers)]),
+        ],
+        strict=True,
+    )
+
+
+def images(batches: Iterable[pa.RecordBatch]) -> dict[int, Image]:
+    """Images by the number of the scan, whole or as far as they came, from rows that `send` has written."""
+    made: dict[int, Image] = {}
+    traces: dict[int, dict[int, float]] = {}
+    seen: dict[int, set[int]] = {}
+    for line in sorted(_lines(batches), key=lambda line: (line.number, line.place)):
+        image = made.get(line.number)
+        if image is None:
+            image = made[line.number] = Image.empty(line.scan, line.units)
+            traces[line.number], seen[line.number] = {}, set()
+        image.put(line.line)
+        seen[line.number].add(line.place)
+        if line.line.direction == TRACE:
+            traces[line.number][line.line.index] = line.line.time
+    for number, image in made.items():
+        starts = traces[number]
+        if starts:
+            first, last = min(starts), max(starts)
+            # Lines are equally long: from one and another the rate, and the start of one that was not recorded.
+            duration = (starts[last] - starts[first]) / (last - first) if last > first else 0.0
+            image.line_rate = 1.0 / duration if duration > 0.0 else image.scan.line_rate
+            image.start = starts[first] - first * duration
+        image.complete = len(seen[number]) == len(DIRECTIONS) * image.scan.lines
+    return made
+
+
+def _lines(batches: Iterable[pa.RecordBatch]) -> Iterable[ScanLine]:
+    for batch in batches:
+        columns = [batch.column(name).to_pylist() for name in ("scan", "index", "direction", "about")]
+        for *head, about, data in zip(*columns, batch.column("data"), strict=True):
+            number, index, direction = (value[0] for value in head)
+            told: dict[str, Any] = json.loads(about[0])
+            units = dict(told["channels"])
+            numbers = data.values.to_numpy().reshape(len(units), -1)
+            line = Line(index, direction, told["time"], dict(zip(units, numbers, strict=True)))
+            yield ScanLine(number, Scan(**told["scan"]), line, units)

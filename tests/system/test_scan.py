@@ -1,0 +1,140 @@
+"""`ros2 run afm_bringup scan`: a first image over real actions, in files that agree with one another and the sample."""
+
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gwyfile import load
+from gwyfile.util import get_datafields
+from PIL import Image as Picture
+from scipy.ndimage import binary_erosion
+from support import TIMEOUT, Command, assert_nothing_left, executable, remove_shared_memory_left
+
+from afm_bringup import scan_command
+from afm_bringup.first_sample import STEP, STRENGTH, letter, second_material
+from afm_bringup.remote import Remote
+from afm_model.errors import VerbError
+from afm_recorder_node.reader import Recording, read_recording
+
+SIZE, PIXELS = 1e-6, 48
+
+
+def scan(out: Path, *options: str, folder: Path) -> Command:
+    return Command(executable("afm_bringup", "scan"), "--out", out, *options, folder=folder)
+
+
+@dataclass
+class Made:
+    """What a scan has left."""
+
+    folder: Path
+    printed: str
+    fields: dict[str, np.ndarray]  # by title, row 0 at the least y
+    recording: Recording
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    folder = tmp_path_factory.mktemp("scan")
+    frame = ("--pixels", str(PIXELS), "--lines", str(PIXELS), "--line-rate", "8")
+    with scan(folder / "out", *frame, folder=folder) as process:
+        assert process.wait(timeout=3.0 * TIMEOUT) == 0, process.told
+        printed = process.text
+    assert_nothing_left()
+    channels = get_datafields(load(str(folder / "out" / "scan.gwy")))
+    fields = {title: field.data[::-1] for title, field in channels.items()}
+    assert {field.si_unit_z.unitstr for title, field in channels.items() if title.startswith("Height")} == {"m"}
+    return Made(folder / "out", printed, fields, read_recording(folder / "out" / "recording.rrd"))
+
+
+def places() -> tuple[np.ndarray, np.ndarray]:
+    along = (np.arange(PIXELS) + 0.5) / PIXELS * SIZE - 0.5 * SIZE
+    x, y = np.meshgrid(along, along)
+    return x, y
+
+
+def inner(part: np.ndarray) -> np.ndarray:
+    """A part without its border: the tip is as wide as a pixel, the loop as slow as one."""
+    return binary_erosion(part, np.ones((3, 3)), border_value=1)
+
+
+def test_results_stand_under_their_names_and_nothing_else(made: Made) -> None:
+    names = {"recording.rrd", "scan.png", "channels.png", "scan.gwy", "scan.csv", "sample", "logs"}
+    assert {path.name for path in made.folder.iterdir()} == names
+    for name in ("scan.png", "channels.png"):
+        with Picture.open(made.folder / name) as picture:
+            assert min(picture.size) > 400
+    for name in names - {"sample", "logs"}:
+        assert f"out/{name}" in made.printed
+
+
+def test_height_shows_the_letter_upright_with_its_step_within_1_percent(made: Made) -> None:
+    height, up = made.fields["Height"], letter(*places())
+    step = np.median(height[inner(up)]) - np.median(height[inner(~up)])
+    assert step == pytest.approx(STEP, rel=0.01)
+    # Any other orientation of it would fit far worse.
+    fits = [np.corrcoef(turned.ravel(), up.ravel())[0, 1] for turned in (height, height[::-1], height[:, ::-1], height.T)]
+    assert fits[0] > 0.8 > 0.6 > max(fits[1:])
+
+
+def test_friction_tells_the_materials_apart_within_3_percent_and_the_height_does_not(made: Made) -> None:
+    x, y = places()
+    flat, second = inner(~letter(x, y)), second_material(x, y)
+    there, here = flat & inner(second), flat & inner(~second)
+    friction = made.fields["Friction"]
+    assert np.median(friction[there]) / np.median(friction[here]) == pytest.approx(STRENGTH, rel=0.03)
+    # Less than a hundredth of the step.
+    height = made.fields["Height"]
+    assert abs(np.median(height[there]) - np.median(height[here])) < 0.01 * STEP
+
+
+def test_recording_holds_the_same_image_to_the_last_bit(made: Made) -> None:
+    (image,) = made.recording.images
+    assert image.complete and image.scan.size_x == SIZE
+    for title, key in (("Height", ("height", "trace")), ("Lateral Force Retrace", ("lateral", "retrace"))):
+        np.testing.assert_array_equal(made.fields[title], image.data[key])
+    verify = [Path(sys.executable).with_name("rerun"), "rrd", "verify", made.folder / "recording.rrd"]
+    assert subprocess.run(verify, capture_output=True, timeout=60).returncode == 0
+
+
+def test_interrupted_scan_leaves_the_image_up_to_there_and_no_process(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with scan(out, "--pixels", "32", "--lines", "2000", "--line-rate", "20", folder=tmp_path) as process:
+        process.wait_until(lambda: any((each / "recording.partial.rrd").exists() for each in out.glob("unfinished-*")))
+        process.wait_until(lambda: "Approach: done" in process.text)
+        process.interrupt()
+        assert process.wait() == 130, process.told
+    remove_shared_memory_left()
+    assert (out / "recording.rrd").exists()
+    log = (out / "logs" / "afm_sim_node.log").read_text()
+    assert "Traceback" not in log + process.text
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (("--lines", "0"), "lines = 0 is not allowed"),
+        (("--size-x", "nan"), "size_x = nan"),
+        (("closed_loop_tanh",), "reference.kind = periodic is not allowed in a scan: it must be verbs"),
+        (("no_such",), "no_such"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_sentence_before_anything_starts(
+    options: tuple[str, ...],
+    sentence: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["scan", "--out", str(tmp_path / "out"), *options])
+    assert scan_command.main() == 2
+    told = capsys.readouterr().err
+    assert sentence in told and len(told.splitlines()) == 1
+
+
+def test_client_without_a_microscope_says_where_it_has_looked() -> None:
+    with pytest.raises(VerbError, match="there is no microscope on /nobody in ROS domain"):
+        Remote("nobody", patience=0.2)
