@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..contact.maugis import branch
 
 _Array = NDArray[np.float64]
-_NODES = 2001
+_NODES = 501
 STRESS = 16.0 / (9.0 * math.sqrt(3.0))
 """Adhesive stress of Maugis and Dugdale times the range over the work of adhesion, docs/lever.md (9)."""
 TABOR = 1.157
