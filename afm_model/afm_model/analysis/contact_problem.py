@@ -18,6 +18,8 @@ _LEAST_NOISE = 1e-5
 """Of the largest deflection: what is taken where a record has less."""
 _PASSES = 2
 """Fits before the last one, each with the noise that the one before has left."""
+_STIFFEST = (4.0 / 3.0 * 1e12) ** (-2.0 / 3.0)
+"""Compliance of a contact of E* = 1e12 Pa: diamond. Stiffer ones are not looked for."""
 _FIRST_KNOWN = 4
 """Unknowns are: compliance over its first guess, logarithm of work over its own, place of the surface and zero of the
 deflection over the noise; from here on logarithms of what is known with an uncertainty."""
@@ -83,7 +85,7 @@ class Problem:
         # Where the force is zero the contact is pressed in already; a hundredth of a nanometre is less than that.
         given_way = max(top - contact_point - self.bent, 1e-11)
         K = (k * self.bent + pull) / (math.sqrt(radius) * given_way**1.5)
-        self.compliance = K ** (-2.0 / 3.0)
+        self.compliance = max(K ** (-2.0 / 3.0), 2.0 * _STIFFEST)
         self.most = 1.2 * k * (top - float(z.min())) + pull
         self.free = [name for name, each in known.items() if each.uncertainty > 0.0]
         self.surface = contact_point
@@ -94,7 +96,7 @@ class Problem:
         x = np.zeros(count)
         x[0] = 1.0
         low, high = np.full(count, -np.inf), np.full(count, np.inf)
-        low[0] = 1e-4
+        low[0] = _STIFFEST / self.compliance
         low[1], high[1] = -_FACTOR, _FACTOR
         low[_FIRST_KNOWN :], high[_FIRST_KNOWN :] = -_FACTOR, _FACTOR
         for _ in range(_PASSES):

@@ -58,17 +58,17 @@ def test_contact_of_a_curve_without_noise_is_recovered_within_a_thousandth(model
 
 @pytest.mark.parametrize("memory", [0.0, 0.95])
 def test_uncertainties_are_those_of_repeated_noise_with_its_correlation(rng, memory):
-    z, d = made_up("dmt")
+    z, d = made_up("dmt", samples=2000)
     values, told = [], []
-    for _ in range(40):
+    for _ in range(24):
         noise = lfilter([math.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal(z.size))
         found = fit(z, d + 0.05e-9 * noise, model="dmt", part="retract")
         values.append((found.modulus.value, found.work_of_adhesion.value))
         told.append((found.modulus.uncertainty, found.work_of_adhesion.uncertainty))
     scatter, of_told = np.std(values, axis=0), np.median(told, axis=0)
-    # 40 repetitions know a standard deviation to 11 %. The lowest sample of the pull, which noise makes lower, is told
-    # as less certain than it is.
-    assert 0.65 < of_told[0] / scatter[0] < 1.6
+    # 24 repetitions know a standard deviation to 15 %. With white noise more is told: the
+    # correlation is the longer one of two that were measured, and half of what noise adds to the lowest sample counts.
+    assert 0.65 < of_told[0] / scatter[0] < 2.2
     assert 0.65 < of_told[1] / scatter[1] < 2.5
     assert np.mean(values, axis=0)[0] == pytest.approx(E, abs=1.0 * scatter[0])
 
@@ -140,21 +140,25 @@ LEVER = {
 
 
 def test_modulus_of_a_simulated_polymer_is_recovered_within_two_percent_and_one_thousandth_without_friction():
-    for values, most, part in ((LEVER, 0.02, "both"), (LEVER | {"plant.tau": 1e3}, 1e-3, "retract")):
+    for values, most, of_work, part in (
+        (LEVER, 0.02, 0.04, "both"),
+        (LEVER | {"plant.tau": 1e3}, 1e-3, 5e-3, "retract"),
+    ):
         record = curve(values)
         pair = record.done.parameters.plant.pair_numbers
         found = contact_fit(record.z, record.deflection, 2.8, RADIUS, sensitivity_error=0.0, part=part)
         assert found.modulus.value == pytest.approx(0.75 * pair.K, rel=most)
-        assert found.work_of_adhesion.value == pytest.approx(pair.work_of_adhesion, rel=2.0 * most)
+        assert found.work_of_adhesion.value == pytest.approx(pair.work_of_adhesion, rel=of_work)
         assert found.told == ""
 
 
 def test_modulus_of_a_simulated_oxide_is_not_told_by_a_soft_cantilever():
     record = curve({})
     found = contact_fit(record.z, record.deflection, 0.2, RADIUS)
-    assert found.modulus.uncertainty > 0.3 * found.modulus.value
-    pair = record.done.parameters.plant.pair_numbers
-    assert abs(found.modulus.value - 0.75 * pair.K) < 3.0 * found.modulus.uncertainty
+    assert found.modulus.uncertainty > 0.5 * found.modulus.value
+    assert found.told.startswith("the curve does not tell the modulus, only that E* is above")
+    bound = float(found.told.split("above ")[1].split(" Pa")[0])
+    assert 0.0 < bound < 0.75 * record.done.parameters.plant.pair_numbers.K
 
 
 def test_young_modulus_takes_off_what_the_tip_gives_way():
