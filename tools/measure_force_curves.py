@@ -113,15 +113,14 @@ def recovered(one: Curve) -> Recovered:
 def table(curves: int) -> list[str]:
     """Rows: means over curves, and their scatter."""
     rows = [
-        "| rate [µm/s] | E* [%] | uncertainty told of E* [%] | pull-off [%] | work of adhesion [%] | way of the snap-in [%] |",
+        "| rate [µm/s] | E* [%] | uncertainty told of E* [%] | pull-off [%] | work of adhesion [%] "
+        "| way of the snap-in [%] |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
     for rate in RATES:
         each = 100.0 * np.array([recovered(curve(rate, seed)) for seed in range(1, curves + 1)])
         middle, scatter = each.mean(axis=0), each.std(axis=0, ddof=1)
-        cells = [
-            f"{middle[i]:.1f}" if i == 1 else f"{middle[i]:+.1f} ± {scatter[i]:.1f}" for i in range(each.shape[1])
-        ]
+        cells = [f"{middle[i]:.1f}" if i == 1 else f"{middle[i]:+.1f} ± {scatter[i]:.1f}" for i in range(each.shape[1])]
         rows.append(f"| {1e6 * rate:g} | " + " | ".join(cells) + " |")
         print(rows[-1], flush=True)
     return rows

@@ -63,7 +63,7 @@ TOLD: dict[str, Value] = {
     "cantilever.f_c": _LEVER.f0,
     "cantilever.xi_c": 0.5 / _LEVER.Q,
     "cantilever.m_c": _LEVER.k / (2.0 * math.pi * _LEVER.f0) ** 2,
-    "scanner.mass_ratio": _SCANNER.k_x / (2.0 * math.pi * _SCANNER.f_x) ** 2 * (2.0 * math.pi * _LEVER.f0) ** 2 / _LEVER.k,
+    "scanner.mass_ratio": _SCANNER.k_x / _LEVER.k * (_LEVER.f0 / _SCANNER.f_x) ** 2,
 }
 """What the laws know of the instrument."""
 LAWS: dict[str, dict[str, Value]] = {

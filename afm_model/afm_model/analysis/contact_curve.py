@@ -74,7 +74,7 @@ def branch_nodes(model: str, transition: float, largest: float) -> tuple[_Array,
 
 
 def deflection_nodes(model: str, contact: Contact, k: float, largest: float) -> tuple[_Array, _Array]:
-    """Way of the scanner from the undeformed surface on, and deflection [m], on the branch that is stable with a spring.
+    """Way of the scanner from the undeformed surface on, and deflection [m], where they are stable with a spring.
 
     Parameters
     ----------

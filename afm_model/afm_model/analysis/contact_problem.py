@@ -98,7 +98,7 @@ class Problem:
         low, high = np.full(count, -np.inf), np.full(count, np.inf)
         low[0] = _STIFFEST / self.compliance
         low[1], high[1] = -_FACTOR, _FACTOR
-        low[_FIRST_KNOWN :], high[_FIRST_KNOWN :] = -_FACTOR, _FACTOR
+        low[_FIRST_KNOWN:], high[_FIRST_KNOWN:] = -_FACTOR, _FACTOR
         for _ in range(_PASSES):
             found = least_squares(self._left, x, self._slopes, (low, high), x_scale="jac", max_nfev=60)
             x = found.x

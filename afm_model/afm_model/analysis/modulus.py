@@ -115,7 +115,12 @@ def contact_fit(
     free, pressed, pulled = in_contact(z, deflection)
     lowest = deflection[pulled.stop - 1] - found.baseline.value
     depth = _depth(found.adhesion, lowest, k.value, correlation_length(deflection[free]))
-    known = {"k": k, "radius": radius, "reach": _estimate(reach, "reach"), "sensitivity": Estimate(1.0, sensitivity_error)}
+    known = {
+        "k": k,
+        "radius": radius,
+        "reach": _estimate(reach, "reach"),
+        "sensitivity": Estimate(1.0, sensitivity_error),
+    }
     fits = []
     for name, each in (("approach", pressed), ("retract", pulled)):
         if part not in (name, "both"):

@@ -44,12 +44,12 @@ def two_levels(image: ArrayLike, margin: int = 3, smooth: float = 2.0) -> tuple[
     ValueError
         If the image has not two levels, or `margin` leaves nothing of one.
     """
-    image = _image(image)
-    there = np.isfinite(image)
+    split: _Array = _image(image)
+    there = np.isfinite(split)
     if smooth > 0.0 and there.any():
         weight = gaussian_filter(there.astype(float), smooth)
-        image = gaussian_filter(np.where(there, image, 0.0), smooth) / np.where(there, weight, 1.0)
-    values = image[there]
+        split = gaussian_filter(np.where(there, split, 0.0), smooth) / np.where(there, weight, 1.0)
+    values = split[there]
     if values.size < 4 or values.min() == values.max():
         raise ValueError("the image has not two levels: all of its values are equal")
     counts, edges = np.histogram(values, _BINS)
@@ -70,7 +70,7 @@ def two_levels(image: ArrayLike, margin: int = 3, smooth: float = 2.0) -> tuple[
             f"explain {100.0 * _SEPARATE:.0f} %; give masks"
         )
     masks = []
-    for side in (there & (image <= cut), there & (image > cut)):
+    for side in (there & (split <= cut), there & (split > cut)):
         # The image goes on beyond its borders, and beyond lines that were not measured, as it is there.
         inside = side if margin < 1 else binary_erosion(side | ~there, iterations=margin, border_value=1) & there
         if not inside.any():

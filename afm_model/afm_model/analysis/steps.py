@@ -70,8 +70,8 @@ def step_height(x: ArrayLike, heights: ArrayLike) -> Estimate:
 
     Each plateau with a neighbour on both sides is compared with them: a straight line through what is left of the
     neighbours, and one parallel to it through the plateau. A third of every plateau is left out on each of its sides,
-    and of a neighbour nothing counts that is further away than the plateau is wide. So a tilt does not matter, and a bow
-    by what it bends within three widths.
+    and of a neighbour nothing counts that is further away than the plateau is wide. So a tilt does not matter, and a
+    bow by what it bends within three widths.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _heights(x: _Array, z: _Array) -> list[float]:
 
 def _flatter(x: _Array, z: _Array, tilt: float) -> _Array:
     """The line as it is where it has two levels, else less its tilt."""
-    without = z - tilt * (x - x.mean())
+    without: _Array = z - tilt * (x - x.mean())
     try:
         two_levels(z[None, :], 0, 0.0)
     except ValueError:

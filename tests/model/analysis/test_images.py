@@ -71,7 +71,7 @@ def test_split_leaves_out_the_border_and_lines_that_were_not_measured():
 
 
 def test_image_of_one_material_has_no_two_levels(rng):
-    with pytest.raises(ValueError, match="has not two levels: a split explains 6[0-9] %"):
+    with pytest.raises(ValueError, match=r"has not two levels: a split explains 6[0-9] %"):
         two_levels(rng.standard_normal((50, 50)), smooth=0.0)
     with pytest.raises(ValueError, match="all of its values are equal"):
         two_levels(np.ones((5, 5)))
