@@ -6,17 +6,20 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from .contact_curve import Contact, branch_nodes, deflection_nodes
-from .correlation import correlation_length
+from .correlation import correlated_mean, correlation_length
 from .estimate import Estimate
 
 _Array = NDArray[np.float64]
 _LEAST_NOISE = 1e-5
 """Of the largest deflection: what is taken where a record has less."""
-_PASSES = 3
-"""Fits, each with the noise that the one before has left."""
+_PASSES = 2
+"""Fits before the last one, each with the noise that the one before has left."""
+_STIFFEST = (4.0 / 3.0 * 1e12) ** (-2.0 / 3.0)
+"""Compliance of a contact of E* = 1e12 Pa: diamond. Stiffer ones are not looked for."""
 _FIRST_KNOWN = 4
 """Unknowns are: compliance over its first guess, logarithm of work over its own, place of the surface and zero of the
 deflection over the noise; from here on logarithms of what is known with an uncertainty."""
@@ -48,10 +51,8 @@ class Problem:
     model : str
     z, deflection : ndarray (n,) [m]
         While the tip is in contact.
-    zero : Estimate [m]
-        Deflection of the free cantilever.
-    noise : float [m]
-        Rms of its samples.
+    free : ndarray (m,) [m]
+        Deflection of the free cantilever, sampled like `deflection`.
     depth : Estimate [m]
         Deflection below it at the pull-off.
     known : dict of str to Estimate
@@ -65,16 +66,16 @@ class Problem:
         model: str,
         z: _Array,
         deflection: _Array,
-        zero: Estimate,
-        noise: float,
+        free: _Array,
         depth: Estimate,
         known: dict[str, Estimate],
         contact_point: float,
     ) -> None:
         self.model, self.z, self.deflection = model, z, deflection
-        self.zero, self.depth, self.known = zero, depth, known
-        self.bent = float(deflection.max()) - zero.value
-        self.noise = max(noise, _LEAST_NOISE * self.bent)
+        self.zero, self.depth, self.known = correlated_mean(free), depth, known
+        self.bent = float(deflection.max()) - self.zero.value
+        self.noise = max(float(free.std()), _LEAST_NOISE * self.bent)
+        self.length = correlation_length(free)
         self.sigma = self.noise
         """Uncertainty of a point: noise times the root of the correlation length."""
         k, radius = known["k"].value, known["radius"].value
@@ -84,7 +85,7 @@ class Problem:
         # Where the force is zero the contact is pressed in already; a hundredth of a nanometre is less than that.
         given_way = max(top - contact_point - self.bent, 1e-11)
         K = (k * self.bent + pull) / (math.sqrt(radius) * given_way**1.5)
-        self.compliance = K ** (-2.0 / 3.0)
+        self.compliance = max(K ** (-2.0 / 3.0), 2.0 * _STIFFEST)
         self.most = 1.2 * k * (top - float(z.min())) + pull
         self.free = [name for name, each in known.items() if each.uncertainty > 0.0]
         self.surface = contact_point
@@ -95,16 +96,17 @@ class Problem:
         x = np.zeros(count)
         x[0] = 1.0
         low, high = np.full(count, -np.inf), np.full(count, np.inf)
-        low[0] = 1e-4
+        low[0] = _STIFFEST / self.compliance
         low[1], high[1] = -_FACTOR, _FACTOR
-        low[_FIRST_KNOWN :], high[_FIRST_KNOWN :] = -_FACTOR, _FACTOR
+        low[_FIRST_KNOWN:], high[_FIRST_KNOWN:] = -_FACTOR, _FACTOR
         for _ in range(_PASSES):
-            found = least_squares(self._left, x, bounds=(low, high), x_scale="jac", diff_step=1e-5, max_nfev=60)
+            found = least_squares(self._left, x, self._slopes, (low, high), x_scale="jac", max_nfev=60)
             x = found.x
             left = self.sigma * self._left(x)[: self.z.size]
-            rms, length = float(np.sqrt(np.mean(left**2))), correlation_length(left)
+            # A fit follows slow noise, and leaves less of it than there is.
+            rms, length = float(np.sqrt(np.mean(left**2))), max(correlation_length(left), self.length)
             self.sigma = max(rms, self.noise) * math.sqrt(length)
-        found = least_squares(self._left, x, bounds=(low, high), x_scale="jac", diff_step=1e-5, max_nfev=60)
+        found = least_squares(self._left, x, self._slopes, (low, high), x_scale="jac", max_nfev=60)
         return self._tell(found.x, np.linalg.inv(found.jac.T @ found.jac), rms, left.size / length)
 
     def _names(self, x: _Array) -> tuple[Contact, dict[str, float]]:
@@ -120,8 +122,10 @@ class Problem:
         contact, others = self._names(x)
         way, deflection = deflection_nodes(self.model, contact, others["k"], self.most)
         gain = others["sensitivity"]
-        predicted = np.interp(self.z, self.surface + self.noise * x[2] + way, deflection) / gain
-        return predicted, -float(deflection.min()) / gain
+        # Over the root of the way the deflection is smooth, up to where the tip comes off.
+        at = np.sqrt(np.maximum(self.z - self.surface - self.noise * x[2] - way[0], 0.0))
+        predicted = CubicSpline(np.sqrt(way - way[0]), deflection)(at) / gain
+        return np.asarray(predicted), -float(deflection.min()) / gain
 
     def _left(self, x: _Array) -> _Array:
         """What the fit leaves, each over its uncertainty: points, pull-off, zero, what was known before."""
@@ -134,6 +138,17 @@ class Problem:
             each = self.known[name]
             rows.append(np.array([x[_FIRST_KNOWN + i] * each.value / each.uncertainty]))
         return np.concatenate(rows)
+
+    def _slopes(self, x: _Array) -> _Array:
+        """Derivatives of `_left`. The steps are absolute: logarithms and the like may be zero."""
+        steps = np.full(x.size, 1e-3)
+        steps[2:_FIRST_KNOWN] = 1e-2
+        changes = [step * unit for step, unit in zip(steps, np.eye(x.size), strict=True)]
+        columns = [
+            (self._left(x + change) - self._left(x - change)) / (2.0 * step)
+            for step, change in zip(steps, changes, strict=True)
+        ]
+        return np.stack(columns, axis=1)
 
     def _tell(self, x: _Array, covariance: _Array, rms: float, independent: float) -> Solution:
         contact, others = self._names(x)

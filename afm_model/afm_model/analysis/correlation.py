@@ -52,7 +52,6 @@ def correlated_mean(y: ArrayLike) -> Estimate:
     return Estimate(float(y.mean()), float(y.std(ddof=1)) / math.sqrt(independent))
 
 
-def binned(y: NDArray[np.float64], most: int) -> NDArray[np.float64]:
-    """Means over equal stretches of a record, so that at most `most` are left; what does not fill the last is left out."""
-    width = max(-(-y.size // most), 1)
+def binned(y: NDArray[np.float64], width: int) -> NDArray[np.float64]:
+    """Means over stretches of so many samples; what does not fill the last one is left out."""
     return np.asarray(y[: y.size // width * width].reshape(-1, width).mean(axis=1))

@@ -151,7 +151,8 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     contact = _crossing(z_in, d_in, after)
     # The deepest place before the contact is behind the snap-in; the way from half its depth on is that of the fall.
     deepest = int(np.argmin(d_in[: after + 1]))
-    snapped = d_in[deepest] < -5.0 * noise
+    # Round-off is no snap-in where there is no noise.
+    snapped = d_in[deepest] < -max(5.0 * noise, 1e-9 * d_in[-1])
     fall = int(np.flatnonzero(d_in[: deepest + 1] > 0.5 * d_in[deepest])[-1]) if snapped else 0
     lowest = int(np.argmin(d_out))
     return CurveAnalysis(

@@ -112,8 +112,8 @@ def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float
     x, trace, retrace = (np.asarray(each, np.float64) for each in (x, trace, retrace))
     if x.ndim != 1 or not x.shape == trace.shape == retrace.shape or x.size < 2 or not (np.diff(x) > 0.0).all():
         raise ValueError(
-            f"x {x.shape}, trace {trace.shape} and retrace {retrace.shape} must be lists of the same length, and x must "
-            f"increase"
+            f"x {x.shape}, trace {trace.shape} and retrace {retrace.shape} must be lists of the same length, and x "
+            f"must increase"
         )
     if not 0.0 < sliding <= 1.0:
         raise ValueError(f"sliding = {sliding:g} is not allowed: it must be > 0 and <= 1")
@@ -124,7 +124,9 @@ def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float
     if not half > 0.0:
         raise ValueError("the loop is not open: the signal of the trace is not above that of the retrace")
     ways = ((x, trace), (x[::-1], retrace[::-1]))
-    slopes = [_stick_slope(way, signal, offset, 0.6 * half) for way, signal in ways if _sticks(signal, offset, half, way)]
+    slopes = [
+        _stick_slope(way, signal, offset, 0.6 * half) for way, signal in ways if _sticks(signal, offset, half, way)
+    ]
     return FrictionLoop(Estimate(half, both), Estimate(offset, both), _weighted(slopes))
 
 

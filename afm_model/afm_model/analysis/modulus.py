@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..contact.maugis import MODELS
 from .contact_curve import TABOR
 from .contact_problem import Problem, Solution
-from .correlation import binned, correlated_mean
+from .correlation import binned, correlation_length
 from .curves import force_curve, in_contact
 from .estimate import Estimate
 
@@ -113,20 +113,26 @@ def contact_fit(
     z, deflection = np.asarray(z, np.float64), np.asarray(deflection, np.float64)
     found = force_curve(z, deflection, k.value)
     free, pressed, pulled = in_contact(z, deflection)
-    zero = binned(deflection[free], _MOST)
-    depth = _depth(found.adhesion, deflection[pulled.stop - 1] - found.baseline.value, k.value)
-    known = {"k": k, "radius": radius, "reach": _estimate(reach, "reach"), "sensitivity": Estimate(1.0, sensitivity_error)}
+    lowest = deflection[pulled.stop - 1] - found.baseline.value
+    depth = _depth(found.adhesion, lowest, k.value, correlation_length(deflection[free]))
+    known = {
+        "k": k,
+        "radius": radius,
+        "reach": _estimate(reach, "reach"),
+        "sensitivity": Estimate(1.0, sensitivity_error),
+    }
     fits = []
     for name, each in (("approach", pressed), ("retract", pulled)):
         if part not in (name, "both"):
             continue
-        way, bent = binned(z[each], _MOST), binned(deflection[each], _MOST)
+        width = max(-(-(each.stop - each.start) // _MOST), 1)
+        way, bent, zero = binned(z[each], width), binned(deflection[each], width), binned(deflection[free], width)
         if way.size < _FEWEST:
             raise ValueError(
                 f"only {way.size} points of the {name} are in contact, at least {_FEWEST} are needed: sample the curve "
                 f"denser"
             )
-        problem = Problem(model, way, bent, correlated_mean(zero), float(zero.std()), depth, known, found.contact_point)
+        problem = Problem(model, way, bent, zero, depth, known, found.contact_point)
         fits.append(_result(problem.solve(), model, sensitivity_error))
     return fits[0] if len(fits) == 1 else _both(*fits)
 
@@ -143,13 +149,14 @@ def _both(approach: ContactFit, retract: ContactFit) -> ContactFit:
     )
 
 
-def _depth(adhesion: Estimate, lowest: float, k: float) -> Estimate:
+def _depth(adhesion: Estimate, lowest: float, k: float, length: float) -> Estimate:
     """Deflection at the pull-off, by the line through the last half of the pull and by the lowest sample.
 
     The line is not straight with a stiff cantilever, and the lowest sample has noise: their difference is uncertain.
+    The line was fitted as if samples were independent; `length` of them count as one.
     """
-    by_line = adhesion.value / k
-    return Estimate(by_line, math.hypot(np.nan_to_num(adhesion.uncertainty) / k, 0.5 * abs(by_line + lowest)))
+    by_line, of_line = adhesion.value / k, float(np.nan_to_num(adhesion.uncertainty)) / k
+    return Estimate(by_line, math.hypot(of_line * math.sqrt(length), 0.5 * abs(by_line + lowest)))
 
 
 def _estimate(given: Estimate | float, name: str) -> Estimate:

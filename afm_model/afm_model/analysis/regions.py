@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_erosion, gaussian_filter
 
 from .correlation import correlated_mean
 from .estimate import Estimate
@@ -26,7 +26,7 @@ class Contrast(NamedTuple):
     lines: int  # lines in which there are both
 
 
-def two_levels(image: ArrayLike, margin: int = 2) -> tuple[_Mask, _Mask]:
+def two_levels(image: ArrayLike, margin: int = 3, smooth: float = 2.0) -> tuple[_Mask, _Mask]:
     """Masks of the low and the high region of an image, split where their variance is least (Otsu 1979).
 
     Parameters
@@ -35,15 +35,21 @@ def two_levels(image: ArrayLike, margin: int = 2) -> tuple[_Mask, _Mask]:
         Lines that were not measured are NaN, and belong to none of both.
     margin : int
         Pixels next to the other region that are left out of both.
+    smooth : float [pixel]
+        Width of the Gaussian by which the image is smoothed for the split, so that noise does not choose the region of
+        a pixel; 0: not at all.
 
     Raises
     ------
     ValueError
         If the image has not two levels, or `margin` leaves nothing of one.
     """
-    image = _image(image)
-    there = np.isfinite(image)
-    values = image[there]
+    split: _Array = _image(image)
+    there = np.isfinite(split)
+    if smooth > 0.0 and there.any():
+        weight = gaussian_filter(there.astype(float), smooth)
+        split = gaussian_filter(np.where(there, split, 0.0), smooth) / np.where(there, weight, 1.0)
+    values = split[there]
     if values.size < 4 or values.min() == values.max():
         raise ValueError("the image has not two levels: all of its values are equal")
     counts, edges = np.histogram(values, _BINS)
@@ -64,7 +70,7 @@ def two_levels(image: ArrayLike, margin: int = 2) -> tuple[_Mask, _Mask]:
             f"explain {100.0 * _SEPARATE:.0f} %; give masks"
         )
     masks = []
-    for side in (there & (image <= cut), there & (image > cut)):
+    for side in (there & (split <= cut), there & (split > cut)):
         # The image goes on beyond its borders, and beyond lines that were not measured, as it is there.
         inside = side if margin < 1 else binary_erosion(side | ~there, iterations=margin, border_value=1) & there
         if not inside.any():

@@ -40,7 +40,7 @@ def edges(x: ArrayLike, profile: ArrayLike) -> list[Edge]:
         If the profile has not two levels.
     """
     x, z = _profile(x, profile)
-    low_mask, high_mask = two_levels(z[None, :], 0)
+    low_mask, high_mask = two_levels(z[None, :], 0, 0.0)
     low, high = float(np.median(z[low_mask[0]])), float(np.median(z[high_mask[0]]))
     part = (z - low) / (high - low)
     # Between samples on both sides of a band about the middle, so that noise there makes no edges.
@@ -70,8 +70,8 @@ def step_height(x: ArrayLike, heights: ArrayLike) -> Estimate:
 
     Each plateau with a neighbour on both sides is compared with them: a straight line through what is left of the
     neighbours, and one parallel to it through the plateau. A third of every plateau is left out on each of its sides,
-    and of a neighbour nothing counts that is further away than the plateau is wide. So a tilt and a slow bow do not
-    matter.
+    and of a neighbour nothing counts that is further away than the plateau is wide. So a tilt does not matter, and a
+    bow by what it bends within three widths.
 
     Parameters
     ----------
@@ -130,10 +130,10 @@ def _heights(x: _Array, z: _Array) -> list[float]:
 
 
 def _flatter(x: _Array, z: _Array, tilt: float) -> _Array:
-    """The line less its tilt, or as it is: whichever has the clearer two levels."""
-    without = z - tilt * (x - x.mean())
+    """The line as it is where it has two levels, else less its tilt."""
+    without: _Array = z - tilt * (x - x.mean())
     try:
-        two_levels(z[None, :], 0)
+        two_levels(z[None, :], 0, 0.0)
     except ValueError:
         return without
     return z

@@ -79,8 +79,9 @@ def branch(model: str, transition: float = 0.0) -> Branch:
     return _maugis(transition)
 
 
-def _maugis(lam: float) -> Branch:
-    """In the angle t = atan mu: 0 is a contact without end, pi/2 one without area."""
+def along(lam: float) -> Callable[[_Array], tuple[_Array, _Array, _Array]]:
+    """Contact radius, force and indentation over the angle t = atan mu: 0 is a contact without end, pi/2 one without
+    area; `lam` is the transition parameter."""
 
     def at(t: _Array) -> tuple[_Array, _Array, _Array]:
         mu = np.tan(t)
@@ -94,6 +95,11 @@ def _maugis(lam: float) -> Branch:
         a = 2.0 / (b + np.sqrt(b * b + 2.0 * lam * A))
         return a, a**3 - lam * a * a * (mu + m * m * t), a * a - 4.0 / 3.0 * lam * a * mu
 
+    return at
+
+
+def _maugis(lam: float) -> Branch:
+    at = along(lam)
     # The end: least indentation, by a grid refined about its least place; without a fold it is that of no area.
     low, high = 1e-6, 0.5 * math.pi - 1e-7
     for _ in range(12):
