@@ -26,6 +26,7 @@ class Shown:
 class Ran:
     """A notebook that has run."""
 
+    folder: Path  # in which it has run
     namespace: dict[str, Any]
     shown: list[Shown]  # of each code cell, now
     stored: list[Shown]  # of each code cell, in the file
@@ -45,7 +46,7 @@ def run(path: Path) -> Ran:
         What a cell raises.
     """
     cells = [cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code"]
-    ran = Ran({"__name__": path.stem}, [], [_stored(cell) for cell in cells])
+    ran = Ran(path.parent, {"__name__": path.stem}, [], [_stored(cell) for cell in cells])
     plt.close("all")
     with contextlib.chdir(path.parent), plt.rc_context(), plt.ioff():
         plt.switch_backend("Agg")

@@ -2,17 +2,23 @@
 
 import json
 import math
+import re
 import shutil
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import gwyfile
+import h5py
+import numpy as np
 import pytest
+from scipy.interpolate import RegularGridInterpolator
 
+from ..test_docs_links import anchors
 from .notebook import Ran, run
 
 ROOT = Path(__file__).resolve().parents[3]
-NAMES = ("paper", "controller")
+NAMES = ("paper", "controller", "experiment")
 Get = Callable[[str], Ran]
 
 
@@ -51,6 +57,19 @@ def test_file_of_a_notebook_is_small_whole_and_free_of_where_it_was_made(name: s
     assert [cell["execution_count"] for cell in code] == list(range(1, len(code) + 1))
     assert set(notebook["metadata"]) == {"kernelspec", "language_info"}
     assert str(Path.home()) not in text and "/tmp/" not in text
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_link_of_a_notebook_leads_to_a_file_and_a_heading_that_exist(name: str):
+    cells = json.loads((ROOT / "notebooks" / f"{name}.ipynb").read_text())["cells"]
+    text = "".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
+    links = [link for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith("https://")]
+    assert links
+    for link in links:
+        file, _, anchor = link.partition("#")
+        target = (ROOT / "notebooks" / file).resolve()
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
 
 
 def test_notebook_of_the_paper_reproduces_its_figures(ran: Get):
@@ -108,3 +127,39 @@ def test_notebook_of_a_controller_tells_that_a_delay_makes_its_loop_unstable(ran
     assert delayed["margin"]["observer"] > 0.3
     assert delayed["chatter"]["observer"] > 100.0
     assert delayed["error_max"].idxmin() == "predictive"
+
+
+def test_notebook_of_an_experiment_finds_the_patch_it_was_not_told_of(ran: Get):
+    experiment = ran("experiment")
+    pixel = 800e-9 / 64
+    # The mean over some 160 pixels: a fifth of one. Along y by as much further as the text says of 10 nm of deflection.
+    assert experiment["patch_x"] == pytest.approx(experiment["true_x"], abs=0.2 * pixel)
+    assert experiment["patch_y"] == pytest.approx(experiment["true_y"] + 0.3 * 10e-9, abs=0.2 * pixel)
+    assert experiment["radius"] == pytest.approx(experiment["TRUE_RADIUS"], abs=0.2 * pixel)
+    # The height does not show it: less the waves that were given, it is as high as the rest.
+    image, nodes = experiment["image"], experiment["nodes"]
+    waves = RegularGridInterpolator((nodes, nodes), experiment["maps"]["file"])((image.place_y, image.place_x))
+    rest = image.height.mean("direction") - waves
+    distance = np.hypot(image.place_x - experiment["patch_x"], image.place_y - experiment["patch_y"])
+    step = rest.where(distance < 60e-9).mean() - rest.where(distance > 120e-9).mean()
+    assert abs(float(step)) < 0.2 * float(waves.std())
+
+
+def test_notebook_of_an_experiment_measures_the_adhesion_of_both_materials(ran: Get):
+    experiment = ran("experiment")
+    low, high = experiment["levels"]
+    # From 1.5 to 2 pi w R: more of w where there is less of it.
+    assert 0.6 < low / high < 0.64
+    # Both see the same edge: within half a step of the map.
+    assert experiment["edge"] == pytest.approx(experiment["radius"], abs=0.5 * 100e-9 / 6)
+    assert not experiment["microscope"].state.approached
+
+
+def test_files_of_the_notebook_of_an_experiment_hold_what_it_measured(ran: Get):
+    experiment = ran("experiment")
+    folder = experiment.folder / experiment["OUT"]
+    channels = gwyfile.util.get_datafields(gwyfile.load(str(folder / "patch.gwy")))
+    friction = next(field for title, field in channels.items() if title.startswith("Friction"))
+    np.testing.assert_array_equal(friction.data[::-1], experiment["image"].friction.values)
+    with h5py.File(folder / "edge.h5") as file:
+        assert len(file) == len(experiment["places"]) == 49
