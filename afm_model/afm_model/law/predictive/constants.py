@@ -15,8 +15,10 @@ INTERVALS = 512
 """Fine intervals that the law can look ahead."""
 SLOTS = LONGEST_HORIZON + 1
 """Drives of one answer, those in force before it included."""
-ANSWERS = 32
-"""Last answers that are kept."""
+ANSWERS = LONGEST_HORIZON
+"""Last answers that are kept. Of an older one nothing is left but its last drive, which the measurement tells."""
+LONGEST_DELAY = 30
+"""Control periods."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
 _FLOOR = 2e-4

@@ -7,6 +7,18 @@ from .constants import ANSWERS
 
 
 @kernel
+def newest_answered(newest: int, s: Any) -> int:
+    """The newest measurement up to `newest` whose answer is kept; -1: none is."""
+    if newest >= 0 and s.answered[newest % ANSWERS] == newest:
+        return newest
+    found = -1
+    for i in range(ANSWERS):
+        if s.answered[i] <= newest:
+            found = max(found, s.answered[i])
+    return found
+
+
+@kernel
 def recall(k: int, y: Any, p: Any, s: Any) -> None:
     """Write into the plan the drives that are in force until the answer to measurement k is.
 
@@ -18,10 +30,7 @@ def recall(k: int, y: Any, p: Any, s: Any) -> None:
         newest = k - p.delay // p.slots + ahead
         if ahead == 0:
             newest = min(newest, y.newest_drive_sequence)
-        answered = -1
-        for back in range(ANSWERS):
-            if s.answered[back] <= newest:
-                answered = max(answered, s.answered[back])
+        answered = newest_answered(newest, s)
         if answered < 0:
             for axis in range(3):
                 s.plan[j, axis] = y.drive[axis] / p.volts[axis]

@@ -3,7 +3,7 @@
 import math
 
 from ...parts.part import Tree
-from .constants import ANSWERS, INTERVALS, SLOTS, SURFACES
+from .constants import INTERVALS, LONGEST_DELAY, SLOTS, SURFACES
 from .gains import grid
 
 
@@ -15,8 +15,8 @@ def check(parameters: Tree) -> None:
             f"law.surface = known is not allowed with sample.kind = {parameters.sample.kind}: the law knows the sample "
             f"paper alone; it must be one of {', '.join(list(SURFACES)[1:])}"
         )
-    if law.delay_ticks > ANSWERS - 2:
-        raise ValueError(f"law.delay_ticks = {law.delay_ticks} is not allowed: it must be <= {ANSWERS - 2}")
+    if law.delay_ticks > LONGEST_DELAY:
+        raise ValueError(f"law.delay_ticks = {law.delay_ticks} is not allowed: it must be <= {LONGEST_DELAY}")
     slots = law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve
     if slots > SLOTS:
         raise ValueError(
