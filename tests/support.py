@@ -391,9 +391,7 @@ class Command:
         wait_until(lambda: self.ended, lambda: self.told, insist)
         return int(self.process.returncode)
 
-    def wait_until(
-        self, predicate: Callable[[], object], graph: Graph | None = None, timeout: float = TIMEOUT
-    ) -> None:
+    def wait_until(self, predicate: Callable[[], object], graph: Graph | None = None, timeout: float = TIMEOUT) -> None:
         """Wait until `predicate` holds; fail at once if the process ends before."""
 
         def holds() -> bool:

@@ -23,6 +23,8 @@ _OLD = 60.0
 """Age of a file that nobody is about to open or lock for the first time [s]."""
 _LOCKS = ("_el", "_sl")
 """Endings of the lock files beside a file: of its one owner, of its readers."""
+_BESIDE = re.compile(r"(?:sem\.)?(?P<file>fast(?:dds|rtps)_\w+?)(?:_el|_sl|_mutex)")
+"""A lock file, or the mutex of a port."""
 
 
 def used_by(pid: int | str) -> set[File]:
@@ -45,13 +47,27 @@ def unused(files: set[File]) -> set[File]:
 
 def old() -> set[File]:
     """Files of this user that have been there for a minute: what killed nodes of any run have left is among them."""
-    found = set()
+    return {(str(path), about.st_ino) for path, about in _minute_old() if _NAME.fullmatch(path.name)}
+
+
+def remove_stray() -> None:
+    """Remove locks and mutexes that have been there for a minute without the file they belong to.
+
+    Fast DDS removes a port whose owner was killed when it wants its number, and may leave what stood beside it.
+    """
+    for path, _ in _minute_old():
+        beside = _BESIDE.fullmatch(path.name)
+        if beside and not (_FOLDER / beside["file"]).exists() and not _locked(str(path)):
+            with suppress(OSError):
+                path.unlink()
+
+
+def _minute_old() -> Iterator[tuple[Path, os.stat_result]]:
     for path in _FOLDER.iterdir():
         with suppress(OSError):
             about = path.stat()
-            if about.st_uid == os.getuid() and _NAME.fullmatch(path.name) and time.time() > about.st_mtime + _OLD:
-                found.add((str(path), about.st_ino))
-    return found
+            if about.st_uid == os.getuid() and time.time() > about.st_mtime + _OLD:
+                yield path, about
 
 
 def remove_unused(files: set[File]) -> None:
@@ -59,7 +75,10 @@ def remove_unused(files: set[File]) -> None:
 
     Call it after this process has closed its own: what it still has mapped counts as unused.
     """
-    for path, _ in unused(files):
+    for path, inode in unused(files):
+        # Somebody else may have found it dead meanwhile, and have made it anew.
+        if not _exists((path, inode)):
+            continue
         # The mutex of a port has a file of its own, mapped only while the port is being opened.
         mutex = path.replace("/dev/shm/", "/dev/shm/sem.") + "_mutex"
         for name in (path, mutex, *(path + ending for ending in _LOCKS)):
@@ -77,6 +96,7 @@ def shared_memory_cleanup() -> Iterator[None]:
     files = used_by(os.getpid())
     yield
     remove_unused(files | old())
+    remove_stray()
 
 
 def _exists(file: File) -> bool:

@@ -1,4 +1,4 @@
-"""Ending processes: one that completes its work is waited for, one that does nothing is not, another's is left alone."""
+"""Ending processes: one that completes its work is waited for, one that does nothing is not; others are left alone."""
 
 import os
 import signal

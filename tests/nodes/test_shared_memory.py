@@ -9,7 +9,7 @@ from pathlib import Path
 from support import Command, Graph, Observer, executable, of_this_run, wait_for_the_end_of
 
 from afm_node_common import topics
-from afm_node_common.shared_memory import old, remove_unused, unused, used_by
+from afm_node_common.shared_memory import old, remove_stray, remove_unused, unused, used_by
 
 
 def test_what_a_killed_node_leaves_is_removed_and_nothing_before(tmp_path: Path) -> None:
@@ -62,4 +62,25 @@ def test_what_killed_nodes_of_other_runs_have_left_is_removed_and_what_is_new_or
             assert {name for name, path in locks.items() if path.exists()} == {"new", "locked"}
     finally:
         for path in (*paths.values(), *locks.values()):
+            path.unlink(missing_ok=True)
+
+
+def test_locks_and_mutexes_without_their_file_are_removed_after_a_minute_and_others_are_not() -> None:
+    folder, name = Path("/dev/shm"), f"fastrtps_{uuid.uuid4().hex[:16]}"
+    stray = [folder / f"{name}{ending}" for ending in ("_el", "_sl")] + [folder / f"sem.{name}_mutex"]
+    whole, new, locked = (folder / f"{name}{letter}" for letter in "xyz")
+    kept = [whole, Path(f"{whole}_el"), folder / f"sem.{whole.name}_mutex", Path(f"{new}_el"), Path(f"{locked}_el")]
+    try:
+        for path in (*stray, *kept):
+            path.touch()
+            # The file itself is new: another node that ends now would remove an old one.
+            if path not in (whole, Path(f"{new}_el")):
+                os.utime(path, (time.time() - 100.0,) * 2)
+        with Path(f"{locked}_el").open() as owner:
+            fcntl.flock(owner, fcntl.LOCK_EX)
+            remove_stray()
+            assert [path for path in stray if path.exists()] == []
+            assert [path for path in kept if not path.exists()] == []
+    finally:
+        for path in (*stray, *kept):
             path.unlink(missing_ok=True)

@@ -71,10 +71,11 @@ def bench(
     factor: float = 0.2,
     watchdog: float = LONG,
     score_start: float = 0.0,
+    sample_period: float = 1e-4,
 ) -> Iterator[Bench]:
     parameters = {
         "plant.control_period": PERIOD,
-        "detector.sample_period": 1e-4,
+        "detector.sample_period": sample_period,
         "run.mode": "realtime",
         "run.duration": ticks * PERIOD,
         "run.real_time_factor": factor,
@@ -254,7 +255,8 @@ def test_silent_controller_has_the_sample_retracted_and_its_next_drive_brings_it
             contact.append(answer(measurement, 0.0, 0.0))
         return [] if silent else [answer(measurement, 0.0, 0.0, contact[0].voltage.z)]
 
-    with bench(moody, factor=1.0, watchdog=1.0) as b:
+    # Fifty times the samples: a block of the control trace is there every 100 ticks, not every 5000.
+    with bench(moody, factor=1.0, watchdog=1.0, sample_period=2e-6) as b:
         b.graph.spin_until(lambda: b.observer.status.ticks > 5)
         b.run_until(InstrumentStatus.RUNNING)
         assert b.observer.status.in_contact

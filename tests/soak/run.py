@@ -65,7 +65,7 @@ def soak(
         due = begin + warm_up
         told_at = begin
         while due <= begin + warm_up + seconds:
-            command.wait_until(lambda: time.monotonic() >= due, graph, warm_up + every + TIMEOUT)
+            command.wait_until(lambda due=due: time.monotonic() >= due, graph, warm_up + every + TIMEOUT)
             for pid, name in names.items():
                 samples[name].append(sample(pid))
             if time.monotonic() >= told_at + 60.0:

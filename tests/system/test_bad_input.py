@@ -1,6 +1,8 @@
 """What a session refuses, it refuses in one sentence with the value and what is allowed, before anything is written."""
 
-from concurrent.futures import ThreadPoolExecutor
+import json
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -114,7 +116,8 @@ def test_scenario_that_is_not_allowed_is_refused_with_the_file_the_value_and_wha
 class Case:
     """A session that must be refused; `told` are parts of its sentence.
 
-    One that gets as far as `starts_nodes` must be alone in its ROS domain.
+    What is refused before any node is started is refused in one process, by the entry point of the session, one after
+    the other; one that gets as far as `starts_nodes`, and the one with `alone`, in a process of its own.
     """
 
     told: tuple[str, ...]
@@ -124,6 +127,7 @@ class Case:
     controller: str | None = None
     code: int = 2
     starts_nodes: bool = False
+    alone: bool = False
     options: tuple[str, ...] = ()
 
 
@@ -131,6 +135,7 @@ CASES = {
     "unknown scenario": Case(
         ("unknown scenario closed_loop_tahn", ", ".join(scenario_names())),
         name="closed_loop_tahn",
+        alone=True,
     ),
     "folder as scenario": Case(("unknown scenario /tmp", "it must be one of", "or a file"), name="/tmp"),
     "parameter out of range": Case(
@@ -181,36 +186,61 @@ def listing(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*")}
 
 
+IN_TURN = """
+import contextlib, io, json, sys
+from afm_bringup.command import main
+
+ends = []
+for arguments in json.loads(sys.argv[1]):
+    sys.argv[1:] = arguments
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+        try:
+            code = main()
+        except SystemExit as end:
+            code = end.code
+    ends.append((code, printed.getvalue()))
+print(json.dumps(ends))
+"""
+
+
+def refused_in_turn(arguments: list[list[str]]) -> list[tuple[int, str]]:
+    """Exit code and output of the session's entry point for each of several command lines."""
+    command = [sys.executable, "-c", IN_TURN, json.dumps(arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    return [(code, printed) for code, printed in json.loads(done.stdout)]
+
+
 @pytest.fixture(scope="module")
 def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, End]:
-    """All cases; those that end before any node starts some at a time: what takes long is only that python starts."""
+    """All cases."""
     base = tmp_path_factory.mktemp("bad_input")
-
-    def run(item: tuple[str, Case]) -> tuple[str, End]:
-        name, case = item
-        folder, printed = base / name, base / f"printed: {name}"
+    arguments, found = {}, {}
+    for name, case in CASES.items():
+        folder = base / name
         folder.mkdir()
-        printed.mkdir()
         (folder / "a_file").write_text("")
         (folder / "used" / "recording.rrd").mkdir(parents=True)
         scenario = case.name
         if case.text is not None:
             (folder / "scenario.yaml").write_text(case.text)
             scenario = str(folder / "scenario.yaml")
-        before = listing(folder)
         options = [*case.options, *([] if case.controller is None else ["--controller", case.controller])]
-        with session(scenario, folder / case.out, *options, folder=printed) as command:
-            try:
-                code = command.wait()
-            except TimeoutError:  # taken for good: one test has to fail, not all
-                code = -1
-        return name, End(code, command.text, folder, before)
-
-    found = {}
-    for starts_nodes, at_once in ((False, 3), (True, 1)):
-        with ThreadPoolExecutor(at_once) as pool:
-            found |= dict(pool.map(run, [item for item in CASES.items() if item[1].starts_nodes == starts_nodes]))
-    return found
+        arguments[name] = [scenario, "--out", str(folder / case.out), *options]
+        found[name] = End(-1, "", folder, listing(folder))
+    together = [name for name, case in CASES.items() if not (case.starts_nodes or case.alone)]
+    refused = dict(zip(together, refused_in_turn([arguments[name] for name in together]), strict=True))
+    for name in CASES:
+        if name not in refused:
+            scenario, _, out, *options = arguments[name]
+            printed = base / f"printed: {name}"
+            printed.mkdir()
+            with session(scenario, Path(out), *options, folder=printed) as command:
+                try:
+                    refused[name] = (command.wait(), command.text)
+                except TimeoutError:  # taken for good: one test has to fail, not all
+                    refused[name] = (-1, command.text)
+    return {name: End(*refused[name], end.folder, end.before) for name, end in found.items()}
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,7 +1,7 @@
 """Faults to order: a list of faults, each with its kind, begin, duration, signal, size and seed.
 
-Not one is there by default, and then nothing is computed. More can be put in force while the instrument runs. The loop has
-a table of a few places; a fault that is over leaves its place to another one, and takes it again after a reset.
+Not one is there by default, and then nothing is computed. More can be put in force while the instrument runs. The loop
+has a table of a few places; a fault that is over leaves its place to another one, and takes it again after a reset.
 """
 
 from dataclasses import dataclass
