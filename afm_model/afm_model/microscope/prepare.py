@@ -26,7 +26,7 @@ def with_verbs(parameters: P) -> P:
     """
     values = flatten(parameters)
     plant, program = parameters.plant, parameters.reference
-    if not hasattr(plant, "gap"):
+    if plant.kind == "paper" or not hasattr(plant, "gap"):
         raise ParameterError(
             f"plant.kind = {plant.kind} is not allowed with verbs: its tip cannot leave the sample; take plant.kind = "
             f"lever or compliant"

@@ -57,7 +57,7 @@ def test_an_asymmetric_sample_lies_in_the_image_as_it_is(tmp_path, angle, direct
         size_y=200e-9,
         angle=angle,
         pixels=24,
-        lines=20,
+        lines=12,
         line_rate=20.0,
         direction=direction,
         channels="height, error, x, y",
