@@ -150,9 +150,7 @@ def _numbers(values: Any) -> Any:
 def _record_message(record: Record) -> Any:
     data = np.concatenate([np.zeros(0), *record.channels.values()])
     units = [record.units[name] for name in record.channels]
-    return RecordMessage(
-        time=_numbers(record.time), channels=list(record.channels), units=units, data=_numbers(data)
-    )
+    return RecordMessage(time=_numbers(record.time), channels=list(record.channels), units=units, data=_numbers(data))
 
 
 def _record(message: Any) -> Record:

@@ -49,7 +49,10 @@ class Feedback:
 
     @property
     def gone(self) -> bool:
-        """Whether one that may be the client was killed, or all of them have left; to be asked some times a second, before `publish`."""
+        """Whether one that may be the client was killed, or all of them have left.
+
+        To be asked some times a second, before `publish`.
+        """
         now = time.monotonic()
         passed, self._looked_at = min(now - self._looked_at, _LONGEST_LOOK), now
         # Who is matched only after the goal has come may be the client, too.

@@ -29,14 +29,13 @@ class InsideLink(Link):
         How many subscribers receive every recording stream.
     """
 
-    fast_path: dict[str, bool] = {}
-    """Which short cuts of the control loop are there: none is needed."""
-
     def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
         self._presence = node.create_publisher(Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._recorders = recorders if parameters.run.wait_for_recorder else None
         self._peers = peers
         self._law = parameters.law.kind
+        self.fast_path: dict[str, bool] = {}
+        """Which short cuts of the control loop are there: none is needed."""
         self.wait: Callable[[float], None] = time.sleep
         """wait(timeout): there is nothing to wake for."""
 

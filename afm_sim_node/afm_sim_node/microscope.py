@@ -21,7 +21,6 @@ from .settings import Exchanging, Settings, setpoint
 from .streams import stamp
 from .verbs import Verbs
 
-
 _LOOK_PERIOD = 0.2
 _IMAGES_PERIOD = 0.05
 """Wall time between two looks at the images [s]: at each one at most is published."""

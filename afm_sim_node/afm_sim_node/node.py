@@ -81,7 +81,7 @@ class SimNode(Node):
         self._peers = Peers(self, law_inside=inside)
         make_link = InsideLink if inside else TopicLink
         self._link = make_link(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
-        self._microscope: "Microscope | None" = None
+        self._microscope: Microscope | None = None
         self.run = Run(
             parameters,
             self._link,
@@ -102,9 +102,9 @@ class SimNode(Node):
         self._control = Control(self, self.run, before_reset=self._faults.look)
         self._standard = Standard(self, self.run, self._control) if INSTALLED else None
         if self.run.attendant is not None:
-            from .microscope import Microscope
+            from . import microscope
 
-            self._microscope = Microscope(self, self.run, self._exchange, self._on_setting)
+            self._microscope = microscope.Microscope(self, self.run, self._exchange, self._on_setting)
         self._recorder_problem = ""
         if parameters.safety.unrecorded:
             Ears(self).listen(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)

@@ -22,7 +22,7 @@ _RESULT_KEPT = 30
 """Wall time for which a result is kept for a client that asks for it [s]: a night of force curves is some gigabytes."""
 
 
-class PatientServer(ActionServer):  # type: ignore[misc]  # rclpy's own types are not there
+class PatientServer(ActionServer):
     """An action server whose goals are executed by somebody else, and answered when that is over.
 
     A coroutine in its place would be resumed again and again by the executor, which looks at every entity of the node
@@ -34,7 +34,9 @@ class PatientServer(ActionServer):  # type: ignore[misc]  # rclpy's own types ar
         begin(goal): a goal is accepted; `answer` is called when it is over.
     """
 
-    def __init__(self, node: Node, kind: Any, name: str, begin: Callable[[ServerGoalHandle], None], **options: Any) -> None:
+    def __init__(
+        self, node: Node, kind: Any, name: str, begin: Callable[[ServerGoalHandle], None], **options: Any
+    ) -> None:
         super().__init__(node, kind, name, self._never, **options)
         self._begin = begin
 

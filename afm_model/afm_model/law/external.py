@@ -20,7 +20,8 @@ class ExternalLaw(LawParameters):
 
 def _check(parameters: Tree) -> None:
     raise ValueError(
-        "law.kind = external is not allowed here: it is for the simulator, which then waits for a controller; give a law"
+        "law.kind = external is not allowed here: it is for the simulator, which then waits for a controller; "
+        "give a law"
     )
 
 

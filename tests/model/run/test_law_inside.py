@@ -156,7 +156,9 @@ def test_scenario_with_the_law_inside_has_its_controller_and_its_timing(tmp_path
     scenario = load_scenario(path)
     assert scenario.controller == load_scenario("closed_loop_predictive").controller
     path.write_text(section + "/**/afm_controller_node:\n  ros__parameters:\n    law.kind: predictive\n")
-    with pytest.raises(ScenarioError, match=r"law\.kind = predictive of afm_sim_node puts the law inside the simulator"):
+    with pytest.raises(
+        ScenarioError, match=r"law\.kind = predictive of afm_sim_node puts the law inside the simulator"
+    ):
         load_scenario(path)
 
 
