@@ -102,7 +102,7 @@ def test_notebook_of_the_paper_shows_what_its_corrections_do(ran: Get):
 
 def test_notebook_of_a_controller_ranks_it_where_it_says(ran: Get):
     controller = ran("controller")
-    table = controller["comparison"].table.set_index(["law", "period"])
+    table = controller["at_once"].set_index(["law", "period"])
     error = table["error_max"]
     for period in (2e-5, 1e-4):
         assert error["my_law:MINE", period] < error["pid", period]
