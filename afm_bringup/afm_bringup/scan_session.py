@@ -185,8 +185,8 @@ class ScanSession(Session):
         write_table(work / TABLE, image)
 
     def _show(self, image: Image, paths: Sequence[Path]) -> None:
-        from afm_model.images.prefix import prefixed
         from afm_model.images.table import figures
+        from afm_model.prefix import prefixed
 
         table = Table(title=escape(self._scenario.header.title or self._scenario.name), title_justify="left")
         for heading, justify in (("", "left"), ("mean", "right"), ("least", "right"), ("largest", "right")):
