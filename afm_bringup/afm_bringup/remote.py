@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from types import TracebackType
 from typing import Any, Literal
 
@@ -48,8 +49,8 @@ def _nothing() -> None:
 class Remote:
     """The verbs of a microscope whose simulator runs in another process. Use as a context manager, or `close` it.
 
-    It is the backend of `afm_model.microscope.Microscope` as `Local` is: the same verbs bring back the same bytes. Whatever the
-    calling program does, it needs to serve no callbacks.
+    It is the backend of `afm_model.microscope.Microscope` as `Local` is: the same verbs bring back the same bytes.
+    Whoever calls it needs to serve no callbacks.
 
     Parameters
     ----------
@@ -97,8 +98,9 @@ class Remote:
             raise
         if not found:
             self._destroy()
+            domain = os.environ.get("ROS_DOMAIN_ID") or 0
             raise VerbError(
-                f"there is no microscope on /{namespace.strip('/')} in ROS domain {os.environ.get('ROS_DOMAIN_ID') or 0}: "
+                f"there is no microscope on /{namespace.strip('/')} in ROS domain {domain}: "
                 "start a simulator with reference.kind = verbs, or give its namespace and ROS_DOMAIN_ID"
             )
 
@@ -181,7 +183,9 @@ class Remote:
                 outcome = Outcome(FAILED, "; ".join(filter(None, (outcome.message, lost))), image)
             self.outcome, self._lines = outcome, None
             if outcome.status == COMPLETE or cancelled:
-                self._spin_until(lambda: self._news > news and self._told is not None and not self._told.doing, _SETTLED)
+                self._spin_until(
+                    lambda: self._news > news and self._told is not None and not self._told.doing, _SETTLED
+                )
         if interrupts.there:
             raise Interrupted(outcome)
         return outcome
@@ -295,9 +299,13 @@ class Remote:
         if lines is None:
             return None, 0
         before = -1
+
+        def news(before: int) -> bool:
+            return not lines.missing(result.lines_done) or lines.received > before
+
         while lines.missing(result.lines_done) and lines.received > before:
             before = lines.received
-            self._spin_until(lambda: not lines.missing(result.lines_done) or lines.received > before, _LATE)
+            self._spin_until(partial(news, before), _LATE)
         missing = lines.missing(result.lines_done)
         image = lines.image
         if image is not None:

@@ -10,13 +10,14 @@ from afm_model.errors import ParameterError
 from afm_model.microscope.verbs import Approach, Scan
 from afm_model.schema import build
 from afm_node_common import topics
+from afm_node_common.runner import Interrupted
 
 from .command import claimed_domain, end
 from .files import config
 from .first_sample import write_sample
 from .scan_session import ScanSession
 from .scenario import read_scenario
-from .session import Interrupted, SessionError
+from .session import SessionError
 
 _FIRST = "first_image"
 _FRAME = {"size_x": 1e-6, "line_rate": 5.0}
@@ -39,13 +40,18 @@ _OPTIONS = {
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="scan",
-        description="Start a microscope, approach, scan an image over topics, withdraw; leave picture, .gwy, recording, "
-        "table. Without a scenario: the letter F and a corner of another material.",
+        description="Start a microscope, approach, scan an image over topics, withdraw; leave picture, .gwy, "
+        "recording, table. Without a scenario: the letter F and a corner of another material.",
     )
-    parser.add_argument("scenario", nargs="?", default="", help="name of a scenario, or a scenario file, with reference.kind: verbs")
+    parser.add_argument(
+        "scenario", nargs="?", default="", help="name of a scenario, or a scenario file, with reference.kind: verbs"
+    )
     parser.add_argument("--out", required=True, type=Path, help="folder for the results")
     parser.add_argument(
-        "--overrides", type=Path, metavar="FILE", help="parameter file that counts in place of the scenario's parameters"
+        "--overrides",
+        type=Path,
+        metavar="FILE",
+        help="parameter file that counts in place of the scenario's parameters",
     )
     parser.add_argument(
         "--namespace",

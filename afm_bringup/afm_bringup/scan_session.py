@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
-from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,11 +19,12 @@ from afm_model.microscope.results import COMPLETE, Image, Outcome
 from afm_model.microscope.results import Progress as Told
 from afm_model.microscope.verbs import Approach, Scan, Verb, Withdraw
 from afm_node_common import topics
+from afm_node_common.runner import Interrupted
 
 from .follow import Follower
 from .remote import Remote
 from .results_folder import RECORDING
-from .session import INSIDE, Interrupted, Session, SessionError, say
+from .session import INSIDE, Session, SessionError, say
 
 if TYPE_CHECKING:
     from afm_recorder_node.reader import Recording
@@ -136,13 +137,16 @@ class ScanSession(Session):
         def arrived() -> int:
             return int(self._monitor.recorder.lines) if self._monitor.recorder is not None else 0
 
+        def more(before: int) -> bool:
+            return self._check_alive() or arrived() > before
+
         def told() -> bool:
             status, recorder = self._monitor.status, self._monitor.recorder
             return status is not None and recorder is not None and recorder.ticks <= status.ticks
 
         while arrived() < lines and arrived() > before:
             before = arrived()
-            self._monitor.spin_until(lambda: self._check_alive() or arrived() > before, _LINES_TIMEOUT)
+            self._monitor.spin_until(partial(more, before), _LINES_TIMEOUT)
         self._monitor.spin_until(lambda: self._check_alive() or told(), _LINES_TIMEOUT)
 
     def _finish(self, missing: str | None) -> None:
@@ -181,8 +185,8 @@ class ScanSession(Session):
         write_table(work / TABLE, image)
 
     def _show(self, image: Image, paths: Sequence[Path]) -> None:
-        from afm_model.images.prefix import prefixed
         from afm_model.images.table import figures
+        from afm_model.prefix import prefixed
 
         table = Table(title=escape(self._scenario.header.title or self._scenario.name), title_justify="left")
         for heading, justify in (("", "left"), ("mean", "right"), ("least", "right"), ("largest", "right")):
@@ -199,9 +203,8 @@ class ScanSession(Session):
             f"instrument's time, {self._wall.get('Scan', math.nan):.3g} s of yours."
         )
         print("\nResults:", *map(str, paths))
-        with suppress(ValueError):
-            print(f"Look at {self._out / PNG}; open {self._out / GWY} with Gwyddion, and the recording with:")
-            print(f"rerun {self._out / RECORDING}")
+        print(f"Look at {self._out / PNG}; open {self._out / GWY} with Gwyddion, and the recording with:")
+        print(f"rerun {self._out / RECORDING}")
 
 
 def _not_recorded(image: Image, recording: "Recording") -> str | None:

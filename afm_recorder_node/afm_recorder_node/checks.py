@@ -5,7 +5,6 @@ import re
 from collections.abc import Sized
 
 import numpy as np
-
 from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
 from afm_msgs.msg import ScanLine as ScanLineMessage
 from std_msgs.msg import Header

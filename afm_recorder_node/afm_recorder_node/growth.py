@@ -1,7 +1,7 @@
 """The image of a scan while it grows, as it is drawn into a recording. Needs no ROS.
 
-A line is recorded as soon as it comes. The image, which is far larger, is drawn a few times in the course of the scan: a
-recording grows by a bounded number of copies of it.
+A line is recorded as soon as it comes. The image, which is far larger, is drawn a few times in the course of the scan:
+a recording grows by a bounded number of copies of it.
 """
 
 from dataclasses import dataclass

@@ -1,6 +1,7 @@
 """Images of scans in a recording: where they stand, and how the viewer shows them."""
 
 from collections.abc import Iterable
+from typing import Literal
 
 import rerun.blueprint as rrb
 
@@ -14,7 +15,7 @@ LINES = f"{SCANS}/lines"
 _UNITS = {"height": "nm", "error": "V", "lateral": "nN", "friction": "nN", "crosstalk": "nN", "x": "nm", "y": "nm"}
 _TOGETHER = (("height",), ("friction", "crosstalk"), ("lateral",), ("error",))
 """Channels that share a place in the viewer, the most important first; each other one has a place of its own."""
-_COLORS = "inferno"
+_COLORS: Literal["inferno"] = "inferno"
 
 
 def picture_of(name: str, direction: str = "") -> str:

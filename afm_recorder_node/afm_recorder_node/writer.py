@@ -304,7 +304,9 @@ class RecordingWriter:
 
     def _arrange(self) -> None:
         """Show in the viewer what there is by now."""
-        self._stream.send_blueprint(layout.blueprint(layout.further(self._columns), pictures.pictures(self._scans.shown)))
+        self._stream.send_blueprint(
+            layout.blueprint(layout.further(self._columns), pictures.pictures(self._scans.shown))
+        )
 
     def _declare(self, signal: Signal) -> None:
         self._columns[signal.entity] = _Column()

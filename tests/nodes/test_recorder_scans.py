@@ -1,7 +1,6 @@
 """Scans in a recording: every line comes back as it was, the image grows in a bounded number of drawings."""
 
 import logging
-import os
 import signal
 import subprocess
 import sys
@@ -202,7 +201,13 @@ def views(part: object) -> list[rrb.View]:
 
 
 def test_every_image_has_a_view_with_its_unit_and_the_signals_stay(tmp_path: Path) -> None:
-    entities = ["/scan/crosstalk", "/scan/friction", "/scan/height/retrace", "/scan/height/trace", "/scan/truth/z/trace"]
+    entities = [
+        "/scan/crosstalk",
+        "/scan/friction",
+        "/scan/height/retrace",
+        "/scan/height/trace",
+        "/scan/truth/z/trace",
+    ]
     tabs = layout.blueprint(pictures=entities).root_container
     assert [part.name for part in tabs.contents] == ["Scan", "Signals"]
     shown = {view.origin: view.name for view in views(tabs.contents[0])}

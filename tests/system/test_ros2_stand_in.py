@@ -5,7 +5,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from afm_msgs.action import MoveTo
 from afm_msgs.srv import Step
+from rclpy.action import ActionServer
 from rclpy.node import Node
 from support import ROOT, Graph, executable
 
@@ -97,6 +99,29 @@ def test_service_call_refuses_a_request_that_does_not_fit(kind: str, request_tex
     end = ros2("service", "call", "/stand_in/step", kind, request_text)
     assert (end.returncode, end.stdout) == (1, "")
     assert end.stderr.startswith(f"error: {sentence}")
+
+
+def test_action_is_listed_and_a_goal_is_sent_with_its_feedback_and_result() -> None:
+    def move(goal: object) -> MoveTo.Result:
+        goal.publish_feedback(MoveTo.Feedback(progress=0.5, detail="moving"))  # type: ignore[attr-defined]
+        goal.succeed()  # type: ignore[attr-defined]
+        return MoveTo.Result(success=True, x=goal.request.x)  # type: ignore[attr-defined]
+
+    program = str(ROOT / "tools" / "bin" / "ros2")
+    goal = ("send_goal", "/stand_in/move_to", "afm_msgs/action/MoveTo", "{x: 1e-9}", "--feedback")
+    with Graph() as graph:
+        server = ActionServer(graph.add(Node("stand_in_server")), MoveTo, "/stand_in/move_to", move)
+        told = []
+        for arguments in (("list", "-t"), ("info", "/stand_in/move_to"), goal):
+            with subprocess.Popen([program, "action", *arguments], stdout=subprocess.PIPE, text=True) as process:
+                graph.spin_until(lambda process=process: process.poll() is not None)
+                assert process.stdout is not None and process.returncode == 0
+                told.append(process.stdout.read())
+        server.destroy()
+    assert "/stand_in/move_to [afm_msgs/action/MoveTo]" in told[0]
+    assert "Action servers: 1\n    /stand_in_server" in told[1]
+    assert "detail='moving'" in told[2] and "x=1e-09" in told[2]
+    assert told[2].endswith("Goal finished with status: SUCCEEDED\n")
 
 
 def test_what_it_does_not_know_is_answered_with_what_it_does() -> None:

@@ -76,7 +76,9 @@ def test_height_shows_the_letter_upright_with_its_step_within_1_percent(made: Ma
     step = np.median(height[inner(up)]) - np.median(height[inner(~up)])
     assert step == pytest.approx(STEP, rel=0.01)
     # Any other orientation of it would fit far worse.
-    fits = [np.corrcoef(turned.ravel(), up.ravel())[0, 1] for turned in (height, height[::-1], height[:, ::-1], height.T)]
+    fits = [
+        np.corrcoef(turned.ravel(), up.ravel())[0, 1] for turned in (height, height[::-1], height[:, ::-1], height.T)
+    ]
     assert fits[0] > 0.8 > 0.6 > max(fits[1:])
 
 
