@@ -36,7 +36,7 @@ class Drawing:
 
     def columns(self) -> rr.ComponentColumnList:
         """As one row of the recording."""
-        tensor = rr.encodings.TensorData(array=self.values, dim_names=("y", "x"))
+        tensor = rr.encodings.TensorData(array=self.values, dim_names=("row", "column"))
         return rr.Tensor.columns(data=[tensor], value_range=[self.span])
 
 

@@ -179,7 +179,8 @@ def blueprint(further: Iterable[str] = (), pictures: Iterable[str] = ()) -> rrb.
     signals = _signals(further)
     return rrb.Blueprint(
         rrb.Tabs(view(images), signals, active_tab=0) if images else signals,
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        # At the end of what there is: an image is whole there, or as far as it came.
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following" if images else None),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
         auto_views=False,
