@@ -30,3 +30,5 @@ def prepare() -> None:
     }
     # A shell has what it runs in the background ignore SIGINT, and processes inherit that: those of this run as well.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    # The same of SIGHUP under nohup.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)

@@ -46,7 +46,10 @@ def processes() -> dict[int, str]:
     for pid in map(int, filter(str.isdigit, os.listdir("/proc"))):
         with suppress(OSError):
             if pid != os.getpid() and _is_ours(pid):
-                found[pid] = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode().strip()
+                line = Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode().strip()
+                # Python's own: it lives as long as the process that has used several processes once.
+                if "multiprocessing.resource_tracker" not in line:
+                    found[pid] = line
     return found
 
 
