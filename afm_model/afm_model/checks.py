@@ -4,7 +4,7 @@ import numpy as np
 
 from .errors import ParameterError, PartError
 from .law import PaperLaw, disagreements
-from .linear import LinearError, is_stable, largest, linearise
+from .linear import LinearError, inside_drives_z, is_stable, largest, linearise
 from .parameters import ControllerParameters, SimParameters
 from .registry import find
 
@@ -33,7 +33,9 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
     """
     plant = sim.plant
     told = implausible(sim)
-    told += find("law", controller.law.kind).warnings(controller, plant.control_period)
+    of_law = find("law", controller.law.kind).warnings(controller, plant.control_period)
+    # What the law answers along z has no effect where a loop inside the instrument drives z.
+    told += [sentence for sentence in of_law if not (inside_drives_z(sim) and sentence.startswith("along z "))]
     others = disagreements(controller.law, plant)
     # Limits of a law that is made for something else tell nothing; those of the paper's laws without delay are known
     # exactly, and told by themselves.

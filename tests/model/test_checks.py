@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from afm_model import ControllerParameters, SimParameters, build, simulate
+from afm_model import ControllerParameters, SimParameters, build, load_scenario, simulate
 from afm_model.checks import start_warnings
 from afm_model.law import TimingWarning
 from afm_model.linear import at_timing, linearise
@@ -53,3 +53,14 @@ def test_law_made_for_another_plant_is_told_so_and_by_simulate_as_well():
     assert told == "the law is made for another delay: law.delay_ticks = 0 should be plant.delay_ticks = 3"
     with pytest.warns(TimingWarning, match="law.delay_ticks = 0 should be plant.delay_ticks = 3"):
         simulate(sim, controller)
+
+
+def test_nothing_is_told_of_z_where_a_loop_inside_the_instrument_drives_it():
+    scenario = load_scenario("two_materials")
+    assert start_warnings(scenario.sim, scenario.controller) == []
+    paper = build(ControllerParameters, {"law.kind": "tanh", "law.cdot_z": 1e6})
+    assert not [told for told in start_warnings(scenario.sim, paper) if told.startswith("along z")]
+    # Where the controller drives z it is told.
+    loop = scenario.sim.onboard.model_copy(update={"feedback": "external"})
+    (told,) = start_warnings(scenario.sim.model_copy(update={"onboard": loop}), scenario.controller)
+    assert told.startswith("along z the loop cannot be stable")

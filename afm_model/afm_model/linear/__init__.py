@@ -6,7 +6,17 @@ section 7.
 """
 
 from .law import LinearError
-from .loop import Cut, LinearLoop, at_timing, is_stable, largest, linearise
+from .loop import Cut, LinearLoop, at_timing, inside_drives_z, is_stable, largest, linearise
 from .plant import nominal_friction
 
-__all__ = ["Cut", "LinearError", "LinearLoop", "at_timing", "is_stable", "largest", "linearise", "nominal_friction"]
+__all__ = [
+    "Cut",
+    "LinearError",
+    "LinearLoop",
+    "at_timing",
+    "inside_drives_z",
+    "is_stable",
+    "largest",
+    "linearise",
+    "nominal_friction",
+]

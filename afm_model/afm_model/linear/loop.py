@@ -101,6 +101,12 @@ class LinearLoop:
         return np.array([(cut.C @ np.linalg.solve(each * identity - cut.A, cut.B) + cut.D).item() for each in z])
 
 
+def inside_drives_z(sim: SimParameters) -> bool:
+    """Whether a loop inside the instrument drives z, whatever the law answers along z."""
+    loop = sim.onboard
+    return find("onboard", loop.kind).take is not None and getattr(loop, "feedback", "on") != "external"
+
+
 LARGEST = 500
 """Numbers of state beyond which a linear model takes more time and memory than it is worth."""
 
@@ -112,7 +118,8 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     ----------
     sim : SimParameters
         Plant, control period and delay. Noise and faults do not count, sensors and piezo are taken as ideal; other
-        plants than `compliant` are taken to hold the tip on the sample.
+        plants than `compliant` are taken to hold the tip on the sample. A loop inside the instrument that drives z is
+        taken to hold it: what the law answers along z has no effect then.
     controller : ControllerParameters
 
     Returns
@@ -140,12 +147,13 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     from_state, from_input = jacobian(law, sliding, states, inputs)
     n, d = len(states), sim.plant.delay_ticks
     total = STATES + 3 + 3 * d + n
+    in_force = np.array([1.0, 1.0, 0.0 if inside_drives_z(sim) else 1.0])
     line, own = STATES + 3, STATES + 3 + 3 * d
 
     def tick(x: _Array, cut: int = -1, given: float = 0.0) -> tuple[_Array, float]:
         """One control tick; the plant feels `given` along the axis `cut` in place of the drive, which is returned."""
         reply = from_state @ x[own:] + from_input @ (C @ x[:line])
-        u = reply[n:]
+        u = reply[n:] * in_force
         due = x[line : line + 3] if d else u
         felt, answered = due.copy(), 0.0
         if cut >= 0:
