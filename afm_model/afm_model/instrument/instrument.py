@@ -19,11 +19,12 @@ from ..program import reference
 from ..records import record_at, size
 from ..signals import COMMAND, MEASUREMENT, TRUTH
 from .block import LOOP, Layout, line_slots
+from .draws import Draws
 from .faults import Faults
 from .inside import Inside
+from .loop import fill_loop
 from .orders import Orders
 from .score import ScoreSummary, summarize
-from .sensors import position_noise as sensor_noise
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
 
@@ -82,7 +83,8 @@ class Instrument:
         """What the rows of `Block.samples` are."""
         self._block_ticks = block_ticks
         self.samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
-        self._random = np.zeros(DRAW_TICKS * layout.draws)
+        self._draws = Draws(layout, self.samples_per_tick)
+        self._random = self._draws.numbers
         self._state_size = layout.places["hashed_end"] - layout.places["hashed"]
         self._rows = np.zeros((block_ticks, self._state_size + MEASUREMENT.itemsize // 8 + 3))
         self._samples = np.zeros((len(layout.channels), block_ticks * self.samples_per_tick))
@@ -98,37 +100,13 @@ class Instrument:
         """What the instrument's own limits look at, and z in their hands."""
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.functions]
-        self._fill_loop()
+        fill_loop(layout.record(self._block, "loop"), parameters)
         self.reset()
-
-    def _fill_loop(self) -> None:
-        """Constants of the loop itself."""
-        parameters = self.parameters
-        plant, detector, piezo = parameters.plant, parameters.detector, parameters.piezo
-        c = self._layout.record(self._block, "loop")
-        c.substeps = plant.substeps
-        c.stride = round(detector.sample_period / plant.dt)
-        dac_period = piezo.dac_period or plant.control_period
-        c.update = round(dac_period / plant.dt)
-        c.dac_period = dac_period
-        c.delay = plant.delay_ticks
-        # Round-off in start / period must not move the first scored tick.
-        c.score_tick = math.ceil(parameters.score_start / plant.control_period - 1e-6)
-        c.control_period = plant.control_period
-        c.period_ns = plant.control_period * 1e9
-        c.sample_period = detector.sample_period
-        c.drive_lsb = 2.0 * piezo.limit / 2**piezo.dac_bits if piezo.dac_bits > 0 else 0.0
-        c.drive_limit = piezo.limit
-        c.slew_step = piezo.slew_limit * dac_period
-        c.deflection_sensitivity = detector.deflection_sensitivity
-        c.lateral_sensitivity = detector.lateral_sensitivity
 
     def reset(self) -> None:
         """Return to the start: at rest, in contact, tick 0, the same random numbers again."""
         layout, block, parameters = self._layout, self._block, self.parameters
-        # One stream for each source: to switch one on changes no other.
-        streams = map(np.random.default_rng, np.random.SeedSequence(parameters.plant.seed).spawn(6))
-        self._disturbance, self._noise, self._position_noise, self._chance, self._wander, self._between = streams
+        self._draws.reset(parameters.plant.seed)
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         self.orders.reset()
         self.inside.give_z()
@@ -167,7 +145,7 @@ class Instrument:
         self._hash = hashlib.sha256()
         self.ticks = self._drawn = self._prepared = 0
         self._row = 0
-        noise, position_noise = self._noise.standard_normal(2), self._position_noise.standard_normal(3)
+        noise, position_noise = self._draws.first()
         tell(layout.record(block, "truth"), block)
         reference(0.0, layout.record(block, "asked"), block)
         measure(block, 0, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
@@ -344,7 +322,8 @@ class Instrument:
             raise RuntimeError("the block is full: call take_block before the next tick")
         if self.ticks == self._prepared:
             if self.ticks == self._drawn:
-                self._draw()
+                # Zeros last for ever.
+                self._drawn = self._drawn + DRAW_TICKS if self._draws.draw(self.parameters) else sys.maxsize
             if self.ticks == self._faults.until:
                 self._faults.renew(self.ticks)
             self._prepared = min(self._drawn, self._faults.until)
@@ -418,39 +397,3 @@ class Instrument:
     def _raise_errors(self) -> None:
         for each in self._assembled:
             each.raise_errors()
-
-    def _draw(self) -> None:
-        """Random numbers for the next ticks. What is off is not drawn and stays zero."""
-        places, parameters = self._layout.places, self.parameters
-        random = self._random.reshape(DRAW_TICKS, -1)
-        anything = False
-        for family, name, generator in (("plant", "disturbance", self._disturbance), ("fault", "faults", self._chance)):
-            part = self._layout.parts[family].part
-            if part.draws == 0:
-                continue
-            drawn = (
-                part.draw(parameters, generator, DRAW_TICKS)
-                if part.draw is not None
-                else generator.standard_normal((DRAW_TICKS, part.draws))
-            )
-            if drawn is not None:
-                random[:, places[name] : places[name] + part.draws] = drawn
-                anything = True
-        noise, position_noise = places["noise"], places["position_noise"]
-        samples = 2 * self.samples_per_tick
-        detector: Any = self._layout.parts["detector"].part
-        if detector.noisy(parameters):
-            random[:, noise : noise + samples] = self._noise.standard_normal((DRAW_TICKS, samples))
-            anything = True
-        if sensor_noise(parameters) > 0.0:
-            # Those of the measurements are a stream of their own, the same at any rate of the ADC.
-            end = position_noise + 3 * self.samples_per_tick
-            between = self._between.standard_normal((DRAW_TICKS, end - 3 - position_noise))
-            random[:, position_noise : end - 3] = between
-            random[:, end - 3 : end] = self._position_noise.standard_normal((DRAW_TICKS, 3))
-            anything = True
-        if parameters.drift.wander > 0.0:
-            random[:, places["wander"] : places["wander"] + 3] = self._wander.standard_normal((DRAW_TICKS, 3))
-            anything = True
-        # Zeros last for ever.
-        self._drawn = self._drawn + DRAW_TICKS if anything else sys.maxsize
