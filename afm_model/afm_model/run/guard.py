@@ -152,7 +152,7 @@ class Guard:
         if cause != Cause.NOT_APPROACHED:
             course.limit = cause
         course.counts.withdrawals += 1
-        self._since, self._lost = instrument.ticks, 0
+        self._since, self._lost, self._touching = instrument.ticks, 0, 0
         self._drive = instrument.drive
         self._drive[2] = instrument.inside.z_drive
         self._target = self._drive.copy()

@@ -352,6 +352,26 @@ def test_loop_inside_gives_z_up_to_a_withdrawal_and_takes_it_back_at_the_first_t
     assert instrument.inside.normal_force == pytest.approx(load, rel=0.05)
 
 
+def test_an_approach_that_fails_behind_the_first_touch_takes_z_from_the_loop_again() -> None:
+    # The loop goes on to 10 nN, which this approach does not allow.
+    limits = {"safety.travel_limit": 1e-9, "safety.approach_force": 8e-9, "safety.settle_time": 0.1}
+    bench = lever("lockstep", **limits)
+    while bench.state == State.RUNNING:
+        bench.link.send(bench.ticks, 1.0)
+        bench.run.step()
+    tick(bench, 80)
+    bench.run.resume()
+    touched = 0
+    while bench.state == State.APPROACHING:
+        tick(bench, 1)
+        touched += bench.run.instrument.in_contact
+    assert touched > 1
+    assert "in the approach (safety.approach_force: 8e-09 N)" in bench.run.snapshot().detail
+    tick(bench, 80)
+    assert bench.state == State.WITHDRAWN
+    assert not bench.run.instrument.in_contact
+
+
 def test_silent_controller_retracts_the_sample_from_a_loop_inside_too() -> None:
     bench = lever("realtime", **{"run.watchdog_timeout": 4.5 * 2.0**-14})
     tick(bench, 10)
