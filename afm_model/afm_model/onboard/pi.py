@@ -2,6 +2,8 @@
 
     error e = setpoint - deflection [V],  I' = integral_gain e,  z = I + proportional_gain e, within its limits
 
+The limits of z are `low` and `high`, or those of the piezo (`piezo.limit`) if they are closer.
+
 The integral holds still where z is at a limit and the error would push it further (no windup). The drive along z is
 then the loop's: what a controller asks along z has no effect. While a program moves z, or z is held, the loop is open;
 afterwards it goes on from where z stands, without a jump. All of it may change between two ticks. docs/microscope.md.
@@ -73,6 +75,8 @@ STATE = record(
 def _values(parameters: Tree) -> Numbers:
     loop, detector = parameters.onboard, parameters.detector
     setpoint = loop.setpoint_voltage
+    # Beyond the range of the piezo z would only be a number.
+    range_z = parameters.piezo.limit * parameters.piezo.sensitivity_z or math.inf
     if loop.setpoint_force != 0.0:
         setpoint = loop.setpoint_force / parameters.plant.cantilever_numbers.k / detector.deflection_sensitivity
     return {
@@ -83,8 +87,8 @@ def _values(parameters: Tree) -> Numbers:
         "a": parameters.cantilever.a,
         "volts": 1.0 / detector.deflection_sensitivity,
         "metres": parameters.piezo.sensitivity_z,
-        "low": loop.low,
-        "high": loop.high,
+        "low": max(loop.low, -range_z),
+        "high": min(loop.high, range_z),
         "hold": float(loop.hold),
         "feedback": MODES[loop.feedback],
     }

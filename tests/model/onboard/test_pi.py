@@ -72,6 +72,14 @@ def test_integral_does_not_wind_up_at_a_limit():
     assert state.z < start + 80e-9
 
 
+def test_integral_does_not_wind_up_at_the_range_of_the_piezo():
+    # The setpoint takes some 80 nm, the piezo reaches to 50 nm: z is what the piezo does, no more.
+    pressed = {"plant.gap": 40e-9, "onboard.setpoint_voltage": 8.0, "onboard.integral_gain": 1e-4, "piezo.limit": 2.5}
+    read, _ = record(pressed, 100)
+    assert read["z_loop"].max() == read["z_loop"][-1] == pytest.approx(50e-9, rel=1e-12)
+    assert read["z_loop_error"][-1] > 1.0
+
+
 def test_drive_of_the_loop_goes_through_the_converter_of_the_piezo():
     values = {"onboard.setpoint_voltage": 5.2, "piezo.limit": 10.0, "piezo.dac_bits": 12}
     read, _ = record(values | {"detector.channels": "z_loop, truth/piezo_z"}, 20)
