@@ -93,10 +93,16 @@ class Bench:
         parameters = self.parameters
         loop, sensitivity = parameters.onboard, parameters.detector.deflection_sensitivity
         if loop.setpoint_force != 0.0:
-            return float(loop.setpoint_force / self.spring_constant / sensitivity)
+            return self.volts(loop.setpoint_force)
         if loop.setpoint_voltage != 0.0:
             return float(loop.setpoint_voltage)
         return float((parameters.reference.z_r - parameters.cantilever.a) / sensitivity)
+
+    def volts(self, force: float) -> float:
+        """Deflection at a force of the cantilever [V]; 0 where its spring constant is not known."""
+        if self.spring_constant == 0.0:
+            return 0.0
+        return float(force / self.spring_constant / self.parameters.detector.deflection_sensitivity)
 
     @property
     def place(self) -> tuple[float, float]:
@@ -115,12 +121,24 @@ class Bench:
         return float(self.instrument.orders.program.offset)
 
     @property
-    def reach(self) -> tuple[float, float]:
-        """Least and largest offset that the range of z allows [m]."""
+    def z_range(self) -> tuple[float, float]:
+        """Least and largest z: of the loop, or of the piezo if that is closer [m]."""
         parameters = self.parameters
         most = parameters.piezo.limit * parameters.piezo.sensitivity_z or math.inf
-        origin = self.z - self.offset
-        return max(parameters.onboard.low, -most) - origin, min(parameters.onboard.high, most) - origin
+        return max(parameters.onboard.low, -most), min(parameters.onboard.high, most)
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Least and largest offset that the range of z allows [m]."""
+        origin, (low, high) = self.z - self.offset, self.z_range
+        return low - origin, high - origin
+
+    @property
+    def most_deflection(self) -> float:
+        """Beyond this the deflection saturates [V]; infinite without an ADC."""
+        detector = self.parameters.detector
+        bits, limit = getattr(detector, "adc_bits", 0), getattr(detector, "adc_limit", math.inf)
+        return float(limit * (1.0 - 2.0 ** (1 - bits))) if bits > 0 else math.inf
 
     def set_loop(self, **changes: Any) -> None:
         """Change parameters `onboard.*`, by their names without it, from the next tick on.

@@ -81,6 +81,15 @@ class CalibratingSensitivity(Curving):
     def __init__(self, verb: CalibrateSensitivity, bench: Bench, desk: Desk) -> None:
         super().__init__(curves_of(verb), bench, desk)
 
+    def tasks(self) -> Iterator[Task]:
+        """See `Job`. Curves that nothing comes out of are a failure: the tip is withdrawn."""
+        yield from super().tasks()
+        if self.result() is None:
+            raise VerbError(
+                f"no sensitivity comes out of the curves: in none of them the deflection rose by trigger_voltage = "
+                f"{self.trigger:g} V within ramp = {self.verb.ramp:g} m"
+            )
+
     def result(self) -> Calibration | None:  # type: ignore[override]  # of the same curves another result
         """The sensitivity for vertical motion of the tip [m/V]; None without a whole curve.
 
@@ -154,6 +163,8 @@ class CalibratingLateral(Job):
             yield from going(self, *plan.begin, MoveTo().speed)
             yield Task(Order(bench.stay(_SETTLING)), _SETTLING, detail)
             yield Task(Order(plan.motion), duration, detail, self._collect)
+        # Lines that nothing comes out of are a failure: the tip is withdrawn.
+        self.result()
 
     def _collect(self, first: int) -> RecordCollector:
         motion, verb, bench = self._plan.motion, self.verb, self.bench

@@ -11,6 +11,9 @@ from .plan import lines
 from .results import Image, Line
 from .verbs import Scan
 
+_AT_THE_END = 1e-12
+"""Mean over a pixel this close to the end of the range of z [m]: z was there all the time."""
+
 
 def channel_names(channels: str) -> list[str]:
     """Names out of a list separated by commas."""
@@ -31,6 +34,7 @@ class Scanning(Job):
         self._plan = lines(verb, bench)
         self._image.line_rate = self._plan.line_rate
         self._collector: LineCollector | None = None
+        self._saturated: set[int] = set()
 
     def tasks(self) -> Iterator[Task]:
         """See `Job`."""
@@ -56,12 +60,27 @@ class Scanning(Job):
 
     def _put(self, line: Line) -> None:
         self._image.put(line)
+        if "height" in line.channels:
+            low, high = self.bench.z_range
+            z = -line.channels["height"]
+            if z.min() <= low + _AT_THE_END or z.max() >= high - _AT_THE_END:
+                self._saturated.add(line.index)
         self._image.complete = self._image.lines_done == self.verb.lines
         self.on_line(line)
 
     def result(self) -> Image:
         """The image as far as it came."""
         return self._image
+
+    @property
+    def remark(self) -> str:
+        """See `Job`."""
+        if not self._saturated:
+            return ""
+        return (
+            f"z was at the end of its range in {len(self._saturated)} of {self.verb.lines} lines: the height is not "
+            f"that of the sample there"
+        )
 
     @property
     def detail(self) -> str:

@@ -4,6 +4,7 @@ A job yields tasks; each is begun when the order of the one before is done. Its 
 it is what has been measured up to there. One that cannot be brought to its end raises VerbError.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -18,8 +19,8 @@ from .collect import Collector
 from .results import Line, Standing
 from .verbs import Approach, MoveTo, Withdraw
 
-MARGIN = 1e-12
-"""Ways of z below this are none [m]."""
+TOUCH = 1e-3
+"""Least trigger of a landing over the setpoint: for a tip that has not left the sample."""
 
 
 @dataclass
@@ -66,6 +67,8 @@ class Job:
 
     total: float = 0.0
     """What it takes at most, as far as known [s]."""
+    surface: float = math.inf
+    """Offset of z at which the tip was on the sample before the verb opened the loop [m]; infinite: not known."""
     on_line: Callable[[Line], None]
 
     def __init__(self, verb: Any, bench: Bench, desk: Desk) -> None:
@@ -83,6 +86,11 @@ class Job:
         """Called at its end, however that comes: put back what was changed."""
 
     @property
+    def remark(self) -> str:
+        """What is to be known of a result that is whole, a sentence; mostly nothing."""
+        return ""
+
+    @property
     def detail(self) -> str:
         """How far it is, a clause; empty: what the task says."""
         return ""
@@ -95,21 +103,28 @@ def standing(bench: Bench) -> Standing:
     return Standing(bench.instrument.time, x, y, bench.z, deflection)
 
 
-def withdrawing(bench: Bench, distance: float, rate: float) -> tuple[tuple[Step, ...], float]:
-    """Steps that open the loop and move z away, as far as its range goes, and how long they take [s]."""
+def withdrawing(
+    bench: Bench, distance: float, rate: float, surface: float = math.inf
+) -> tuple[tuple[Step, ...], float]:
+    """Steps that open the loop and move z away, as far as its range goes, and how long they take [s].
+
+    `distance` counts from where z is, or from `surface` if z has gone beyond it towards the sample.
+    """
     offset = bench.offset
-    target = max(offset - distance, bench.reach[0])
+    target = max(min(offset, surface) - distance, bench.reach[0])
     return (Step(orders.RAMP, target=target, rate=rate),), abs(offset - target) / rate
 
 
-def landing(bench: Bench, target: float, rate: float, settle: float) -> tuple[Step, ...]:
+def landing(bench: Bench, target: float, rate: float, settle: float, rest: float = 0.0) -> tuple[Step, ...]:
     """Steps that go to the sample until the deflection has risen to the setpoint, and close the loop there.
 
-    Without a sample on the way to `target` (an offset of z) the loop stays open.
+    Without a sample on the way to `target` (an offset of z) the loop stays open. `rest` is the deflection that there
+    is before it already [V].
     """
+    trigger = max(bench.setpoint - rest, TOUCH * bench.setpoint)
     return (
         Step(orders.REST, duration=settle, then=1),
-        Step(orders.RAMP, target=target, rate=rate, trigger=bench.setpoint, then=END, triggered=2),
+        Step(orders.RAMP, target=target, rate=rate, trigger=trigger, then=END, triggered=2),
         Step(orders.FOLLOW, duration=settle),
     )
 
@@ -143,13 +158,27 @@ class Withdrawing(Job):
     """Withdraw."""
 
     verb: Withdraw
+    _left: float = math.inf
+    """Way that z has left to go away [m]."""
 
     def tasks(self) -> Iterator[Task]:
         """See `Job`."""
-        steps, self.total = withdrawing(self.bench, self.verb.distance, self.verb.rate)
+        bench, verb = self.bench, self.verb
+        self._left = bench.offset - bench.reach[0]
+        steps, self.total = withdrawing(bench, verb.distance, verb.rate)
         self.desk.approached = False
-        yield Task(Order(self.bench.stay(), steps), self.total, "withdrawing")
+        yield Task(Order(bench.stay(), steps), self.total, "withdrawing")
         self.desk.near = False
+
+    @property
+    def remark(self) -> str:
+        """See `Job`."""
+        if self._left >= self.verb.distance:
+            return ""
+        return (
+            f"z went {self._left:.4g} m, not distance = {self.verb.distance:g} m: its range ends there, and the tip "
+            f"may still touch the sample"
+        )
 
 
 class Moving(Job):

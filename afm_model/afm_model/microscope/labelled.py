@@ -83,9 +83,11 @@ def image(result: Image) -> "xarray.Dataset":
     """
     scan, x, y = result.scan, result.x, result.y
     cosine, sine = np.cos(scan.angle), np.sin(scan.angle)
+    # With the slow axis off every line is at the middle of the frame.
+    slow = y if scan.slow_axis else np.zeros_like(y)
     places = {
-        "place_x": scan.centre_x + cosine * x[None, :] - sine * y[:, None],
-        "place_y": scan.centre_y + sine * x[None, :] + cosine * y[:, None],
+        "place_x": scan.centre_x + cosine * x[None, :] - sine * slow[:, None],
+        "place_y": scan.centre_y + sine * x[None, :] + cosine * slow[:, None],
     }
     variables = {
         name: _variable(("direction", "y", "x"), np.stack([result.data[name, way] for way in DIRECTIONS]), name, unit)

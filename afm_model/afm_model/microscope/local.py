@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from ..controller import Controller
-from ..errors import VerbError
+from ..errors import DivergenceError, DriveError, PartError, VerbError
 from ..instrument import Instrument
 from ..parameters import ControllerParameters, InstrumentParameters, build, flatten
 from ..schema import Value
@@ -74,20 +74,37 @@ class Local:
         return self.operator.objection(verb)
 
     def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
-        """See `Backend`. Ctrl-C cancels the verb: the tip is withdrawn before `Interrupted` is raised."""
+        """See `Backend`. Ctrl-C cancels the verb: the tip is withdrawn before `Interrupted` is raised.
+
+        The same if `on_progress` or `on_line` raises something, which is then raised.
+        """
         operator = self.operator
         operator.on_line = on_line or ignore
         operator.begin(verb)
         with Interrupts() as interrupts:
-            while operator.busy:
-                self.step()
-                if on_progress is not None:
-                    on_progress(operator.progress)
-                if interrupts.there:
-                    operator.cancel("interrupted")
+            try:
+                while operator.busy:
+                    self.step()
+                    if on_progress is not None:
+                        on_progress(operator.progress)
+                    if interrupts.there:
+                        operator.cancel("interrupted")
+            except Exception as error:
+                self._break_off(error)
+                raise
         if interrupts.there:
             raise Interrupted(operator.outcome())
         return operator.outcome()
+
+    def _break_off(self, error: Exception) -> None:
+        """Withdraw the tip after an error, where simulated time can go on."""
+        operator = self.operator
+        operator.on_line = ignore
+        if not isinstance(error, DivergenceError | DriveError | PartError):
+            operator.cancel("stopped by an error")
+            while operator.busy:
+                self.step()
+        operator.give_up(str(error))
 
     def step(self) -> None:
         """Go on to the end of a block, or of an order; for who does not want to wait for a whole verb."""

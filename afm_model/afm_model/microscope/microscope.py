@@ -10,6 +10,7 @@ labelled arrays of xarray.
 """
 
 import os
+import warnings
 from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -117,6 +118,11 @@ class Microscope:
         ------
         VerbError
             If it cannot be begun, or has not come to its end; `outcome` then has what was measured.
+
+        Warns
+        -----
+        UserWarning
+            If the result needs a remark, such as that z was at the end of its range.
         """
         try:
             self.outcome = self.backend.execute(verb, self.on_progress, self.on_line)
@@ -125,6 +131,8 @@ class Microscope:
             raise
         if self.outcome.status != COMPLETE:
             raise VerbError(self.outcome.message)
+        if self.outcome.message:
+            warnings.warn(self.outcome.message, stacklevel=3)
         return labelled(self.outcome.result)
 
     def objection(self, verb: Verb) -> str:

@@ -11,12 +11,12 @@ from typing import Literal
 
 from ..errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
-from ..program.orders import Order
+from ..program.orders import Order, Step
 from .bench import Bench
 from .calibrating import CalibratingLateral, CalibratingSensitivity, Tuning
 from .collect import Collector
 from .imaging import Scanning
-from .jobs import Approaching, Desk, Job, Moving, Task, Withdrawing, withdrawing
+from .jobs import Approaching, Desk, Job, Moving, Task, Withdrawing, standing, withdrawing
 from .refusal import objection
 from .results import CANCELLED, COMPLETE, FAILED, Line, Outcome, Progress
 from .spectroscopy import Curving
@@ -163,10 +163,10 @@ class Operator:
 
     def _leave(self) -> None:
         """Bring the scanner to rest, and the tip off the sample; then the verb is over."""
+        assert self._job is not None
         bench = self._bench
         self._desk.approached = False
-        away = Withdraw()
-        steps, duration = withdrawing(bench, away.distance, away.rate) if self._desk.near else ((), 0.0)
+        steps, duration = self._away(self._job.surface) if self._desk.near else ((), 0.0)
 
         def tasks() -> Iterator[Task]:
             yield Task(Order(bench.brake(), steps), duration, "withdrawing")
@@ -175,6 +175,12 @@ class Operator:
         self._tasks = tasks()
         self._task = next(self._tasks)
         self._put_in_force(self._task)
+
+    def _away(self, surface: float) -> tuple[tuple[Step, ...], float]:
+        """Steps off the sample, and how long they take [s]: further by what the cantilever is pressed."""
+        bench, usual = self._bench, Withdraw()
+        pressed = max(standing(bench).deflection, 0.0) * bench.parameters.detector.deflection_sensitivity
+        return withdrawing(bench, usual.distance + pressed, usual.rate, surface)
 
     def _end(self) -> None:
         assert self._job is not None
@@ -227,7 +233,8 @@ class Operator:
         """How the last verb has ended, with what was measured; when not busy, and every block has been taken."""
         assert self._job is not None and not self.busy
         try:
-            return Outcome(self._status, self._message, self._job.result())
+            message = self._message or self._job.remark
+            return Outcome(self._status, message, self._job.result())
         except VerbError as error:
             failed = FAILED if self._status == COMPLETE else self._status
             return Outcome(failed, self._message or str(error), None)
@@ -240,13 +247,21 @@ class Operator:
         Raises
         ------
         ParameterError
-            If none is given, or both, or the plant tells no spring constant for a force.
+            If none is given, or both, the plant tells no spring constant for a force, or the detector does not reach
+            so far.
         """
         if (force == 0.0) == (voltage == 0.0):
             raise ParameterError(
                 f"force = {force:g} N with voltage = {voltage:g} V is not allowed: one of them must be given, not 0"
             )
-        self._bench.set_loop(setpoint_force=force, setpoint_voltage=voltage)
+        bench = self._bench
+        volts = voltage or bench.volts(force)
+        if volts > bench.most_deflection:
+            raise ParameterError(
+                f"a setpoint of {volts:.4g} V is not allowed: the detector saturates at {bench.most_deflection:.4g} V, "
+                f"and z would go on into the sample"
+            )
+        bench.set_loop(setpoint_force=force, setpoint_voltage=voltage)
 
     def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
         """Gains P [m/V] and I [m/(V s)] of the z loop; None: as it is.

@@ -1,5 +1,6 @@
 """Why the microscope cannot do what it is asked for: one sentence that names the value and what is allowed."""
 
+import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
@@ -91,6 +92,8 @@ def _standing(verb: Verb, bench: Bench, desk: Desk) -> Iterator[str]:
             yield f"{name} is not allowed: the tip is on the sample already; withdraw it first"
         if not bench.setpoint > 0.0:
             yield f"{name} is not allowed with a setpoint of {bench.setpoint:g} V: it must be > 0 V"
+        yield from _saturating("the setpoint", bench.setpoint, bench)
+        yield from _too_fast("rate", verb.rate, bench.setpoint, verb.range, bench)
 
 
 def _outside(bench: Bench, what: str, places: Iterable[tuple[float, float]]) -> Iterator[str]:
@@ -101,6 +104,22 @@ def _outside(bench: Bench, what: str, places: Iterable[tuple[float, float]]) -> 
                 yield (
                     f"{what}{axis} = {value:.4g} m is outside the travel of the scanner: it must be within +-{most:g} m"
                 )
+
+
+def _saturating(what: str, volts: float, bench: Bench) -> Iterator[str]:
+    """A deflection that the detector never tells: z would go on into the sample."""
+    if volts > bench.most_deflection:
+        yield f"{what} of {volts:.4g} V is not allowed: the detector saturates at {bench.most_deflection:.4g} V"
+
+
+def _too_fast(name: str, rate: float, trigger: float, way: float, bench: Bench) -> Iterator[str]:
+    """A rate at which z goes further within a sample than the deflection [V] that it is to stop at, or all its way."""
+    most = min(trigger * bench.parameters.detector.deflection_sensitivity or way, way) / bench.sample_period
+    if rate > most:
+        yield (
+            f"{name} = {rate:g} m/s is not allowed: within a sample of {bench.sample_period:g} s z would go further "
+            f"than it may; it must be <= {most:.4g} m/s"
+        )
 
 
 def _frame(plan: LinePlan, bench: Bench) -> Iterator[str]:
@@ -134,6 +153,13 @@ def _path(verb: ScanPath, bench: Bench) -> Iterator[str]:
                 f"one of them out"
             )
     yield from _outside(bench, "", places)
+    way = sum(math.dist(one, other) for one, other in pairwise(places))
+    most = min(bench.resonance, verb.sample_rate) * way
+    if verb.speed > most:
+        yield (
+            f"speed = {verb.speed:g} m/s is not allowed on a path of {way:.4g} m: it would take less than a period of "
+            f"the scanner's resonance or of sample_rate = {verb.sample_rate:g} Hz; it must be <= {most:.4g} m/s"
+        )
 
 
 def _curve(verb: ForceCurve, bench: Bench) -> Iterator[str]:
@@ -142,6 +168,10 @@ def _curve(verb: ForceCurve, bench: Bench) -> Iterator[str]:
             f"trigger_force = {verb.trigger_force:g} N is not allowed with plant.kind = "
             f"{bench.parameters.plant.kind}, which tells no spring constant: give trigger_voltage"
         )
+    trigger = verb.trigger_voltage or bench.volts(verb.trigger_force)
+    yield from _saturating("a trigger", trigger, bench)
+    yield from _too_fast("approach_rate", verb.approach_rate, trigger, verb.ramp, bench)
+    yield from _too_fast("retract_rate", verb.retract_rate, 0.0, verb.ramp, bench)
     low, high = bench.reach
     if bench.offset - verb.lift < low:
         yield f"lift = {verb.lift:g} m is not allowed here: z has {bench.offset - low:.4g} m left to go away"
@@ -170,4 +200,5 @@ def _wedge(verb: CalibrateLateral, bench: Bench) -> Iterator[str]:
             f"CalibrateLateral is not allowed with plant.kind = {bench.parameters.plant.kind}, which tells no spring "
             f"constant"
         )
+    yield from _saturating("a setpoint", bench.volts(verb.setpoint_to), bench)
     yield from _frame(wedge_plan(verb, bench), bench)

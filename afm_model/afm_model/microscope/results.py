@@ -31,7 +31,8 @@ class Image:
     """A scan, whole or as far as it came.
 
     Rows are ordered by place: row 0 is at the least y of the frame, whichever way the slow axis went. Pixel (i, j) is
-    at `centre + R(angle) (x[j], y[i])`. Lines that were not measured are NaN.
+    at `centre + R(angle) (x[j], y[i])`; with the slow axis off every line is at y = 0, and `y` only spreads them out.
+    Lines that were not measured are NaN.
     """
 
     scan: Scan
@@ -159,7 +160,7 @@ class Outcome:
     """How a verb has ended."""
 
     status: str  # COMPLETE, CANCELLED or FAILED
-    message: str  # one sentence; empty if complete
+    message: str  # one sentence; of what is complete only where its result needs a remark
     result: Any
     """What was measured, as far as it came. Approach, Withdraw, MoveTo: Standing; ForceCurve: list of Curve; Scan:
     Image; FrictionLoop: Loop; ScanPath: PathRecord; ThermalTune, CalibrateSensitivity, CalibrateLateral:

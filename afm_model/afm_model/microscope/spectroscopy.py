@@ -36,13 +36,14 @@ class Curving(Job):
         """Rise of the deflection at which an approach ends [V]; 0: with the ramp."""
         verb, bench = self.verb, self.bench
         if verb.trigger_force > 0.0:
-            return verb.trigger_force / bench.spring_constant / bench.parameters.detector.deflection_sensitivity
+            return bench.volts(verb.trigger_force)
         return verb.trigger_voltage
 
     def tasks(self) -> Iterator[Task]:
         """See `Job`."""
         bench, verb = self.bench, self.verb
         self.desk.approached = False
+        self.surface = bench.offset
         down = bench.offset - verb.lift
         top = down + verb.ramp
         one = verb.lift / verb.retract_rate + verb.settle + verb.dwell
@@ -63,7 +64,10 @@ class Curving(Job):
             self._curves.append((self._collector, bench.instrument.orders.program.fired != 0.0))
             self._collector = None
         target = min(down + _AGAIN * verb.lift, bench.reach[1])
-        again = landing(bench, target, verb.approach_rate, verb.settle)
+        # A short lift does not leave the sample: the setpoint counts from where the deflection is.
+        program = bench.instrument.orders.program
+        rest = float(program["sum"] / program["samples"])
+        again = landing(bench, target, verb.approach_rate, verb.settle, rest)
         yield Task(Order(bench.stay(), again), back, "back to the sample")
         if bench.instrument.orders.program.fired == 0.0:
             raise VerbError(
@@ -85,7 +89,8 @@ class Curving(Job):
     def _curve(self, collector: RecordCollector, fired: bool) -> Curve:
         record, verb, bench = collector.record(), self.verb, self.bench
         step = np.rint(record.channels["step"]).astype(int)
-        # Behind the last step the order is done: -1.
+        # Behind the last step the order is done: -1. A mean over its end would be some step between.
+        step = np.maximum.accumulate(step)
         phase = np.array([*_PHASES, RETRACT], np.float64)[step]
         part = phase >= APPROACH
         values = {_NAMES[name]: values[part] for name, values in record.channels.items() if name != "step"}

@@ -50,6 +50,13 @@ def approached():
         (CalibrateSensitivity(ramp=1e-3), "ramp = 0.001 m is not allowed here"),
         (CalibrateLateral(setpoint_from=1.0), "setpoint_from = 1 N is not allowed: it must be < setpoint_to = 4e-08 N"),
         (CalibrateLateral(lines=1), "lines = 1 is not allowed: the first line is not used; it must be >= 2"),
+        (
+            ScanPath(x=(0.0, 1e-8), y=(0.0, 0.0), speed=1.0),
+            "speed = 1 m/s is not allowed on a path of 1e-08 m: it would ",
+        ),
+        (ForceCurve(approach_rate=1.0), "approach_rate = 1 m/s is not allowed: within a sample of 1e-05 s z would go"),
+        (ForceCurve(retract_rate=1.0), "retract_rate = 1 m/s is not allowed: within a sample of 1e-05 s z would go"),
+        (ForceCurve(trigger_force=1e-9, approach_rate=1e-3), "it must be <= 0.0005 m/s"),
         (ThermalTune(), "ThermalTune is not allowed while the tip is on the sample: withdraw it first"),
     ],
     ids=lambda value: type(value).__name__ if not isinstance(value, str) else "",
@@ -62,6 +69,24 @@ def test_an_approach_to_no_deflection_is_refused():
     microscope = local()
     microscope.set_setpoint(voltage=-1.0)
     assert microscope.objection(Approach()) == "Approach is not allowed with a setpoint of -1 V: it must be > 0 V"
+
+
+def test_a_setpoint_or_trigger_that_the_detector_never_tells_is_refused():
+    microscope = local(detector__adc_bits=16)
+    with pytest.raises(ParameterError, match=r"a setpoint of 12.5 V is not allowed: the detector saturates at 10 V"):
+        microscope.set_setpoint(force=25e-9)
+    assert microscope.state.setpoint == pytest.approx(5.0)
+    microscope.execute(APPROACH)
+    told = microscope.objection(ForceCurve(trigger_voltage=11.0))
+    assert told == "a trigger of 11 V is not allowed: the detector saturates at 10 V"
+    told = microscope.objection(CalibrateLateral(setpoint_to=40e-9))
+    assert told == "a setpoint of 20 V is not allowed: the detector saturates at 10 V"
+
+
+def test_an_approach_that_would_pass_the_setpoint_within_a_sample_is_refused():
+    told = local().objection(Approach(rate=0.01))
+    assert told.startswith("rate = 0.01 m/s is not allowed: within a sample of 1e-05 s z would go further than it may")
+    assert local().objection(Approach(rate=0.004)) == ""
 
 
 def test_any_parameters_are_made_ready_for_verbs_and_what_is_given_stays():

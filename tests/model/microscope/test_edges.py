@@ -1,0 +1,119 @@
+"""Claims about verbs at the edge of what can be: end of the range of z, no trigger, hard presses, errors of callers."""
+
+import numpy as np
+import pytest
+
+from afm_model.microscope import Microscope, labelled
+from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED
+from afm_model.microscope.verbs import CalibrateSensitivity, ForceCurve, Scan, Withdraw
+from afm_model.program.force_curve import APPROACH as APPROACHING
+from afm_model.program.force_curve import DWELL, RETRACT
+
+from .test_local import APPROACH, local
+
+LINE = Scan(size_x=40e-9, pixels=2, lines=1, line_rate=20.0)
+
+
+@pytest.fixture
+def approached():
+    microscope = local(block_ticks=10)
+    assert microscope.execute(APPROACH).status == COMPLETE
+    return microscope
+
+
+def test_phases_of_a_curve_come_in_order_whatever_samples_are_averaged(approached):
+    for sample_rate in (100e3, 30e3, 13e3):
+        verb = ForceCurve(trigger_force=20e-9, approach_rate=20e-6, retract_rate=20e-6, sample_rate=sample_rate)
+        (curve,) = approached.execute(verb).result
+        phase = curve.record.channels["phase"]
+        assert (np.diff(phase) >= 0.0).all(), sample_rate
+        assert set(phase) <= {APPROACHING, DWELL, RETRACT}
+        assert phase[-1] == RETRACT
+
+
+def test_cancel_in_a_curve_that_presses_far_into_the_sample_leaves_the_tip_off_it(approached):
+    verb = ForceCurve(lift=50e-9, ramp=800e-9, approach_rate=50e-6, dwell=1.0)
+    approached.operator.begin(verb)
+    while approached.operator.progress.fraction == 0.0 or approached.instrument.orders.program.at != 3.0:
+        approached.step()
+    # 750 nm beyond the setpoint: further than a tip is usually withdrawn by.
+    assert approached.operator._bench.offset == pytest.approx(750e-9)
+    approached.operator.cancel()
+    while approached.operator.busy:
+        approached.step()
+    assert approached.operator.outcome().status == CANCELLED
+    assert not approached.instrument.in_contact
+    assert approached.instrument.measurement[3] == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_lift_that_does_not_leave_the_sample_finds_it_again(approached):
+    verb = ForceCurve(lift=10e-9, ramp=30e-9, approach_rate=2e-6, retract_rate=2e-6)
+    assert approached.execute(verb).message == ""
+    assert approached.state.approached
+    assert approached.instrument.in_contact
+
+
+def test_a_calibration_whose_curves_never_trigger_fails_and_the_tip_is_withdrawn(approached):
+    outcome = approached.execute(
+        CalibrateSensitivity(ramp=60e-9, lift=60e-9, rate=20e-6, trigger_voltage=500.0, count=1)
+    )
+    assert (outcome.status, outcome.result) == (FAILED, None)
+    assert outcome.message == (
+        "no sensitivity comes out of the curves: in none of them the deflection rose by trigger_voltage = 500 V within "
+        "ramp = 6e-08 m"
+    )
+    assert not approached.state.near
+    assert not approached.instrument.in_contact
+
+
+def test_an_error_of_who_is_told_of_lines_withdraws_the_tip_and_is_raised(approached):
+    def broken(line):
+        raise OSError("no space left")
+
+    with pytest.raises(OSError, match="no space left"):
+        approached.execute(LINE.model_copy(update={"lines": 50}), on_line=broken)
+    assert not approached.operator.busy
+    assert not approached.state.near
+    assert not approached.instrument.in_contact
+    # Nothing is in the way of going on.
+    assert approached.objection(APPROACH) == ""
+
+
+def test_a_scan_says_that_z_was_at_the_end_of_its_range():
+    pytest.importorskip("xarray")
+    sloped = local()
+    sloped.set_sample({"kind": "plane", "angle_x": 0.4636})
+    sloped.execute(APPROACH)
+    # It would take 10 nm to both sides.
+    low = sloped.instrument.orders.onboard.z - 5e-9
+    sloped.operator._bench.set_loop(low=low)
+    microscope = Microscope(sloped)
+    with pytest.warns(UserWarning, match="z was at the end of its range in 2 of 2 lines: the height is not that of"):
+        image = microscope.scan(size_x=40e-9, size_y=4e-9, pixels=16, lines=2, line_rate=5.0)
+    assert microscope.outcome.status == COMPLETE
+    assert float(image["height"].max()) == pytest.approx(-low)
+    sloped.operator._bench.set_loop(low=low - 100e-9)
+    assert sloped.execute(LINE).message == ""
+
+
+@pytest.mark.parametrize("angle", [0.0, 2.0])
+def test_a_line_of_two_pixels_with_the_slow_axis_off_is_in_the_middle_of_the_frame(approached, angle):
+    scan = LINE.model_copy(
+        update={"lines": 3, "size_y": 30e-9, "slow_axis": False, "angle": angle, "direction": "down"}
+    )
+    outcome = approached.execute(scan.model_copy(update={"channels": "x, y, height"}))
+    assert outcome.result.complete
+    read = labelled(outcome.result)
+    for axis in "xy":
+        measured = np.asarray(read[f"measured_{axis}"].sel(direction="trace"))
+        assert measured == pytest.approx(np.asarray(read[f"place_{axis}"]), abs=0.2e-9)
+
+
+def test_a_withdrawal_that_the_range_of_z_ends_says_so(approached):
+    z, (low, _) = approached.instrument.orders.onboard.z, approached.operator._bench.z_range
+    outcome = approached.execute(Withdraw(distance=2e-6, rate=1e-3))
+    assert outcome.status == COMPLETE
+    assert outcome.message == (
+        f"z went {z - low:.4g} m, not distance = 2e-06 m: its range ends there, and the tip may still touch the sample"
+    )
+    assert approached.instrument.orders.onboard.z == pytest.approx(low)
