@@ -69,7 +69,9 @@ class Scanning(Job):
         self.on_line(line)
 
     def result(self) -> Image:
-        """The image as far as it came."""
+        """The image as far as it came; a remark is among its notes, so that files keep it."""
+        if self.remark:
+            self._image.metadata["Remark"] = self.remark
         return self._image
 
     @property

@@ -63,6 +63,7 @@ def _objections(verb: Verb, bench: Bench, desk: Desk) -> Iterator[str]:
         case ForceCurve():
             yield from _curve(verb, bench)
         case CalibrateSensitivity():
+            yield from _too_fast("rate", verb.rate, verb.trigger_voltage, verb.ramp, bench)
             yield from _curve(curves_of(verb), bench)
         case CalibrateLateral():
             yield from _wedge(verb, bench)

@@ -92,6 +92,7 @@ def test_a_scan_says_that_z_was_at_the_end_of_its_range():
         image = microscope.scan(size_x=40e-9, size_y=4e-9, pixels=16, lines=2, line_rate=5.0)
     assert microscope.outcome.status == COMPLETE
     assert float(image["height"].max()) == pytest.approx(-low)
+    assert image.attrs["Remark"] == microscope.outcome.message
     sloped.operator._bench.set_loop(low=low - 100e-9)
     assert sloped.execute(LINE).message == ""
 

@@ -48,6 +48,7 @@ def approached():
         (ForceCurve(lift=1e-3), "lift = 0.001 m is not allowed here: z has "),
         (ForceCurve(ramp=1e-3), "ramp = 0.001 m is not allowed here: with lift = 2e-07 m z has "),
         (CalibrateSensitivity(ramp=1e-3), "ramp = 0.001 m is not allowed here"),
+        (CalibrateSensitivity(rate=1.0), "rate = 1 m/s is not allowed: within a sample of 1e-05 s z would go further"),
         (CalibrateLateral(setpoint_from=1.0), "setpoint_from = 1 N is not allowed: it must be < setpoint_to = 4e-08 N"),
         (CalibrateLateral(lines=1), "lines = 1 is not allowed: the first line is not used; it must be >= 2"),
         (
