@@ -36,7 +36,7 @@ KNOWN = {f"scanner.f_{axis}": f for axis, f in (("x", 500.0), ("y", 500.0), ("z"
     f"scanner.xi_{axis}": 0.025 for axis in "xyz"
 }
 APPROACH = Approach(rate=10e-6, range=2e-6, settle=2e-3)
-SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=2, line_rate=20.0)
+SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=2, line_rate=20.0, overscan=0.2, speed=5e-6)
 ENDLESS = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=8000, line_rate=20.0)
 
 

@@ -162,7 +162,7 @@ def _record(message: Any) -> Record:
 
 _OF_CURVE = (
     *("triggered", "x", "y", "approach_rate", "retract_rate"),
-    *("deflection_sensitivity", "spring_constant"),
+    *("deflection_sensitivity", "spring_constant", "trigger"),
 )
 
 

@@ -102,7 +102,7 @@ def scan_line(message: ScanLineMessage) -> ScanLine:
 
 _FRAME = (
     *("centre_x", "centre_y", "size_x", "size_y", "angle"),
-    *("pixels", "lines", "line_rate", "slow_axis"),
+    *("pixels", "lines", "line_rate", "overscan", "speed", "slow_axis"),
 )
 """Fields of ScanLine that are those of a scan."""
 

@@ -76,6 +76,8 @@ class ScanLines:
             up=scan.direction == "up",
             slow_axis=scan.slow_axis,
             line_rate=scan.line_rate,
+            overscan=scan.overscan,
+            speed=scan.speed,
             row=row,
             time=line.time,
             channels=list(line.channels),

@@ -19,13 +19,14 @@ import machine
 import realtime
 import startup
 import sweep
+import verbs
 import wire
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 PERIODS = (2e-6, 1e-5, 2e-5, 5e-5)
-PARTS = ("kernel", "lever", "composed", "processes", "recorder", "realtime", "startup", "sweep")
+PARTS = ("kernel", "lever", "composed", "processes", "recorder", "realtime", "startup", "sweep", "verbs")
 
 
 class Report:
@@ -181,6 +182,15 @@ def bench_sweep(report: Report) -> None:
         report.add(f"sweep, {name} (floor: the kernel alone)", row["measured"], row["floor"], row["ratio"])
 
 
+def bench_verbs(report: Report, folder: Path) -> None:
+    """A scan over topics."""
+    report.begin("a scan over topics")
+    figures = report.data["verbs"] = verbs.measure(folder)
+    for name, text in (("cpu_s", "processor time of the simulator"), ("wall_s", "wall time")):
+        over, inside = figures[name]["over_topics"], figures[name]["in_process"]
+        report.add(f"a scan over topics, {text} [s] (floor: in process)", f"{over:.2f}", f"{inside:.2f}", over / inside)
+
+
 def main() -> int:
     """Entry point."""
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
@@ -206,6 +216,7 @@ def main() -> int:
             "realtime": lambda: bench_realtime(report, folder, arguments.seconds),
             "startup": lambda: bench_startup(report, folder),
             "sweep": lambda: bench_sweep(report),
+            "verbs": lambda: bench_verbs(report, folder),
         }
         for part in arguments.parts or PARTS:
             parts[part]()

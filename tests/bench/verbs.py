@@ -109,7 +109,7 @@ def _in_process(scan: Scan, repeats: int) -> list[dict[str, float]]:
 
 
 def measure(folder: Path, lines: int = 64, repeats: int = 3) -> dict[str, Any]:
-    """Medians of both, which take turns; `of_the_floor` is that in process over that over topics."""
+    """Both take turns; `wall_s` and `cpu_s` are medians."""
     law = load_scenario(SCENARIO).controller.law.kind
     scan = Scan(size_x=1e-6, pixels=64, lines=lines, line_rate=10.0)
     over, inside = [], []
@@ -123,11 +123,3 @@ def measure(folder: Path, lines: int = 64, repeats: int = 3) -> dict[str, Any]:
             "in_process": statistics.median(each[name] for each in inside),
         }
     return result
-
-
-if __name__ == "__main__":
-    import json
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as temporary:
-        print(json.dumps(measure(Path(temporary)), indent=1))

@@ -18,6 +18,7 @@ from afm_model.microscope.results import DIRECTIONS, Image
 from afm_model.microscope.verbs import VERBS, ForceCurve, MoveTo, ScanPath, Withdraw
 from afm_node_common import topics
 from afm_node_common.verbs import goal_of, outcome_of, type_of, verb_of
+from afm_recorder_node.checks import scan_line
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +50,8 @@ def test_bytes_of_a_scan_over_topics_are_those_in_process(bench: Bench, in_proce
 
     # Those in between are not whole.
     bench.graph.spin_until(lambda: heard and np.isfinite(last()).all())
+    # What the recorder makes of a line is the scan that was asked for, in every field.
+    assert {scan_line(line).scan for line in bench.lines if line.scan == 1} == {SCAN}
     picture = last()
     # The first row of an Image is the top one.
     np.testing.assert_array_equal(picture[::-1], expected.data["height", DIRECTIONS[0]].astype(np.float32))
@@ -60,6 +63,8 @@ def test_bytes_of_a_scan_over_topics_are_those_in_process(bench: Bench, in_proce
     [
         ("Scan", {"size_x": 1.0}, "outside the travel of the scanner"),
         ("Scan", {"lines": 0}, "lines = 0 is not allowed: it must be a whole number >= 1"),
+        ("Scan", {"line_rate": 1e-308}, "line_rate = 1e-308 Hz is not allowed: it must be > 5e-07 Hz"),
+        ("FrictionLoop", {"count": 100_000}, "count = 100000 is not allowed: it must be"),
         ("Scan", {"line_rate": 1e6}, "with pixels = 128: a pixel would be less than a sample"),
         ("Scan", {"direction": "sideways"}, "direction = sideways is not allowed: it must be one of up, down"),
         ("MoveTo", {"x": 1.0}, "x = 1 m is outside the travel of the scanner"),
@@ -128,6 +133,7 @@ def test_cancelled_goal_keeps_what_was_measured_and_leaves_the_tip_withdrawn(
     told = bench.end(handle)
     assert (told.status, told.result.success) == (GoalStatus.STATUS_CANCELED, False)
     assert told.result.message == "Scan was cancelled; the tip is withdrawn"
+    assert told.result.scan == bench.simulator._microscope._lines.number > 0
     assert told.result.lines_done >= (2 if moment is behind_the_first_lines else 0)
     assert not bench.near
     assert not bench.simulator.run.instrument.in_contact

@@ -11,6 +11,8 @@ from .bench import Bench
 from .verbs import Scan
 
 _Place = tuple[float, float]
+_LONGEST = 1e6
+"""Of the image part of a line [s]; samples beyond it could not be counted."""
 _TURN = 1.0
 """A turn takes at least so many periods of the scanner's resonance, and so does a rounded corner."""
 
@@ -36,6 +38,8 @@ def lines(scan: Scan, bench: Bench) -> LinePlan:
     """
     sample, each = bench.sample_period, bench.samples_per_tick
     image_time = 0.5 / (scan.line_rate * (1.0 + scan.overscan))
+    if not image_time < _LONGEST:
+        raise VerbError(f"line_rate = {scan.line_rate:g} Hz is not allowed: it must be > {0.5 / _LONGEST:g} Hz")
     per_pixel = round(image_time / (scan.pixels * sample))
     most = 0.5 / (scan.pixels * sample * (1.0 + scan.overscan))
     if per_pixel < 1:

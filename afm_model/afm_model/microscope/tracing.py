@@ -109,12 +109,16 @@ class Following(Job):
             yield Task(Order(piece), duration, detail, None if number else self._collect, goes_on=number > 0)
 
     def _collect(self, first: int) -> RecordCollector:
-        self._collector = recorder(self.bench, list(_PATH), first, self.verb.sample_rate)
+        self._collector = self._recorder(first)
         return self._collector
+
+    def _recorder(self, first: int) -> RecordCollector:
+        return recorder(self.bench, list(_PATH), first, self.verb.sample_rate)
 
     def result(self) -> PathRecord:
         """The path as far as it came."""
-        record = self._collector.record() if self._collector else _nothing(len(_PATH))
+        # Without samples, too, every channel has its unit.
+        record = (self._collector or self._recorder(0)).record()
         channels = dict(zip(_PATH.values(), record.channels.values(), strict=True))
-        units = dict(zip(_PATH.values(), record.units.values(), strict=False))
+        units = dict(zip(_PATH.values(), record.units.values(), strict=True))
         return PathRecord(self.verb, Record(record.time, channels, units))

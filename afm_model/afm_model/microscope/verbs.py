@@ -19,6 +19,7 @@ _Trigger = Annotated[NonNegative, Unit("V")]
 _Rate = Annotated[Positive, Unit("Hz")]
 _Force = Annotated[NonNegative, Unit("N")]
 _Count = Annotated[int, Ge(1), Le(1_000_000)]
+_Lines = Annotated[int, Ge(1), Le(8192)]
 _Samples = Annotated[Positive, Unit("Hz")]
 
 
@@ -87,7 +88,7 @@ class FrictionLoop(Verb):
     length: _Length = Field(10e-9, description="of the line, whose middle is where the scanner stands")
     angle: _Angle = Field(0.0, description="of the line against x, counterclockwise")
     line_rate: _Rate = Field(10.0, description="lines a second; a line is trace and retrace")
-    count: _Count = Field(2, description="lines; the first one begins in the middle and is not part of the result")
+    count: _Lines = Field(2, description="lines; the first one begins in the middle and is not part of the result")
     sample_rate: _Samples = Field(50e3, description="samples of the result; each is a mean over samples of the ADC")
 
 
@@ -102,7 +103,7 @@ class Scan(Verb):
     )
     angle: _Angle = Field(0.0, description="of the fast direction against x, counterclockwise")
     pixels: Annotated[int, Ge(2), Le(8192)] = Field(128, description="in a line")
-    lines: Annotated[int, Ge(1), Le(8192)] = Field(128, description="of the image")
+    lines: _Lines = Field(128, description="of the image")
     line_rate: _Rate = Field(1.0, description="lines a second; a line is trace and retrace")
     overscan: Annotated[float, Ge(0.01), Le(2.0)] = Field(
         0.1, description="time of a turn over that of the image part of a line; the turns are rounded"
@@ -162,7 +163,7 @@ class CalibrateLateral(Verb):
     setpoint_to: Annotated[Positive, Unit("N")] = Field(40e-9, description="largest setpoint")
     setpoints: Annotated[int, Ge(2), Le(100)] = Field(4, description="in even steps")
     line_rate: _Rate = Field(1.0, description="lines a second; a line is trace and retrace")
-    lines: _Count = Field(2, description="at each setpoint; the first one is not used")
+    lines: _Lines = Field(2, description="at each setpoint; the first one is not used")
 
 
 VERBS: dict[str, type[Verb]] = {

@@ -110,6 +110,12 @@ class Attendance:
         if state in (*_STOPPED, State.APPROACHING):
             raise VerbError(f"the run is {state.title}: {detail}")
 
+    def begin(self, verb: Any) -> None:
+        """Begin something; what needs no time, such as a move to where the scanner stands, is over at once."""
+        self.attendant.begin(verb)
+        if not self.attendant.busy:
+            self._over(self.attendant.outcome())
+
     def reset(self) -> None:
         """Begin anew with the instrument, which has been reset."""
         if self.attendant.busy:

@@ -169,7 +169,7 @@ class Run:
         if self._attendance is None:
             raise VerbError("this instrument takes no orders: start it with reference.kind = verbs")
         self._attendance.refuse(self.state, self._life.detail)
-        self._attendance.attendant.begin(verb)
+        self._attendance.begin(verb)
         if self.ticking and self._course.parameters.run.mode == "lockstep":
             self._pacing.resume()
             self._watch.start()

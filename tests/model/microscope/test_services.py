@@ -83,6 +83,24 @@ def test_a_cancelled_scan_keeps_the_lines_that_were_measured():
     assert (lateral[3:] != lateral[3:]).all()  # NaN
 
 
+@pytest.mark.parametrize("verb", [PATH, FrictionLoop(length=10e-9, line_rate=10.0)], ids=["path", "loop"])
+def test_a_verb_cancelled_before_its_first_sample_has_a_result_of_none_that_goes_over_topics(verb):
+    microscope = local(block_ticks=10)
+    microscope.execute(APPROACH)
+    microscope.execute(MoveTo(x=-20e-9))
+    microscope.operator.begin(verb)
+    microscope.operator.cancel()
+    while microscope.operator.busy:
+        microscope.step()
+    result = microscope.operator.outcome().result
+    if isinstance(verb, ScanPath):
+        # A message of it has a unit for each channel.
+        assert result.record.units == {"x": "m", "y": "m", "height": "m", "error": "V", "lateral": "N"}
+        assert {len(values) for values in result.record.channels.values()} == {0}
+    else:
+        assert len(result.lateral) == len(result.time) == 0
+
+
 def test_a_verb_during_another_one_is_refused_and_disturbs_nothing():
     microscope = local(block_ticks=10)
     microscope.operator.begin(APPROACH)
