@@ -12,7 +12,7 @@ from verbs_bench import APPROACH, ENDLESS, INSTRUMENT, LAW
 from afm_bringup import remote
 from afm_bringup.remote import Remote
 from afm_model.errors import VerbError
-from afm_model.microscope.results import Line
+from afm_model.microscope.results import FAILED, Line
 from afm_model.run import State
 from afm_sim_node.node import SimNode
 
@@ -88,6 +88,13 @@ def test_second_interrupt_leaves_a_paused_run_and_its_tip_is_withdrawn_behind_th
     assert (served.simulator.run.state, served.simulator.run.attendant.busy) == (State.PAUSED, True)
     served.simulator.run.play()
     served.wait_for_rest()
+
+
+def test_simulator_that_ends_in_good_order_answers_its_goal(served: Served) -> None:
+    served.approach()
+    served.then = lambda: served.simulator.finish(lambda timeout: served.graph.executor.spin_once(timeout))
+    outcome = served.client.execute(ENDLESS, on_line=served.on_line)
+    assert (outcome.status, outcome.message) == (FAILED, "the simulator was ended")
 
 
 def test_microscope_that_is_started_anew_during_a_verb_is_told_as_ended(
