@@ -1,5 +1,6 @@
 """A microscope that runs somewhere else, on topics: what is asked of it here is done there."""
 
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -136,12 +137,14 @@ class Remote:
         return ""
 
     def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
-        """See `Backend`. Ctrl-C cancels the verb.
+        """See `Backend`. Ctrl-C cancels the verb, as does what `check`, `on_progress` or `on_line` raises.
 
         Raises
         ------
         Interrupted
             After Ctrl-C: the tip is withdrawn; it has what was measured.
+        KeyboardInterrupt
+            After another Ctrl-C, if the verb has not come to its end meanwhile: a run that is paused cancels nothing.
         VerbError
             If the microscope does not answer, or has ended.
         """
@@ -149,6 +152,7 @@ class Remote:
         client = self._action(name)
         self._lines = Arriving(verb, self._time, on_line) if isinstance(verb, Scan) else None
         news, self._cancel, self.outcome = self._news, False, None
+        there = partial(self._serves, client.server_is_ready, self._publishers())
 
         def on_feedback(message: Any) -> None:
             if on_progress is not None:
@@ -156,21 +160,30 @@ class Remote:
 
         with Interrupts() as interrupts:
             sent = client.send_goal_async(goal_of(verb), feedback_callback=on_feedback)
-            self._wait(sent.done, name, client)
+            self._wait(sent.done, name, there)
             goal = sent.result()
             if not goal.accepted:
                 raise VerbError(f"{name} was refused without a sentence: another program serves {TOPICS[name]}")
             ended = goal.get_result_async()
-            cancelling = False
+            cancelled_at = math.inf
 
             def over() -> bool:
-                nonlocal cancelling
-                if (interrupts.there or self._cancel) and not cancelling:
-                    cancelling = True
+                nonlocal cancelled_at
+                if (interrupts.there or self._cancel) and cancelled_at == math.inf:
+                    cancelled_at = time.monotonic()
                     goal.cancel_goal_async()
-                return bool(ended.done())
+                if ended.done():
+                    return True
+                if interrupts.times > 1 and time.monotonic() > cancelled_at + _SETTLED:
+                    raise KeyboardInterrupt
+                return False
 
-            self._wait(over, name, client)
+            try:
+                self._wait(over, name, there)
+            except BaseException:
+                on_progress = self._lines = None
+                self._abandon(goal, ended)
+                raise
             answer = ended.result()
             cancelled = answer.status == GoalStatus.STATUS_CANCELED
             image, missing = self._image(answer.result)
@@ -258,14 +271,30 @@ class Remote:
             if time.monotonic() >= limit:
                 return False
 
-    def _wait(self, predicate: Callable[[], bool], name: str, client: ActionClient) -> None:
+    def _publishers(self) -> set[bytes]:
+        """Which microscopes there are: one that was started anew is another one."""
+        infos = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topics.MICROSCOPE))
+        return {bytes(info.endpoint_gid) for info in infos}
+
+    def _serves(self, ready: Callable[[], bool], microscopes: set[bytes]) -> bool:
+        """Whether one of these microscopes is there, and ready."""
+        return ready() and not (microscopes and microscopes.isdisjoint(self._publishers()))
+
+    def _abandon(self, goal: Any, ended: Any) -> None:
+        """Cancel a verb for which nobody waits any more, and give it a moment to withdraw the tip."""
+        goal.cancel_goal_async()
+        # What has brought the verb to this end counts, not what comes of it.
+        with suppress(Exception):
+            self._spin_until(ended.done, _SETTLED)
+
+    def _wait(self, predicate: Callable[[], bool], name: str, there: Callable[[], bool]) -> None:
         """Serve callbacks until `predicate` holds; raise if the microscope is no longer there."""
-        there = time.monotonic()
+        seen = time.monotonic()
         while not self._spin_until(predicate, 0.2):
             now = time.monotonic()
-            if client.server_is_ready():
-                there = now
-            elif now > there + _GONE:
+            if there():
+                seen = now
+            elif now > seen + _GONE:
                 raise VerbError(f"the microscope has ended while {name} was being done")
 
     def _action(self, name: str) -> ActionClient:
@@ -281,10 +310,11 @@ class Remote:
         client, news = self._services[topic], self._news
         if not self._spin_until(client.service_is_ready, PATIENCE):
             raise VerbError(f"the microscope does not serve {topic} (waited {PATIENCE:g} s)")
+        there = partial(self._serves, client.service_is_ready, self._publishers())
         answered = client.call_async(kind.Request(**values))
         # Another sample or probe: what is compiled for it may take a while.
         while not self._spin_until(answered.done, PATIENCE):
-            if not client.service_is_ready():
+            if not there():
                 raise VerbError(f"the microscope has ended without an answer to {topic}")
         if not answered.result().success:
             raise ParameterError(answered.result().message)

@@ -66,6 +66,14 @@ class Microscope:
             Chore(self._lines.publish_images, _IMAGES_PERIOD),
         )
 
+    def finish(self, spin_once: Callable[[float], None]) -> None:
+        """End what is being done, and answer its goal."""
+        attendant = self._run.attendant
+        if attendant.busy:
+            attendant.give_up("the simulator was ended")
+            self.verb_over(attendant.outcome())
+        self._verbs.finish(spin_once)
+
     def close(self) -> None:
         """Let the node be destroyed."""
         self._verbs.close()

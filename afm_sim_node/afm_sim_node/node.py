@@ -157,9 +157,11 @@ class SimNode(Node):
         if self._standard is not None:
             self._standard.look()
 
-    def finish(self, spin_once: object) -> None:
-        """Publish the last samples before the node ends."""
+    def finish(self, spin_once: Callable[[float], None]) -> None:
+        """Publish the last samples before the node ends, and answer the last goal."""
         self.run.flush()
+        if self._microscope is not None:
+            self._microscope.finish(spin_once)
         self._reporter.publish_status()
         self._streams.wait_for_delivery(_DELIVERY_TIMEOUT)
         self._reporter.wait_for_delivery(_DELIVERY_TIMEOUT)

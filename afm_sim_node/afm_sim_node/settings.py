@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
-import yaml
 from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
 from rclpy.node import Node
 
@@ -82,21 +81,27 @@ def _values(names: Sequence[str], values: Sequence[str]) -> dict[str, Any]:
     Raises
     ------
     ParameterError
-        If it is none.
+        If a name has no value, or several.
     """
     if len(names) != len(values):
         raise ParameterError(f"{len(names)} names with {len(values)} values are not allowed: each name needs one value")
-    read: dict[str, Any] = {}
-    for name, text in zip(names, values, strict=True):
-        try:
-            value = yaml.safe_load(text)
-        except yaml.YAMLError:
-            value = None
-        if not isinstance(value, bool | int | float | str):
-            raise ParameterError(f"{name} = {text} is not allowed: it must be a number, true, false or a word")
-        # YAML reads 1e-9, without a point, as a word.
-        try:
-            read[name] = float(value) if isinstance(value, str) else value
-        except ValueError:
-            read[name] = value
+    read = {name: _value(text) for name, text in zip(names, values, strict=True)}
+    for name in read:
+        if names.count(name) > 1:
+            raise ParameterError(f"the name {name} stands twice: each name needs one value")
+        if read[name] == "":
+            raise ParameterError(f"{name} =  is not allowed: it must be a number, true, false or a word")
     return read
+
+
+def _value(text: str) -> bool | int | float | str:
+    """Not by YAML: to it `010` is 8 and `1:30` is 90, and it raises errors of many kinds, which would end the node."""
+    word = text.strip()
+    if word.lower() in ("true", "false"):
+        return word.lower() == "true"
+    for number in (int, float):
+        try:
+            return number(word)
+        except ValueError:
+            continue
+    return word

@@ -1,5 +1,6 @@
 """Verbs of the microscope as actions."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -20,6 +21,9 @@ from .clients import Feedback
 
 _RESULT_KEPT = 30
 """Wall time for which a result is kept for a client that asks for it [s]: a night of force curves is some gigabytes."""
+
+_LAST_WORDS = 0.3
+"""Wall time that a node which ends leaves for the answer to its last goal [s]."""
 
 
 class PatientServer(ActionServer):
@@ -83,6 +87,7 @@ class Verbs:
         self._log = node.get_logger()
         self._feedback: dict[str, Feedback] = {}
         self._going: Going | None = None
+        self._unanswered = 0
         self.scan = 0
         """Number of the scan that was begun last."""
         self.last = ""
@@ -102,6 +107,14 @@ class Verbs:
         """Let the node be destroyed."""
         for server in self._servers.values():
             server.destroy()
+
+    def finish(self, spin_once: Callable[[float], None]) -> None:
+        """Answer a goal that has just come to its end: the node ends, nobody else would."""
+        if self._unanswered:
+            # Its client asks for the result in a message of its own.
+            limit = time.monotonic() + _LAST_WORDS
+            while time.monotonic() < limit:
+                spin_once(_LAST_WORDS / 10.0)
 
     def look(self) -> None:
         """Tell the client how far its verb is, and see whether it is still there; a few times a second."""
@@ -171,6 +184,7 @@ class Verbs:
         """Send the result."""
 
         def conclude(goal: ServerGoalHandle) -> Any:
+            self._unanswered -= 1
             if goal.is_cancel_requested:
                 if result.success:
                     result.success, result.message = False, f"{name} was cancelled at its end; the tip is withdrawn"
@@ -181,6 +195,7 @@ class Verbs:
                 goal.abort()
             return result
 
+        self._unanswered += 1
         self._servers[name].answer(goal, conclude)
 
     def _withdraw(self) -> None:

@@ -25,6 +25,8 @@ class Interrupts:
     def __init__(self) -> None:
         self.there = False
         """Whether somebody has pressed it."""
+        self.times = 0
+        """How often."""
         self._before: Any = None
 
     def __enter__(self) -> "Interrupts":
@@ -34,6 +36,7 @@ class Interrupts:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.there = True
+        self.times += 1
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -1,0 +1,109 @@
+"""A microscope on topics as `Remote` meets it on bad days: a caller that fails, a simulator started anew, a pause."""
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+
+import pytest
+from support import TIMEOUT, Graph, ros_arguments
+from verbs_bench import APPROACH, ENDLESS, INSTRUMENT, LAW
+
+from afm_bringup import remote
+from afm_bringup.remote import Remote
+from afm_model.errors import VerbError
+from afm_model.microscope.results import FAILED, Line
+from afm_model.run import State
+from afm_sim_node.node import SimNode
+
+
+class Served:
+    """A simulator and its client in one thread: each turn of the client is one of the simulator."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        self.simulator = graph.add(SimNode())
+        self.limit = time.monotonic() + TIMEOUT
+        self.client = Remote(check=self.turn)
+        self.then = self.nothing
+
+    def nothing(self) -> None:
+        """What is done once, with the first line of a scan."""
+
+    def turn(self) -> None:
+        assert time.monotonic() < self.limit, "the client waits for ever"
+        self.graph.spin()
+
+    def on_line(self, line: Line) -> None:
+        do, self.then = self.then, self.nothing
+        do()
+
+    def start_anew(self) -> None:
+        self.graph.remove(self.simulator)
+        self.simulator = self.graph.add(SimNode())
+
+    def approach(self) -> None:
+        self.limit = time.monotonic() + TIMEOUT
+        if not self.client.state.approached:
+            assert self.client.execute(APPROACH).message == ""
+
+    def wait_for_rest(self) -> None:
+        self.graph.spin_until(lambda: not self.simulator.run.attendant.busy)
+        assert not self.simulator.run.attendant.state.near
+
+
+@pytest.fixture(scope="module")
+def served() -> Iterator[Served]:
+    with Graph(ros_arguments(INSTRUMENT | LAW)) as graph:
+        made = Served(graph)
+        yield made
+        made.limit = time.monotonic() + TIMEOUT
+        made.client.close()
+
+
+def test_what_the_caller_raises_cancels_the_verb_and_withdraws_the_tip(served: Served) -> None:
+    served.approach()
+
+    def fail() -> None:
+        raise ZeroDivisionError
+
+    served.then = fail
+    with pytest.raises(ZeroDivisionError):
+        served.client.execute(ENDLESS, on_line=served.on_line)
+    served.wait_for_rest()
+
+
+def test_second_interrupt_leaves_a_paused_run_and_its_tip_is_withdrawn_behind_the_pause(served: Served) -> None:
+    served.approach()
+
+    def pause() -> None:
+        served.simulator.run.pause()
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    served.then = pause
+    with pytest.raises(KeyboardInterrupt) as raised:
+        served.client.execute(ENDLESS, on_line=served.on_line)
+    assert raised.type is KeyboardInterrupt
+    assert (served.simulator.run.state, served.simulator.run.attendant.busy) == (State.PAUSED, True)
+    served.simulator.run.play()
+    served.wait_for_rest()
+
+
+def test_simulator_that_ends_in_good_order_answers_its_goal(served: Served) -> None:
+    served.approach()
+    served.then = lambda: served.simulator.finish(lambda timeout: served.graph.executor.spin_once(timeout))
+    outcome = served.client.execute(ENDLESS, on_line=served.on_line)
+    assert (outcome.status, outcome.message) == (FAILED, "the simulator was ended")
+
+
+def test_microscope_that_is_started_anew_during_a_verb_is_told_as_ended(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served.approach()
+    monkeypatch.setattr(remote, "_GONE", 0.1)
+    served.then = served.start_anew
+    with pytest.raises(VerbError, match="the microscope has ended while Scan was being done"):
+        served.client.execute(ENDLESS, on_line=served.on_line)
+    # The new one takes verbs of the same client.
+    served.approach()
