@@ -151,7 +151,8 @@ class Verbs:
         try:
             verb = verb_of(name, goal.request)
             self._begin(name, verb, goal, partial(self._over, name, goal, result))
-        except (ParameterError, VerbError) as error:
+        except (ParameterError, VerbError, ArithmeticError, ValueError) as error:
+            # Numbers too large or too small to compute with are no reason to end either.
             self._log.warning(f"{name} was refused: {error}")
             result.message = str(error)
             self._answer(name, goal, result)
@@ -167,7 +168,7 @@ class Verbs:
         self._going = Going(name, goal, over)
         try:
             self._run.begin(verb)
-        except VerbError:
+        except Exception:
             self._going = None
             raise
         self._changed()

@@ -13,14 +13,15 @@ from ..schema import Group, NonNegative, Positive, Unit
 
 _Metre = Annotated[float, Unit("m")]
 _Length = Annotated[Positive, Unit("m")]
-_Speed = Annotated[Positive, Unit("m/s")]
+_Speed = Annotated[float, Ge(1e-12), Le(1.0), Unit("m/s")]
+_Rest = Annotated[float, Ge(0), Le(1e4), Unit("s")]
 _Angle = Annotated[float, Unit("rad")]
 _Trigger = Annotated[NonNegative, Unit("V")]
 _Rate = Annotated[Positive, Unit("Hz")]
 _Force = Annotated[NonNegative, Unit("N")]
 _Count = Annotated[int, Ge(1), Le(1_000_000)]
 _Lines = Annotated[int, Ge(1), Le(8192)]
-_Samples = Annotated[Positive, Unit("Hz")]
+_Samples = Annotated[float, Ge(1e-3), Le(1e9), Unit("Hz")]
 
 
 class Verb(Group):
@@ -32,7 +33,7 @@ class Approach(Verb):
 
     rate: _Speed = Field(1e-6, description="velocity of z towards the sample")
     range: _Length = Field(5e-6, description="way of z at most; without a sample within it the tip is withdrawn again")
-    settle: Annotated[Positive, Unit("s")] = Field(
+    settle: Annotated[float, Gt(0), Le(1e4), Unit("s")] = Field(
         20e-3, description="rest before it, whose mean deflection is the zero, and with feedback behind it"
     )
 
@@ -57,7 +58,7 @@ class ForceCurve(Verb):
 
     lift: _Length = Field(200e-9, description="z is first withdrawn by this from where it stands")
     ramp: _Length = Field(400e-9, description="way of an approach at most")
-    settle: Annotated[Positive, Unit("s")] = Field(
+    settle: Annotated[float, Gt(0), Le(1e4), Unit("s")] = Field(
         2e-3, description="rest before an approach; the trigger counts from the mean deflection in it"
     )
     approach_rate: _Speed = Field(1e-6, description="velocity of z on the way to the sample")
@@ -68,7 +69,7 @@ class ForceCurve(Verb):
     trigger_force: _Force = Field(
         0.0, description="the same as force of the cantilever; 0, too: an approach ends with the ramp"
     )
-    dwell: Annotated[NonNegative, Unit("s")] = Field(0.0, description="rest at the end of an approach, z held")
+    dwell: _Rest = Field(0.0, description="rest at the end of an approach, z held")
     count: _Count = Field(1, description="curves, one after the other")
     sample_rate: _Samples = Field(50e3, description="samples of the result; each is a mean over samples of the ADC")
 

@@ -1,13 +1,26 @@
 """Claims about verbs at the edge of what can be: end of the range of z, no trigger, hard presses, errors of callers."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from afm_model.microscope import Microscope, labelled
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED
-from afm_model.microscope.verbs import CalibrateSensitivity, ForceCurve, Scan, Withdraw
+from afm_model.microscope.verbs import (
+    VERBS,
+    Approach,
+    CalibrateSensitivity,
+    ForceCurve,
+    Scan,
+    ScanPath,
+    ThermalTune,
+    Withdraw,
+)
 from afm_model.program.force_curve import APPROACH as APPROACHING
 from afm_model.program.force_curve import DWELL, RETRACT
+from afm_model.schema import specifications
 
 from .test_local import APPROACH, local
 
@@ -118,3 +131,38 @@ def test_a_withdrawal_that_the_range_of_z_ends_says_so(approached):
         f"z went {z - low:.4g} m, not distance = 2e-06 m: its range ends there, and the tip may still touch the sample"
     )
     assert approached.instrument.orders.onboard.z == pytest.approx(low)
+
+
+def extremes():
+    """Every number of every verb, very large and very small, as far as the verb takes it at all."""
+    for verb, (name, field) in ((each, item) for each in VERBS.values() for item in each.model_fields.items()):
+        if field.annotation not in (float, int):
+            continue
+        spec = next(each for each in specifications(verb) if each.name == name)
+        ends = (1e-308, 1e308) if field.annotation is float else (1, 10**9)
+        low, high = (end if given is None else given for end, given in zip(ends, (spec.lower, spec.upper), strict=True))
+        for value in (low or ends[0], min(high, ends[1])):
+            path = {"x": (0.0, 1e-7), "y": (0.0, 0.0)} if verb is ScanPath else {}
+            with suppress(ValidationError):
+                yield verb(**path, **{name: value})
+
+
+def test_verb_with_a_number_of_any_size_is_refused_in_a_sentence_or_can_be_cancelled():
+    microscope, begun = local(), 0
+    for verb in extremes():
+        if not microscope.state.approached and not isinstance(verb, Approach | ThermalTune):
+            microscope = local()  # wherever the last one has moved z to
+            assert microscope.execute(APPROACH).status == COMPLETE
+        told = microscope.objection(verb)
+        if told:
+            assert " is not allowed" in told or "must be" in told or "outside" in told, told
+            continue
+        begun += 1
+        microscope.operator.begin(verb)
+        microscope.step()
+        microscope.operator.cancel()
+        while microscope.operator.busy:
+            microscope.step()
+        # One that is over at once has done what it was asked for.
+        assert microscope.operator.outcome().status != CANCELLED or not microscope.instrument.in_contact, verb
+    assert begun > 20
