@@ -108,10 +108,10 @@ def _in_process(scan: Scan, repeats: int) -> list[dict[str, float]]:
     return figures
 
 
-def measure(folder: Path, lines: int = 64, repeats: int = 3) -> dict[str, Any]:
+def measure(folder: Path, lines: int = 128, repeats: int = 3) -> dict[str, Any]:
     """Both take turns; `wall_s` and `cpu_s` are medians."""
     law = load_scenario(SCENARIO).controller.law.kind
-    scan = Scan(size_x=1e-6, pixels=64, lines=lines, line_rate=10.0)
+    scan = Scan(size_x=1e-6, pixels=128, lines=lines, line_rate=5.0)
     over, inside = [], []
     for _ in range(repeats):
         inside += _in_process(scan, 1)
