@@ -10,7 +10,7 @@ fi
 # Building against the old install would only bring in what is to be replaced.
 rm -rf build install log
 . "$root/.venv/bin/activate"
-echo "Building the ROS workspace (once: about 1 min of processor time) ..."
+echo "Building the ROS workspace (once: about 3 min of processor time) ..."
 if ! python -m colcon build --event-handlers console_direct- console_cohesion- status- desktop_notification- terminal_title- \
   > "$root/ros2_ws/build.log" 2>&1; then
   tail -n 40 "$root/ros2_ws/build.log" >&2
