@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from action_msgs.msg import GoalStatus
 from afm_msgs.msg import Microscope, ScanLine
+from quick_lever import INSTRUMENT, LAW
 from rclpy.action import ActionClient
 from support import Graph, Observer
 
@@ -17,24 +18,6 @@ from afm_node_common import topics
 from afm_node_common.verbs import TOPICS, goal_of, type_of
 from afm_sim_node.node import SimNode
 
-INSTRUMENT = {
-    "plant.kind": "lever",
-    "plant.scanner": "flexure_90um",
-    "plant.gap": 20e-9,
-    "plant.control_period": 100e-6,
-    "piezo.limit": 50.0,
-    "detector.sample_period": 10e-6,
-    "sample.kind": "patches",
-    "sample.width": 10e-9,
-    "onboard.kind": "pi",
-    "onboard.setpoint_force": 10e-9,
-    "onboard.integral_gain": 10e-6,
-    "reference.kind": "verbs",
-}
-LAW = {"law.kind": "pid", "law.period": 100e-6}
-KNOWN = {f"scanner.f_{axis}": f for axis, f in (("x", 500.0), ("y", 500.0), ("z", 5e3))} | {
-    f"scanner.xi_{axis}": 0.025 for axis in "xyz"
-}
 APPROACH = Approach(rate=10e-6, range=2e-6, settle=2e-3)
 SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=2, line_rate=20.0, overscan=0.2, speed=5e-6)
 ENDLESS = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=8000, line_rate=20.0)

@@ -6,8 +6,9 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from quick_lever import INSTRUMENT, LAW
 from support import TIMEOUT, Graph, ros_arguments
-from verbs_bench import APPROACH, ENDLESS, INSTRUMENT, LAW
+from verbs_bench import APPROACH, ENDLESS
 
 from afm_bringup import remote
 from afm_bringup.remote import Remote

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
 from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
+from quick_lever import INSTRUMENT, LAW
 from sensor_msgs.msg import Image as ImageMessage
 from support import Command, Graph, ros_arguments
-from verbs_bench import APPROACH, ENDLESS, INSTRUMENT, LAW, SCAN, Bench, assert_same, scan_in_process
+from verbs_bench import APPROACH, ENDLESS, SCAN, Bench, assert_same, scan_in_process
 
 from afm_model.microscope.results import DIRECTIONS, Image
 from afm_model.microscope.verbs import VERBS, ForceCurve, MoveTo, ScanPath, Withdraw

@@ -1,14 +1,14 @@
 """What verbs measure, over real topics: the numbers of the same verbs in process, progress, and cancels on the way."""
 
-import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from quick_lever import INSTRUMENT, LAW, OVER_THE_WEDGE, WEDGE
 from support import Graph, ros_arguments
-from verbs_bench import APPROACH, INSTRUMENT, LAW, Bench
+from verbs_bench import APPROACH, Bench
 
 from afm_bringup.remote import Remote
 from afm_model import SimParameters, build
@@ -29,38 +29,16 @@ from afm_model.microscope.verbs import (
 )
 from afm_node_common.verbs import outcome_of
 
-ANGLE, STEP, TOP = math.radians(25.0), 60e-9, 100e-9
-RUN = STEP / math.tan(ANGLE)
-PITCH = 2.0 * RUN + 200e-9
-SLOPE = 0.5 * (PITCH - TOP - RUN)
-WEDGE = {
-    "plant.gap": 400e-9,
-    "plant.temperature": 295.0,
-    "sample.kind": "grating",
-    "sample.angle": ANGLE,
-    "sample.step": STEP,
-    "sample.top": TOP,
-    "sample.pitch": PITCH,
-    "sample.edge_radius": 12e-9,
-}
-PARAMETERS = {name: value for name, value in INSTRUMENT.items() if not name.startswith("sample.")} | WEDGE | LAW
+PARAMETERS = {name: value for name, value in INSTRUMENT.items() if not name.startswith("sample.")} | LAW
+PARAMETERS |= {f"sample.{name}": value for name, value in WEDGE.items()}
+PARAMETERS |= {"plant.gap": 400e-9, "plant.temperature": 295.0}
 """A lever with thermal noise over a wedge."""
 
 LOOP = FrictionLoop(length=10e-9, line_rate=20.0, sample_rate=10e3)
 PATH = ScanPath(x=(0.0, 10e-9, 10e-9), y=(0.0, 0.0, 20e-9), speed=1e-6, sample_rate=10e3)
 CURVES = ForceCurve(lift=100e-9, ramp=200e-9, approach_rate=20e-6, retract_rate=20e-6, trigger_force=20e-9)
 SENSITIVITY = CalibrateSensitivity(count=2, lift=50e-9, rate=2e-6)
-LATERAL = CalibrateLateral(
-    slope_from=SLOPE - 0.25 * RUN,
-    slope_to=SLOPE + 0.25 * RUN,
-    flat_from=-15e-9,
-    flat_to=15e-9,
-    slope_angle=ANGLE,
-    setpoint_to=30e-9,
-    setpoints=3,
-    line_rate=4.0,
-)
-SEQUENCE = (ThermalTune(duration=0.2), APPROACH, LOOP, PATH, SENSITIVITY, LATERAL)
+SEQUENCE = (ThermalTune(duration=0.2), APPROACH, LOOP, PATH, SENSITIVITY, OVER_THE_WEDGE)
 """The verbs from the start on, in order."""
 MEASURING = tuple(verb for verb in SEQUENCE if verb != APPROACH)
 
@@ -126,7 +104,7 @@ LASTING: tuple[Verb, ...] = (
     PATH.model_copy(update={"speed": 1e-10}),
     ThermalTune(duration=600.0),
     SENSITIVITY.model_copy(update={"count": 100_000}),
-    LATERAL.model_copy(update={"lines": 8192}),
+    OVER_THE_WEDGE.model_copy(update={"lines": 8192}),
 )
 """What takes so long that only a cancel ends it in a test."""
 

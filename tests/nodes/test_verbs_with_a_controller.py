@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from quick_lever import INSTRUMENT, KNOWN, LAW
 from support import Graph, write_scenario
-from verbs_bench import APPROACH, INSTRUMENT, KNOWN, LAW, SCAN, Bench, assert_same, scan_in_process
+from verbs_bench import APPROACH, SCAN, Bench, assert_same, scan_in_process
 
 from afm_controller_node.node import ControllerNode
 

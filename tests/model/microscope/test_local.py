@@ -4,35 +4,13 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from quick_lever import KNOWN, LAW, LEVER
 
 from afm_model import ControllerParameters, SimParameters, VerbError, build
 from afm_model.analysis import force_curve
 from afm_model.microscope.local import Local
 from afm_model.microscope.verbs import Approach, ForceCurve, MoveTo, Scan, Withdraw
 
-QUICK = {
-    "plant.kind": "lever",
-    "plant.scanner": "flexure_90um",
-    "plant.gap": 20e-9,
-    "plant.control_period": 100e-6,
-    "piezo.limit": 50.0,
-    "detector.sample_period": 10e-6,
-    "sample.kind": "patches",
-    "sample.width": 10e-9,
-    "onboard.kind": "pi",
-    "onboard.setpoint_force": 10e-9,
-    "onboard.integral_gain": 10e-6,
-}
-LAW = {
-    "law.kind": "pid",
-    "law.period": 100e-6,
-    "scanner.f_x": 500.0,
-    "scanner.f_y": 500.0,
-    "scanner.f_z": 5e3,
-    "scanner.xi_x": 0.025,
-    "scanner.xi_y": 0.025,
-    "scanner.xi_z": 0.025,
-}
 APPROACH = Approach(rate=10e-6, range=200e-9, settle=10e-3)
 SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=16, lines=2, line_rate=20.0)
 
@@ -40,8 +18,8 @@ SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=16, lines=2, line_rate=20.0)
 def local(block_ticks: int | None = None, **values: float | str) -> Local:
     changes = {name.replace("__", "."): value for name, value in values.items()}
     return Local(
-        build(SimParameters, QUICK | changes),
-        build(ControllerParameters, LAW),
+        build(SimParameters, LEVER | changes),
+        build(ControllerParameters, LAW | KNOWN),
         block_ticks=block_ticks,
         hashed=True,
     )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from quick_lever import INSTRUMENT, LAW
 
 from afm_model import Controller, SimParameters, VerbError, build
 from afm_model.microscope.local import Local
@@ -13,22 +14,6 @@ from afm_model.run import Listeners, Run, State
 
 from .hand import START, HandLink
 
-QUICK = {
-    "plant.kind": "lever",
-    "plant.scanner": "flexure_90um",
-    "plant.gap": 20e-9,
-    "plant.control_period": 100e-6,
-    "piezo.limit": 50.0,
-    "detector.sample_period": 10e-6,
-    "sample.kind": "patches",
-    "sample.width": 10e-9,
-    "onboard.kind": "pi",
-    "onboard.setpoint_force": 10e-9,
-    "onboard.integral_gain": 10e-6,
-    "reference.kind": "verbs",
-    "law.kind": "pid",
-    "law.period": 100e-6,
-}
 APPROACH = Approach(rate=10e-6, range=200e-9, settle=2e-3)
 SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=2, line_rate=20.0)
 NIGHT: tuple[Verb, ...] = (
@@ -52,7 +37,7 @@ class Bench:
     """A run with an operator; drives of a law elsewhere are sent by hand."""
 
     def __init__(self, **changes: object) -> None:
-        given = QUICK | changes
+        given = INSTRUMENT | LAW | changes
         if given["law.kind"] == "external":
             del given["law.period"]
         self.parameters: SimParameters = with_verbs(build(SimParameters, given))  # type: ignore[arg-type]
@@ -91,7 +76,7 @@ class Bench:
 @pytest.fixture(scope="module")
 def night() -> tuple[list[Outcome], str]:
     """The same verbs in process: how they ended, and the trajectory."""
-    parameters = build(SimParameters, QUICK)
+    parameters = build(SimParameters, INSTRUMENT | LAW)
     inside = parameters.controller_inside
     assert inside is not None
     local = Local(parameters, inside, hashed=True)
@@ -108,7 +93,7 @@ def test_verbs_of_a_run_give_the_bytes_of_verbs_in_process(way: str, night: tupl
     expected, sha = night
     bench = Bench(**WAYS[way])
     if way == "elsewhere":
-        inside = build(SimParameters, QUICK).controller_inside
+        inside = build(SimParameters, INSTRUMENT | LAW).controller_inside
         assert inside is not None
         bench.law = Controller(inside)
     done = [bench.do(verb) for verb in NIGHT]
@@ -213,7 +198,7 @@ def test_another_instrument_begins_anew() -> None:
     first = bench.do(APPROACH)
     bench.do(Withdraw())
     sha = bench.run.instrument.trajectory_sha256()
-    changed = build(SimParameters, QUICK | {"plant.gap": 15e-9})
+    changed = build(SimParameters, INSTRUMENT | LAW | {"plant.gap": 15e-9})
     bench.run.exchange(with_verbs(changed))
     assert (bench.run.state, bench.run.instrument.ticks) == (State.WAITING, 0)
     bench.run.step()
