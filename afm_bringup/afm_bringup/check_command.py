@@ -7,7 +7,7 @@ from pathlib import Path
 from afm_model import ScenarioError
 
 from .parameter_file import write_parameters
-from .scenario import read_scenario
+from .scenario import add_overrides, read_scenario
 
 
 def main() -> int:
@@ -16,12 +16,7 @@ def main() -> int:
         prog="check_scenario", description="Check a scenario, and write the parameters that it gives the nodes."
     )
     parser.add_argument("scenario", help="name of a scenario, or a scenario file")
-    parser.add_argument(
-        "--overrides",
-        type=Path,
-        metavar="FILE",
-        help="parameter file that counts in place of the scenario's parameters",
-    )
+    add_overrides(parser)
     parser.add_argument(
         "--write", type=Path, metavar="FILE", help="write what was read and checked, for --params-file of any node"
     )

@@ -17,7 +17,7 @@ from afm_node_common.runner import Interrupted
 
 from .domain import claim_domain
 from .follow import STALL_TIMEOUT
-from .scenario import foreign_sections, read_scenario
+from .scenario import add_overrides, foreign_sections, read_scenario
 from .session import COMPOSED, EXTERNAL, OWN, Session, SessionError
 
 
@@ -46,12 +46,7 @@ def _arguments() -> argparse.Namespace:
         dest="controller",
         help="simulator and controller in one process, on the same topics",
     )
-    parser.add_argument(
-        "--overrides",
-        type=Path,
-        metavar="FILE",
-        help="parameter file that counts in place of the scenario's parameters",
-    )
+    add_overrides(parser)
     parser.add_argument(
         "--namespace",
         default=topics.NAMESPACE,

@@ -16,7 +16,7 @@ from .command import claimed_domain, end
 from .files import config
 from .first_sample import write_sample
 from .scan_session import ScanSession
-from .scenario import read_scenario
+from .scenario import add_overrides, read_scenario
 from .session import SessionError
 
 _FIRST = "first_image"
@@ -47,12 +47,7 @@ def _arguments() -> argparse.Namespace:
         "scenario", nargs="?", default="", help="name of a scenario, or a scenario file, with reference.kind: verbs"
     )
     parser.add_argument("--out", required=True, type=Path, help="folder for the results")
-    parser.add_argument(
-        "--overrides",
-        type=Path,
-        metavar="FILE",
-        help="parameter file that counts in place of the scenario's parameters",
-    )
+    add_overrides(parser)
     parser.add_argument(
         "--namespace",
         default=topics.NAMESPACE,

@@ -1,5 +1,6 @@
 """Scenarios by name, read and checked."""
 
+import argparse
 from pathlib import Path
 
 from afm_model import Scenario, load_scenario
@@ -25,6 +26,16 @@ def read_scenario(name: str, overrides: Path | None = None) -> Scenario:
         If it is not found or not allowed.
     """
     return load_scenario(name, {"afm_recorder_node": RecorderParameters}, InProcess, overrides)
+
+
+def add_overrides(parser: argparse.ArgumentParser) -> None:
+    """Let a command be given `overrides` of `read_scenario`."""
+    parser.add_argument(
+        "--overrides",
+        type=Path,
+        metavar="FILE",
+        help="parameter file that counts in place of the scenario's parameters",
+    )
 
 
 def foreign_sections(scenario: Scenario) -> list[str]:
