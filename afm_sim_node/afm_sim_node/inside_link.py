@@ -8,14 +8,14 @@ from afm_msgs.msg import Measurement
 from numpy.typing import NDArray
 from rclpy.node import Node
 
-from afm_model.run import Link
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 
+from .link import NodeLink
 from .peers import Peers
 
 
-class InsideLink(Link):
+class InsideLink(NodeLink):
     """Asks nobody: nothing is published on `measurement` and no drive is taken.
 
     The publisher of `measurement` is there all the same: by it everybody sees that this simulator is.
@@ -30,9 +30,8 @@ class InsideLink(Link):
     """
 
     def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
+        super().__init__(parameters, peers, recorders)
         self._presence = node.create_publisher(Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
-        self._recorders = recorders if parameters.run.wait_for_recorder else None
-        self._peers = peers
         self._law = parameters.law.kind
         self.fast_path: dict[str, bool] = {}
         """Which short cuts of the control loop are there: none is needed."""
@@ -48,17 +47,6 @@ class InsideLink(Link):
     def arrived(self) -> float:
         """Nothing has."""
         return time.monotonic()
-
-    def ready(self) -> bool:
-        """Whether a recorder is there, if one is asked for."""
-        if self._recorders is not None and not self._recorders():
-            return False
-        self._peers.look(force=True)
-        return True
-
-    def objection(self) -> str:
-        """The sentence about a second simulator."""
-        return self._peers.rivalry()
 
     @property
     def controller(self) -> str:

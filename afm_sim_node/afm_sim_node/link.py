@@ -19,7 +19,34 @@ from afm_node_common.process import SimNodeParameters
 from .peers import Peers
 
 
-class TopicLink(Link):
+class NodeLink(Link):
+    """What every link of a simulator node asks about other nodes.
+
+    Parameters
+    ----------
+    parameters : SimNodeParameters
+    peers : Peers
+    recorders : callable
+        How many subscribers receive every recording stream.
+    """
+
+    def __init__(self, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
+        self._recorders = recorders if parameters.run.wait_for_recorder else None
+        self._peers = peers
+
+    def ready(self) -> bool:
+        """Whether a recorder is there, if one is asked for."""
+        if self._recorders is not None and not self._recorders():
+            return False
+        self._peers.look(force=True)
+        return True
+
+    def objection(self) -> str:
+        """The sentence about a second simulator."""
+        return self._peers.rivalry()
+
+
+class TopicLink(NodeLink):
     """Publishes measurements and takes drives, serialized, with nothing in between. The clock is `time.monotonic`.
 
     Parameters
@@ -34,6 +61,7 @@ class TopicLink(Link):
     """
 
     def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
+        super().__init__(parameters, peers, recorders)
         fast = parameters.process.fast_codec
         measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
         self._inbox = Inbox(node, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
@@ -43,9 +71,7 @@ class TopicLink(Link):
         self._encode, self._publish = measurements.encode, self._outbox.publish
         self._decode, self._take = drives.decode, self._inbox.take
         self._period_ns = parameters.plant.control_period * 1e9
-        self._recorders = recorders if parameters.run.wait_for_recorder else None
         self._info: Any = None
-        self._peers = peers
         self.fast_path = {
             "direct takes": self._inbox.direct and self._outbox.direct,
             "fast codec": measurements.fast and drives.fast,
@@ -79,16 +105,7 @@ class TopicLink(Link):
 
     def ready(self) -> bool:
         """Whether a controller is matched both ways, and if it is asked for a recorder."""
-        if not self._inbox.publishers or not self._outbox.subscribers:
-            return False
-        if self._recorders is not None and not self._recorders():
-            return False
-        self._peers.look(force=True)
-        return True
-
-    def objection(self) -> str:
-        """The sentence about a second simulator."""
-        return self._peers.rivalry()
+        return bool(self._inbox.publishers and self._outbox.subscribers) and super().ready()
 
     @property
     def controller(self) -> str:
