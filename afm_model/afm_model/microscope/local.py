@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from ..controller import Controller
-from ..errors import DivergenceError, DriveError, PartError, VerbError
+from ..errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
 from ..instrument import Instrument
 from ..parameters import ControllerParameters, InstrumentParameters, build, flatten
 from ..schema import Value
@@ -143,6 +143,10 @@ class Local:
             self.execute(Withdraw())
 
 
+_OF_THE_LOOP = ("control_period", "delay_ticks", "seed")
+"""Parameters of the group `plant` that belong to the control loop and to the run."""
+
+
 def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Value]) -> Any:
     """Parameters with another sample or probe.
 
@@ -165,6 +169,10 @@ def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Val
     what = "probe" if group == "plant" else group
     if desk.near or desk.doing:
         raise VerbError(f"another {what} is not allowed while the tip may touch the sample: withdraw it first")
+    if group == "plant" and (others := [name for name in _OF_THE_LOOP if name in changes]):
+        raise ParameterError(
+            f"plant.{others[0]} is no property of a probe: it is chosen with the scenario, when the instrument starts"
+        )
     values = flatten(parameters)
     if "kind" in changes:
         values = {name: value for name, value in values.items() if not name.startswith(f"{group}.")}

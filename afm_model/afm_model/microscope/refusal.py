@@ -124,7 +124,7 @@ def _too_fast(name: str, rate: float, trigger: float, way: float, bench: Bench) 
 
 
 def _frame(plan: LinePlan, bench: Bench) -> Iterator[str]:
-    yield from _outside(bench, "with its turns the scan reaches to ", plan.corners)
+    yield from _outside(bench, "with its turns the scan goes too far: ", plan.corners)
 
 
 def _channels(verb: Scan, bench: Bench) -> Iterator[str]:

@@ -173,6 +173,8 @@ def test_another_sample_or_probe_is_put_in_only_with_the_tip_withdrawn():
     microscope.execute(Withdraw(rate=50e-6))
     with pytest.raises(ParameterError, match=r"unknown parameter sample.strenght: did you mean sample.strength"):
         microscope.set_sample({"strenght": 0.2})
+    with pytest.raises(ParameterError, match=r"plant.control_period is no property of a probe"):
+        microscope.set_probe({"lever": "contal_g", "control_period": 1e-4})
     microscope.set_sample({"kind": "flat"})
     microscope.set_probe({"lever": "contal_g"})
     assert microscope.time == 0.0
