@@ -30,6 +30,10 @@ SERVE_PERIOD = 0.02
 """Wall time between two looks at timers, parameters, services and actions while the loop is busy [s]."""
 _EVENTS_EVERY = 50
 """Events of the middleware are looked at in one of so many looks: once a second."""
+_LOOKING = 0.002
+"""Part of the time that looks may take: between two ticks of a loop at 20 kHz one costs 100 us, with cold caches."""
+_LATEST = 0.05
+"""Wall time between two looks at most [s]."""
 SERVE_AGAIN = 0.005
 """The same after something was found: a goal is answered in three steps, and one look serves one of them [s]."""
 
@@ -208,7 +212,7 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
     turn = SERVE_PERIOD / len(made)
     # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
     patience = SERVE_PERIOD if len(nodes) == 1 else 0.001
-    look_at, serve_at, period = 0.0, 0.0, turn
+    serve_at, look_at, period = 0.0, 0.0, turn
     while not stop.requested:
         busy = False
         for node in nodes:
@@ -218,14 +222,18 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
             nodes[0].wait(min(patience, period))
         now = time.monotonic()
         # Right after a tick there is time for it, right before the next one there may not be.
-        if now >= serve_at and (busy or now >= serve_at + period):
-            if now >= look_at:
-                for node in nodes:
-                    node.serve_periodic()
-                look_at = now + SERVE_PERIOD
+        if now >= serve_at and (busy or now >= serve_at + SERVE_PERIOD):
+            for node in nodes:
+                node.serve_periodic()
+            serve_at = now + SERVE_PERIOD
+            if busy:
+                continue
+        if now >= look_at and (busy or now >= look_at + period):
+            begin = time.monotonic()
             waiting = next(looks)
             ready = waiting()
+            took = time.monotonic() - begin
             if ready or waiting.unfinished:
                 spin_once(0.0)
-            period = SERVE_AGAIN if ready else turn
-            serve_at = now + period
+            period = SERVE_AGAIN if ready else min(max(turn, took / _LOOKING), _LATEST)
+            look_at = now + period

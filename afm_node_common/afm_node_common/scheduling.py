@@ -4,7 +4,7 @@ import ctypes
 import os
 import re
 import resource
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
@@ -30,16 +30,17 @@ def apply(process: Process, warn: Callable[[str], object]) -> None:
         limited = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] != resource.RLIM_INFINITY and os.geteuid() != 0
         if limited or _libc.mlockall(_MCL_CURRENT | _MCL_FUTURE) != 0:
             warn("process.lock_memory: memory cannot be locked here (allow it: ulimit -l unlimited); going on without")
+    everywhere = os.sched_getaffinity(0)
     if process.cpu >= 0:
-        try:
-            os.sched_setaffinity(0, {process.cpu})
-        except OSError:
-            there = ", ".join(map(str, sorted(os.sched_getaffinity(0))))
-            warn(f"process.cpu = {process.cpu} cannot be had: there are {there}; going on without")
+        _bind([0], {process.cpu}, "process.cpu", warn)
     if process.fifo_priority > 0:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(process.fifo_priority))
             _raise_listeners(process)
+            if process.cpu >= 0 and everywhere - {process.cpu}:
+                # What waits behind the loop for its processor is let in by the system, for 50 ms of each second.
+                ordinary = [each for each in _threads() if os.sched_getscheduler(each) == os.SCHED_OTHER]
+                _bind(ordinary, everywhere - {process.cpu}, "process.cpu", warn)
         except OSError:
             warn(
                 f"process.fifo_priority = {process.fifo_priority} is not permitted "
@@ -47,11 +48,32 @@ def apply(process: Process, warn: Callable[[str], object]) -> None:
             )
 
 
+def bind_process(cpu: int, parameter: str, warn: Callable[[str], object]) -> None:
+    """Bind all threads of this process to a processor; -1: to none. `parameter` is named in the warning."""
+    if cpu >= 0:
+        _bind(_threads(), {cpu}, parameter, warn)
+
+
+def _bind(threads: Iterable[int], cpus: set[int], parameter: str, warn: Callable[[str], object]) -> None:
+    try:
+        for thread in threads:
+            with suppress(ProcessLookupError):
+                os.sched_setaffinity(thread, cpus)
+    except OSError:
+        there = ", ".join(map(str, sorted(os.sched_getaffinity(0))))
+        warn(f"{parameter} = {', '.join(map(str, cpus))} cannot be had: there are {there}; going on without")
+
+
+def _threads() -> list[int]:
+    """Of this process."""
+    return [int(task.name) for task in Path("/proc/self/task").iterdir()]
+
+
 def _raise_listeners(process: Process) -> None:
     """Give the middleware's threads through which a drive or a measurement comes one priority more than the loop."""
-    for task in Path("/proc/self/task").iterdir():
+    for thread in _threads():
         with suppress(OSError):
-            if _LISTENER.fullmatch((task / "comm").read_text().strip()):
-                os.sched_setscheduler(int(task.name), os.SCHED_FIFO, os.sched_param(process.fifo_priority + 1))
+            if _LISTENER.fullmatch(Path(f"/proc/self/task/{thread}/comm").read_text().strip()):
+                os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(process.fifo_priority + 1))
                 if process.cpu >= 0:
-                    os.sched_setaffinity(int(task.name), {process.cpu})
+                    os.sched_setaffinity(thread, {process.cpu})
