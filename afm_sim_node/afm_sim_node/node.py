@@ -89,6 +89,7 @@ class SimNode(Node):
             Listeners(changed=self._on_state, block=self._on_block, ended=self._on_end, verb_over=self._on_verb_over),
             block_ticks=_block_ticks(parameters),
             attend=self._attend() if parameters.reference.kind == "verbs" else None,
+            in_pieces=parameters.run.mode == "realtime",
         )
         """The life of the instrument."""
         self._streams = Streams(self, parameters, self.run.instrument.channels)
@@ -110,7 +111,7 @@ class SimNode(Node):
             Ears(self).listen(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
         self._clock_at = 0.0
         self._chores = Chores(
-            Chore(self.run.flush, _STATUS_PERIOD),
+            Chore(self.run.ticker.end_block, _STATUS_PERIOD),
             Chore(self._look_for_peers, _STATUS_PERIOD),
             Chore(self._faults.look, _STATUS_PERIOD),
             Chore(self._look_at_the_recorder, _STATUS_PERIOD),
@@ -131,15 +132,20 @@ class SimNode(Node):
     def wait(self, timeout: float) -> None:
         """Sleep until a drive or a deadline, or for `timeout` seconds of wall time."""
         if not self.run.ticking:
+            while self.run.ticker.do_one():
+                pass
             self._streams.publish_all()
             time.sleep(timeout)
         elif (deadline := self.run.deadline) is None:
             self._link.wait(timeout)
         else:
             left = deadline - time.monotonic()
-            if self._streams.waiting and left > _ROOM * self._period:
-                self._streams.publish_one()
-                return
+            if left > _ROOM * self._period:
+                if self.run.ticker.do_one():
+                    return
+                if self._streams.waiting:
+                    self._streams.publish_one()
+                    return
             left -= self.parameters.run.spin_time
             if left > 0.0:
                 time.sleep(min(left, timeout))

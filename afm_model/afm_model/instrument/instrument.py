@@ -1,9 +1,7 @@
 """The virtual instrument: measurement out, drive in, tick by tick, with no clock and no transport of its own."""
 
-import hashlib
 import math
 import sys
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,13 +15,14 @@ from ..parts.part import Channel
 from ..plant import tell
 from ..program import reference
 from ..records import record_at, size
-from ..signals import COMMAND, MEASUREMENT, TRUTH
+from ..signals import COMMAND, TRUTH
 from .block import LOOP, Layout, line_slots
 from .draws import Draws
 from .faults import Faults
 from .inside import Inside
 from .loop import fill_loop
 from .orders import Orders
+from .rows import Block, Cut, Rows
 from .score import ScoreSummary, summarize
 from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
 from .truth import truth_of_rows
@@ -37,18 +36,6 @@ _ZERO_AT_START = (
 _K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP = (
     list(LOOP.names or ()).index(name) for name in ("k", "row", "draw", "done", "clipped", "steep")
 )
-
-
-@dataclass(frozen=True)
-class Block:
-    """A stretch of consecutive control ticks, as recorded. Fields of records by name: `measurements["position"]`."""
-
-    first_tick: int
-    measurements: NDArray[Any]  # (ticks,) records of afm_model.signals.MEASUREMENT
-    drives: _Array  # (ticks, 3) [V], applied from each tick on
-    first_sample: int
-    samples: _Array  # (channels, samples), in the order of Instrument.channels; times Channel.scale in SI units
-    states: _Array  # (ticks, numbers): of the parts, at each tick; see Instrument.truth
 
 
 class Instrument:
@@ -85,10 +72,8 @@ class Instrument:
         self.samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         self._draws = Draws(layout, self.samples_per_tick)
         self._random = self._draws.numbers
-        self._state_size = layout.places["hashed_end"] - layout.places["hashed"]
-        self._rows = np.zeros((block_ticks, self._state_size + MEASUREMENT.itemsize // 8 + 3))
-        self._samples = np.zeros((len(layout.channels), block_ticks * self.samples_per_tick))
         self._state = self._block[layout.places["hashed"] : layout.places["hashed_end"]]
+        self._recorded = Rows(block_ticks, self._state.size, len(layout.channels), self.samples_per_tick, hashed=hashed)
         self._loop = self._block[layout.places["loop"] :].view(np.int64)
         self._commanded = CommandRecord(layout.array(self._block, "commanded"))
         self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
@@ -142,7 +127,7 @@ class Instrument:
         loop = layout.record(block, "loop")
         loop.in_force, loop.received = -1, layout.places["commanded"]
         self._faults.reset()
-        self._hash = hashlib.sha256()
+        self._recorded.reset()
         self.ticks = self._drawn = self._prepared = 0
         self._row = 0
         noise, position_noise = self._draws.first()
@@ -285,7 +270,7 @@ class Instrument:
             self._horizon_count[0] = 0
         if drive is not None:
             self._commanded.sequence[0] = self.ticks if sequence is None else sequence
-        outcome = advance(self._external, 1, self._block, self._random, self._rows, self._samples)
+        outcome = advance(self._external, 1, self._block, self._random, self._recorded.rows, self._recorded.samples)
         self._conclude(outcome, 0 if outcome == REFUSED else 1)
 
     def close_loop(self, controller: Controller, ticks: int) -> None:
@@ -310,7 +295,8 @@ class Instrument:
         while self.ticks < end:
             self._prepare()
             ticks = min(end, self._prepared) - self.ticks
-            outcome = advance(controller.block, ticks, self._block, self._random, self._rows, self._samples)
+            recorded = self._recorded
+            outcome = advance(controller.block, ticks, self._block, self._random, recorded.rows, recorded.samples)
             controller.raise_errors()
             self._conclude(outcome, int(self._loop[_DONE]))
             if self.orders.reached:
@@ -356,39 +342,43 @@ class Instrument:
 
     def take_block(self) -> Block:
         """The ticks since the last call, at any time; a block may hold fewer ticks than a full one, or none."""
-        rows = self._row
-        first = self.ticks - rows
-        recorded = self._rows[:rows].copy()
-        end = recorded.shape[1] - 3
-        measurements = np.ascontiguousarray(recorded[:, self._state_size : end]).view(MEASUREMENT)
-        block = Block(
-            first_tick=first,
-            measurements=measurements.reshape(rows).view(np.recarray),
-            drives=recorded[:, end:],
-            first_sample=first * self.samples_per_tick,
-            samples=self._samples[:, : rows * self.samples_per_tick].copy(),
-            states=recorded[:, : self._state_size],
-        )
-        self.skip_block()
-        return block
+        cut = self.cut_block()
+        self.hash_cut()
+        return self.block_of(cut)
+
+    def cut_block(self) -> Cut:
+        """`take_block` in three pieces, each of some microseconds: what was recorded goes, a new block begins.
+
+        Then `hash_cut`, and `block_of` what was cut off.
+        """
+        cut = self._recorded.cut(self.ticks - self._row, self._row)
+        self._row = self._loop[_ROW] = 0
+        return cut
+
+    def hash_cut(self) -> None:
+        """Hash what was cut off: it counts in `trajectory_sha256` with or without this."""
+        self._recorded.hash_cut()
+
+    def block_of(self, cut: Cut) -> Block:
+        """The block that was cut off."""
+        return self._recorded.block(cut)
 
     def skip_block(self) -> None:
-        """Forget the ticks since the last block: where nobody wants them, `take_block` without the copies."""
-        if self._hashed:
-            self._hash.update(self._rows[: self._row, : self._state_size].tobytes())
+        """Forget the ticks since the last block: where nobody wants them, `take_block` without a block."""
+        self._recorded.skip(self._row)
         self._row = self._loop[_ROW] = 0
 
     def trajectory_sha256(self) -> str:
         """SHA-256 over the bytes of the states of all parts at every tick up to now, this one included.
 
         The law is no part of the instrument: a trajectory has the same hash wherever its law runs.
+
+        Raises
+        ------
+        RuntimeError
+            If the instrument was made with hashed=False.
         """
-        if not self._hashed:
-            raise RuntimeError("this instrument was made with hashed=False")
-        digest = self._hash.copy()
-        digest.update(self._rows[: self._row, : self._state_size].tobytes())
-        digest.update(self._state.tobytes())
-        return digest.hexdigest()
+        return self._recorded.digest(self._row, self._state)
 
     def score(self) -> ScoreSummary:
         """Score of the run up to now."""

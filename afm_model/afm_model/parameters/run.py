@@ -31,6 +31,11 @@ class Run(Group):
     spin_time: Annotated[NonNegative, Unit("s")] = Field(
         0.0, description="realtime: wall time before each deadline in which the clock is polled instead of slept for"
     )
+    catch_up: Annotated[NonNegative, Unit("s")] = Field(
+        0.0,
+        description="realtime: a tick that begins late by no more wall time than this leaves no period out, the next "
+        "ones follow without waiting; one period at least",
+    )
     telemetry_rate: Annotated[float, Ge(0), Le(50), Unit("Hz")] = Field(
         50.0, description="messages on topic telemetry per second of wall time, at most; 0: none"
     )

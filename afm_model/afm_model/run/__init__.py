@@ -3,8 +3,9 @@
 from .counts import Counts, Snapshot
 from .latency import Latency
 from .link import Link
+from .listeners import Listeners
 from .replay import Replay, recorded_parameters
-from .run import Listeners, Run
+from .run import Run
 from .simulated import RealtimeSimulation, SimulatedLink, VirtualClock, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
 from .timing import Delays

@@ -31,7 +31,7 @@ class Realtime(Pacing):
         self._retract = Retract()
         self._answered = -1  # sequence of the measurement that the drive in force answers; -1: none does
         self._last_drive_at = self._linked_at = self._asked_at = math.nan
-        self._period = self._deadline = 0.0
+        self._period = self._deadline = self._catch_up = 0.0
 
     def start(self) -> None:
         """Hold the drive of the start; the first deadline is one period from now."""
@@ -57,6 +57,7 @@ class Realtime(Pacing):
         """Follow a change of the parameters: another period is a new series of deadlines."""
         parameters = self._course.parameters
         period = parameters.plant.control_period / parameters.run.real_time_factor
+        self._catch_up = max(parameters.run.catch_up, period)
         if period != self._period:
             self._period = period
             self._deadline = self._course.clock() + period
@@ -79,12 +80,14 @@ class Realtime(Pacing):
             return False
         course = self._course
         late = now - self._deadline
-        missed = int(late / self._period)
-        if missed:
-            # Periods left out stay left out: a burst of ticks would show the controller a time that never was.
+        self._deadline += self._period
+        if late >= self._period:
             course.counts.late_ticks += 1
-            course.counts.periods_missed += missed
-        self._deadline += (missed + 1) * self._period
+            if late >= self._catch_up:
+                # Periods left out stay left out: a burst of ticks would show the controller a time that never was.
+                missed = int(late / self._period)
+                course.counts.periods_missed += missed
+                self._deadline += missed * self._period
         round_trip = self._take_newest(now)
         if math.isnan(round_trip):
             if self._foreseen():

@@ -1,7 +1,7 @@
 """The life of a run: when it starts, goes on, stops and ends. No ROS, no sleeping, no clock of its own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,29 +17,12 @@ from .course import Course, Pacing
 from .guard import Guard
 from .law_inside import LawInside
 from .link import Link
+from .listeners import Listeners
 from .lockstep import Lockstep
 from .realtime import Realtime
 from .state import OVER, TICKING, Cause, Life, State
 from .ticker import Ticker
 from .timing import Delays, Stopwatch
-
-
-def _ignore(*_: object) -> None:
-    """Nobody listens."""
-
-
-@dataclass(frozen=True)
-class Listeners:
-    """Who is told what. They are called by `Run` between two ticks."""
-
-    changed: Callable[[], None] = _ignore
-    """changed(): the state or its detail has changed."""
-    block: Callable[[Block, NDArray[np.float32]], None] = _ignore
-    """block(block, round_trips): recorded ticks, and the round trips of them [s]; blocks join without a gap."""
-    ended: Callable[[], None] = _ignore
-    """ended(): the duration is over, every block has been handed on; the state becomes FINISHED next."""
-    verb_over: Callable[[Any], None] = _ignore
-    """verb_over(outcome): a verb has come to its end."""
 
 
 class Run:
@@ -59,6 +42,8 @@ class Run:
         Control ticks in a block.
     attend : Attending, optional
         Makes who orders verbs of the instrument. In lockstep simulated time then stands still while none is done.
+    in_pieces : bool
+        What a block takes besides its ticks is left to `ticker.do_one`; False: it is done with the last of them.
 
     Raises
     ------
@@ -74,6 +59,8 @@ class Run:
         listeners: Listeners | None = None,
         block_ticks: int = 500,
         attend: Attending | None = None,
+        *,
+        in_pieces: bool = False,
     ) -> None:
         self._listeners = listeners or Listeners()
         self._life = Life(self._on_change)
@@ -81,10 +68,12 @@ class Run:
         self._held = parameters.run.start_paused
         self.instrument = Instrument(parameters, block_ticks)
         """To read from; it is ticked here."""
+        self.ticker = Ticker(self.instrument, block_ticks, parameters.total_ticks, self._on_block, in_pieces=in_pieces)
+        """Ends blocks, and hands them on."""
         self._course = Course(
             parameters=parameters,
             instrument=self.instrument,
-            ticker=Ticker(self.instrument, block_ticks, parameters.total_ticks, self._on_block),
+            ticker=self.ticker,
             link=link,
             clock=clock,
             life=self._life,
@@ -307,7 +296,7 @@ class Run:
             self._fail(sentence)
 
     def flush(self) -> None:
-        """Hand on what was recorded since the last block."""
+        """Hand on all that was recorded up to now."""
         self._course.ticker.flush()
 
     def adapt(self, parameters: SimParameters) -> None:
@@ -326,7 +315,8 @@ class Run:
     def warm_up(self) -> None:
         """Compile or load the kernels by one tick, before the run has started."""
         self.instrument.tick(self.instrument.drive)
-        self._course.ticker.reset()
+        self.ticker.warm_up()
+        self.ticker.reset()
 
     def _choose_pacing(self) -> Pacing:
         parameters = self._course.parameters

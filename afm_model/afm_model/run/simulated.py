@@ -18,7 +18,8 @@ from ..parameters import SimParameters
 from .counts import Snapshot
 from .latency import Latency
 from .link import Link
-from .run import Listeners, Run
+from .listeners import Listeners
+from .run import Run
 from .state import State
 from .timing import Delays
 

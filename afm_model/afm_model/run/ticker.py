@@ -1,7 +1,10 @@
 """Ticks an instrument, keeps what each tick brought, and hands it on in blocks."""
 
 import math
+from array import array
+from collections import deque
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +12,15 @@ from numpy.typing import NDArray
 from ..command import Command
 from ..controller import Controller
 from ..errors import DriveError
-from ..instrument import Block, Instrument
+from ..instrument import Block, Cut, Instrument
 from .timing import DelayLog, Delays
 
 _Array = NDArray[np.float64]
 BlockListener = Callable[[Block, NDArray[np.float32]], None]
 """Called with a block and the round trips of its ticks [s], (ticks,); NaN where no drive arrived."""
+
+_MOST_WAITING = 30
+"""Pieces of work that wait at most: a run that leaves no time for them has to take it."""
 
 
 class Ticker:
@@ -28,26 +34,43 @@ class Ticker:
     total_ticks : int
         Ticks of the whole run; 0: endless.
     on_block : BlockListener
+    in_pieces : bool
+        A full block is handed on in pieces by `do_one`; False: at once.
     """
 
-    def __init__(self, instrument: Instrument, block_ticks: int, total_ticks: int, on_block: BlockListener) -> None:
+    def __init__(
+        self,
+        instrument: Instrument,
+        block_ticks: int,
+        total_ticks: int,
+        on_block: BlockListener,
+        *,
+        in_pieces: bool = False,
+    ) -> None:
         self._instrument = instrument
         self._block_ticks = block_ticks
         self._total_ticks = total_ticks
         self._on_block = on_block
         self._delays = DelayLog()
-        self._round_trips: list[float] = []
+        self._round_trips = array("d")
         self._doubtful: list[int] = []
+        self._in_pieces = in_pieces
+        self._waiting: deque[Callable[[], None]] = deque()
         self.note_delay = self._delays.note
         """note_delay(lateness, command_age): realtime, before `tick` [s]."""
         self._find_stop()
+
+    def warm_up(self) -> None:
+        """Compile or load what counts wall times."""
+        self._delays.count(*np.zeros((3, 1)))
 
     def reset(self) -> None:
         """Return the instrument to the start. What has not been handed on is lost: see `flush`."""
         self._instrument.reset()
         self._delays.reset()
-        self._round_trips.clear()
+        self._round_trips = array("d")
         self._doubtful.clear()
+        self._waiting.clear()
         self._find_stop()
 
     def tick(self, drive: _Array | Command | None, round_trip: float, sequence: int | None = None) -> bool:
@@ -67,7 +90,7 @@ class Ticker:
         # One comparison for the end of a block and that of the run: at this rate each one is felt.
         if self._instrument.ticks != self._stop_at:
             return True
-        self.flush()
+        self.end_block()
         return self._instrument.ticks != self._total_ticks
 
     def close_loop(self, controller: Controller, ticks: int) -> bool:
@@ -84,10 +107,10 @@ class Ticker:
         try:
             self._instrument.close_loop(controller, min(ticks, self._stop_at - before))
         finally:
-            self._round_trips += [math.nan] * (self._instrument.ticks - before)
+            self._round_trips.extend([math.nan] * (self._instrument.ticks - before))
         if self._instrument.ticks != self._stop_at:
             return True
-        self.flush()
+        self.end_block()
         return self._instrument.ticks != self._total_ticks
 
     def doubt_next(self) -> None:
@@ -95,17 +118,46 @@ class Ticker:
         self._doubtful.append(len(self._round_trips))
 
     def flush(self) -> None:
-        """Hand on the ticks since the last block, if there are any."""
+        """Hand on all ticks up to now."""
+        self._cut()
+        while self.do_one():
+            pass
+
+    def end_block(self) -> None:
+        """Hand on the ticks since the last block, if there are any, at once or in pieces."""
+        if not self._in_pieces:
+            self.flush()
+            return
+        self._cut()
+        while len(self._waiting) > _MOST_WAITING:
+            self.do_one()
+
+    def do_one(self) -> bool:
+        """Do a piece of the work on blocks that have ended, some 10 us of it; False if there is none."""
+        if not self._waiting:
+            return False
+        self._waiting.popleft()()
+        return True
+
+    def _cut(self) -> None:
+        """Set aside the ticks since the last block."""
         if self._round_trips:
-            round_trips = np.array(self._round_trips, np.float32)
-            self._round_trips.clear()
+            round_trips = np.frombuffer(self._round_trips)
+            self._round_trips = array("d")
             counted = round_trips
             if self._doubtful:
-                counted = np.delete(round_trips, [i for i in self._doubtful if i < round_trips.size])
+                counted = round_trips.copy()
+                counted[[i for i in self._doubtful if i < round_trips.size]] = math.nan
                 self._doubtful = [0] if round_trips.size in self._doubtful else []
-            self._delays.settle(counted)
-            self._on_block(self._instrument.take_block(), round_trips)
+            self._waiting += (
+                partial(self._delays.count, counted, *self._delays.take()),
+                self._instrument.hash_cut,
+                partial(self._hand_on, self._instrument.cut_block(), round_trips),
+            )
         self._find_stop()
+
+    def _hand_on(self, cut: Cut, round_trips: _Array) -> None:
+        self._on_block(self._instrument.block_of(cut), round_trips.astype(np.float32))
 
     def _find_stop(self) -> None:
         end = self._instrument.ticks + self._block_ticks

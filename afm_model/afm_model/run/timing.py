@@ -1,13 +1,31 @@
 """Wall times of a run: durations in histograms of constant size, and the run's own stopwatch."""
 
+import math
+from array import array
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..jit import routine
+
+_Array = NDArray[np.float64]
 _LOWEST, _HIGHEST = 1e-7, 1e3
 _PER_DECADE = 200
+
+
+@routine
+def _count(durations: _Array, counts: NDArray[np.int64]) -> float:
+    """Count durations [s] in the bins of a histogram; the largest of them, 0 if there is none."""
+    largest = 0.0
+    for duration in durations:
+        if not math.isfinite(duration):
+            continue
+        place = int(math.log10(max(duration, _LOWEST) / _LOWEST) * _PER_DECADE)
+        counts[min(place, len(counts) - 1)] += 1
+        largest = max(largest, duration)
+    return largest
 
 
 class Histogram:
@@ -18,15 +36,9 @@ class Histogram:
         self._counts = np.zeros(decades * _PER_DECADE, np.int64)
         self.largest = 0.0
 
-    def add(self, durations: NDArray[np.floating]) -> None:
-        """Count durations [s]; NaN is left out."""
-        values = durations[np.isfinite(durations)]
-        if values.size == 0:
-            return
-        bins = (np.log10(np.maximum(values, _LOWEST) / _LOWEST) * _PER_DECADE).astype(np.int64)
-        last = self._counts.size - 1
-        self._counts += np.bincount(np.minimum(bins, last), minlength=last + 1)
-        self.largest = max(self.largest, float(values.max()))
+    def add(self, durations: _Array) -> None:
+        """Count durations [s], (n,); NaN and infinite ones are left out."""
+        self.largest = max(self.largest, _count(durations, self._counts))
 
     def percentiles(self, *percents: float) -> list[float]:
         """Durations [s] that each so many percent of those counted do not exceed, to 1.2 %; NaN if none was counted."""
@@ -78,10 +90,6 @@ class Delays(NamedTuple):
     """Realtime: at each tick, since the measurement was published that the drive in force answers."""
 
 
-_SETTLED_TOGETHER = 2000
-"""Ticks whose wall times are counted at once."""
-
-
 class DelayLog:
     """Collects wall times tick by tick, as cheaply as a list does, and counts them block by block."""
 
@@ -91,41 +99,29 @@ class DelayLog:
     def reset(self) -> None:
         """Forget everything."""
         self._histograms = (Histogram(), Histogram(), Histogram())
-        self._round_trips: list[NDArray[np.floating]] = []
-        self._lateness: list[float] = []
-        self._ages: list[float] = []
-        self._unsettled = 0
+        self._lateness, self._ages = array("d"), array("d")
 
     def note(self, lateness: float, command_age: float) -> None:
         """Realtime: how late a tick was, and how old the measurement behind the drive in force [s]."""
         self._lateness.append(lateness)
         self._ages.append(command_age)
 
-    def settle(self, round_trips: NDArray[np.floating]) -> None:
-        """Count these round trips [s], and what was noted since the last call."""
-        self._round_trips.append(round_trips)
-        self._unsettled += len(round_trips)
-        # A histogram takes its time once for many values: some ten microseconds, which a tick would feel.
-        if self._unsettled >= _SETTLED_TOGETHER:
-            self._count()
+    def take(self) -> tuple[_Array, _Array]:
+        """Lateness and command ages that were noted since the last call [s]."""
+        noted = np.frombuffer(self._lateness), np.frombuffer(self._ages)
+        self._lateness, self._ages = array("d"), array("d")
+        return noted
 
-    def _count(self) -> None:
-        if not self._round_trips:
-            return
-        gathered = (np.concatenate(self._round_trips), np.array(self._lateness), np.array(self._ages))
-        for histogram, times in zip(self._histograms, gathered, strict=True):
-            histogram.add(times)
-        self._unsettled = 0
-        for values in (self._round_trips, self._lateness, self._ages):
-            values.clear()
+    def count(self, round_trips: _Array, lateness: _Array, ages: _Array) -> None:
+        """Count these wall times [s]."""
+        for histogram, durations in zip(self._histograms, (round_trips, lateness, ages), strict=True):
+            histogram.add(durations)
 
     @property
     def oldest_command(self) -> float:
         """Largest command age counted [s]."""
-        self._count()
         return self._histograms[2].largest
 
     def summary(self) -> Delays:
         """What was counted."""
-        self._count()
         return Delays(*(histogram.summary for histogram in self._histograms))

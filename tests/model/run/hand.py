@@ -76,7 +76,9 @@ class HandLink(Link):
 class Bench:
     """A run, its link, its clock, and what its listeners heard."""
 
-    def __init__(self, mode: str, ticks: int = 0, block_ticks: int = 500, **values: object) -> None:
+    def __init__(
+        self, mode: str, ticks: int = 0, block_ticks: int = 500, *, in_pieces: bool = False, **values: object
+    ) -> None:
         self.now = START
         self.told: list[tuple[State, str]] = []
         self.blocks: list[Block] = []
@@ -93,7 +95,9 @@ class Bench:
         }
         self.parameters = build(SimParameters, parameters | values)  # type: ignore[arg-type]
         listeners = Listeners(changed=self._changed, block=self._block, ended=self._ended)
-        self.run = Run(self.parameters, self.link, lambda: self.now, listeners, block_ticks=block_ticks)
+        self.run = Run(
+            self.parameters, self.link, lambda: self.now, listeners, block_ticks=block_ticks, in_pieces=in_pieces
+        )
         self.rest = float(self.run.instrument.drive[2])
 
     def _changed(self) -> None:

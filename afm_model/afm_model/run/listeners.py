@@ -1,0 +1,28 @@
+"""Who is told what happens in a run."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..instrument import Block
+
+
+def _ignore(*_: object) -> None:
+    """Nobody listens."""
+
+
+@dataclass(frozen=True)
+class Listeners:
+    """Who is told what. They are called by `Run` between two ticks."""
+
+    changed: Callable[[], None] = _ignore
+    """changed(): the state or its detail has changed."""
+    block: Callable[[Block, NDArray[np.float32]], None] = _ignore
+    """block(block, round_trips): recorded ticks, and the round trips of them [s]; blocks join without a gap."""
+    ended: Callable[[], None] = _ignore
+    """ended(): the duration is over, every block has been handed on; the state becomes FINISHED next."""
+    verb_over: Callable[[Any], None] = _ignore
+    """verb_over(outcome): a verb has come to its end."""
