@@ -62,7 +62,7 @@ class Ticker:
 
     def warm_up(self) -> None:
         """Compile or load what counts wall times."""
-        self._delays.count(*np.zeros((3, 1)))
+        self._delays.count(np.zeros(1, np.float32), np.zeros(1), np.zeros(1))
 
     def reset(self) -> None:
         """Return the instrument to the start. What has not been handed on is lost: see `flush`."""
@@ -142,7 +142,7 @@ class Ticker:
     def _cut(self) -> None:
         """Set aside the ticks since the last block."""
         if self._round_trips:
-            round_trips = np.frombuffer(self._round_trips)
+            round_trips = np.frombuffer(self._round_trips).astype(np.float32)
             self._round_trips = array("d")
             counted = round_trips
             if self._doubtful:
@@ -156,8 +156,8 @@ class Ticker:
             )
         self._find_stop()
 
-    def _hand_on(self, cut: Cut, round_trips: _Array) -> None:
-        self._on_block(self._instrument.block_of(cut), round_trips.astype(np.float32))
+    def _hand_on(self, cut: Cut, round_trips: NDArray[np.float32]) -> None:
+        self._on_block(self._instrument.block_of(cut), round_trips)
 
     def _find_stop(self) -> None:
         end = self._instrument.ticks + self._block_ticks

@@ -36,9 +36,9 @@ class Histogram:
         self._counts = np.zeros(decades * _PER_DECADE, np.int64)
         self.largest = 0.0
 
-    def add(self, durations: _Array) -> None:
+    def add(self, durations: NDArray[np.floating]) -> None:
         """Count durations [s], (n,); NaN and infinite ones are left out."""
-        self.largest = max(self.largest, _count(durations, self._counts))
+        self.largest = max(self.largest, _count(durations.astype(np.float64), self._counts))
 
     def percentiles(self, *percents: float) -> list[float]:
         """Durations [s] that each so many percent of those counted do not exceed, to 1.2 %; NaN if none was counted."""
@@ -112,7 +112,7 @@ class DelayLog:
         self._lateness, self._ages = array("d"), array("d")
         return noted
 
-    def count(self, round_trips: _Array, lateness: _Array, ages: _Array) -> None:
+    def count(self, round_trips: NDArray[np.float32], lateness: _Array, ages: _Array) -> None:
         """Count these wall times [s]."""
         for histogram, durations in zip(self._histograms, (round_trips, lateness, ages), strict=True):
             histogram.add(durations)
