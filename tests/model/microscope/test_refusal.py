@@ -32,7 +32,7 @@ def approached():
     [
         (Approach(), "Approach is not allowed: the tip is on the sample already; withdraw it first"),
         (MoveTo(y=-2e-6), "y = -2e-06 m is outside the travel of the scanner: it must be within +-1e-06 m"),
-        (Scan(size_x=2e-6), "with its turns the scan goes too far: x = -1.1e-06 m is outside the travel of the scanner"),
+        (Scan(size_x=2e-6), "with its turns the scan goes too far: x = -1.1e-06 m is outside the travel"),
         (Scan(angle=0.7, size_x=1.5e-6), "with its turns the scan goes too far: y = -1.101e-06 m"),
         (
             Scan(line_rate=1e3, pixels=128),
