@@ -98,6 +98,8 @@ CASES = [
     Case("200 us, friction +", 2e-4, 1, HIGH, 0.1, 1e-9),
     Case("200 us, nothing known", 2e-4, 1, NOTHING, 1.5, 1e-9),
     Case("200 us, learned", 2e-4, 1, LEARNED, 0.25, 6e-11, first=2.0, periods=3.0),
+    Case("500 us, exact", 5e-4, 1, EXACT, 0.25),
+    *(Case(f"1 ms, {s}", 1e-3, 1, law, 3.0) for s, law in (("exact", EXACT), ("friction -", LOW), ("friction +", HIGH))),
     Case("1 ms, packets, friction -", 1e-3, 1, LOW | PACKET, 0.15),
     Case("1 ms, packets, friction +", 1e-3, 1, HIGH | PACKET, 0.15),
 ]

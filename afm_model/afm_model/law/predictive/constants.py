@@ -17,6 +17,8 @@ SLOTS = LONGEST_HORIZON + 1
 """Drives of one answer, those in force before it included."""
 ANSWERS = LONGEST_HORIZON
 """Last answers that are kept. Of an older one nothing is left but its last drive, which the measurement tells."""
+LONG = 4.0
+"""Longest time for which a drive is held without being refined [1/w0]."""
 LONGEST_DELAY = 30
 """Control periods."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
@@ -38,6 +40,7 @@ _SCALARS = (
     "fine",  # fine intervals in a slot
     "horizon",  # fine intervals in the horizon
     "tau",  # length of a fine interval
+    "refined",  # one: the drive of a slot is long and refined
     "turn",  # lambda of the direction of friction
     "steps",  # of the prediction in a slot
     "dt",
@@ -86,7 +89,19 @@ CONSTANTS = record(
     "free",  # a control period of the free scanner, mean of x and y: transition, and of a drive
     "of_drive",
     vectors=("stiffness", "damping", "volts"),
-    integers=("slots", "delay", "count", "reserve", "fine", "horizon", "steps", "surface", "identified", "measured"),
+    integers=(
+        "slots",
+        "delay",
+        "count",
+        "reserve",
+        "fine",
+        "horizon",
+        "refined",
+        "steps",
+        "surface",
+        "identified",
+        "measured",
+    ),
     arrays={
         "K": (3, 2),
         "L": (3, 2),
@@ -164,6 +179,7 @@ def values(parameters: Tree) -> Numbers:
         "fine": division.fine,
         "horizon": n,
         "tau": slot / division.fine,
+        "refined": slot > LONG and n + division.fine <= INTERVALS,
         "turn": 1.0 - math.exp(-slot / max(division.response, slot)),
         "steps": steps,
         "dt": slot / steps,

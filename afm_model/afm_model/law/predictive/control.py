@@ -12,6 +12,7 @@ from .map import write_map
 from .observer import observe
 from .plant import predict
 from .reference import take_reference
+from .refine import refine
 from .reserve import extend, first_of_reserve
 
 
@@ -43,10 +44,13 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     observe(k, y, p, s)
     take_sample(y, p, s)
     s.at_x, s.at_y = s.X, s.Y
-    ask(p.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
+    # A drive is refined with what the next hold asks for.
+    ask(p.delay * p.slot, p.horizon + max(p.count - 1, p.refined) * p.fine, p, s)
     for i in range(p.delay + p.count):
         if i >= p.delay:
             decide((i - p.delay) * p.fine, i, p, s)
+            if i == p.delay and p.refined == 1:
+                refine(i, p, s)
         if i < p.delay + p.count - 1:
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
     planned = p.delay + p.count
