@@ -100,6 +100,7 @@ CASES = [
     Case("200 us, learned", 2e-4, 1, LEARNED, 0.25, 6e-11, first=2.0, periods=3.0),
     Case("500 us, exact", 5e-4, 1, EXACT, 0.25),
     *(Case(f"1 ms, {s}", 1e-3, 1, law, 3.0) for s, law in (("exact", EXACT), ("friction -", LOW), ("friction +", HIGH))),
+    Case("1 ms, learned", 1e-3, 1, LEARNED, 6.0, first=5.0, periods=6.0),
     Case("1 ms, packets, friction -", 1e-3, 1, LOW | PACKET, 0.15),
     Case("1 ms, packets, friction +", 1e-3, 1, HIGH | PACKET, 0.15),
 ]
@@ -114,13 +115,21 @@ def test_error_stays_within_what_is_promised(case):
     assert result.score.contact_fraction == 1.0
 
 
-def test_packets_at_1_ms_learn_the_line_in_two_periods():
-    law = {"law.surface": "learned", **PACKET}
-    assert error(run(1e-3, 1, law, 2.0, 3.0).score) < 0.7
+@pytest.mark.parametrize("beta", [12.5e-9, -12.5e-9])
+@pytest.mark.parametrize("wrong", [0.8, 1.0, 1.2])
+def test_packets_at_1_ms_learn_friction_and_line_in_two_periods(wrong, beta):
+    law = {"law.surface": "learned", "contact.tau": wrong * TAU, **PACKET}
+    assert error(run(1e-3, 1, law, 2.0, 3.0, sample__beta=beta).score) < 0.7
+
+
+def test_a_line_with_shorter_waves_than_the_law_assumes_is_learned_in_packets():
+    law = {"law.surface": "learned", "contact.tau": 0.8 * TAU, **PACKET}
+    waves = {"sample__k_x": 3e9, "sample__k_y": 3e9, "sample__beta": 5.5e-9}
+    assert error(run(1e-3, 1, law, 2.0, 3.0, **waves).score) < 0.7
 
 
 @pytest.mark.parametrize("wrong", [0.8, 1.2])
-def test_packets_at_1_ms_learn_friction_and_line_in_five_periods(wrong):
+def test_packets_at_1_ms_hold_height_and_friction_in_the_sixth_period(wrong):
     law = {"law.surface": "learned", "contact.tau": wrong * TAU, **PACKET}
     score = run(1e-3, 1, law, 5.0, 6.0).score
     assert error(score) < 0.7

@@ -21,10 +21,14 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
     """Learn from the measurement what is to be learned of the sample."""
     s.Q = p.a + y.deflection / p.z0
     s.load = p.w + p.eta_c2 * (s.Q - p.a)
-    if s.V_X == 0.0 and s.V_Y == 0.0:
-        # At rest the tip follows the scanner along z; while it slips along a line that it tracks it hardly moves.
-        held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
-        s.load += y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
+    # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
+    # after a correction.
+    held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
+    rise = y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
+    phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
+    follows = p.height * phase_rate * phase_rate
+    s.rise = rise - min(max(rise, -follows), follows)
+    s.load += s.rise
     if p.surface != KNOWN:
         take_height(p, s)
     ratio = 0.0
