@@ -146,6 +146,7 @@ def cost() -> list[str]:
         ("50 us + 6, nothing known", 5e-5, 6, {}),
         ("50 us + 1, learned", 5e-5, 1, {"law.surface": "learned"}),
         ("200 us + 1, nothing known", 2e-4, 1, {}),
+        ("1 ms + 1, nothing known", 1e-3, 1, {}),
         ("1 ms + 1, packet of 40", 1e-3, 1, PACKET),
     ):
         sim, controller = parameters(period, delay, law, {}, 0.5)
