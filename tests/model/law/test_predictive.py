@@ -207,6 +207,16 @@ def test_positions_alone_are_enough_at_50_us_with_nothing_known(delay, known):
     assert result.score.contact_fraction == 1.0
 
 
+@pytest.mark.parametrize("wrong", [0.8, 1.2])
+def test_positions_alone_learn_the_line_at_200_us_in_three_periods(wrong):
+    noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
+    law = {"law.feedback": "measured", "law.surface": "learned", "contact.tau": wrong * TAU}
+    result = run(2e-4, 1, law, 3.0, 4.0, **noise)
+    assert error(result.score) < 1.2
+    assert smoothness(result) < 2.0
+    assert result.score.contact_fraction == 1.0
+
+
 @pytest.mark.parametrize("plant", [{}, {"sample__beta": -12.5e-9}], ids=["sample", "upside down"])
 def test_positions_without_noise_are_enough_at_200_us_with_nothing_known(plant):
     assert error(run(2e-4, 1, {"law.feedback": "measured", **NOTHING}, **plant).score) < 1.2

@@ -36,6 +36,11 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
         u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     if p.surface == LEARNED:
+        if p.measured != 0:
+            # An estimate that is off by more than noise explains is wrong by that.
+            off_x, off_y = y.position[0] / p.x0 - s.X, y.position[1] / p.x0 - s.Y
+            off = off_x * off_x + off_y * off_y - (3.0 * p.position_noise) ** 2
+            s.doubt = p.uncertain + max(off, 0.0)
         write_map(measured_height(p, s), ratio, p, s)
 
 

@@ -25,6 +25,7 @@ STATE = record(
     "V_Z",
     "Q",  # the tip
     "load",  # on it
+    "doubt",  # variance of an estimated position
     "rise",  # acceleration along z by more than following the surface takes
     "at_x",  # where the scanner was at the last measurement
     "at_y",
