@@ -117,17 +117,19 @@ def test_error_stays_within_what_is_promised(case):
     assert result.score.contact_fraction == 1.0
 
 
-@pytest.mark.parametrize("beta", [12.5e-9, -12.5e-9])
+SURFACES = {
+    "sample": {},
+    "upside down": {"sample__beta": -12.5e-9},
+    "longer waves": {"sample__k_x": 1.7e9, "sample__k_y": 1.7e9},
+    "shorter waves than the law assumes": {"sample__k_x": 3e9, "sample__k_y": 3e9, "sample__beta": 5.5e-9},
+}
+
+
+@pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
 @pytest.mark.parametrize("wrong", [0.8, 1.0, 1.2])
-def test_packets_at_1_ms_learn_friction_and_line_in_two_periods(wrong, beta):
+def test_packets_at_1_ms_learn_friction_and_line_in_two_periods(wrong, surface):
     law = {"law.surface": "learned", "contact.tau": wrong * TAU, **PACKET}
-    assert error(run(1e-3, 1, law, 2.0, 3.0, sample__beta=beta).score) < 0.7
-
-
-def test_a_line_with_shorter_waves_than_the_law_assumes_is_learned_in_packets():
-    law = {"law.surface": "learned", "contact.tau": 0.8 * TAU, **PACKET}
-    waves = {"sample__k_x": 3e9, "sample__k_y": 3e9, "sample__beta": 5.5e-9}
-    assert error(run(1e-3, 1, law, 2.0, 3.0, **waves).score) < 0.7
+    assert error(run(1e-3, 1, law, 2.0, 3.0, **surface).score) < 0.7
 
 
 @pytest.mark.parametrize("wrong", [0.8, 1.2])

@@ -36,6 +36,7 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
         u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     if p.surface == LEARNED:
+        s.doubt = 0.0
         if p.measured != 0:
             # An estimate that is off by more than noise explains is wrong by that.
             off_x, off_y = y.position[0] / p.x0 - s.X, y.position[1] / p.x0 - s.Y
