@@ -116,6 +116,11 @@ def noise() -> list[str]:
                 measured = {"law.feedback": "measured"} | law | known
                 result = simulate(*parameters(period, delay, measured, NOISE, first))
                 rows.append([rate, told, f"{first:g}", *figures(result.score), f"{smoothness(result):.2f}"])
+    rate, period, delay, law = RATES[3]
+    _, known, _ = KNOWLEDGE[4]
+    for first in (2.0, 3.0, 5.0):
+        result = simulate(*parameters(period, delay, {"law.feedback": "measured"} | law | known, NOISE, first))
+        rows.append([rate, "learned", f"{first:g}", *figures(result.score), f"{smoothness(result):.2f}"])
     rate, period, delay, law = RATES[5]
     told, known, _ = KNOWLEDGE[0]
     for first in (0.5, 2.0):
@@ -146,6 +151,7 @@ def cost() -> list[str]:
         ("50 us + 6, nothing known", 5e-5, 6, {}),
         ("50 us + 1, learned", 5e-5, 1, {"law.surface": "learned"}),
         ("200 us + 1, nothing known", 2e-4, 1, {}),
+        ("1 ms + 1, nothing known", 1e-3, 1, {}),
         ("1 ms + 1, packet of 40", 1e-3, 1, PACKET),
     ):
         sim, controller = parameters(period, delay, law, {}, 0.5)

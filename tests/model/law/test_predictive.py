@@ -98,6 +98,11 @@ CASES = [
     Case("200 us, friction +", 2e-4, 1, HIGH, 0.1, 1e-9),
     Case("200 us, nothing known", 2e-4, 1, NOTHING, 1.5, 1e-9),
     Case("200 us, learned", 2e-4, 1, LEARNED, 0.25, 6e-11, first=2.0, periods=3.0),
+    Case("500 us, exact", 5e-4, 1, EXACT, 0.25),
+    Case("1 ms, exact", 1e-3, 1, EXACT, 3.0),
+    Case("1 ms, friction -", 1e-3, 1, LOW, 3.0),
+    Case("1 ms, friction +", 1e-3, 1, HIGH, 3.0),
+    Case("1 ms, learned", 1e-3, 1, LEARNED, 6.0, first=5.0, periods=6.0),
     Case("1 ms, packets, friction -", 1e-3, 1, LOW | PACKET, 0.15),
     Case("1 ms, packets, friction +", 1e-3, 1, HIGH | PACKET, 0.15),
 ]
@@ -112,13 +117,23 @@ def test_error_stays_within_what_is_promised(case):
     assert result.score.contact_fraction == 1.0
 
 
-def test_packets_at_1_ms_learn_the_line_in_two_periods():
-    law = {"law.surface": "learned", **PACKET}
-    assert error(run(1e-3, 1, law, 2.0, 3.0).score) < 0.7
+SURFACES = {
+    "sample": {},
+    "upside down": {"sample__beta": -12.5e-9},
+    "longer waves": {"sample__k_x": 1.7e9, "sample__k_y": 1.7e9},
+    "shorter waves than the law assumes": {"sample__k_x": 3e9, "sample__k_y": 3e9, "sample__beta": 5.5e-9},
+}
+
+
+@pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
+@pytest.mark.parametrize("wrong", [0.8, 1.0, 1.2])
+def test_packets_at_1_ms_learn_friction_and_line_in_two_periods(wrong, surface):
+    law = {"law.surface": "learned", "contact.tau": wrong * TAU, **PACKET}
+    assert error(run(1e-3, 1, law, 2.0, 3.0, **surface).score) < 0.7
 
 
 @pytest.mark.parametrize("wrong", [0.8, 1.2])
-def test_packets_at_1_ms_learn_friction_and_line_in_five_periods(wrong):
+def test_packets_at_1_ms_hold_height_and_friction_in_the_sixth_period(wrong):
     law = {"law.surface": "learned", "contact.tau": wrong * TAU, **PACKET}
     score = run(1e-3, 1, law, 5.0, 6.0).score
     assert error(score) < 0.7
@@ -189,6 +204,16 @@ def test_positions_alone_are_enough_where_the_surface_is_known(period, known):
 def test_positions_alone_are_enough_at_50_us_with_nothing_known(delay, known):
     noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
     result = run(5e-5, delay, {"law.feedback": "measured", **known}, 0.5, 1.0, **noise)
+    assert error(result.score) < 1.2
+    assert smoothness(result) < 2.0
+    assert result.score.contact_fraction == 1.0
+
+
+@pytest.mark.parametrize("wrong", [0.8, 1.2])
+def test_positions_alone_learn_the_line_at_200_us_in_three_periods(wrong):
+    noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
+    law = {"law.feedback": "measured", "law.surface": "learned", "contact.tau": wrong * TAU}
+    result = run(2e-4, 1, law, 3.0, 4.0, **noise)
     assert error(result.score) < 1.2
     assert smoothness(result) < 2.0
     assert result.score.contact_fraction == 1.0

@@ -102,6 +102,29 @@ def test_the_map_knows_height_and_friction_after_one_pass(rng):
         assert s.here == pytest.approx(1.0 + 0.1 * height(along), abs=5e-4)
 
 
+def test_a_map_of_places_one_and_a_half_radian_apart_knows_what_is_between(rng):
+    p, s = records(surface="learned")
+    travel(p, s, np.arange(0.0, 50.0, 1.5 * math.sqrt(2.0)), 1e-4, rng)
+    for along in np.arange(14.0, 32.0, 0.3):
+        s.height = s.here = math.nan
+        read_map(along / math.sqrt(2.0), along / math.sqrt(2.0), s)
+        assert s.height == pytest.approx(height(along), abs=5e-4)
+        assert s.here == pytest.approx(1.0 + 0.1 * height(along), abs=5e-4)
+
+
+@pytest.mark.parametrize(("doubted", "size"), [("rise", 0.3), ("doubt", 1.0)])
+def test_what_is_measured_while_the_load_rings_or_at_a_doubtful_place_hardly_changes_the_map(rng, doubted, size):
+    changes = []
+    for value in (0.0, size):
+        p, s = records(surface="learned")
+        travel(p, s, np.arange(0.0, 40.0, 0.28), 0.0, rng)
+        before, s[doubted] = np.array(s.map_ratio), value
+        s.X = s.Y = s.X + 0.2
+        write_map(height(s.X * math.sqrt(2.0)), 1.05, p, s)
+        changes.append(np.abs(s.map_ratio - before).max())
+    assert changes[1] < 0.01 * changes[0]
+
+
 def test_the_map_tells_nothing_ahead_and_beside_the_line(rng):
     p, s = records(surface="learned")
     travel(p, s, np.arange(0.0, 30.0, 0.28), 0.0, rng)

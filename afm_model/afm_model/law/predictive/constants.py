@@ -17,6 +17,8 @@ SLOTS = LONGEST_HORIZON + 1
 """Drives of one answer, those in force before it included."""
 ANSWERS = LONGEST_HORIZON
 """Last answers that are kept. Of an older one nothing is left but its last drive, which the measurement tells."""
+LONG = 4.0
+"""Longest time for which a drive is held without being refined [1/w0]."""
 LONGEST_DELAY = 30
 """Control periods."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
@@ -38,7 +40,9 @@ _SCALARS = (
     "fine",  # fine intervals in a slot
     "horizon",  # fine intervals in the horizon
     "tau",  # length of a fine interval
+    "refined",  # one: the drive of a slot is long and refined
     "turn",  # lambda of the direction of friction
+    "ring",  # part of a change of the load by which it still rings after a slot
     "steps",  # of the prediction in a slot
     "dt",
     "surface",
@@ -86,7 +90,19 @@ CONSTANTS = record(
     "free",  # a control period of the free scanner, mean of x and y: transition, and of a drive
     "of_drive",
     vectors=("stiffness", "damping", "volts"),
-    integers=("slots", "delay", "count", "reserve", "fine", "horizon", "steps", "surface", "identified", "measured"),
+    integers=(
+        "slots",
+        "delay",
+        "count",
+        "reserve",
+        "fine",
+        "horizon",
+        "refined",
+        "steps",
+        "surface",
+        "identified",
+        "measured",
+    ),
     arrays={
         "K": (3, 2),
         "L": (3, 2),
@@ -143,6 +159,7 @@ def values(parameters: Tree) -> Numbers:
     small = 0.01 / r
     f_0, up, down = bound(0.0, load_0), bound(small, load_0), bound(-small, load_0)
     dn = 1e-3 * L_s
+    delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
     measured = law.feedback == "measured"
     height_noise = math.hypot(_FLOOR, law.deflection_noise / z0 if measured else 0.0)
     ratio_noise = math.hypot(_FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
@@ -164,7 +181,9 @@ def values(parameters: Tree) -> Numbers:
         "fine": division.fine,
         "horizon": n,
         "tau": slot / division.fine,
+        "refined": slot > LONG and n + division.fine <= INTERVALS,
         "turn": 1.0 - math.exp(-slot / max(division.response, slot)),
+        "ring": math.exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
         "steps": steps,
         "dt": slot / steps,
         "surface": SURFACES[law.surface],
@@ -174,7 +193,7 @@ def values(parameters: Tree) -> Numbers:
         "a": a,
         "eta_c2": eta_c**2,
         "delta": indentation(0.0, load_0),
-        "delta_load": (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn),
+        "delta_load": delta_load,
         "delta_curvature": (indentation(small, load_0) - indentation(-small, load_0)) / (2.0 * small),
         "f_0": f_0,
         "f_1": (up - down) / (2.0 * small),

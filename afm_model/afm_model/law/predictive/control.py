@@ -12,6 +12,7 @@ from .map import write_map
 from .observer import observe
 from .plant import predict
 from .reference import take_reference
+from .refine import refine
 from .reserve import extend, first_of_reserve
 
 
@@ -20,10 +21,14 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
     """Learn from the measurement what is to be learned of the sample."""
     s.Q = p.a + y.deflection / p.z0
     s.load = p.w + p.eta_c2 * (s.Q - p.a)
-    if s.V_X == 0.0 and s.V_Y == 0.0:
-        # At rest the tip follows the scanner along z; while it slips along a line that it tracks it hardly moves.
-        held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
-        s.load += y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
+    # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
+    # after a correction.
+    held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
+    rise = y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
+    phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
+    follows = p.height * phase_rate * phase_rate
+    s.rise = rise - min(max(rise, -follows), follows)
+    s.load += s.rise
     if p.surface != KNOWN:
         take_height(p, s)
     ratio = 0.0
@@ -31,6 +36,12 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
         u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     if p.surface == LEARNED:
+        s.doubt = 0.0
+        if p.measured != 0:
+            # An estimate that is off by more than noise explains is wrong by that.
+            off_x, off_y = y.position[0] / p.x0 - s.X, y.position[1] / p.x0 - s.Y
+            off = off_x * off_x + off_y * off_y - (3.0 * p.position_noise) ** 2
+            s.doubt = p.uncertain + max(off, 0.0)
         write_map(measured_height(p, s), ratio, p, s)
 
 
@@ -43,10 +54,13 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     observe(k, y, p, s)
     take_sample(y, p, s)
     s.at_x, s.at_y = s.X, s.Y
-    ask(p.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
+    # A drive is refined with what the next hold asks for.
+    ask(p.delay * p.slot, p.horizon + max(p.count - 1, p.refined) * p.fine, p, s)
     for i in range(p.delay + p.count):
         if i >= p.delay:
             decide((i - p.delay) * p.fine, i, p, s)
+            if i == p.delay and p.refined == 1:
+                refine(i, p, s)
         if i < p.delay + p.count - 1:
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
     planned = p.delay + p.count

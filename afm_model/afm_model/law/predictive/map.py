@@ -12,8 +12,9 @@ from ...jit import kernel, routine
 NODES = 128
 SPACING = 0.5
 """Between two nodes, over the inverse of the largest wave number."""
-LENGTH = 0.85
-"""Correlation length, over the same."""
+LENGTH = 2.0
+"""Correlation length, over the same: the variance of the shortest wave is 0.14 of that of long ones, of half of it
+3e-4."""
 NEAR = 0.4
 """What is as far from the line still counts as on it [x0]."""
 FADE = 1.5e-5
@@ -121,9 +122,13 @@ def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
     first = math.floor(along)
     w = weights(along - first)
     i = first - 1
+    q = SPACING / s.pitch
     # The faster the tip runs over the surface the less its load is that at rest.
-    swing = (SPACING / s.pitch) ** 2 * (s.V_X * s.V_X + s.V_Y * s.V_Y) * p.height * p.f_load / p.ripple
-    variance, innovation, change = NOISE + swing * swing, H, ratio
+    swing = q * q * (s.V_X * s.V_X + s.V_Y * s.V_Y) * p.height * p.f_load / p.ripple
+    # A load that a drive has just changed still rings.
+    ringing = p.ring * s.rise * p.f_load / p.ripple
+    variance = NOISE + swing * swing + ringing * ringing + q * q * s.doubt
+    innovation, change = H, ratio
     for j in range(NODES):
         s.gain[j] = 0.0
         for a in range(4):
@@ -142,7 +147,7 @@ def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
         s.map_H[j] += s.gain[j] * innovation / variance
         if ratio > 0.0:
             s.map_ratio[j] += s.gain[j] * change / variance
-    fade = FADE * step * SPACING / s.pitch
+    fade = FADE * step * q
     for j in range(NODES):
         weight = s.gain[j] / variance
         for k in range(NODES):

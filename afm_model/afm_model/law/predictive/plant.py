@@ -47,15 +47,14 @@ def nominal_bound(load: float, p: Any, s: Any) -> float:
 
 
 @routine
-def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
-    """Move the scanner on by a slot under a constant drive.
+def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Any, s: Any) -> None:
+    """Move the scanner on by so many steps of length h [1/w0] under a constant drive.
 
     Half drift, kick, half drift as in docs/theory.md (37) to (41). Along z tip and sample move as one.
     """
-    h = p.dt
     half = 0.5 * h
     d_x, d_y, d_z = half * p.damping[0], half * p.damping[1], half * p.damping[2]
-    for _ in range(p.steps):
+    for _ in range(steps):
         s.X += half * s.V_X
         s.Y += half * s.V_Y
         s.Z += half * s.V_Z
@@ -73,3 +72,9 @@ def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
         s.X += half * s.V_X
         s.Y += half * s.V_Y
         s.Z += half * s.V_Z
+
+
+@kernel
+def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
+    """Move the scanner on by a slot under a constant drive."""
+    move(u_x, u_y, u_z, p.dt, p.steps, p, s)

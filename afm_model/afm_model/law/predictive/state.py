@@ -25,6 +25,8 @@ STATE = record(
     "V_Z",
     "Q",  # the tip
     "load",  # on it
+    "doubt",  # variance of an estimated position
+    "rise",  # acceleration along z by more than following the surface takes
     "at_x",  # where the scanner was at the last measurement
     "at_y",
     "H",  # height of the sample under the tip there, and its slopes along the way: afm_model.law.predictive.estimate
