@@ -114,8 +114,10 @@ class DelayLog:
 
     def count(self, round_trips: NDArray[np.float32], lateness: _Array, ages: _Array) -> None:
         """Count these wall times [s]."""
-        for histogram, durations in zip(self._histograms, (round_trips, lateness, ages), strict=True):
-            histogram.add(durations)
+        of_round_trips, of_lateness, of_ages = self._histograms
+        of_round_trips.add(round_trips)
+        of_lateness.add(lateness)
+        of_ages.add(ages)
 
     @property
     def oldest_command(self) -> float:
