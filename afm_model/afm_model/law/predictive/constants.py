@@ -64,6 +64,8 @@ _SCALARS = (
     "measured",
     "position_noise",
     "force_noise",  # of friction measured along x
+    "left",  # rms acceleration along x and y that the copy does not know
+    "wander",  # rms change of the ratio in a control period
     "uncertain",  # variance of an estimated position, x and y
     "height_noise",
     "ratio_noise",
@@ -190,6 +192,8 @@ def values(parameters: Tree) -> Numbers:
         "measured": measured,
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
+        "left": left * f_0,
+        "wander": _FLOOR * math.sqrt(2.0 * hold / _WAVE),
         "uncertain": max(L[0][0], L[1][0]) * noise**2,
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,

@@ -16,6 +16,7 @@ STATE = record(
     "estimate",  # position and rate there
     "grip",  # measured friction along its direction; no measurement: zero
     "spread",  # covariance of position and speed along the motion, variance across it, over that of a position
+    "joint",  # covariance of position, speed and ratio: afm_model.law.predictive.joint
     "bound",  # of friction, in place of the one believed in, for the copy; zero: none
     "X",  # the scanner as measured or estimated, then as predicted
     "Y",
@@ -78,6 +79,7 @@ STATE = record(
         "ratio": (10,),
         "estimate": (6,),
         "spread": (4,),
+        "joint": (7,),
         "answered": (ANSWERS,),
         "lengths": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),
