@@ -17,8 +17,10 @@ from .plant import look, nominal_bound
 
 SS, SV, SR, VV, VR, RR, ACROSS = range(7)
 """Covariances of position and speed along the motion and of the ratio; variance of the position across it."""
-_SURE = 3.0
-"""Standard deviations beyond which a difference is not noise."""
+UNKNOWN = 0.25
+"""Standard deviation of the ratio at the start."""
+_SURE = 5.0
+"""Standard deviations beyond which a difference is not noise, in none of a million measurements."""
 _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction."""
 
@@ -31,26 +33,49 @@ def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
         ss, sv, sr, vv, vr, rr = c[SS], c[SV], c[SR], c[VV], c[VR], c[RR]
         a, b, d, e = p.free[0, 0], p.free[0, 1], p.free[1, 0], p.free[1, 1]
         g, h = -p.of_drive[0] * nominal, -p.of_drive[1] * nominal
-        # Rows of the transition (a, b, g), (d, e, h), (0, 0, 1).
+        # Rows of the transition: (a, b, g), (d, e, h), (0, 0, 1).
         s_s, s_v, s_r = a * ss + b * sv + g * sr, a * sv + b * vv + g * vr, a * sr + b * vr + g * rr
         v_s, v_v, v_r = d * ss + e * sv + h * sr, d * sv + e * vv + h * vr, d * sr + e * vr + h * rr
-        c[SS] = s_s * a + s_v * b + s_r * g + p.left * p.left * p.of_drive[0] * p.of_drive[0]
-        c[SV] = s_s * d + s_v * e + s_r * h + p.left * p.left * p.of_drive[0] * p.of_drive[1]
-        c[VV] = v_s * d + v_v * e + v_r * h + p.left * p.left * p.of_drive[1] * p.of_drive[1]
-        c[SR], c[VR] = s_r, v_r
+        q_s, q_v = p.uneven * g, p.uneven * h
+        c[SS], c[SV], c[SR] = s_s * a + s_v * b + s_r * g + q_s * q_s, s_s * d + s_v * e + s_r * h + q_s * q_v, s_r
+        c[VV], c[VR] = v_s * d + v_v * e + v_r * h + q_v * q_v, v_r
     c[RR] += p.wander * p.wander
+    rest(s)
+
+
+@kernel
+def rest(s: Any) -> None:
+    """What rests has no speed that is uncertain."""
+    if s.V_X == 0.0 and s.V_Y == 0.0:
+        s.joint[SV] = s.joint[VV] = s.joint[VR] = 0.0
+
+
+@kernel
+def doubt(miss: float, p: Any, s: Any) -> None:
+    """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
+    c = s.joint
+    c[SS] += miss * miss
+    c[ACROSS] += miss * miss
+    speed = min(abs(miss) / p.hold, s.fastest)
+    c[SV] += abs(miss) * speed
+    c[VV] += speed * speed
+    wrong = min(abs(miss) / (p.of_drive[0] * p.f_0), UNKNOWN)
+    c[RR] += wrong * wrong
 
 
 @kernel
 def correct(gain_of: int, innovation: float, noise: float, s: Any) -> tuple[float, float, float]:
-    """Kalman update by a measurement of position (SS) or ratio (RR): changes of position, speed and ratio."""
+    """Kalman update by a measurement of position (SS) or ratio (RR): changes of position, speed and ratio.
+
+    `noise` is its variance.
+    """
     c = s.joint
     if gain_of == SS:
         g_s, g_v, g_r = c[SS], c[SV], c[SR]
-        total = c[SS] + noise * noise
+        total = c[SS] + noise
     else:
         g_s, g_v, g_r = c[SR], c[VR], c[RR]
-        total = c[RR] + noise * noise
+        total = c[RR] + noise
     c[SS] -= g_s * g_s / total
     c[SV] -= g_s * g_v / total
     c[SR] -= g_s * g_r / total
@@ -73,6 +98,35 @@ def apply(change: tuple[float, float, float], t_x: float, t_y: float, s: Any) ->
 
 
 @kernel
+def take_force(seen: float, went: float, missed: float, t_x: float, t_y: float, p: Any, s: Any) -> None:
+    """Correct by the ratio seen in the lateral force.
+
+    It is never more than that of the bound. Less tells something while the tip slips only. As that is estimated, the
+    ratio falls no faster than the steepest slope of the surface lets it, or by what explains that the tip went further
+    than the copy by `missed`: then it slips.
+    """
+    c = s.joint
+    phase = p.wave_number * (abs(t_x) + abs(t_y))
+    speed = s.V_X * t_x + s.V_Y * t_y
+    fast = min(speed, went)
+    # Where the tip is not known, nor is the bound; where it runs fast, its load is not that at rest.
+    swing = p.f_load * p.height * phase * phase * fast * fast
+    place = p.ripple * phase
+    noise = (p.ratio_noise / t_x) ** 2 + swing * swing + place * place * (c[SS] + c[ACROSS])
+    fall = 0.0
+    if speed > 0.0:
+        fall = place * p.hold * math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
+    if missed > 0.0:
+        fall = max(fall, missed / (p.of_drive[0] * p.f_0))
+    innovation = max(seen - s.ratio[VALUE], -fall)
+    if innovation == 0.0:
+        return
+    if innovation * innovation > _SURE * _SURE * (c[RR] + noise):
+        c[RR] += innovation * innovation
+    apply(correct(RR, innovation, noise, s), t_x, t_y, s)
+
+
+@kernel
 def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
     """Run the copy up to measurement k, and correct it and the ratio by the lateral force and the positions x, y_."""
     c = s.joint
@@ -87,28 +141,23 @@ def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None
     balance = math.sqrt(b_x * b_x + b_y * b_y)
     t_x, t_y = (b_x / balance, b_y / balance) if balance > 0.0 else (1.0, 0.0)
     spread(moved, nominal, p, s)
-    slips = s.V_X * t_x + s.V_Y * t_y > 0.0
-    if abs(t_x) > _TELLS:
-        innovation = y.lateral_force / p.lateral_force / (t_x * nominal) - s.ratio[VALUE]
-        noise = p.ratio_noise / abs(t_x)
-        if innovation > 0.0 or slips:
-            fall = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1])) * p.hold
-            innovation = max(innovation, -fall)
-            if innovation > _SURE * math.sqrt(c[RR] + noise * noise):
-                c[RR] += innovation * innovation
-            apply(correct(RR, innovation, noise, s), t_x, t_y, s)
     i_x, i_y = x - s.X, y_ - s.Y
-    along, across = i_x * t_x + i_y * t_y, i_y * t_x - i_x * t_y
-    still = s.V_X == 0.0 and s.V_Y == 0.0
-    if not still or along * along > _SURE * _SURE * (c[SS] + p.position_noise * p.position_noise):
-        apply(correct(SS, along, p.position_noise, s), t_x, t_y, s)
-    else:
-        change = correct(SS, along, p.position_noise, s)
-        apply((change[0], 0.0, change[2]), t_x, t_y, s)
-    gain = max(c[ACROSS] / (c[ACROSS] + p.position_noise * p.position_noise), p.L[0, 0])
+    along = i_x * t_x + i_y * t_y
+    noise = p.position_noise * p.position_noise
+    missed = along * along > _SURE * _SURE * (c[SS] + noise)
+    if missed:
+        doubt(along, p, s)
+    if abs(t_x) > _TELLS:
+        went = math.sqrt((x - at_x) ** 2 + (y_ - at_y) ** 2) / p.hold
+        take_force(y.lateral_force / (p.lateral_force * t_x * nominal), went, along if missed else 0.0, t_x, t_y, p, s)
+        i_x, i_y = x - s.X, y_ - s.Y
+        along = i_x * t_x + i_y * t_y
+    across = i_y * t_x - i_x * t_y
+    apply(correct(SS, along, noise, s), t_x, t_y, s)
+    gain = max(c[ACROSS] / (c[ACROSS] + noise), p.L[0, 0])
     c[ACROSS] *= 1.0 - gain
     s.X -= gain * across * t_y
     s.Y += gain * across * t_x
     if s.V_X * t_x + s.V_Y * t_y <= 0.0:
         s.V_X, s.V_Y = 0.0, 0.0
-        c[SV] = c[VV] = c[VR] = 0.0
+        rest(s)
