@@ -98,7 +98,7 @@ def apply(change: tuple[float, float, float], t_x: float, t_y: float, s: Any) ->
 
 
 @kernel
-def take_force(seen: float, went: float, missed: float, t_x: float, t_y: float, p: Any, s: Any) -> None:
+def take_force(seen: float, turns: float, went: float, missed: float, t_x: float, t_y: float, p: Any, s: Any) -> None:
     """Correct by the ratio seen in the lateral force.
 
     It is never more than that of the bound. Less tells something while the tip slips only. As that is estimated, the
@@ -112,7 +112,7 @@ def take_force(seen: float, went: float, missed: float, t_x: float, t_y: float, 
     # Where the tip is not known, nor is the bound; where it runs fast, its load is not that at rest.
     swing = p.f_load * p.height * phase * phase * fast * fast
     place = p.ripple * phase
-    noise = (p.ratio_noise / t_x) ** 2 + swing * swing + place * place * (c[SS] + c[ACROSS])
+    noise = (p.ratio_noise / t_x) ** 2 + swing * swing + (place * place + turns * turns) * (c[SS] + c[ACROSS])
     fall = 0.0
     if speed > 0.0:
         fall = place * p.hold * math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
@@ -149,7 +149,9 @@ def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None
         doubt(along, p, s)
     if abs(t_x) > _TELLS:
         went = math.sqrt((x - at_x) ** 2 + (y_ - at_y) ** 2) / p.hold
-        take_force(y.lateral_force / (p.lateral_force * t_x * nominal), went, along if missed else 0.0, t_x, t_y, p, s)
+        # A position that is wrong turns the balance.
+        turns = t_y / t_x * max(p.stiffness[0], p.stiffness[1]) / balance
+        take_force(y.lateral_force / (p.lateral_force * t_x * nominal), turns, went, along if missed else 0.0, t_x, t_y, p, s)
         i_x, i_y = x - s.X, y_ - s.Y
         along = i_x * t_x + i_y * t_y
     across = i_y * t_x - i_x * t_y
