@@ -15,8 +15,11 @@ from .estimate import MEAN, VALUE
 from .load import take_load
 from .plant import look, nominal_bound
 
-SS, SV, SR, VV, VR, RR, ACROSS = range(7)
-"""Covariances of position and speed along the motion and of the ratio; variance of the position across it."""
+SS, SV, SR, VV, VR, RR, ACROSS, CALM = range(8)
+"""Covariances of position and speed along the motion and of the ratio; variance of the position across it; forces in
+succession that were as expected."""
+_CALM = 5.0
+"""So many, and the first one that is not is let pass."""
 UNKNOWN = 0.25
 """Standard deviation of the ratio at the start."""
 _SURE = 5.0
@@ -118,12 +121,22 @@ def take_force(seen: float, turns: float, went: float, missed: float, t_x: float
         fall = place * p.hold * math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
     if missed > 0.0:
         fall = max(fall, missed / (p.of_drive[0] * p.f_0))
-    innovation = max(seen - s.ratio[VALUE], -fall)
-    if innovation == 0.0:
+    innovation = seen - s.ratio[VALUE]
+    if innovation < 0.0 and fall == 0.0:
         return
     if innovation * innovation > _SURE * _SURE * (c[RR] + noise):
-        c[RR] += innovation * innovation
-    apply(correct(RR, innovation, noise, s), t_x, t_y, s)
+        if c[CALM] >= _CALM:
+            # Once may be the contact, which rings for a moment.
+            c[CALM] = 0.0
+            return
+        c[CALM] = 0.0
+        wrong = innovation if innovation > 0.0 else min(-innovation, fall)
+        c[RR] += wrong * wrong
+    else:
+        c[CALM] += 1.0
+    change = correct(RR, innovation, noise, s)
+    part = min(1.0, -fall / change[2]) if change[2] < 0.0 else 1.0
+    apply((part * change[0], part * change[1], part * change[2]), t_x, t_y, s)
 
 
 @kernel

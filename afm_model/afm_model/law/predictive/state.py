@@ -79,7 +79,7 @@ STATE = record(
         "ratio": (10,),
         "estimate": (6,),
         "spread": (4,),
-        "joint": (7,),
+        "joint": (8,),
         "answered": (ANSWERS,),
         "lengths": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),
