@@ -5,7 +5,7 @@ from typing import Any
 from ...jit import routine
 from .constants import KNOWN
 from .copy_of_plant import run_copy
-from .joint import ACROSS, RR, SS, UNKNOWN, correct_jointly
+from .joint import correct_jointly
 from .slide import correct_along
 
 
@@ -20,8 +20,6 @@ def observe(k: int, y: Any, p: Any, s: Any) -> None:
         s.V_Y = y.velocity[1] / speed if p.measured == 0 else 0.0
         s.V_Z = y.velocity[2] / (p.z0 * p.w0) if p.measured == 0 else 0.0
         s.spread[0] = s.spread[3] = 1.0
-        s.joint[SS] = s.joint[ACROSS] = p.position_noise * p.position_noise
-        s.joint[RR] = UNKNOWN * UNKNOWN
     else:
         s.X, s.Y, s.Z = s.estimate[0], s.estimate[1], s.estimate[2]
         s.V_X, s.V_Y, s.V_Z = s.estimate[3], s.estimate[4], s.estimate[5]
