@@ -209,9 +209,7 @@ def test_positions_alone_in_packets_are_warned_of_where_the_surface_is_not_known
     assert law.warnings(build(ControllerParameters, packets | {"law.surface": "known"}), 1e-3) == []
 
 
-@pytest.mark.parametrize(
-    "known", [EXACT, {"law.surface": "known"}, LOW, HIGH], ids=["nominal", "right", "low", "high"]
-)
+@pytest.mark.parametrize("known", [EXACT, {"law.surface": "known"}, LOW, HIGH], ids=["nominal", "right", "low", "high"])
 def test_packets_at_1_ms_hold_with_positions_alone_where_the_surface_is_known(known):
     noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
     result = run(1e-3, 1, {"law.feedback": "measured", **known, **PACKET}, 0.5, 1.0, **noise)

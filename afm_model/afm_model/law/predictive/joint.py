@@ -9,7 +9,7 @@ component tells its size. That is never more than the bound, and is the bound wh
 import math
 from typing import Any
 
-from ...jit import kernel
+from ...jit import kernel, routine
 from .constants import ANSWERS
 from .copy_of_plant import run_copy
 from .estimate import MEAN, VALUE
@@ -163,7 +163,7 @@ def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) ->
     apply((part * change[0], part * change[1], part * change[2]), s)
 
 
-@kernel
+@routine
 def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
     """Run the copy up to measurement k, and correct it and the ratio by the lateral force and the positions x, y_."""
     c = s.joint
