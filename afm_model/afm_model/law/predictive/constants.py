@@ -68,6 +68,7 @@ _SCALARS = (
     "position_noise",
     "force_noise",  # of friction measured along x
     "uneven",  # rms of the ratio over a known surface about its mean
+    "astray",  # rms change of the position across the motion in a control period, that the copy does not know [x0]
     "wander",  # rms change of the ratio in a control period
     "uncertain",  # variance of an estimated position, x and y
     "height_noise",
@@ -196,6 +197,7 @@ def values(parameters: Tree) -> Numbers:
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
         "uneven": _UNEVEN,
+        "astray": L[0][0] * noise,
         "wander": _UNEVEN * math.sqrt(8.0 * hold / _WAVE),
         "uncertain": max(L[0][0], L[1][0]) * noise**2,
         "height_noise": height_noise,

@@ -1,9 +1,10 @@
 """Where the scanner is and how strong friction is, from positions and the lateral force, over a known surface.
 
 The ratio of friction to its nominal bound is one number that hardly changes. It decides where the copy of the plant
-goes, and what the copy misses tells of it: so position and speed along the motion and the ratio are three states of
-one Kalman filter. Friction acts along the balance of forces b, drive less spring, whether the tip slips or rests: one
-component tells its size. That is never more than the bound, and is the bound while the tip slips.
+goes, and what the copy misses tells of it: so position and speed along the motion, the position across it and the
+ratio are the states of one Kalman filter. Friction acts along the balance of forces b, drive less spring, whether the
+tip slips or rests: one component tells its size. That is never more than the bound, and is the bound while the tip
+slips.
 """
 
 import math
@@ -16,9 +17,8 @@ from .estimate import MEAN, VALUE
 from .load import take_load
 from .plant import look, nominal_bound
 
-SS, SV, SR, VV, VR, RR, ACROSS, ALONG_X, ALONG_Y, CALM = range(10)
-"""Covariances of position and speed along the motion and of the ratio; variance of the position across it; direction
-of the motion; forces in succession that were as expected."""
+ALONG, SPEED, ACROSS, RATIO = range(4)
+"""States of the filter: position and speed along the motion, position across it, ratio."""
 UNKNOWN = 0.25
 """Standard deviation of the ratio at the start."""
 _ENOUGH = 5.0
@@ -27,120 +27,144 @@ _SURE = 5.0
 """Standard deviations beyond which a difference is not noise, in none of a million measurements."""
 _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction."""
+_NEAR = 0.01
+"""Step of the derivatives of the nominal bound [x0]."""
+
+
+@kernel
+def carry(s: Any) -> None:
+    """Carry the covariance by the matrix in `s.transition`."""
+    for i in range(4):
+        for j in range(4):
+            s.product[i, j] = 0.0
+            for k in range(4):
+                s.product[i, j] += s.transition[i, k] * s.joint[k, j]
+    for i in range(4):
+        for j in range(4):
+            s.joint[i, j] = 0.0
+            for k in range(4):
+                s.joint[i, j] += s.product[i, k] * s.transition[j, k]
 
 
 @kernel
 def turn_to(t_x: float, t_y: float, s: Any) -> None:
-    """Take the covariances along and across another direction. Position and speed that turn back change their sign."""
-    c = s.joint
-    cos = c[ALONG_X] * t_x + c[ALONG_Y] * t_y
-    along, across, square = c[SS], c[ACROSS], cos * cos
-    c[SS], c[ACROSS] = square * along + (1.0 - square) * across, square * across + (1.0 - square) * along
-    c[SV] *= abs(cos)
-    c[SR] *= cos
-    c[VR] *= 1.0 if cos >= 0.0 else -1.0
-    c[ALONG_X], c[ALONG_Y] = t_x, t_y
-
-
-@kernel
-def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
-    """Carry the covariance through a control period in which the copy has moved, or has not."""
-    c = s.joint
-    if moved:
-        ss, sv, sr, vv, vr, rr = c[SS], c[SV], c[SR], c[VV], c[VR], c[RR]
-        a, b, d, e = p.free[0, 0], p.free[0, 1], p.free[1, 0], p.free[1, 1]
-        g, h = -p.of_drive[0] * nominal, -p.of_drive[1] * nominal
-        # Rows of the transition: (a, b, g), (d, e, h), (0, 0, 1).
-        s_s, s_v, s_r = a * ss + b * sv + g * sr, a * sv + b * vv + g * vr, a * sr + b * vr + g * rr
-        v_s, v_v, v_r = d * ss + e * sv + h * sr, d * sv + e * vv + h * vr, d * sr + e * vr + h * rr
-        q_s, q_v = p.uneven * g, p.uneven * h
-        c[SS], c[SV], c[SR] = s_s * a + s_v * b + s_r * g + q_s * q_s, s_s * d + s_v * e + s_r * h + q_s * q_v, s_r
-        c[VV], c[VR] = v_s * d + v_v * e + v_r * h + q_v * q_v, v_r
-    c[RR] += p.wander * p.wander
-    rest(s)
+    """Take the covariance along and across another direction. A speed is one along the motion."""
+    cos = s.heading[0] * t_x + s.heading[1] * t_y
+    sin = s.heading[0] * t_y - s.heading[1] * t_x
+    s.transition[:] = 0.0
+    s.transition[ALONG, ALONG], s.transition[ALONG, ACROSS] = cos, sin
+    s.transition[ACROSS, ALONG], s.transition[ACROSS, ACROSS] = -sin, cos
+    s.transition[SPEED, SPEED], s.transition[RATIO, RATIO] = cos, 1.0
+    carry(s)
+    s.heading[0], s.heading[1] = t_x, t_y
 
 
 @kernel
 def rest(s: Any) -> None:
     """What rests has no speed that is uncertain."""
     if s.V_X == 0.0 and s.V_Y == 0.0:
-        s.joint[SV] = s.joint[VV] = s.joint[VR] = 0.0
+        for i in range(4):
+            s.joint[SPEED, i] = s.joint[i, SPEED] = 0.0
+
+
+@kernel
+def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
+    """Carry the covariance through a control period in which the copy has moved, or has not."""
+    if moved:
+        s.transition[:] = 0.0
+        for i in range(2):
+            s.transition[i, ALONG], s.transition[i, SPEED] = p.free[i, 0], p.free[i, 1]
+            s.transition[i, RATIO] = -p.of_drive[i] * nominal
+        s.transition[ACROSS, ACROSS] = s.transition[RATIO, RATIO] = 1.0
+        carry(s)
+        for i in range(2):
+            for j in range(2):
+                s.joint[i, j] += p.uneven * p.uneven * s.transition[i, RATIO] * s.transition[j, RATIO]
+        s.joint[ACROSS, ACROSS] += p.astray * p.astray
+    s.joint[RATIO, RATIO] += p.wander * p.wander
+    rest(s)
 
 
 @kernel
 def doubt(miss: float, p: Any, s: Any) -> None:
     """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
-    c = s.joint
-    c[SS] += miss * miss
-    c[ACROSS] += miss * miss
     speed = min(abs(miss) / p.hold, s.fastest)
-    c[SV] += abs(miss) * speed
-    c[VV] += speed * speed
     wrong = min(abs(miss) / (p.of_drive[0] * p.f_0), UNKNOWN)
-    c[RR] += wrong * wrong
+    s.joint[ALONG, ALONG] += miss * miss
+    s.joint[ALONG, SPEED] += abs(miss) * speed
+    s.joint[SPEED, ALONG] += abs(miss) * speed
+    s.joint[SPEED, SPEED] += speed * speed
+    s.joint[ACROSS, ACROSS] += miss * miss
+    s.joint[RATIO, RATIO] += wrong * wrong
 
 
 @kernel
-def correct(gain_of: int, innovation: float, noise: float, s: Any) -> tuple[float, float, float]:
-    """Kalman update by a measurement of position (SS) or ratio (RR): changes of position, speed and ratio.
-
-    `noise` is its variance.
-    """
-    c = s.joint
-    if gain_of == SS:
-        g_s, g_v, g_r = c[SS], c[SV], c[SR]
-        total = c[SS] + noise
-    else:
-        g_s, g_v, g_r = c[SR], c[VR], c[RR]
-        total = c[RR] + noise
-    c[SS] -= g_s * g_s / total
-    c[SV] -= g_s * g_v / total
-    c[SR] -= g_s * g_r / total
-    c[VV] -= g_v * g_v / total
-    c[VR] -= g_v * g_r / total
-    c[RR] -= g_r * g_r / total
-    each = innovation / total
-    return g_s * each, g_v * each, g_r * each
+def weigh(noise: float, s: Any) -> float:
+    """Make the gain of a measurement of the states by the row `s.row` with the variance `noise`; its own variance."""
+    total = noise
+    for i in range(4):
+        s.gains[i] = 0.0
+        for j in range(4):
+            s.gains[i] += s.joint[i, j] * s.row[j]
+        total += s.row[i] * s.gains[i]
+    for i in range(4):
+        s.gains[i] /= total
+    return total
 
 
 @kernel
-def apply(change: tuple[float, float, float], s: Any) -> None:
-    """Change position and speed along the motion, and the ratio."""
-    t_x, t_y = s.joint[ALONG_X], s.joint[ALONG_Y]
-    s.X += change[0] * t_x
-    s.Y += change[0] * t_y
-    s.V_X += change[1] * t_x
-    s.V_Y += change[1] * t_y
-    s.ratio[VALUE] += change[2]
+def correct(innovation: float, total: float, s: Any) -> None:
+    """Correct scanner, ratio and covariance by the gain made: by an innovation of the variance `total`."""
+    for i in range(4):
+        for j in range(4):
+            s.joint[i, j] -= s.gains[i] * s.gains[j] * total
+    t_x, t_y = s.heading[0], s.heading[1]
+    s.X += (s.gains[ALONG] * t_x - s.gains[ACROSS] * t_y) * innovation
+    s.Y += (s.gains[ALONG] * t_y + s.gains[ACROSS] * t_x) * innovation
+    s.V_X += s.gains[SPEED] * t_x * innovation
+    s.V_Y += s.gains[SPEED] * t_y * innovation
+    s.ratio[VALUE] += s.gains[RATIO] * innovation
     s.ratio[MEAN] = s.ratio[VALUE]
 
 
 @kernel
-def noise_of_ratio(t_x: float, t_y: float, balance: float, went: float, p: Any, s: Any) -> float:
-    """Variance of the ratio that is seen in the lateral force, the tip having gone with the mean speed `went`."""
-    c = s.joint
-    phase = p.wave_number * (abs(t_x) + abs(t_y))
-    # Where the tip runs fast, its load is not that at rest.
-    fast = min(s.V_X * t_x + s.V_Y * t_y, went)
-    swing = p.f_load * p.height * phase * phase * fast * fast
-    # A position that is wrong is on another slope of the surface, and turns the balance.
-    slope = p.ripple * phase
-    turned = t_y / t_x * max(p.stiffness[0], p.stiffness[1]) / balance
-    return (p.ratio_noise / t_x) ** 2 + swing * swing + (slope * slope + turned * turned) * (c[SS] + c[ACROSS])
+def take_position(state: int, innovation: float, p: Any, s: Any) -> None:
+    """Correct by a position along or across the motion."""
+    s.row[:] = 0.0
+    s.row[state] = 1.0
+    total = weigh(p.position_noise * p.position_noise, s)
+    correct(innovation, total, s)
+
+
+@kernel
+def see_ratio(nominal: float, balance: float, p: Any, s: Any) -> None:
+    """Write the row of the ratio seen in the lateral force: it also tells of the place.
+
+    At another place the surface has another bound, and the balance of forces another direction.
+    """
+    t_x, t_y = s.heading[0], s.heading[1]
+    look(s.X + _NEAR, s.Y, p, s)
+    slope_x = (nominal_bound(s.load, p, s) / nominal - 1.0) / _NEAR
+    look(s.X, s.Y + _NEAR, p, s)
+    slope_y = (nominal_bound(s.load, p, s) / nominal - 1.0) / _NEAR
+    k_x, k_y = p.stiffness[0] / balance, p.stiffness[1] / balance
+    ratio = s.ratio[VALUE]
+    s.row[ALONG] = ratio * (slope_x * t_x + slope_y * t_y - t_y * t_y * (k_x - k_y))
+    s.row[SPEED] = 0.0
+    s.row[ACROSS] = ratio * (slope_y * t_x - slope_x * t_y + t_y / t_x * (k_y * t_x * t_x + k_x * t_y * t_y))
+    s.row[RATIO] = 1.0
 
 
 @kernel
 def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) -> None:
-    """Correct by the ratio that is seen in the lateral force, with the variance `noise`.
+    """Correct by the ratio that is seen in the lateral force, with the variance `noise`, by the row `s.row`.
 
     It is never more than that of the bound. Less tells something while the tip slips only. As that is estimated, the
     ratio falls no faster than the steepest slope of the surface lets it, or by what explains that the tip went further
     than the copy by `missed`: then it slips.
     """
-    c = s.joint
-    t_x, t_y = c[ALONG_X], c[ALONG_Y]
     fall = 0.0
-    if s.V_X * t_x + s.V_Y * t_y > 0.0:
+    if s.V_X * s.heading[0] + s.V_Y * s.heading[1] > 0.0:
         steepest = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1]))
         fall = steepest * p.hold
     if missed > 0.0:
@@ -148,25 +172,26 @@ def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) ->
     innovation = seen - s.ratio[VALUE]
     if innovation < 0.0 and fall == 0.0:
         return
-    if innovation * innovation > _SURE * _SURE * (c[RR] + noise):
-        calm = c[CALM]
-        c[CALM] = 0.0
+    total = weigh(noise, s)
+    if innovation * innovation > _SURE * _SURE * total:
+        calm = s.calm
+        s.calm = 0.0
         if calm >= _ENOUGH:
             # Once may be the contact, which rings for a moment.
             return
         wrong = innovation if innovation > 0.0 else min(-innovation, fall)
-        c[RR] += wrong * wrong
+        s.joint[RATIO, RATIO] += wrong * wrong
+        total = weigh(noise, s)
     else:
-        c[CALM] += 1.0
-    change = correct(RR, innovation, noise, s)
-    part = min(1.0, -fall / change[2]) if change[2] < 0.0 else 1.0
-    apply((part * change[0], part * change[1], part * change[2]), s)
+        s.calm += 1.0
+    if s.gains[RATIO] * innovation < -fall:
+        innovation = -fall / s.gains[RATIO]
+    correct(innovation, total, s)
 
 
 @routine
 def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
     """Run the copy up to measurement k, and correct it and the ratio by the lateral force and the positions x, y_."""
-    c = s.joint
     from_x, from_y = s.X, s.Y
     run_copy(k, y, p, s)
     moved = s.X != from_x or s.Y != from_y
@@ -178,27 +203,25 @@ def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None
     balance = math.sqrt(b_x * b_x + b_y * b_y)
     if balance > 0.0:
         turn_to(b_x / balance, b_y / balance, s)
-    t_x, t_y = c[ALONG_X], c[ALONG_Y]
+    t_x, t_y = s.heading[0], s.heading[1]
     periods = max(k - s.last, 1)
     for _ in range(min(periods, ANSWERS)):
         spread(moved, nominal, p, s)
-    noise = p.position_noise * p.position_noise
     along = (x - s.X) * t_x + (y_ - s.Y) * t_y
-    missed = along if along * along > _SURE * _SURE * (c[SS] + noise) else 0.0
+    noise = p.position_noise * p.position_noise
+    missed = along if along * along > _SURE * _SURE * (s.joint[ALONG, ALONG] + noise) else 0.0
     if missed != 0.0:
         doubt(missed, p, s)
     if balance > 0.0 and abs(t_x) > _TELLS:
+        see_ratio(nominal, balance, p, s)
+        # Where the tip runs fast, its load is not that at rest.
         went = math.sqrt((x - from_x) ** 2 + (y_ - from_y) ** 2) / (periods * p.hold)
+        phase = p.wave_number * (abs(t_x) + abs(t_y)) * min(s.V_X * t_x + s.V_Y * t_y, went)
+        swing = p.f_load * p.height * phase * phase
         seen = y.lateral_force / (p.lateral_force * t_x * nominal)
-        take_ratio_seen(seen, noise_of_ratio(t_x, t_y, balance, went, p, s), missed, p, s)
-    i_x, i_y = x - s.X, y_ - s.Y
-    across = i_y * t_x - i_x * t_y
-    apply(correct(SS, i_x * t_x + i_y * t_y, noise, s), s)
-    # Nothing moves it across but what turns b.
-    gain = max(c[ACROSS] / (c[ACROSS] + noise), p.L[0, 0])
-    c[ACROSS] *= 1.0 - gain
-    s.X -= gain * across * t_y
-    s.Y += gain * across * t_x
+        take_ratio_seen(seen, (p.ratio_noise / t_x) ** 2 + swing * swing, missed, p, s)
+    take_position(ALONG, (x - s.X) * t_x + (y_ - s.Y) * t_y, p, s)
+    take_position(ACROSS, (y_ - s.Y) * t_x - (x - s.X) * t_y, p, s)
     if s.V_X * t_x + s.V_Y * t_y <= 0.0:
         s.V_X, s.V_Y = 0.0, 0.0
     rest(s)
