@@ -86,10 +86,16 @@ def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
 
 
 @kernel
+def explains(miss: float, p: Any) -> float:
+    """Error of the ratio that displaces the slipping tip by `miss` in a control period."""
+    return min(miss / (p.of_drive[0] * p.f_0), UNKNOWN)
+
+
+@kernel
 def doubt(miss: float, p: Any, s: Any) -> None:
     """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
     speed = min(abs(miss) / p.hold, s.fastest)
-    wrong = min(abs(miss) / (p.of_drive[0] * p.f_0), UNKNOWN)
+    wrong = explains(abs(miss), p)
     s.joint[ALONG, ALONG] += miss * miss
     s.joint[ALONG, SPEED] += abs(miss) * speed
     s.joint[SPEED, ALONG] += abs(miss) * speed
@@ -168,7 +174,7 @@ def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) ->
         steepest = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1]))
         fall = steepest * p.hold
     if missed > 0.0:
-        fall = max(fall, missed / (p.of_drive[0] * p.f_0))
+        fall = max(fall, explains(missed, p))
     innovation = seen - s.ratio[VALUE]
     if innovation < 0.0 and fall == 0.0:
         return
