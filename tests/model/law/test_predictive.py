@@ -224,21 +224,41 @@ def test_positions_without_noise_are_enough_at_200_us_with_nothing_known(plant):
     assert error(run(2e-4, 1, {"law.feedback": "measured", **NOTHING}, **plant).score) < 1.2
 
 
-def test_positions_alone_and_friction_identified_in_packets_are_warned_of():
+def test_positions_alone_in_packets_are_warned_of_where_the_surface_is_not_known():
     law = registry.find("law", "predictive")
     told = {"law.kind": "predictive", "law.feedback": "measured"}
     assert law.warnings(build(ControllerParameters, told), 5e-5) == []
     packets = told | {"law.period": 1e-3, **PACKET}
     (sentence,) = law.warnings(build(ControllerParameters, packets), 1e-3)
-    assert "friction is identified with law.packet = 1 only, it is 20" in sentence
-    assert law.warnings(build(ControllerParameters, packets | {"law.friction": "nominal"}), 1e-3) == []
+    assert "law.packet = 20 law.surface must be known, it is observed" in sentence
+    assert law.warnings(build(ControllerParameters, packets | {"law.surface": "known"}), 1e-3) == []
 
 
-def test_packets_at_1_ms_hold_with_positions_alone_where_surface_and_friction_are_known():
+@pytest.mark.parametrize("known", [EXACT, {"law.surface": "known"}, LOW, HIGH], ids=["nominal", "right", "low", "high"])
+def test_packets_at_1_ms_hold_with_positions_alone_where_the_surface_is_known(known):
     noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
-    result = run(1e-3, 1, {"law.feedback": "measured", **EXACT, **PACKET}, 0.5, 1.0, **noise)
+    result = run(1e-3, 1, {"law.feedback": "measured", **known, **PACKET}, 0.5, 1.0, **noise)
     assert error(result.score) < 1.3
     assert smoothness(result) < 2.0
+    assert result.score.contact_fraction == 1.0
+
+
+@pytest.mark.parametrize(("period", "law"), [(5e-5, {}), (2e-4, {}), (1e-3, PACKET)])
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_friction_that_steps_is_found_again_from_positions_alone(period, law, factor):
+    noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
+    step = {"fault__step__kind": "friction", "fault__step__start": PERIOD, "fault__step__size": factor}
+    measured = {"law.feedback": "measured", "law.surface": "known"}
+    result = run(period, 1, measured | law, 2.0, 2.5, **noise, **step)
+    assert error(result.score) < 1.3
+
+
+def test_friction_is_found_along_y_where_no_lateral_force_tells_it():
+    # The photodetector feels the force along x alone: positions tell the rest.
+    noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
+    measured = {"law.feedback": "measured", "law.surface": "known"}
+    result = run(2e-4, 1, measured, 0.5, 1.0, **noise, reference__amplitude_x=0.0)
+    assert result.score.rms[1] < 0.01 * 5e-9
 
 
 def test_the_same_measurements_give_the_same_drives_after_a_reset():

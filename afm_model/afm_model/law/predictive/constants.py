@@ -27,6 +27,9 @@ _FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
+_UNEVEN = 3e-5
+"""Rms of a ratio about its mean over a known surface, whose correlation lasts a quarter of a wave: of the load that
+the deflection tells, what is not static."""
 _STEP = 0.05
 """Longest step of the prediction [1/w0]."""
 
@@ -68,6 +71,9 @@ _SCALARS = (
     "measured",
     "position_noise",
     "force_noise",  # of friction measured along x
+    "uneven",  # rms of the ratio over a known surface about its mean
+    "astray",  # rms change of the position across the motion in a control period, that the copy does not know [x0]
+    "wander",  # rms change of the ratio in a control period
     "uncertain",  # variance of an estimated position, x and y
     "height_noise",
     "ratio_noise",
@@ -209,6 +215,9 @@ def values(parameters: Tree) -> Numbers:
         "measured": measured,
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
+        "uneven": _UNEVEN,
+        "astray": L[0][0] * noise,
+        "wander": _UNEVEN * math.sqrt(8.0 * hold / _WAVE),
         "uncertain": max(L[0][0], L[1][0]) * noise**2,
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,

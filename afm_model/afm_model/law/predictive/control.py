@@ -8,6 +8,7 @@ from .constants import KNOWN, LEARNED
 from .decide import decide
 from .estimate import measured_height, take_height, take_ratio
 from .flight import answer, recall, remember
+from .load import take_load
 from .map import write_map
 from .observer import observe
 from .plant import predict
@@ -19,20 +20,11 @@ from .reserve import extend, first_of_reserve
 @kernel
 def take_sample(y: Any, p: Any, s: Any) -> None:
     """Learn from the measurement what is to be learned of the sample."""
-    s.Q = p.a + y.deflection / p.z0
-    s.load = p.w + p.eta_c2 * (s.Q - p.a)
-    # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
-    # after a correction.
-    held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
-    rise = y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
-    phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
-    follows = p.height * phase_rate * phase_rate
-    s.rise = rise - min(max(rise, -follows), follows)
-    s.load += s.rise
+    take_load(y, p, s)
     if p.surface != KNOWN:
         take_height(p, s)
     ratio = 0.0
-    if p.identified:
+    if p.identified and (p.measured == 0 or p.surface != KNOWN):
         u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     if p.surface == LEARNED:

@@ -136,11 +136,6 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
         if s.grip == 0.0:
             return 0.0
         measured = s.grip / nominal
-    elif p.measured != 0:
-        # Whether the tip slips is only estimated, and at rest the force is less than the bound: that falls no faster
-        # than the steepest slope lets it on the way of the reference.
-        steepest = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1]))
-        measured = max(measured, s.here - steepest * p.hold)
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
     s.slips += 1.0
     if p.surface == KNOWN:

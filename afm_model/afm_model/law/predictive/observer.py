@@ -5,6 +5,7 @@ from typing import Any
 from ...jit import routine
 from .constants import KNOWN
 from .copy_of_plant import run_copy
+from .joint import correct_jointly
 from .slide import correct_along
 
 
@@ -24,6 +25,8 @@ def observe(k: int, y: Any, p: Any, s: Any) -> None:
         s.V_X, s.V_Y, s.V_Z = s.estimate[3], s.estimate[4], s.estimate[5]
         if p.surface != KNOWN and p.identified:
             correct_along(k, x, y_, y, p, s)
+        elif p.identified:
+            correct_jointly(k, x, y_, y, p, s)
         else:
             run_copy(k, y, p, s)
             i_x, i_y = x - s.X, y_ - s.Y

@@ -5,6 +5,8 @@ import numpy as np
 from ...parts.part import Numbers, Tree
 from ...records import record
 from .constants import ANSWERS, INTERVALS, SLOTS
+from .estimate import MEAN, VALUE
+from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
 
 STATE = record(
@@ -16,6 +18,13 @@ STATE = record(
     "estimate",  # position and rate there
     "grip",  # measured friction along its direction; no measurement: zero
     "spread",  # covariance of position and speed along the motion, variance across it, over that of a position
+    "joint",  # covariance of the states of afm_model.law.predictive.joint
+    "heading",  # direction of the motion there
+    "calm",  # forces in succession that were as expected
+    "transition",  # of that filter, and numbers between two steps
+    "product",
+    "row",
+    "gains",
     "bound",  # of friction, in place of the one believed in, for the copy; zero: none
     "X",  # the scanner as measured or estimated, then as predicted
     "Y",
@@ -80,6 +89,12 @@ STATE = record(
         "ratio": (10,),
         "estimate": (6,),
         "spread": (4,),
+        "joint": (4, 4),
+        "heading": (2,),
+        "transition": (4, 4),
+        "product": (4, 4),
+        "row": (4,),
+        "gains": (4,),
         "answered": (ANSWERS,),
         "lengths": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),
@@ -111,7 +126,11 @@ STATE = record(
 def start(parameters: Tree) -> Numbers:
     """Nothing is known; a bound of friction that is to be found is approached from below."""
     first = np.zeros(1, STATE)[0]
-    first["ratio"][[0, 8]] = 0.75 if parameters.law.friction == "identified" else 1.0
+    law = parameters.law
+    first["ratio"][[VALUE, MEAN]] = 1.0 - UNKNOWN if law.friction == "identified" else 1.0
+    noise = law.position_noise / parameters.scales.x0
+    first["joint"] = np.diag([noise**2, 0.0, noise**2, UNKNOWN**2])
+    first["heading"][0] = 1.0
     apart = np.abs(np.subtract.outer(np.arange(NODES), np.arange(NODES)))
     apart = np.minimum(apart, NODES - apart) * SPACING / LENGTH
     first["covariance"] = first["prior"] = np.exp(-0.5 * apart**2)

@@ -1,0 +1,233 @@
+"""Where the scanner is and how strong friction is, from positions and the lateral force, over a known surface.
+
+The ratio of friction to its nominal bound is one number that hardly changes. It decides where the copy of the plant
+goes, and what the copy misses tells of it: so position and speed along the motion, the position across it and the
+ratio are the states of one Kalman filter. Friction acts along the balance of forces b, drive less spring, whether the
+tip slips or rests: one component tells its size. That is never more than the bound, and is the bound while the tip
+slips.
+"""
+
+import math
+from typing import Any
+
+from ...jit import kernel, routine
+from .constants import ANSWERS
+from .copy_of_plant import run_copy
+from .estimate import MEAN, VALUE
+from .load import take_load
+from .plant import look, nominal_bound
+
+ALONG, SPEED, ACROSS, RATIO = range(4)
+"""States of the filter: position and speed along the motion, position across it, ratio."""
+UNKNOWN = 0.25
+"""Standard deviation of the ratio at the start."""
+_ENOUGH = 5.0
+"""Forces in succession as expected after which one that is not is let pass."""
+_SURE = 5.0
+"""Standard deviations beyond which a difference is not noise, in none of a million measurements."""
+_TELLS = 0.3
+"""Smallest cosine between the motion and x at which the force along x tells friction."""
+_NEAR = 0.01
+"""Step of the derivatives of the nominal bound [x0]."""
+
+
+@kernel
+def carry(s: Any) -> None:
+    """Carry the covariance by the matrix in `s.transition`."""
+    for i in range(4):
+        for j in range(4):
+            s.product[i, j] = 0.0
+            for k in range(4):
+                s.product[i, j] += s.transition[i, k] * s.joint[k, j]
+    for i in range(4):
+        for j in range(4):
+            s.joint[i, j] = 0.0
+            for k in range(4):
+                s.joint[i, j] += s.product[i, k] * s.transition[j, k]
+
+
+@kernel
+def turn_to(t_x: float, t_y: float, s: Any) -> None:
+    """Take the covariance along and across another direction. A speed is one along the motion."""
+    cos = s.heading[0] * t_x + s.heading[1] * t_y
+    sin = s.heading[0] * t_y - s.heading[1] * t_x
+    s.transition[:] = 0.0
+    s.transition[ALONG, ALONG], s.transition[ALONG, ACROSS] = cos, sin
+    s.transition[ACROSS, ALONG], s.transition[ACROSS, ACROSS] = -sin, cos
+    s.transition[SPEED, SPEED], s.transition[RATIO, RATIO] = cos, 1.0
+    carry(s)
+    s.heading[0], s.heading[1] = t_x, t_y
+
+
+@kernel
+def rest(s: Any) -> None:
+    """What rests has no speed that is uncertain."""
+    if s.V_X == 0.0 and s.V_Y == 0.0:
+        for i in range(4):
+            s.joint[SPEED, i] = s.joint[i, SPEED] = 0.0
+
+
+@kernel
+def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
+    """Carry the covariance through a control period in which the copy has moved, or has not."""
+    if moved:
+        s.transition[:] = 0.0
+        for i in range(2):
+            s.transition[i, ALONG], s.transition[i, SPEED] = p.free[i, 0], p.free[i, 1]
+            s.transition[i, RATIO] = -p.of_drive[i] * nominal
+        s.transition[ACROSS, ACROSS] = s.transition[RATIO, RATIO] = 1.0
+        carry(s)
+        for i in range(2):
+            for j in range(2):
+                s.joint[i, j] += p.uneven * p.uneven * s.transition[i, RATIO] * s.transition[j, RATIO]
+        s.joint[ACROSS, ACROSS] += p.astray * p.astray
+    s.joint[RATIO, RATIO] += p.wander * p.wander
+    rest(s)
+
+
+@kernel
+def explains(miss: float, p: Any) -> float:
+    """Error of the ratio that displaces the slipping tip by `miss` in a control period."""
+    return min(miss / (p.of_drive[0] * p.f_0), UNKNOWN)
+
+
+@kernel
+def doubt(miss: float, p: Any, s: Any) -> None:
+    """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
+    speed = min(abs(miss) / p.hold, s.fastest)
+    wrong = explains(abs(miss), p)
+    s.joint[ALONG, ALONG] += miss * miss
+    s.joint[ALONG, SPEED] += abs(miss) * speed
+    s.joint[SPEED, ALONG] += abs(miss) * speed
+    s.joint[SPEED, SPEED] += speed * speed
+    s.joint[ACROSS, ACROSS] += miss * miss
+    s.joint[RATIO, RATIO] += wrong * wrong
+
+
+@kernel
+def weigh(noise: float, s: Any) -> float:
+    """Make the gain of a measurement of the states by the row `s.row` with the variance `noise`; its own variance."""
+    total = noise
+    for i in range(4):
+        s.gains[i] = 0.0
+        for j in range(4):
+            s.gains[i] += s.joint[i, j] * s.row[j]
+        total += s.row[i] * s.gains[i]
+    for i in range(4):
+        s.gains[i] /= total
+    return total
+
+
+@kernel
+def correct(innovation: float, total: float, s: Any) -> None:
+    """Correct scanner, ratio and covariance by the gain made: by an innovation of the variance `total`."""
+    for i in range(4):
+        for j in range(4):
+            s.joint[i, j] -= s.gains[i] * s.gains[j] * total
+    t_x, t_y = s.heading[0], s.heading[1]
+    s.X += (s.gains[ALONG] * t_x - s.gains[ACROSS] * t_y) * innovation
+    s.Y += (s.gains[ALONG] * t_y + s.gains[ACROSS] * t_x) * innovation
+    s.V_X += s.gains[SPEED] * t_x * innovation
+    s.V_Y += s.gains[SPEED] * t_y * innovation
+    s.ratio[VALUE] += s.gains[RATIO] * innovation
+    s.ratio[MEAN] = s.ratio[VALUE]
+
+
+@kernel
+def take_position(state: int, innovation: float, p: Any, s: Any) -> None:
+    """Correct by a position along or across the motion."""
+    s.row[:] = 0.0
+    s.row[state] = 1.0
+    total = weigh(p.position_noise * p.position_noise, s)
+    correct(innovation, total, s)
+
+
+@kernel
+def see_ratio(nominal: float, balance: float, p: Any, s: Any) -> None:
+    """Write the row of the ratio seen in the lateral force: it also tells of the place.
+
+    At another place the surface has another bound, and the balance of forces another direction.
+    """
+    t_x, t_y = s.heading[0], s.heading[1]
+    look(s.X + _NEAR, s.Y, p, s)
+    slope_x = (nominal_bound(s.load, p, s) / nominal - 1.0) / _NEAR
+    look(s.X, s.Y + _NEAR, p, s)
+    slope_y = (nominal_bound(s.load, p, s) / nominal - 1.0) / _NEAR
+    k_x, k_y = p.stiffness[0] / balance, p.stiffness[1] / balance
+    ratio = s.ratio[VALUE]
+    s.row[ALONG] = ratio * (slope_x * t_x + slope_y * t_y - t_y * t_y * (k_x - k_y))
+    s.row[SPEED] = 0.0
+    s.row[ACROSS] = ratio * (slope_y * t_x - slope_x * t_y + t_y / t_x * (k_y * t_x * t_x + k_x * t_y * t_y))
+    s.row[RATIO] = 1.0
+
+
+@kernel
+def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) -> None:
+    """Correct by the ratio that is seen in the lateral force, with the variance `noise`, by the row `s.row`.
+
+    It is never more than that of the bound. Less tells something while the tip slips only. As that is estimated, the
+    ratio falls no faster than the steepest slope of the surface lets it, or by what explains that the tip went further
+    than the copy by `missed`: then it slips.
+    """
+    fall = 0.0
+    if s.V_X * s.heading[0] + s.V_Y * s.heading[1] > 0.0:
+        steepest = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1]))
+        fall = steepest * p.hold
+    if missed > 0.0:
+        fall = max(fall, explains(missed, p))
+    innovation = seen - s.ratio[VALUE]
+    if innovation < 0.0 and fall == 0.0:
+        return
+    total = weigh(noise, s)
+    if innovation * innovation > _SURE * _SURE * total:
+        calm = s.calm
+        s.calm = 0.0
+        if calm >= _ENOUGH:
+            # Once may be the contact, which rings for a moment.
+            return
+        wrong = innovation if innovation > 0.0 else min(-innovation, fall)
+        s.joint[RATIO, RATIO] += wrong * wrong
+        total = weigh(noise, s)
+    else:
+        s.calm += 1.0
+    if s.gains[RATIO] * innovation < -fall:
+        innovation = -fall / s.gains[RATIO]
+    correct(innovation, total, s)
+
+
+@routine
+def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
+    """Run the copy up to measurement k, and correct it and the ratio by the lateral force and the positions x, y_."""
+    from_x, from_y = s.X, s.Y
+    run_copy(k, y, p, s)
+    moved = s.X != from_x or s.Y != from_y
+    take_load(y, p, s)
+    look(s.X, s.Y, p, s)
+    nominal = nominal_bound(s.load, p, s)
+    b_x = y.drive[0] / p.volts[0] - p.stiffness[0] * s.X
+    b_y = y.drive[1] / p.volts[1] - p.stiffness[1] * s.Y
+    balance = math.sqrt(b_x * b_x + b_y * b_y)
+    if balance > 0.0:
+        turn_to(b_x / balance, b_y / balance, s)
+    t_x, t_y = s.heading[0], s.heading[1]
+    periods = max(k - s.last, 1)
+    for _ in range(min(periods, ANSWERS)):
+        spread(moved, nominal, p, s)
+    along = (x - s.X) * t_x + (y_ - s.Y) * t_y
+    noise = p.position_noise * p.position_noise
+    missed = along if along * along > _SURE * _SURE * (s.joint[ALONG, ALONG] + noise) else 0.0
+    if missed != 0.0:
+        doubt(missed, p, s)
+    if balance > 0.0 and abs(t_x) > _TELLS:
+        see_ratio(nominal, balance, p, s)
+        # Where the tip runs fast, its load is not that at rest.
+        went = math.sqrt((x - from_x) ** 2 + (y_ - from_y) ** 2) / (periods * p.hold)
+        phase = p.wave_number * (abs(t_x) + abs(t_y)) * min(s.V_X * t_x + s.V_Y * t_y, went)
+        swing = p.f_load * p.height * phase * phase
+        seen = y.lateral_force / (p.lateral_force * t_x * nominal)
+        take_ratio_seen(seen, (p.ratio_noise / t_x) ** 2 + swing * swing, missed, p, s)
+    take_position(ALONG, (x - s.X) * t_x + (y_ - s.Y) * t_y, p, s)
+    take_position(ACROSS, (y_ - s.Y) * t_x - (x - s.X) * t_y, p, s)
+    if s.V_X * t_x + s.V_Y * t_y <= 0.0:
+        s.V_X, s.V_Y = 0.0, 0.0
+    rest(s)
