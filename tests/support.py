@@ -415,9 +415,10 @@ class Command:
             self.process.wait(0.02)
 
 
-def session(scenario: str | Path, out: Path, *options: str, folder: Path) -> Command:
-    """`ros2 run afm_bringup session SCENARIO --out OUT`."""
-    return Command(executable("afm_bringup", "session"), scenario, "--out", out, *options, folder=folder)
+def session(scenario: str | Path, out: Path, *options: str, folder: Path, picture: bool = False) -> Command:
+    """`ros2 run afm_bringup session SCENARIO --out OUT`, with a picture only where a test looks at it."""
+    drawn = () if picture else ("--no-picture",)
+    return Command(executable("afm_bringup", "session"), scenario, "--out", out, *drawn, *options, folder=folder)
 
 
 def assert_nothing_left() -> None:
