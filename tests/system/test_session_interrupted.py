@@ -88,7 +88,7 @@ def test_ctrl_c_before_the_nodes_are_up_leaves_nothing(endless: Path, out: Path,
 def test_ctrl_c_just_after_the_start_leaves_a_readable_recording_if_any(
     endless: Path, out: Path, tmp_path: Path
 ) -> None:
-    with Graph() as graph, session(endless, out, folder=tmp_path) as command:
+    with Graph() as graph, session(endless, out, "--composed", folder=tmp_path) as command:
         observer = graph.add(Observer())
         command.wait_until(lambda: observer.status.state == InstrumentStatus.RUNNING, graph)
         code = command.interrupt_again_and_again(graph)
@@ -183,9 +183,9 @@ def test_score_names_the_law_and_the_gains_that_were_in_force_and_each_change(ou
 
 
 @contextmanager
-def under_way(scenario: Path, out: Path, folder: Path) -> Iterator[tuple[Graph, Command]]:
+def under_way(scenario: Path, out: Path, folder: Path, *options: str) -> Iterator[tuple[Graph, Command]]:
     """A session in the middle of its run, with what it uses noted."""
-    with Graph() as graph, session(scenario, out, folder=folder) as command:
+    with Graph() as graph, session(scenario, out, *options, folder=folder) as command:
         observer = graph.add(Observer())
         command.wait_until(lambda: observer.status.ticks > 500, graph)
         note_shared_memory()
@@ -208,7 +208,7 @@ def test_session_beside_another_instrument_is_refused(out: Path, tmp_path: Path)
 
 
 def test_second_controller_ends_the_session_and_is_told(endless: Path, out: Path, tmp_path: Path) -> None:
-    with under_way(endless, out, tmp_path) as (graph, command):
+    with under_way(endless, out, tmp_path, "--composed") as (graph, command):
         graph.add(HandController(lambda measurement: [], "intruder"))
         assert command.wait(graph) == 1, command.text
     assert "error: another controller runs on /afm" in command.text
