@@ -177,10 +177,11 @@ class Graph:
     arguments : sequence of str
         For every node made in here, as on a command line; see `ros_arguments`.
     rest : float
-        Wall time for which a turn waits for something to do [s].
+        Wall time for which a turn waits for something to do [s]; a message ends it at once. Where a node has a loop of
+        its own, which takes its messages itself, 2 ms at most.
     """
 
-    def __init__(self, arguments: Sequence[str] = (), rest: float = 0.002) -> None:
+    def __init__(self, arguments: Sequence[str] = (), rest: float = 0.02) -> None:
         # Ctrl-C is Python's: it ends what waits, and the nodes in order.
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
         self.executor = SingleThreadedExecutor()
@@ -216,7 +217,8 @@ class Graph:
         busy = [node.step() for node in looping]
         for node in looping:
             node.serve_periodic()
-        self.executor.spin_once(timeout_sec=0.0 if any(busy) else self._rest)
+        rest = min(self._rest, 0.002) if looping else self._rest
+        self.executor.spin_once(timeout_sec=0.0 if any(busy) else rest)
 
     def spin_until(self, predicate: Callable[[], object]) -> None:
         """Spin until `predicate` holds."""
@@ -415,9 +417,10 @@ class Command:
             self.process.wait(0.02)
 
 
-def session(scenario: str | Path, out: Path, *options: str, folder: Path) -> Command:
-    """`ros2 run afm_bringup session SCENARIO --out OUT`."""
-    return Command(executable("afm_bringup", "session"), scenario, "--out", out, *options, folder=folder)
+def session(scenario: str | Path, out: Path, *options: str, folder: Path, picture: bool = False) -> Command:
+    """`ros2 run afm_bringup session SCENARIO --out OUT`, with a picture only where a test looks at it."""
+    drawn = () if picture else ("--no-picture",)
+    return Command(executable("afm_bringup", "session"), scenario, "--out", out, *drawn, *options, folder=folder)
 
 
 def assert_nothing_left() -> None:

@@ -8,8 +8,12 @@ kept=${FIRST_FAILURES:-out/first_failures.txt}
 mkdir -p "$(dirname "$kept")"
 rm -f "$kept"
 
+# Kept for the next run: half of what loading all tests costs. Containers often tell Python to keep none.
+unset PYTHONDONTWRITEBYTECODE
+
 code=0
 PYTHONPATH="$PWD/tests${PYTHONPATH:+:$PYTHONPATH}" python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile \
+  --no-loadscope-reorder \
   -p keep_failures --keep-failures "$kept" "$@" || code=$?
 if [ $code -ne 1 ]; then
   exit $code

@@ -63,6 +63,8 @@ class Session:
         Whether the command is given the scenario's parameters and the namespace, as arguments of ROS.
     stall_timeout : float
         Wall time for which a controller may stay silent after it was reported [s].
+    picture : bool
+        Whether the overview is drawn.
     """
 
     names: tuple[str, ...] = (PICTURE, CARD)
@@ -77,6 +79,7 @@ class Session:
         namespace: str = topics.NAMESPACE,
         ros_arguments: bool = True,
         stall_timeout: float = STALL_TIMEOUT,
+        picture: bool = True,
     ) -> None:
         self._scenario = scenario
         self._out = out
@@ -84,6 +87,7 @@ class Session:
         self._namespace = namespace
         self._ros_arguments = ros_arguments
         self._stall_timeout = stall_timeout
+        self._picture = picture
         self._console = Console(stderr=True)
         self._interrupted = False
 
@@ -280,8 +284,6 @@ class Session:
         # Here: a second in which a session that starts would only be importing.
         from afm_recorder_node.reader import RecordingError, read_recording
 
-        from .picture import draw_overview
-
         score, status, work = self._monitor.score, self._monitor.status, self._folder.work
         assert score is not None and status is not None
         check_score(status)
@@ -300,7 +302,9 @@ class Session:
         title = f"{self._scenario.header.title or self._scenario.name} ({card['plant']} plant, {controller})"
         try:
             write_scorecard(card, work / CARD)
-            if recording is not None:
+            if recording is not None and self._picture:
+                from .picture import draw_overview
+
                 draw_overview(recording, title, work / PICTURE)
         except OSError as error:
             missing = missing or f"{error.filename or work} cannot be written: {error.strerror}"

@@ -53,14 +53,14 @@ def in_a_new_process(script: str, **environment: str) -> str:
 
 
 def test_plain_python_gives_the_numbers_of_the_compiled_kernels():
-    script = SESSION.format(values=repr(PLANTS), ticks=150) + (
+    script = SESSION.format(values=repr(PLANTS), ticks=50) + (
         "from afm_model.instrument.tick import tick\nprint(json.dumps([hasattr(tick, 'signatures'), rows]))"
     )
     compiled, compiled_rows = json.loads(in_a_new_process(script))
     compiled_too, plain_rows = json.loads(in_a_new_process(script, NUMBA_DISABLE_JIT="1"))
     assert (compiled, compiled_too) == (True, False)
     one, other = np.array(compiled_rows), np.array(plain_rows)
-    # Two compilers may round the last bit differently; 600 steps of a stable motion do not amplify it.
+    # Two compilers may round the last bit differently; 200 steps of a stable motion do not amplify it.
     assert (np.abs(other - one) <= 1e-9 * np.abs(one).max(axis=0)).all()
 
 

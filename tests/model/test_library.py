@@ -124,9 +124,12 @@ except ImportError as error:
     assert printed == "a plot needs matplotlib, which is not installed: pip install matplotlib\n"
 
 
-def test_importing_the_model_imports_no_matplotlib():
-    script = "import sys, afm_model; print('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout == "False\n"
+def test_importing_the_model_and_its_microscope_imports_nothing_that_only_plots_sweeps_and_analyses_need():
+    """Every node and every session imports both: each of these would be processor time at every start."""
+    names = {"matplotlib", "dask", "distributed", "pandas"}
+    names |= {f"scipy.{name}" for name in ("interpolate", "ndimage", "optimize", "signal", "stats")}
+    script = f"import sys, afm_model, afm_model.microscope; print({names} & set(sys.modules))"
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, text=True).stdout == "set()\n"
 
 
 def test_thinned_curve_keeps_its_ends_and_its_largest_and_least_values():

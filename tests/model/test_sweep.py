@@ -225,11 +225,6 @@ def running_in(leader: int) -> list[str]:
     return left
 
 
-def test_importing_the_model_imports_nothing_of_the_sweep():
-    script = "import sys, afm_model; print({'dask', 'distributed', 'pandas'} & set(sys.modules))"
-    assert python("-c", script).communicate(timeout=60)[0] == "set()\n"
-
-
 def test_example_of_the_docs_prints_what_they_say_and_leaves_no_process(tmp_path):
     text = (ROOT / "docs" / "sweep.md").read_text()
     program, printed = re.search(r"```python\n(.*?)```\n\nprints\n\n```\n(.*?)```", text, re.DOTALL).groups()

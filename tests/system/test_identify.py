@@ -23,7 +23,7 @@ def test_shaken_scanner_is_identified_and_its_parameters_are_loaded_and_a_record
 
     (tmp_path / "other.yaml").write_text(yaml.safe_dump(OVERRIDES))
     with session(
-        "identify_scanner", tmp_path / "out", "--overrides", str(tmp_path / "other.yaml"), folder=tmp_path
+        "identify_scanner", tmp_path / "out", "--composed", "--overrides", str(tmp_path / "other.yaml"), folder=tmp_path
     ) as command:
         assert command.wait() == 0, command.text
     code = identify(tmp_path / "out" / "recording.rrd", "--out", tmp_path / "scanner.yaml")

@@ -16,6 +16,8 @@ def score(folder: Path, scenario: str, *options: str) -> dict[str, Any]:
     with session(scenario, folder / "out", *options, folder=folder) as command:
         assert command.wait() == 0, command.text
     assert_nothing_left()
+    # No picture was asked for: everything else is there.
+    assert {file.name for file in (folder / "out").iterdir()} == {"logs", "recording.rrd", "scorecard.json"}
     return dict(json.loads((folder / "out" / "scorecard.json").read_text()))
 
 
@@ -26,8 +28,7 @@ def open_loop(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def closed_loop(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What `make demo` runs: each node a process of its own."""
-    return score(tmp_path_factory.mktemp("closed_loop"), "closed_loop_tanh")
+    return score(tmp_path_factory.mktemp("closed_loop"), "closed_loop_tanh", "--composed")
 
 
 def test_open_loop_sticks_half_of_the_time(open_loop: dict[str, Any]) -> None:
@@ -60,3 +61,14 @@ def test_closed_loop_tracks_within_one_percent_and_loses_no_drive(closed_loop: d
 
 def test_closed_loop_holds_the_tip_within_a_nanometre(closed_loop: dict[str, Any]) -> None:
     assert closed_loop["tracking"]["z"]["rms_m"] < 1e-9
+
+
+@pytest.mark.long
+def test_closed_loop_of_three_processes_is_that_of_two_nodes_in_one(
+    closed_loop: dict[str, Any], tmp_path: Path
+) -> None:
+    """What `make demo` runs: each node a process of its own."""
+    apart = score(tmp_path, "closed_loop_tanh")
+    assert apart["drives_lost"] == 0
+    assert apart["trajectory_sha256"] == closed_loop["trajectory_sha256"]
+    assert (apart["tracking"], apart["stick"]) == (closed_loop["tracking"], closed_loop["stick"])

@@ -29,9 +29,9 @@ def make_test(folder: Path, text: str) -> tuple[subprocess.CompletedProcess[str]
     # A cache of its own: the one of the run that this test belongs to knows what has failed there.
     command = [ROOT / "tools" / "test.sh", "-c", ROOT / "pyproject.toml", "-o", f"cache_dir={folder / 'cache'}", file]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
-    done = subprocess.run(
-        command, env=environment | {"FIRST_FAILURES": str(kept)}, capture_output=True, text=True, check=False
-    )
+    # One worker has enough to do.
+    environment |= {"FIRST_FAILURES": str(kept), "PYTEST_XDIST_AUTO_NUM_WORKERS": "1"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     return done, kept
 
 

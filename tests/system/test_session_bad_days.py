@@ -61,7 +61,7 @@ def test_what_a_killed_recorder_has_written_stays_and_so_does_the_recording_of_t
     out.mkdir()
     (out / "recording.rrd").write_text("of the run before")
     (out / "scorecard.json").write_text("of the run before")
-    with Graph() as graph, session(endless, out, folder=tmp_path) as command:
+    with Graph() as graph, session(endless, out, "--composed", folder=tmp_path) as command:
         wait_until_running(command, graph)
         command.wait_until(lambda: flushed(out), graph)
         os.kill(node(command, "afm_recorder_node"), signal.SIGKILL)
@@ -111,7 +111,7 @@ def test_controller_behind_a_shell_that_ignores_ctrl_c_does_not_outlive_a_killed
 def test_second_session_with_the_same_folder_is_refused_and_a_closed_terminal_ends_the_first_as_ctrl_c_does(
     endless: Path, out: Path, tmp_path: Path
 ) -> None:
-    with Graph() as graph, session(endless, out, folder=tmp_path) as command:
+    with Graph() as graph, session(endless, out, "--composed", folder=tmp_path) as command:
         wait_until_running(command, graph, ticks=500)
         with session(endless, out, "--namespace", "lab2", folder=tmp_path) as second:
             assert second.wait(graph) == 1, second.text
@@ -129,7 +129,7 @@ def test_session_under_nohup_goes_on_when_the_terminal_is_closed(out: Path, tmp_
     scenario = write_scenario(
         tmp_path / "short.yaml", afm_sim_node={"run.duration": 0.02, "plant.control_period": 2e-6}
     )
-    nohup = ("nohup", executable("afm_bringup", "session"), scenario, "--out", out)
+    nohup = ("nohup", executable("afm_bringup", "session"), scenario, "--no-picture", "--out", out)
     with Graph() as graph, Command(*nohup, folder=tmp_path) as command:
         wait_until_running(command, graph)
         os.kill(command.process.pid, signal.SIGHUP)
@@ -139,7 +139,7 @@ def test_session_under_nohup_goes_on_when_the_terminal_is_closed(out: Path, tmp_
 
 
 def test_folder_that_is_removed_while_a_session_runs_is_told(endless: Path, out: Path, tmp_path: Path) -> None:
-    with Graph() as graph, session(endless, out, folder=tmp_path) as command:
+    with Graph() as graph, session(endless, out, "--composed", folder=tmp_path) as command:
         wait_until_running(command, graph)
         shutil.rmtree(out)
         assert command.wait(graph) == 1, command.text

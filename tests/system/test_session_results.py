@@ -80,7 +80,7 @@ def run(folder: Path, *options: str) -> Finished:
         afm_controller_node=CONTROLLER,
     )
     out = folder / "deep" / "out"
-    with session(scenario, out, *options, folder=folder) as command:
+    with session(scenario, out, *options, folder=folder, picture=True) as command:
         code = command.wait()
     assert_nothing_left()
     return Finished(code, command.text, out)

@@ -60,7 +60,8 @@ def test_two_sessions_at_one_instant_take_domains_of_their_own_and_say_which(
     scenario: Path, trajectory: str, tmp_path: Path
 ) -> None:
     outs = [tmp_path / "out 1", tmp_path / "out 2"]
-    alone = ("env", "-u", "ROS_DOMAIN_ID", executable("afm_bringup", "session"), scenario, "--out")
+    alone = ("env", "-u", "ROS_DOMAIN_ID", executable("afm_bringup", "session"), scenario)
+    alone += ("--composed", "--no-picture", "--out")
     with Command(*alone, outs[0], folder=tmp_path) as first, Command(*alone, outs[1], folder=tmp_path) as second:
         assert (first.wait(), second.wait()) == (0, 0), first.text + second.text
     domains = [

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
 
 from .contact_curve import Contact, branch_nodes, deflection_nodes
 from .correlation import correlated_mean, correlation_length
@@ -92,6 +90,8 @@ class Problem:
 
     def solve(self) -> Solution:
         """Fit."""
+        from scipy.optimize import least_squares  # here: a third of a second for nothing in a recorder
+
         count = _FIRST_KNOWN + len(self.free)
         x = np.zeros(count)
         x[0] = 1.0
@@ -119,6 +119,8 @@ class Problem:
 
     def _model(self, x: _Array) -> tuple[_Array, float]:
         """Deflection as measured, above that of the free cantilever, and the depth of the pull-off [m]."""
+        from scipy.interpolate import CubicSpline  # as above
+
         contact, others = self._names(x)
         way, deflection = deflection_nodes(self.model, contact, others["k"], self.most)
         gain = others["sensitivity"]

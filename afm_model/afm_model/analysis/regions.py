@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import binary_erosion, gaussian_filter
 
 from .correlation import correlated_mean
 from .estimate import Estimate
@@ -44,6 +43,8 @@ def two_levels(image: ArrayLike, margin: int = 3, smooth: float = 2.0) -> tuple[
     ValueError
         If the image has not two levels, or `margin` leaves nothing of one.
     """
+    from scipy.ndimage import binary_erosion, gaussian_filter  # here: no recorder needs them
+
     split: _Array = _image(image)
     there = np.isfinite(split)
     if smooth > 0.0 and there.any():

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import medfilt, welch
 
 from .estimate import Estimate
 
@@ -91,6 +90,8 @@ def spring_constant(
     ValueError
         If an argument is not allowed, the record is too short for the resonance, or there is none in the band.
     """
+    from scipy.signal import welch  # here: a third of a second for nothing in a recorder, which needs no spectrum
+
     voltage = np.asarray(voltage, np.float64)
     per_volt = sensitivity if isinstance(sensitivity, Estimate) else Estimate(sensitivity)
     _require(voltage, rate, per_volt.value, temperature, tilt, correction)
@@ -154,6 +155,8 @@ def _require(
 
 def _octaves(f: _Array, density: _Array) -> tuple[float, float]:
     """An octave to either side of the peak with the most variance above its surroundings: the first mode, not drift."""
+    from scipy.signal import medfilt  # as above
+
     at = np.digitize(f, np.geomspace(f[1], f[-1], 400))
     count = np.bincount(at)
     filled = count > 0

@@ -23,8 +23,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import least_squares
 
 from .estimate import Estimate, propagated, straight_line
 
@@ -153,6 +151,10 @@ def wedge_by_flat(
     ValueError
         If normal forces on the slope lie outside of `flat_load`, or the numbers of values do not agree.
     """
+    # Here: a third of a second for nothing in a recorder, which calibrates nothing.
+    from scipy.interpolate import PchipInterpolator
+    from scipy.optimize import least_squares
+
     s, c = _sine_cosine(angle)
     grid, widths = np.asarray(flat_load, np.float64), np.asarray(flat_half_width, np.float64)
     L_u, u, L_d, d = (np.atleast_1d(np.asarray(each, np.float64)) for each in (load_up, up, load_down, down))
