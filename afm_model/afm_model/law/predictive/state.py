@@ -16,6 +16,14 @@ STATE = record(
     "estimate",  # position and rate there
     "grip",  # measured friction along its direction; no measurement: zero
     "spread",  # covariance of position and speed along the motion, variance across it, over that of a position
+    "uncertainty",  # covariance of what one filter estimates, and what its update needs: the file of that name
+    "carried",
+    "half",
+    "held",
+    "gains",
+    "weights",
+    "change",
+    "across",  # variance of the position across the motion
     "bound",  # of friction, in place of the one believed in, for the copy; zero: none
     "X",  # the scanner as measured or estimated, then as predicted
     "Y",
@@ -78,6 +86,13 @@ STATE = record(
         "ratio": (10,),
         "estimate": (6,),
         "spread": (4,),
+        "uncertainty": (5, 5),
+        "carried": (5, 5),
+        "half": (5, 5),
+        "held": (5, 5),
+        "gains": (5,),
+        "weights": (5,),
+        "change": (5,),
         "answered": (ANSWERS,),
         "lengths": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),
