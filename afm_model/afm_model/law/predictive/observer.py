@@ -5,9 +5,9 @@ from typing import Any
 from ...jit import routine
 from .constants import KNOWN
 from .copy_of_plant import run_copy
-from .uncertainty import begin_together
 from .slide import correct_along
 from .together import correct_together
+from .uncertainty import begin_together
 
 
 @routine

@@ -11,16 +11,16 @@ from typing import Any
 
 from ...jit import kernel
 from .copy_of_plant import run_copy
-from .uncertainty import AT_X, AT_Y, RATIO, SLOPE, SPEED, carry, creep, take, update, weigh
 from .estimate import GONE, MEAN, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
 from .plant import look, nominal_bound
+from .uncertainty import AT_X, AT_Y, RATIO, SLOPE, SPEED, carry, creep, take, update, weigh
 
 _SURE = 3.0
 """Standard deviations beyond which a difference is not noise."""
 _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction."""
 _INDEX = 10.0
-"""Largest change of friction in a period over the noise: a surface that is sampled coarsely is not trusted beyond it."""
+"""Largest change of friction in a period over the noise: a surface sampled coarsely is not trusted beyond it."""
 
 
 @kernel
