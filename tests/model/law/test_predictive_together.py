@@ -102,10 +102,7 @@ def test_one_filter_estimates_both_where_nothing_is_known_and_a_period_is_long(l
 
 
 def test_uncertainty_stays_symmetric_and_positive():
-    _, controller = parameters(2e-4, 1, MEASURED, {}, 0.0, 1.0)
-    sim = build(
-        SimParameters, {"plant.control_period": 2e-4, "plant.delay_ticks": 1, "piezo.dac_period": 2e-4, **NOISE}
-    )
+    sim, controller = parameters(2e-4, 1, MEASURED, NOISE, 0.0, 1.0)
     instrument, law = Instrument(sim, 700), Controller(controller)
     for tick in range(600):
         instrument.tick(law.answer(instrument.measurement, tick * 2e-4))
