@@ -23,8 +23,11 @@ LONGEST_DELAY = 30
 """Control periods."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
-_FLOOR = 2e-4
+FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
+TOGETHER = 1.0
+"""Control period above which one filter estimates position and friction [1/w0]: below, a filter of the position that
+takes the measured force as it is makes smaller errors where the reference turns."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5
@@ -69,6 +72,7 @@ _SCALARS = (
     "wave_number",
     "ripple",  # of the strength, from that curvature
     "measured",
+    "together",  # position and friction are estimated in one filter
     "position_noise",
     "force_noise",  # of friction measured along x
     "uneven",  # rms of the ratio over a known surface about its mean
@@ -97,17 +101,8 @@ CONSTANTS = record(
     "of_drive",
     vectors=("stiffness", "damping", "volts"),
     integers=(
-        "slots",
-        "delay",
-        "count",
-        "reserve",
-        "fine",
-        "horizon",
-        "refined",
-        "steps",
-        "surface",
-        "identified",
-        "measured",
+        *("slots", "delay", "count", "reserve", "fine", "horizon", "refined", "steps"),
+        *("surface", "identified", "measured", "together"),
     ),
     arrays={
         "K": (3, 2),
@@ -167,13 +162,13 @@ def values(parameters: Tree) -> Numbers:
     dn = 1e-3 * L_s
     delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
     measured = law.feedback == "measured"
-    height_noise = math.hypot(_FLOOR, law.deflection_noise / z0 if measured else 0.0)
-    ratio_noise = math.hypot(_FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
+    height_noise = math.hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
+    ratio_noise = math.hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
     ripple = abs(up - down) / (2.0 * small * f_0) * (law.wave_number * x0) ** 2 * law.height / z0
     noise = law.position_noise / x0
     # What averaging over a wave leaves of the noise of the ratio; along z the tip's load hardly disturbs the scanner.
     left = ratio_noise * math.sqrt(hold / _WAVE)
-    disturbances = (left * f_0, left * f_0, _FLOOR * eta_c**2 / mu)
+    disturbances = (left * f_0, left * f_0, FLOOR * eta_c**2 / mu)
     noises = (noise, noise, law.position_noise / z0)
     L = [observer_gains(stiffness[i], damping[i], hold, disturbances[i], noises[i]) for i in range(3)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
@@ -213,6 +208,7 @@ def values(parameters: Tree) -> Numbers:
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
         "measured": measured,
+        "together": measured and law.surface != "known" and law.friction == "identified" and hold > TOGETHER,
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
         "uneven": _UNEVEN,

@@ -27,6 +27,13 @@ def begin(f: Any, value: float, size: float, floor: float, p: Any) -> None:
     f[OF_SLOPE] = (size * p.wave_number) ** 2
 
 
+@kernel
+def bend_of(way: float, t_x: float, t_y: float, size: float, p: Any) -> float:
+    """Rms change of the slope of a quantity of amplitude `size`, on a way along t."""
+    q = p.wave_number * (abs(t_x) + abs(t_y))
+    return ROUGH * size * q * q * way
+
+
 @routine
 def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: float, p: Any) -> None:
     """Kalman filter of value and slope along the way, a step d further on.
@@ -115,6 +122,10 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
     """
     look(s.X, s.Y, p, s)
     nominal = nominal_bound(s.load, p, s)
+    if p.together != 0:
+        # Followed together with the position.
+        s.slips += 1.0 if s.grip > 0.0 else 0.0
+        return s.grip / nominal
     speed = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
     if speed == 0.0:
         b_x, b_y = u_x - p.stiffness[0] * s.X, u_y - p.stiffness[1] * s.Y

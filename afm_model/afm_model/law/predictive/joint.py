@@ -109,12 +109,12 @@ def weigh(noise: float, s: Any) -> float:
     """Make the gain of a measurement of the states by the row `s.row` with the variance `noise`; its own variance."""
     total = noise
     for i in range(4):
-        s.gains[i] = 0.0
+        s.joint_gains[i] = 0.0
         for j in range(4):
-            s.gains[i] += s.joint[i, j] * s.row[j]
-        total += s.row[i] * s.gains[i]
+            s.joint_gains[i] += s.joint[i, j] * s.row[j]
+        total += s.row[i] * s.joint_gains[i]
     for i in range(4):
-        s.gains[i] /= total
+        s.joint_gains[i] /= total
     return total
 
 
@@ -123,13 +123,13 @@ def correct(innovation: float, total: float, s: Any) -> None:
     """Correct scanner, ratio and covariance by the gain made: by an innovation of the variance `total`."""
     for i in range(4):
         for j in range(4):
-            s.joint[i, j] -= s.gains[i] * s.gains[j] * total
+            s.joint[i, j] -= s.joint_gains[i] * s.joint_gains[j] * total
     t_x, t_y = s.heading[0], s.heading[1]
-    s.X += (s.gains[ALONG] * t_x - s.gains[ACROSS] * t_y) * innovation
-    s.Y += (s.gains[ALONG] * t_y + s.gains[ACROSS] * t_x) * innovation
-    s.V_X += s.gains[SPEED] * t_x * innovation
-    s.V_Y += s.gains[SPEED] * t_y * innovation
-    s.ratio[VALUE] += s.gains[RATIO] * innovation
+    s.X += (s.joint_gains[ALONG] * t_x - s.joint_gains[ACROSS] * t_y) * innovation
+    s.Y += (s.joint_gains[ALONG] * t_y + s.joint_gains[ACROSS] * t_x) * innovation
+    s.V_X += s.joint_gains[SPEED] * t_x * innovation
+    s.V_Y += s.joint_gains[SPEED] * t_y * innovation
+    s.ratio[VALUE] += s.joint_gains[RATIO] * innovation
     s.ratio[MEAN] = s.ratio[VALUE]
 
 
@@ -190,8 +190,8 @@ def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) ->
         total = weigh(noise, s)
     else:
         s.calm += 1.0
-    if s.gains[RATIO] * innovation < -fall:
-        innovation = -fall / s.gains[RATIO]
+    if s.joint_gains[RATIO] * innovation < -fall:
+        innovation = -fall / s.joint_gains[RATIO]
     correct(innovation, total, s)
 
 

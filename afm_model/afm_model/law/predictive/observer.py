@@ -7,6 +7,8 @@ from .constants import KNOWN
 from .copy_of_plant import run_copy
 from .joint import correct_jointly
 from .slide import correct_along
+from .together import correct_together
+from .uncertainty import begin_together
 
 
 @routine
@@ -20,10 +22,14 @@ def observe(k: int, y: Any, p: Any, s: Any) -> None:
         s.V_Y = y.velocity[1] / speed if p.measured == 0 else 0.0
         s.V_Z = y.velocity[2] / (p.z0 * p.w0) if p.measured == 0 else 0.0
         s.spread[0] = s.spread[3] = 1.0
+        s.across = p.uncertain
+        begin_together(p, s)
     else:
         s.X, s.Y, s.Z = s.estimate[0], s.estimate[1], s.estimate[2]
         s.V_X, s.V_Y, s.V_Z = s.estimate[3], s.estimate[4], s.estimate[5]
-        if p.surface != KNOWN and p.identified:
+        if p.together != 0:
+            correct_together(k, x, y_, y, p, s)
+        elif p.surface != KNOWN and p.identified:
             correct_along(k, x, y_, y, p, s)
         elif p.identified:
             correct_jointly(k, x, y_, y, p, s)

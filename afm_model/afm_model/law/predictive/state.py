@@ -24,7 +24,15 @@ STATE = record(
     "transition",  # of that filter, and numbers between two steps
     "product",
     "row",
+    "joint_gains",
+    "uncertainty",  # covariance of what one filter estimates, and what its update needs: the file of that name
+    "carried",
+    "half",
+    "held",
     "gains",
+    "weights",
+    "change",
+    "across",  # variance of the position across the motion
     "bound",  # of friction, in place of the one believed in, for the copy; zero: none
     "X",  # the scanner as measured or estimated, then as predicted
     "Y",
@@ -94,7 +102,14 @@ STATE = record(
         "transition": (4, 4),
         "product": (4, 4),
         "row": (4,),
-        "gains": (4,),
+        "joint_gains": (4,),
+        "uncertainty": (5, 5),
+        "carried": (5, 5),
+        "half": (5, 5),
+        "held": (5, 5),
+        "gains": (5,),
+        "weights": (5,),
+        "change": (5,),
         "answered": (ANSWERS,),
         "lengths": (ANSWERS,),
         "sent": (ANSWERS, SLOTS, 3),

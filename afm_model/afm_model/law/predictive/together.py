@@ -1,0 +1,156 @@
+"""Where the scanner is and how strong friction is, in one filter, from positions and the lateral force.
+
+At the low speed of a reference friction turns the motion at once into the balance of forces b, drive less spring: the
+scanner slips along b, and at rest friction is b. So position, speed along b and the ratio of friction follow one linear
+model, and one Kalman filter estimates them: the lateral force tells friction while the tip slips and the position while
+it rests. Which of the two it does is decided by which explains force and speed better: docs/laws.md, (8.8).
+"""
+
+import math
+from typing import Any
+
+from ...jit import kernel
+from .copy_of_plant import run_copy
+from .estimate import GONE, MEAN, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
+from .plant import look, nominal_bound
+from .uncertainty import AT_X, AT_Y, RATIO, SLOPE, SPEED, carry, creep, take, update, weigh
+
+_SURE = 3.0
+"""Standard deviations beyond which a difference is not noise."""
+_TELLS = 0.3
+"""Smallest cosine between the motion and x at which the force along x tells friction."""
+_INDEX = 10.0
+"""Largest change of friction in a period over the noise: a surface sampled coarsely is not trusted beyond it."""
+
+
+@kernel
+def unlikely(value: float, variance: float) -> float:
+    """Square of a negative value over its variance; of a positive one zero."""
+    return value * value / variance if value < 0.0 and variance > 0.0 else 0.0
+
+
+@kernel
+def slips(
+    force: float, b_x: float, t_x: float, t_y: float, nominal: float, speed: float, before: float, p: Any, s: Any
+) -> tuple[bool, float, float]:
+    """Whether the tip slips at the measurement; how far the force is from what it is then, and that one's variance.
+
+    The weights of the force are ready for `update`.
+    """
+    # At rest the force is b_x.
+    resting = force - b_x + p.stiffness[0] * s.change[AT_X]
+    of_resting = p.stiffness[0] ** 2 * s.uncertainty[AT_X, AT_X] + p.force_noise**2
+    if before == 0.0:
+        resting = force - b_x - p.stiffness[0] * (s.X - s.at_x)
+        of_resting = p.stiffness[0] ** 2 * s.held[AT_X, AT_X] + p.force_noise**2
+    # Slipping it is the bound, along b, whose direction depends on the position.
+    s.weights[AT_X], s.weights[AT_Y] = -p.stiffness[0] * t_y * t_y, p.stiffness[1] * t_x * t_y
+    s.weights[SPEED], s.weights[RATIO], s.weights[SLOPE] = 0.0, t_x * nominal, 0.0
+    slipping = force - t_x * nominal * s.here
+    for i in range(5):
+        slipping -= s.weights[i] * s.change[i]
+    step_x, step_y = s.X - s.at_x, s.Y - s.at_y
+    way = math.sqrt(step_x * step_x + step_y * step_y)
+    noise = max(p.force_noise, min(bend_of(way, t_x, t_y, p.ripple, p) * way / _INDEX, p.ripple) * nominal)
+    of_slipping = weigh(s) + noise * noise
+    v, of_v = speed + s.change[SPEED], s.uncertainty[SPEED, SPEED]
+    gain = s.gains[SPEED] / of_slipping
+    # It does not slip backwards; it rests only where friction has stopped it, and friction is then below its bound.
+    against = slipping * slipping / of_slipping + unlikely(v + gain * slipping, of_v - gain * s.gains[SPEED])
+    for_it = resting * resting / of_resting + unlikely(-v, of_v)
+    for_it += unlikely(-slipping if t_x > 0.0 else slipping, of_slipping)
+    sure = s.slips > 0.0 or resting * resting > _SURE * _SURE * of_resting
+    return sure and against + math.log(of_slipping / of_resting) <= for_it, slipping, of_slipping
+
+
+@kernel
+def rest(
+    x: float, y_: float, force: float, u_x: float, t_x: float, t_y: float, speed: float, before: float, time: float,
+    p: Any, s: Any,
+) -> None:  # fmt: skip
+    """Correct what is estimated by a measurement at which the tip rests."""
+    slow = _SURE * p.force_noise * time
+    if before == 0.0:
+        # It has rested all the time: nothing has changed.
+        for i in range(5):
+            s.change[i] = 0.0
+            for j in range(5):
+                s.uncertainty[i, j] = s.held[i, j]
+        creep(slow * time, t_x, t_y, s)
+        s.X, s.Y = s.at_x, s.at_y
+        take(AT_X, x - s.X, p.position_noise, s)
+        take(AT_Y, y_ - s.Y, p.position_noise, s)
+        speed = 0.0
+    take(SPEED, -max(speed, 0.0), slow, s)
+    # The force differs from b_x by the acceleration of such a speed.
+    take(AT_X, (u_x - force) / p.stiffness[0] - s.X, math.hypot(p.force_noise, slow / time) / p.stiffness[0], s)
+    # Where it has crept to friction may be another.
+    crept_x, crept_y = s.X + s.change[AT_X] - s.at_x, s.Y + s.change[AT_Y] - s.at_y
+    if s.uncertainty[RATIO, RATIO] < p.ripple * p.ripple:
+        s.uncertainty[RATIO, RATIO] += (p.ripple * p.wave_number * (abs(crept_x) + abs(crept_y))) ** 2
+
+
+@kernel
+def correct_together(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
+    """Run the copy up to measurement k, and correct it and friction by the positions x, y_ and the lateral force."""
+    periods = max(k - s.last, 1)
+    time = periods * p.hold
+    before = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
+    run_copy(k, y, p, s)
+    u_x = y.drive[0] / p.volts[0]
+    b_x, b_y = u_x - p.stiffness[0] * s.X, y.drive[1] / p.volts[1] - p.stiffness[1] * s.Y
+    balance = math.sqrt(b_x * b_x + b_y * b_y)
+    t_x, t_y = (b_x / balance, b_y / balance) if balance > 0.0 else (1.0, 0.0)
+    look(s.X, s.Y, p, s)
+    ratio = s.here
+    nominal = nominal_bound(p.w + p.eta_c2 * y.deflection / p.z0, p, s)
+    step_x, step_y = s.X - s.at_x, s.Y - s.at_y
+    way = math.sqrt(step_x * step_x + step_y * step_y)
+    # The slope is along the way: that turns back.
+    slope = s.ratio[SLOPE_X] * t_x + s.ratio[SLOPE_Y] * t_y
+    if t_x * s.ratio[WAY_X] + t_y * s.ratio[WAY_Y] < 0.0:
+        for i in range(4):
+            s.uncertainty[i, SLOPE] = -s.uncertainty[i, SLOPE]
+            s.uncertainty[SLOPE, i] = -s.uncertainty[SLOPE, i]
+    for i in range(5):
+        s.change[i] = 0.0
+        for j in range(5):
+            s.held[i, j] = s.uncertainty[i, j]
+    for _ in range(periods):
+        carry(way / periods, t_x, t_y, nominal, p, s)
+    speed = s.V_X * t_x + s.V_Y * t_y
+    if speed <= 0.0:
+        # The copy has stopped: how far below zero its speed would be.
+        speed = min(before + time * (balance - ratio * nominal), 0.0)
+    take(AT_X, x - s.X, p.position_noise, s)
+    take(AT_Y, y_ - s.Y, p.position_noise, s)
+    force = y.lateral_force / p.lateral_force
+    slipping, differs, variance = slips(force, b_x, t_x, t_y, nominal, speed, before, p, s)
+    along_t = force if t_x > 0.0 else -force
+    s.grip = 0.0
+    if slipping:
+        update(differs, variance, s)
+        speed = max(speed + s.change[SPEED], 0.0)
+        if abs(t_x) > _TELLS:
+            s.grip = max(force / t_x, 0.0)
+    else:
+        rest(x, y_, force, u_x, t_x, t_y, speed, before, time, p, s)
+        speed = 0.0
+        # Friction is never more than its bound, but for noise. Before the first slip that is sought in steps.
+        least = along_t / max(abs(t_x), _TELLS) / nominal
+        least += 0.5 * p.ripple if s.slips == 0.0 else 0.0
+        least -= _SURE * p.ratio_noise
+        s.change[RATIO] = max(s.change[RATIO], least - ratio)
+        s.ratio[MEAN] = max(s.ratio[MEAN], least)
+    s.across = s.uncertainty[AT_X, AT_X] * t_y * t_y + s.uncertainty[AT_Y, AT_Y] * t_x * t_x
+    s.across -= 2.0 * s.uncertainty[AT_X, AT_Y] * t_x * t_y
+    s.X += s.change[AT_X]
+    s.Y += s.change[AT_Y]
+    s.V_X, s.V_Y = speed * t_x, speed * t_y
+    q = p.wave_number * (abs(t_x) + abs(t_y))
+    slope = min(max(slope + s.change[SLOPE], -p.ripple * q), p.ripple * q)
+    s.ratio[VALUE] = ratio + s.change[RATIO]
+    s.ratio[SLOPE_X], s.ratio[SLOPE_Y], s.ratio[WAY_X], s.ratio[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
+    if s.grip > 0.0 and way > 0.0:
+        s.ratio[GONE] = min(s.ratio[GONE] + q * way, 8.0 * math.pi)
+        s.ratio[MEAN] += min(q * way / s.ratio[GONE], 1.0) * (s.ratio[VALUE] - s.ratio[MEAN])
