@@ -34,7 +34,7 @@ MEASUREMENT = record(
 DRIVE = record("voltage", vectors=("voltage",))
 """Drive of x, y, z [V]."""
 
-LONGEST_HORIZON = 128
+LONGEST_HORIZON = 512
 """Further drives that one answer may hold at most."""
 
 COMMAND = record(

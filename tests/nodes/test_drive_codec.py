@@ -54,7 +54,7 @@ def test_command_without_a_horizon_is_an_ordinary_drive_on_the_wire() -> None:
 @pytest.mark.parametrize(
     ("horizon", "period", "reason"),
     [
-        ([(0.0, 0.0, 0.0)] * (LONGEST_HORIZON + 1), 5e-5, "129 drives"),
+        ([(0.0, 0.0, 0.0)] * (LONGEST_HORIZON + 1), 5e-5, "513 drives"),
         ([(0.0, 0.0, 0.0)], 0.0, "horizon_period = 0.0 s"),
         ([(0.0, 0.0, 0.0)], float("nan"), "horizon_period = nan s"),
         ([(0.0, 0.0, 0.0)], -1.0, "horizon_period = -1.0 s"),

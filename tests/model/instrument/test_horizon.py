@@ -109,7 +109,7 @@ def test_range_and_resolution_hold_for_every_drive_of_a_horizon():
     [
         (lambda z: (np.zeros(2), np.zeros((1, 3)), 1.0), "it must be three voltages"),
         (lambda z: (np.zeros(3), np.zeros((1, 2)), 1.0), "n rows of three voltages"),
-        (lambda z: (np.zeros(3), np.zeros((129, 3)), 1.0), "128 are the most"),
+        (lambda z: (np.zeros(3), np.zeros((513, 3)), 1.0), "512 are the most"),
         (lambda z: (np.zeros(3), np.zeros((1, 3)), 0.0), "finite and > 0"),
         (lambda z: (np.zeros(3), np.zeros((1, 3)), math.nan), "finite and > 0"),
         (lambda z: (np.zeros(3), np.zeros((1, 3)), math.inf), "finite and > 0"),
@@ -143,7 +143,7 @@ def control(t, y, u, p, s):
     u.voltage[0] = 1e-3 * s.ticks
     u.horizon_period = p.period
     u.horizon_count = p.count
-    for i in range(min(p.count, 128)):
+    for i in range(min(p.count, 512)):
         for axis in range(3):
             u.horizon[i, axis] = u.voltage[axis]
         u.horizon[i, 0] += 1e-4 * (i + 1)
@@ -186,7 +186,7 @@ def test_law_with_a_horizon_gives_the_same_bytes_compiled_and_tick_by_tick(ahead
 
 
 @pytest.mark.parametrize(
-    ("values", "reason"), [({"period": 0.0}, "horizon_period = 0.0 s"), ({"count": 129}, "a horizon of 129 drives")]
+    ("values", "reason"), [({"period": 0.0}, "horizon_period = 0.0 s"), ({"count": 513}, "a horizon of 513 drives")]
 )
 def test_law_that_writes_a_horizon_that_cannot_be_is_refused_in_both_loops(monkeypatch, values, reason):
     scope = instrument()

@@ -274,8 +274,8 @@ def test_the_same_measurements_give_the_same_drives_after_a_reset():
     [
         ({"law.delay_ticks": 40}, "law.delay_ticks = 40 is not allowed: it must be <= 30"),
         (
-            {"law.packet": 64, "law.spare": 2},
-            "law.packet (law.delay_ticks + 1 + law.spare) + law.reserve = 192 must be <= 129",
+            {"law.packet": 64, "law.spare": 2, "law.reserve": 400},
+            "law.packet (law.delay_ticks + 1 + law.spare) + law.reserve = 592 must be <= 513",
         ),
         ({"law.period": 2e-2}, "the law would look 3200 intervals ahead and must not look farther than 512"),
     ],

@@ -89,7 +89,7 @@ def test_a_measurement_corrects_what_it_is_correlated_with():
     ("law", "together"),
     [
         ({}, True),
-        ({"surface": "learned"}, True),
+        ({"surface": "learned"}, False),
         ({"period": 1e-4}, False),
         ({"surface": "known"}, False),
         ({"friction": "nominal"}, False),

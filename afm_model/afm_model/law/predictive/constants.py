@@ -15,7 +15,7 @@ INTERVALS = 512
 """Fine intervals that the law can look ahead."""
 SLOTS = LONGEST_HORIZON + 1
 """Drives of one answer, those in force before it included."""
-ANSWERS = LONGEST_HORIZON
+ANSWERS = 128
 """Last answers that are kept. Of an older one nothing is left but its last drive, which the measurement tells."""
 LONG = 4.0
 """Longest time for which a drive is held without being refined [1/w0]."""
@@ -208,7 +208,7 @@ def values(parameters: Tree) -> Numbers:
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
         "measured": measured,
-        "together": measured and law.surface != "known" and law.friction == "identified" and hold > TOGETHER,
+        "together": measured and law.surface == "observed" and law.friction == "identified" and hold > TOGETHER,
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
         "uneven": _UNEVEN,

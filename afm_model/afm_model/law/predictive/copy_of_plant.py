@@ -3,7 +3,7 @@
 from typing import Any
 
 from ...jit import kernel
-from .constants import ANSWERS
+from .constants import ANSWERS, SLOTS
 from .plant import predict
 
 
@@ -12,10 +12,10 @@ def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
     """Move the copy of the plant from the last measurement to measurement k, under the drives that were in force."""
     kept = max(y.drive_sequence, 0) % ANSWERS
     known = y.drive_sequence >= 0 and s.answered[kept] == y.drive_sequence
-    for ahead in range(min(max(k - s.last, 1), ANSWERS)):
+    for ahead in range(min(max(k - s.last, 1), SLOTS)):
         for j in range(p.slots):
             x, y_, z = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1], y.drive[2] / p.volts[2]
             if known:
-                at = max(0, min((s.last + ahead - y.drive_sequence) * p.slots + j, p.delay + p.count - 1))
+                at = max(0, min((s.last + ahead - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
                 x, y_, z = s.sent[kept, at, 0], s.sent[kept, at, 1], s.sent[kept, at, 2]
             predict(x, y_, z, p, s)

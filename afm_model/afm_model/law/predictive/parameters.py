@@ -18,7 +18,7 @@ class PredictiveLaw(SampledLaw):
         0,
         description="further control periods for which an answer holds drives, played while the next one is late",
     )
-    reserve: Annotated[int, Ge(0), Le(127)] = Field(
+    reserve: Annotated[int, Ge(0), Le(511)] = Field(
         0,
         description="further drives behind those, planned a few with each answer and kept: they bridge a controller "
         "that stands still",
