@@ -32,15 +32,14 @@ def apply(process: Process, warn: Callable[[str], object]) -> None:
             warn("process.lock_memory: memory cannot be locked here (allow it: ulimit -l unlimited); going on without")
     everywhere = os.sched_getaffinity(0)
     if process.cpu >= 0:
-        _bind([0], {process.cpu}, "process.cpu", warn)
+        _bind([0], {process.cpu}, warn)
     if process.fifo_priority > 0:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(process.fifo_priority))
             _raise_listeners(process)
             if process.cpu >= 0 and everywhere - {process.cpu}:
                 # What waits behind the loop for its processor is let in by the system, for 50 ms of each second.
-                ordinary = [each for each in _threads() if os.sched_getscheduler(each) == os.SCHED_OTHER]
-                _bind(ordinary, everywhere - {process.cpu}, "process.cpu", warn)
+                _bind(filter(_is_ordinary, _threads()), everywhere - {process.cpu}, warn)
         except OSError:
             warn(
                 f"process.fifo_priority = {process.fifo_priority} is not permitted "
@@ -48,20 +47,21 @@ def apply(process: Process, warn: Callable[[str], object]) -> None:
             )
 
 
-def bind_process(cpu: int, parameter: str, warn: Callable[[str], object]) -> None:
-    """Bind all threads of this process to a processor; -1: to none. `parameter` is named in the warning."""
-    if cpu >= 0:
-        _bind(_threads(), {cpu}, parameter, warn)
-
-
-def _bind(threads: Iterable[int], cpus: set[int], parameter: str, warn: Callable[[str], object]) -> None:
+def _bind(threads: Iterable[int], cpus: set[int], warn: Callable[[str], object]) -> None:
     try:
         for thread in threads:
             with suppress(ProcessLookupError):
                 os.sched_setaffinity(thread, cpus)
     except OSError:
         there = ", ".join(map(str, sorted(os.sched_getaffinity(0))))
-        warn(f"{parameter} = {', '.join(map(str, cpus))} cannot be had: there are {there}; going on without")
+        warn(f"process.cpu = {', '.join(map(str, cpus))} cannot be had: there are {there}; going on without")
+
+
+def _is_ordinary(thread: int) -> bool:
+    """Whether a thread has no priority; one that has ended has none to be bound for."""
+    with suppress(ProcessLookupError):
+        return os.sched_getscheduler(thread) == os.SCHED_OTHER
+    return False
 
 
 def _threads() -> list[int]:

@@ -20,7 +20,6 @@ from afm_node_common.ears import Ears
 from afm_node_common.parameters import declare
 from afm_node_common.presence import Presence
 from afm_node_common.runner import run
-from afm_node_common.scheduling import bind_process
 
 from . import checks, layout
 from .channels import Channels
@@ -60,9 +59,7 @@ class RecorderNode(Node):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("afm_recorder_node", **({"namespace": topics.NAMESPACE} | kwargs))
-        parameters = declare(self, RecorderParameters)
-        bind_process(parameters.cpu, "cpu", self.get_logger().warning)
-        self.recorder = Recorder(parameters, self.get_logger())
+        self.recorder = Recorder(declare(self, RecorderParameters), self.get_logger())
         self._status = InstrumentStatus()
         self._ready = False
         self._ears = Ears(self)

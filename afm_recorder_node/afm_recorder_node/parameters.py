@@ -9,7 +9,7 @@ from afm_model.parameters import Group
 
 
 class RecorderParameters(Group):
-    """Where a recording goes, and where the recorder runs."""
+    """Where a recording goes."""
 
     path: str = Field(
         "recording.rrd",
@@ -22,9 +22,4 @@ class RecorderParameters(Group):
     )
     live_address: str = Field(
         "127.0.0.1", description="address on which viewers are accepted; 0.0.0.0: from anywhere, as out of a container"
-    )
-    cpu: Annotated[int, Ge(-1), Lt(4096)] = Field(
-        -1,
-        description="processor to which all threads of the recorder are bound, to keep off that of a control loop; "
-        "-1: any",
     )

@@ -107,19 +107,6 @@ def test_ordinary_threads_leave_the_processor_of_a_loop_with_priority() -> None:
     assert moved == [before - {one} if granted else before] * 2
 
 
-def test_process_that_is_bound_is_so_with_all_its_threads() -> None:
-    code = (
-        "import os, threading; from afm_node_common import scheduling; over = threading.Event(); "
-        "other = threading.Thread(target=over.wait); other.start(); w = []; "
-        "scheduling.bind_process({cpu}, 'cpu', w.append); "
-        "print(w, [os.sched_getaffinity(thread) for thread in (0, other.native_id)]); over.set()"
-    )
-    one = max(os.sched_getaffinity(0))
-    for cpu, expected in ((one, f"[] [{{{one}}}, {{{one}}}]"), (4095, "['cpu = 4095 cannot be had: there are ")):
-        command = [sys.executable, "-c", code.format(cpu=cpu)]
-        assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.startswith(expected)
-
-
 def test_memory_is_locked_or_its_refusal_told() -> None:
     # In a process of its own: what is locked stays so.
     code = (

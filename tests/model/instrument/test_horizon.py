@@ -227,8 +227,8 @@ def test_recording_with_several_updates_in_a_tick_is_replayed_from_its_channels_
 def test_replay_of_updates_asks_for_what_it_needs():
     with pytest.raises(ParameterError, match="dac_period, which must be > 0 s"):
         Replay(np.zeros((5, 4, 3)))
-    with pytest.raises(ParameterError, match=r"plant\.delay_ticks = 40"):
-        Replay(np.zeros((5, 4, 3)), 40, DAC)
+    with pytest.raises(ParameterError, match=r"plant\.delay_ticks = 200"):
+        Replay(np.zeros((5, 4, 3)), 200, DAC)
 
 
 @pytest.mark.parametrize("period", [3e-6, 7e-6, 4e-5])
