@@ -13,6 +13,7 @@ from typing import Any
 from ...jit import kernel, routine
 from .constants import ANSWERS
 from .copy_of_plant import run_copy
+from .covariance import carry_covariance
 from .estimate import MEAN, VALUE
 from .load import take_load
 from .plant import look, nominal_bound
@@ -32,21 +33,6 @@ _NEAR = 0.01
 
 
 @kernel
-def carry(s: Any) -> None:
-    """Carry the covariance by the matrix in `s.transition`."""
-    for i in range(4):
-        for j in range(4):
-            s.product[i, j] = 0.0
-            for k in range(4):
-                s.product[i, j] += s.transition[i, k] * s.joint[k, j]
-    for i in range(4):
-        for j in range(4):
-            s.joint[i, j] = 0.0
-            for k in range(4):
-                s.joint[i, j] += s.product[i, k] * s.transition[j, k]
-
-
-@kernel
 def turn_to(t_x: float, t_y: float, s: Any) -> None:
     """Take the covariance along and across another direction. A speed is one along the motion."""
     cos = s.heading[0] * t_x + s.heading[1] * t_y
@@ -55,7 +41,7 @@ def turn_to(t_x: float, t_y: float, s: Any) -> None:
     s.transition[ALONG, ALONG], s.transition[ALONG, ACROSS] = cos, sin
     s.transition[ACROSS, ALONG], s.transition[ACROSS, ACROSS] = -sin, cos
     s.transition[SPEED, SPEED], s.transition[RATIO, RATIO] = cos, 1.0
-    carry(s)
+    carry_covariance(s.joint, s.transition, s.product)
     s.heading[0], s.heading[1] = t_x, t_y
 
 
@@ -76,7 +62,7 @@ def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
             s.transition[i, ALONG], s.transition[i, SPEED] = p.free[i, 0], p.free[i, 1]
             s.transition[i, RATIO] = -p.of_drive[i] * nominal
         s.transition[ACROSS, ACROSS] = s.transition[RATIO, RATIO] = 1.0
-        carry(s)
+        carry_covariance(s.joint, s.transition, s.product)
         for i in range(2):
             for j in range(2):
                 s.joint[i, j] += p.uneven * p.uneven * s.transition[i, RATIO] * s.transition[j, RATIO]

@@ -4,6 +4,7 @@ from typing import Any
 
 from ...jit import kernel
 from .constants import FLOOR
+from .covariance import carry_covariance
 from .estimate import ROUGH, bend_of
 
 AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
@@ -37,16 +38,7 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Any, s: Any) ->
     F[SPEED, AT_X], F[SPEED, AT_Y], F[SPEED, SPEED] = c * t_x, c * t_y, d
     F[SPEED, RATIO], F[SPEED, SLOPE] = f, f * 0.5 * way
     F[RATIO, SLOPE] = way
-    for i in range(5):
-        for j in range(5):
-            s.half[i, j] = 0.0
-            for k in range(5):
-                s.half[i, j] += F[i, k] * s.uncertainty[k, j]
-    for i in range(5):
-        for j in range(5):
-            s.uncertainty[i, j] = 0.0
-            for k in range(5):
-                s.uncertainty[i, j] += s.half[i, k] * F[j, k]
+    carry_covariance(s.uncertainty, F, s.half)
     # What counts is the largest error: the largest second derivative of a wave, not its rms one.
     bend = bend_of(way, t_x, t_y, p.ripple / ROUGH, p)
     s.uncertainty[RATIO, RATIO] += 0.25 * bend * bend * way * way
