@@ -1,6 +1,5 @@
 """Constants of the compiled loop itself, of the parameters of an instrument."""
 
-import math
 from typing import Any
 
 from ..parameters import InstrumentParameters
@@ -15,8 +14,7 @@ def fill_loop(c: Any, parameters: InstrumentParameters) -> None:
     c.update = round(dac_period / plant.dt)
     c.dac_period = dac_period
     c.delay = plant.delay_ticks
-    # Round-off in start / period must not move the first scored tick.
-    c.score_tick = math.ceil(parameters.score_start / plant.control_period - 1e-6)
+    c.score_tick = parameters.score_tick
     c.control_period = plant.control_period
     c.period_ns = plant.control_period * 1e9
     c.sample_period = detector.sample_period

@@ -1,5 +1,6 @@
 """All parameters of the virtual instrument: the microscope, its parts, what is scored."""
 
+import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -47,6 +48,12 @@ class InstrumentParameters(Microscope):
     def score_start(self) -> float:
         """Time from which the run is scored [s]."""
         return self.score.start if self.score.start >= 0.0 else 0.5 * self.reference.period
+
+    @property
+    def score_tick(self) -> int:
+        """First control tick that is scored."""
+        # Round-off in start / period must not move it.
+        return math.ceil(self.score_start / self.plant.control_period - 1e-6)
 
     @model_validator(mode="after")
     def _tip_touches_in_one_point(self) -> "InstrumentParameters":

@@ -50,7 +50,7 @@ class Guard:
         self._distance = parameters.run.retract_distance / abs(piezo.sensitivity_z)  # [V]
         self._ramp_ticks = _ticks(parameters.run.retract_time, period)
         self._sign = math.copysign(1.0, piezo.sensitivity_z)
-        self._scored_from = math.ceil(parameters.score_start / period - 1e-6)
+        self._scored_from = parameters.score_tick
         self._rest = self._instrument.drive
         self.reset()
 

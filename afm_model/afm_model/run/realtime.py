@@ -168,7 +168,7 @@ class Realtime(Pacing):
             self._drive[2] = self._retract.next(self._drive[2], course.parameters)
             self._instrument.inside.take_z(float(self._drive[2]))
             counts.ticks_retracted += 1
-            counts.scored_ticks_retracted += self._instrument.ticks >= self._scored_from
+            counts.scored_ticks_retracted += self._instrument.ticks >= course.parameters.score_tick
 
     def _unused(self) -> str:
         """Drives that came and were not put in force, for a sentence."""
@@ -179,12 +179,6 @@ class Realtime(Pacing):
             (counts.drives_malformed, "that cannot be read"),
         )
         return "".join(f", {count} {kind}" for count, kind in kinds if count)
-
-    @property
-    def _scored_from(self) -> int:
-        """First tick that is scored."""
-        parameters = self._course.parameters
-        return math.ceil(parameters.score_start / parameters.plant.control_period - 1e-6)
 
     def _explain(self, error: DivergenceError) -> str:
         """Add how old the drives were, which makes a loop unstable that is not in lockstep."""
