@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters
-from afm_model.comparing import Contender
-from afm_model.errors import LawError, MalformedError
+from afm_model.core.errors import LawError, MalformedError
 from afm_model.fault import faults_of
-from afm_model.scenario import ALL, NAMESPACE
+from afm_model.parameters.scenario import ALL, NAMESPACE
+from afm_model.studies import Contender
 
 from .domain import claim_domain
 from .parameter_file import write_parameters

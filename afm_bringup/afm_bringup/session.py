@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from afm_model import Scenario
-from afm_model.checks import implausible, start_warnings
-from afm_model.schema import flatten
+from afm_model.core.schema import flatten
+from afm_model.studies.checks import implausible, start_warnings
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 

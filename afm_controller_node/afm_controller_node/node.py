@@ -7,10 +7,11 @@ from afm_msgs.msg import Measurement, PiezoDrive
 from numpy.typing import NDArray
 from rclpy.node import Node
 
-from afm_model import Command, Controller, flatten, signals
-from afm_model.errors import MalformedError
+from afm_model import Command, Controller, flatten
+from afm_model.core.errors import MalformedError
+from afm_model.core.records import size
 from afm_model.law import SampledLaw
-from afm_model.records import size
+from afm_model.parts import signals
 from afm_node_common import runner, topics
 from afm_node_common.chores import Chore, Chores
 from afm_node_common.codec import measurement_codec

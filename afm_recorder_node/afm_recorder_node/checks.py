@@ -9,10 +9,10 @@ from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
 from afm_msgs.msg import ScanLine as ScanLineMessage
 from std_msgs.msg import Header
 
-from afm_model.errors import ParameterError
+from afm_model.core.errors import ParameterError
+from afm_model.core.schema import build
 from afm_model.microscope.results import DIRECTIONS, Line
 from afm_model.microscope.verbs import Scan
-from afm_model.schema import build
 from afm_node_common.ears import Senseless
 
 from .scan_lines import ScanLine

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from afm_model import jit
+from afm_model.core import jit
 
 SESSION = """
 import json, sys

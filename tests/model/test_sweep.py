@@ -18,7 +18,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from afm_model import ParameterError, Scenario, SweepError, jit, simulate, sweep
+from afm_model import ParameterError, Scenario, SweepError, simulate, sweep
+from afm_model.core import jit
 from afm_model.law import TimingWarning
 from afm_model.parameters import ControllerParameters, SimParameters, build, flatten
 
@@ -170,13 +171,13 @@ def test_worker_with_other_sources_is_refused(cluster, monkeypatch):
         answers = iter(["those of the sweep", "those of the worker"])
         FINGERPRINT = property(lambda self: next(self.answers))
 
-    monkeypatch.setattr(sys.modules["afm_model.sweeping"], "jit", Sources())
+    monkeypatch.setattr(sys.modules["afm_model.studies.sweep"], "jit", Sources())
     with pytest.raises(SweepError, match="a worker has other sources"):
         sweep(scenario(), {SEED: [1]}, scheduler=cluster, progress=False)
 
 
 def test_scheduler_that_is_not_there_is_told(monkeypatch):
-    monkeypatch.setattr(sys.modules["afm_model.sweeping"], "_TIMEOUT", 0.2)
+    monkeypatch.setattr(sys.modules["afm_model.studies.sweep"], "_TIMEOUT", 0.2)
     with pytest.raises(SweepError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
         sweep(scenario(), {SEED: [1]}, scheduler="tcp://127.0.0.1:1", progress=False)
 
@@ -245,7 +246,7 @@ def test_example_of_the_docs_prints_what_they_say_and_leaves_no_process(tmp_path
 
 SCRIPT = """
 from afm_model import sweep
-from afm_model.scenario import Scenario
+from afm_model.parameters.scenario import Scenario
 from afm_model.parameters import SimParameters, build
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from afm_bringup.exam.course import Course
 from afm_bringup.exam.log import Answer, Log, Phase
 from afm_bringup.exam.rules import RULES, Outcome, Terms, exit_code, judge
 from afm_model import SimParameters, build
-from afm_model.signals import MEASUREMENT
+from afm_model.parts.signals import MEASUREMENT
 
 DEADLINE = 0.2
 PERIOD = 1e-4

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from afm_bringup.node_law import NodeLaw, _told, node_contender
 from afm_bringup.parameter_file import write_parameters
 from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters, build
-from afm_model.comparing import CONDITIONS, Comparison, run_trial
-from afm_model.comparing.conditions import Common
-from afm_model.errors import MalformedError
-from afm_model.records import size
-from afm_model.signals import MEASUREMENT
+from afm_model.core.errors import MalformedError
+from afm_model.core.records import size
+from afm_model.parts.signals import MEASUREMENT
+from afm_model.studies import CONDITIONS, Comparison, run_trial
+from afm_model.studies.conditions import Common
 
 MEASURED = np.zeros(size(MEASUREMENT))
 Answer = tuple[int, object]

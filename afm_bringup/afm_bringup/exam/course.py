@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import Instrument, SimParameters, build
-from afm_model.errors import DivergenceError, DriveError
-from afm_model.schema import Value, flatten
+from afm_model.core.errors import DivergenceError, DriveError
+from afm_model.core.schema import Value, flatten
 
 from .log import Answer, Asked, Log, Phase
 

@@ -15,7 +15,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
 from afm_model import Command, DriveError, SimParameters
-from afm_model.errors import MalformedError
+from afm_model.core.errors import MalformedError
 from afm_node_common import topics
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox

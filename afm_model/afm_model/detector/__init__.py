@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from ..jit import kernel
-from ..parts.call import call
+from ..core.call import call
+from ..core.jit import kernel
+from ..core.records import Block, pointer_at, record_at
+from ..core.registry import register
 from ..parts.header import HEADER
-from ..records import Block, pointer_at, record_at
-from ..registry import register
 from . import photodiode
 from .photodiode import FILTER, PHOTODIODE, Photodiode
 

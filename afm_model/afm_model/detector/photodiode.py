@@ -11,13 +11,13 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
 
-from .. import low_pass
-from ..converter import convert
-from ..jit import kernel
+from ..core import low_pass
+from ..core.converter import convert
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import DetectorParameters
 from ..parts.part import Detector, Numbers, Tree
-from ..records import record
-from ..schema import NonNegative, Positive, Unit
 
 _Part = Annotated[float, Gt(-1), Lt(1)]
 

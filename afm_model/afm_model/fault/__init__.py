@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from ..jit import kernel
-from ..parts.call import call
+from ..core.call import call
+from ..core.jit import kernel
+from ..core.records import Block, pointer_at, record_at
+from ..core.registry import register
 from ..parts.groups import FaultParameters
 from ..parts.header import HEADER
-from ..records import Block, pointer_at, record_at
-from ..registry import register
-from ..signals import DISPLACEMENT, MEASUREMENT
+from ..parts.signals import DISPLACEMENT, MEASUREMENT
 from .entry import KINDS, LATENCY_TICKS, NEVER, TARGETS, Entry
 from .events import acted, active, events
 from .memory import CONSTANTS, MEMORY, SENSED

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from ..schema import Group, Unit
+from ..core.schema import Group, Unit
 
 SENSORS = {
     "deflection": "m",

@@ -4,8 +4,8 @@ None of it is state of the instrument, so none is in `trajectory_sha256`: a run 
 whatever was between instrument and controller.
 """
 
-from ..records import place, record, size
-from ..signals import COMMAND, MEASUREMENT
+from ..core.records import place, record, size
+from ..parts.signals import COMMAND, MEASUREMENT
 from .entry import LATENCY_TICKS
 
 MOST = 16

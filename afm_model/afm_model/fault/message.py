@@ -6,9 +6,9 @@ Messages may overtake one another. The newest one that has arrived counts, by th
 import math
 from typing import Any
 
-from ..jit import kernel
-from ..records import Block, record_at
-from ..signals import COMMAND, copy_command
+from ..core.jit import kernel
+from ..core.records import Block, record_at
+from ..parts.signals import COMMAND, copy_command
 from .chance import uniform
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
 from .memory import COMMAND_SIZE, COMMANDS, KEPT, SENSED, SLOTS

@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
+from ..core.schema import Group
 from ..parts.groups import FaultParameters
 from ..parts.part import Fault
-from ..schema import Group
 from .entry import DRIVES, KINDS, MESSAGES, NEVER, SENSORS, TARGETS, Entry, problem
 from .memory import CONSTANTS, MEMORY, MOST
 from .none import untouched

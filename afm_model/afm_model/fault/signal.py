@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ..jit import kernel
+from ..core.jit import kernel
 from .chance import normal
 from .entry import DRIVES, KINDS, SENSORS, TARGETS
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..jit import kernel
+from ..core.jit import kernel
 from .entry import AXES, KINDS, TARGETS
 
 _FRICTION, _THERMAL = (list(KINDS).index(name) + 1 for name in ("friction", "thermal"))

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import detector, fault, onboard, piezo, plant, program, sample
-from ..channels import OPTIONAL, STANDARD
-from ..errors import ParameterError, PartError
+from ..core.errors import ParameterError, PartError
+from ..core.records import place, record, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.assembly import Assembled, assembled
+from ..parts.channels import OPTIONAL, STANDARD
 from ..parts.header import HEADER
 from ..parts.part import Channel, Part
-from ..records import place, record, record_at, size
-from ..signals import COMMAND, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from ..parts.signals import COMMAND, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 from .drift import DRIFT, DRIFTED, drift_constants
 from .score import SUMS
 from .sensors import READ, SENSORS, sensor_constants

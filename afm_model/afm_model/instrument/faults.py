@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ParameterError
+from ..core.errors import ParameterError
+from ..core.records import record_at
 from ..fault import CONSTANTS, MEMORY, NEVER, SCHEDULED, SENSED, faults_of, table
 from ..parameters import InstrumentParameters
-from ..records import record_at
-from ..signals import COMMAND, copy_command
+from ..parts.signals import COMMAND, copy_command
 from .block import Layout
 
 _TOLD = ("begun", "held")

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.records import place
 from ..parameters import InstrumentParameters
-from ..records import place
-from ..signals import TRUTH
+from ..parts.signals import TRUTH
 from .block import Layout
 
 _X, _NORMAL_FORCE, _CONTACT = (place(TRUTH, name) for name in ("position", "normal_force", "contact"))

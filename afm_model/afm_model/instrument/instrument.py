@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command, CommandRecord, problem
-from ..controller import Controller, external_law
-from ..errors import DivergenceError, DriveError, ParameterError
+from ..core.errors import DivergenceError, DriveError, ParameterError
+from ..core.records import record_at, size
 from ..parameters import InstrumentParameters
+from ..parts.command import Command, CommandRecord, problem
 from ..parts.part import Channel
+from ..parts.signals import COMMAND, TRUTH
 from ..plant import tell
 from ..program import reference
-from ..records import record_at, size
-from ..signals import COMMAND, TRUTH
 from .block import LOOP, Layout, line_slots
+from .controller import Controller, external_law
 from .draws import Draws
 from .faults import Faults
 from .inside import Inside
@@ -153,7 +153,7 @@ class Instrument:
 
     @property
     def truth(self) -> Any:
-        """Copy of what the plant is doing now, a record of `afm_model.signals.TRUTH`: without noise."""
+        """Copy of what the plant is doing now, a record of `afm_model.parts.signals.TRUTH`: without noise."""
         return self._layout.record(self._block, "truth").copy()
 
     def truth_of(self, states: _Array) -> NDArray[Any]:

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ParameterError
+from ..core.errors import ParameterError
+from ..core.records import record_at
 from ..parameters import InstrumentParameters
-from ..records import record_at
 from .block import LOOP, Layout
 
 
@@ -70,7 +70,7 @@ class Orders:
 
     @property
     def asked(self) -> Any:
-        """Copy of the reference of this tick, a record of `afm_model.signals.REFERENCE`."""
+        """Copy of the reference of this tick, a record of `afm_model.parts.signals.REFERENCE`."""
         return self._layout.record(self._block, "asked").copy()
 
     @property

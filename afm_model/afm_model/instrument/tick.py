@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..converter import convert
+from ..core.converter import convert
+from ..core.jit import kernel
+from ..core.records import Block, pointer_at, record_at, size
 from ..detector import detect
 from ..fault import on_command, on_measurement, unasked
-from ..jit import kernel
 from ..law import EXTERNAL, control
 from ..onboard import regulate
 from ..parts.header import HEADER, LAW_HEADER
+from ..parts.signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
 from ..piezo import actuate
 from ..plant import step, tell
 from ..program import reference, watch
-from ..records import Block, pointer_at, record_at, size
-from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
 from .drift import DRIFT, DRIFTED, drift, wander
 from .drive import allowed, due, put_in_force

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import Block, record_at, size
 from ..parts.header import HEADER
+from ..parts.signals import TRUTH
 from ..plant import tell
-from ..records import Block, record_at, size
-from ..signals import TRUTH
 
 _SIZE = size(TRUTH)
 

@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from ..jit import kernel
-from ..parts.call import call
+from ..core.call import call
+from ..core.jit import kernel
+from ..core.records import Block, pointer_at, record_at
+from ..core.registry import register
 from ..parts.groups import OnboardParameters
 from ..parts.header import HEADER
-from ..records import Block, pointer_at, record_at
-from ..registry import register
 from .none import NONE
 from .pi import PI, PiParameters
 

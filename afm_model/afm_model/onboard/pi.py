@@ -14,12 +14,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Unit
 from ..parts.groups import OnboardParameters
 from ..parts.part import Channel, Numbers, Onboard, Tree
-from ..records import record
-from ..schema import NonNegative, Unit
-from ..signals import FOLLOW, HOLD
+from ..parts.signals import FOLLOW, HOLD
 
 
 class PiParameters(OnboardParameters):
@@ -67,7 +67,7 @@ STATE = record(
     "integral",  # [m]
     "z",  # [m]
     "error",  # [V]
-    "mode",  # what it does with z, see afm_model.signals
+    "mode",  # what it does with z, see afm_model.parts.signals
     "origin",  # z without the offset that it is moved by [m]
 )
 

@@ -5,16 +5,16 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from .. import registry
+from ..core import registry
+from ..core.schema import Group, Unit, flatten, specifications
 from ..detector import Photodiode
 from ..fault import Schedule
 from ..onboard import OnboardParameters
-from ..physics import Microscope
 from ..piezo import PiezoParameters
 from ..plant import PlantGroup
+from ..plant.physics import Microscope
 from ..program import Reference
 from ..sample import PaperSample
-from ..schema import Group, Unit, flatten, specifications
 from .drift import Drift
 
 MAX_STEPS = 10_000_000

@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
+from ..core.schema import Group, NonNegative, Positive, Unit
 from ..law import ExternalLaw
-from ..schema import Group, NonNegative, Positive, Unit
 from .controller import ControllerParameters
 from .instrument import InstrumentParameters
 from .law_inside import controller_of, is_inside

@@ -1,8 +1,8 @@
 """Parts of the instrument, and what is needed to make one: docs/extending.md."""
 
-from ..jit import kernel
-from ..records import EMPTY, record
-from ..schema import Unit
+from ..core.jit import kernel
+from ..core.records import EMPTY, record
+from ..core.schema import Unit
 from .groups import (
     DetectorParameters,
     FaultParameters,

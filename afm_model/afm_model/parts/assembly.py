@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import registry
-from ..errors import ParameterError, PartError
-from ..records import Block, record_at, size
-from .call import Function
+from ..core import registry
+from ..core.call import Function
+from ..core.errors import ParameterError, PartError
+from ..core.records import Block, record_at, size
 from .header import OTHER
 from .part import Numbers, Part
 

@@ -1,6 +1,6 @@
 """The beginning of an instrument's block: which parts were chosen, and where everything stands in it."""
 
-from ..records import record
+from ..core.records import record
 from .part import FAMILIES, Law, Part
 
 

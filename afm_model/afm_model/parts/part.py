@@ -11,10 +11,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..records import EMPTY
-from ..schema import Group
-from ..signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
-from .call import NUMBER, POINTER, Argument
+from ..core.call import NUMBER, POINTER, Argument
+from ..core.records import EMPTY
+from ..core.schema import Group
+from .signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 
 Numbers = Mapping[str, Any]
 """Values of a record by the names of its fields."""

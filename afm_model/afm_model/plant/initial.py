@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from ..errors import ParameterError
-from ..friction.strength import bound_of_load
+from ..contact.strength import bound_of_load
+from ..core.errors import ParameterError
 from ..parts.part import Tree
 from ..sample import surface
 from .statics import place_sample, static_load

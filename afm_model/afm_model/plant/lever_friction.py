@@ -6,7 +6,7 @@ Equations: docs/lever.md (16) to (23).
 import math
 from typing import Any
 
-from ..jit import kernel
+from ..core.jit import kernel
 from ..sample import surface
 from .lever_contact import hold, indent, place_frame, slide
 

@@ -10,13 +10,13 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
-from ..records import record
-from ..schema import Unit
-from ..signals import FOLLOW as FOLLOWED
-from ..signals import OPEN
+from ..parts.signals import FOLLOW as FOLLOWED
+from ..parts.signals import OPEN
 from .orders import CURVE, END, FOLLOW, LINES, MOST_STEPS, RAMP, REST, Lines, Order, Step, columns
 
 _DEGREES = 6

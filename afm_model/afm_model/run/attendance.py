@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from ..errors import VerbError
+from ..core.errors import VerbError
 from ..instrument import Block, Instrument
 from .course import Course
 from .state import OVER, State

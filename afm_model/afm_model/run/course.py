@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command
-from ..errors import DriveError, MalformedError
+from ..core.errors import DriveError, MalformedError
 from ..instrument import Instrument
 from ..parameters import SimParameters
+from ..parts.command import Command
 from .counts import Counts
 from .link import Link
 from .state import REASONS, Cause, Life, State

@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command, problem
-from ..errors import DriveError
+from ..core.errors import DriveError
 from ..instrument import Instrument
 from ..instrument.validity import valid_forces
 from ..parameters import SimParameters
+from ..parts.command import Command, problem
 from .course import Course
 from .state import Cause, State
 

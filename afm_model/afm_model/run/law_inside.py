@@ -2,8 +2,8 @@
 
 import math
 
-from ..controller import Controller
-from ..errors import DivergenceError, DriveError, PartError
+from ..core.errors import DivergenceError, DriveError, PartError
+from ..instrument.controller import Controller
 from .course import Course, Pacing
 
 _PIECE = 5e-3

@@ -2,7 +2,7 @@
 
 import math
 
-from ..errors import DivergenceError, DriveError, MalformedError, PartError
+from ..core.errors import DivergenceError, DriveError, MalformedError, PartError
 from .course import Course, Pacing
 from .state import Cause
 

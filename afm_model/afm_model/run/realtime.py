@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command, problem
-from ..errors import DivergenceError, DriveError, PartError
+from ..core.errors import DivergenceError, DriveError, PartError
+from ..parts.command import Command, problem
 from .course import Course, Pacing
 from .retract import Retract
 from .state import Cause, State

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import VerbError
+from ..core.errors import VerbError
 from ..fault import acted, active
 from ..instrument import Block, Instrument
 from ..parameters import SimParameters

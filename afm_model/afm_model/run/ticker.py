@@ -9,10 +9,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command
-from ..controller import Controller
-from ..errors import DriveError
+from ..core.errors import DriveError
 from ..instrument import Block, Cut, Instrument
+from ..instrument.controller import Controller
+from ..parts.command import Command
 from .timing import DelayLog, Delays
 
 _Array = NDArray[np.float64]
