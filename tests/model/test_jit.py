@@ -66,8 +66,7 @@ def test_plain_python_gives_the_numbers_of_the_compiled_kernels():
 
 def test_a_session_compiles_each_kernel_once():
     report = """
-from afm_model import controller
-from afm_model.instrument import tick
+from afm_model.instrument import controller, tick
 # What kernels call among themselves they hand over as pointers; a session calls with arrays.
 called = lambda signature: not any("CPointer" in str(kind) or "float64*" in str(kind) for kind in signature)
 kernels = (tick.advance, tick.measure, controller.answer)

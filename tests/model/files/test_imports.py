@@ -10,7 +10,7 @@ def test_what_a_format_needs_is_imported_when_it_is_written_and_asked_for_in_one
     script = f"""
 import sys
 sys.path.insert(0, {str(scans.__file__).rsplit("/model/", 1)[0]!r})
-from model.images import scans
+from model.files import scans
 from afm_model import images
 from afm_model.microscope.labelled import labelled
 needed = ("matplotlib", "gwyfile", "h5py", "xarray", "pandas")

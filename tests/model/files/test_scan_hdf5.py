@@ -74,7 +74,7 @@ def test_a_program_that_is_killed_leaves_every_line_that_it_had_measured(tmp_pat
     script = f"""
 import sys, os, signal
 sys.path.insert(0, {str(TESTS)!r})
-from model.images import scans
+from model.files import scans
 from afm_model.files import ScanFile
 scan = scans.scanned(0).scan
 file = ScanFile("scan.h5", scan, scans.UNITS)
