@@ -102,7 +102,7 @@ def event_driven(
     def slip(t: float, y: np.ndarray) -> tuple[float, float, float, float]:
         X, Y, V, W = y.tolist()
         g = needed(t, X, Y)
-        friction = model.contact(X, Y) / math.hypot(V, W)
+        friction = model.friction(X, Y) / math.hypot(V, W)
         return V, W, g[0] - (damping[0] + friction) * V, g[1] - (damping[1] + friction) * W
 
     def stopped(t: float, y: np.ndarray) -> float:
@@ -135,7 +135,7 @@ def event_driven(
         if math.hypot(y[2], y[3]) == 0.0:
             # Stick until the force needed to hold still leaves the disc of radius f.
             X, Y = float(y[0]), float(y[1])
-            f = model.contact(X, Y)
+            f = model.friction(X, Y)
             start = t
 
             def excess(at: float, X: float = X, Y: float = Y, f: float = f) -> float:

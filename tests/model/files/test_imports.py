@@ -11,20 +11,20 @@ def test_what_a_format_needs_is_imported_when_it_is_written_and_asked_for_in_one
 import sys
 sys.path.insert(0, {str(scans.__file__).rsplit("/model/", 1)[0]!r})
 from model.files import scans
-from afm_model import images
+from afm_model import files
 from afm_model.microscope.labelled import labelled
 needed = ("matplotlib", "gwyfile", "h5py", "xarray", "pandas")
 print(*(name for name in needed if name in sys.modules))
 for name in needed:
     sys.modules[name] = None  # as if it were not installed
 image = scans.scanned(pixels=8, lines=8)
-images.write_gsf("scan.gsf", image)
-images.write_curve_tab("curve.tab", scans.curve())
+files.write_gsf("scan.gsf", image)
+files.write_curve_tab("curve.tab", scans.curve())
 for call in (
-    lambda: images.write_picture("a.png", image),
-    lambda: images.write_gwy("a.gwy", image),
-    lambda: images.write_scan("a.h5", image),
-    lambda: images.write_curves("a.h5", scans.curve()),
+    lambda: files.write_picture("a.png", image),
+    lambda: files.write_gwy("a.gwy", image),
+    lambda: files.write_scan("a.h5", image),
+    lambda: files.write_curves("a.h5", scans.curve()),
     lambda: labelled(image),
 ):
     try:
