@@ -28,8 +28,8 @@ import yaml
 
 from afm_model import Controller, Scenario, build, load_scenario, simulate
 from afm_model.microscope import Local, Microscope
+from afm_model.parts.signals import MEASUREMENT
 from afm_model.run import OVER, Latency, Listeners, Replay, Run, SimulatedLink, VirtualClock, simulate_realtime
-from afm_model.signals import MEASUREMENT
 
 FILE = Path(__file__).with_suffix(".json")
 CASES = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text())
