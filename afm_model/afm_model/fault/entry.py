@@ -1,6 +1,5 @@
 """One fault of a schedule: what goes wrong, where, from when on, for how long, how much."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
