@@ -73,5 +73,7 @@ def test_growth_is_told_and_a_single_moment_is_none(quantity: str) -> None:
     assert not judge(growing, quantity).flat
     moment = [*steady[:-1], replace(steady[-1], **{quantity: 10.0 * getattr(SAMPLE, quantity)})]
     assert judge(moment, quantity).flat
+    stepped = [replace(one, **{quantity: getattr(one, quantity) + 20.0 * unit}) for one in steady[15:]]
+    assert judge([*steady[:15], *stepped], quantity).flat == (quantity in ("memory", "shared"))
     (sentence,) = grown(uses({"node": growing}))
     assert sentence.startswith(f"{quantity} of node went from ")
