@@ -20,9 +20,9 @@ from afm_model.parameters import Specification
 OWN = {
     "plant": ("compliant", "paper"),
     "detector": ("photodiode",),
-    "piezo": ("linear", "ceramic"),
+    "piezo": ("linear",),
     "onboard": ("none",),
-    "sample": ("paper", "flat"),
+    "sample": ("paper",),
     "program": ("periodic",),
     "fault": ("none", "scheduled"),
     "law": ("open_loop", "sgn", "tanh"),
