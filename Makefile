@@ -2,7 +2,7 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo scan test test-long build setup lint figures notebooks maps bench soak torture clean
+.PHONY: help demo scan test test-long bits build setup lint figures notebooks maps bench soak torture clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
@@ -15,6 +15,7 @@ help:
 	@echo "make scan    approach, scan an image, withdraw; picture, .gwy, recording, table in out/scan"
 	@echo "make test    run all tests; what fails first is kept in out/first_failures.txt"
 	@echo "make test-long many more examples at random, and the long tests (SEED=...: the same again)"
+	@echo "make bits    compare every bit of some 70 short runs with those kept (python tests/bits.py --write: keep these)"
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
 	@echo "make figures draw the figures of docs/paper.md again"
@@ -50,6 +51,9 @@ test-long: build
 	@echo "The seed is $(SEED); the same examples again: make test-long SEED=$(SEED)"
 	@. ./env.sh && python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile -m "hypothesis or long" \
 	  --timeout 0 --hypothesis-profile random --hypothesis-seed $(SEED)
+
+bits: build
+	@. ./env.sh && python tests/bits.py
 
 lint: build
 	@. ./env.sh && python -m pip install --quiet --disable-pip-version-check -r requirements/lint.txt && tools/lint.sh

@@ -6,7 +6,8 @@ import struct
 import numpy as np
 from afm_msgs.msg import Measurement, PiezoDrive
 
-from afm_model import records, signals
+from afm_model.core import records
+from afm_model.parts import signals
 
 SIZE = {PiezoDrive: 3, Measurement: records.size(signals.MEASUREMENT)}
 """Numbers in a message without a horizon."""

@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from afm_model import Comparison, ControllerParameters, SimParameters, build, compare
-from afm_model.comparing import UNDER
-from afm_model.linear import at_timing, linearise
-from afm_model.registry import names
+from afm_model.core.registry import names
+from afm_model.studies import UNDER
+from afm_model.studies.linear import at_timing, linearise
 
 PERIODS = [2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3]
 DELAYS = [0, 1, 2, 3, 4, 6]

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
-from afm_model.registry import names
+from afm_model.core.registry import names
 
 from .compare_page import page
 from .node_law import node_contender

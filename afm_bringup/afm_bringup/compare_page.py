@@ -15,7 +15,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from afm_model import Comparison
-from afm_model.comparing import CONDITIONS, UNDER
+from afm_model.studies import CONDITIONS, UNDER
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 72em; padding: 0 1em; color: #222; }

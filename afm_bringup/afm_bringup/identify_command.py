@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from afm_model import ParameterError
-from afm_model.identification import AXES, Resonator, Scanner, identify, write_parameters
+from afm_model.analysis.identification import AXES, Resonator, Scanner, identify, write_parameters
 from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
 
 

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from afm_model.plotting import SIZE, Curves, draw
+from afm_model.run.plotting import SIZE, Curves, draw
 from afm_recorder_node.reader import Recording
 
 
 def draw_overview(recording: Recording, title: str, path: Path) -> None:
-    """Draw a recording into a PNG file; see `afm_model.plotting.draw`."""
+    """Draw a recording into a PNG file; see `afm_model.run.plotting.draw`."""
     figure = Figure(figsize=SIZE, layout="constrained")
     curves = Curves(
         time=recording.time_ticks,

@@ -20,13 +20,13 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from afm_model.errors import ParameterError, VerbError
+from afm_model.core.errors import ParameterError, VerbError
+from afm_model.core.schema import Value
 from afm_model.microscope.backend import OnLine, OnProgress
 from afm_model.microscope.interrupts import Interrupted, Interrupts
 from afm_model.microscope.jobs import Desk
 from afm_model.microscope.results import COMPLETE, FAILED, Image, Outcome, Progress
 from afm_model.microscope.verbs import Scan, Verb, Withdraw
-from afm_model.schema import Value
 from afm_node_common import topics
 from afm_node_common.shared_memory import shared_memory_cleanup
 from afm_node_common.verbs import TOPICS, goal_of, outcome_of, type_of

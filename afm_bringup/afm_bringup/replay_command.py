@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from afm_model import DivergenceError, DriveError, ParameterError, PartError
-from afm_model.progress import bar
+from afm_model.core.progress import bar
 from afm_model.run import Replay, recorded_parameters
-from afm_model.simulation import run
+from afm_model.run.simulation import run
 from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
 
 

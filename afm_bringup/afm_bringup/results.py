@@ -13,8 +13,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from afm_model import Scenario, ScoreSummary
-from afm_model.scorecard import AXES, number
-from afm_model.scorecard import scorecard as scored
+from afm_model.instrument.scorecard import AXES, number
+from afm_model.instrument.scorecard import scorecard as scored
 
 if TYPE_CHECKING:
     from afm_recorder_node.reader import Recording

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import yaml
 
-from afm_model.errors import ParameterError
+from afm_model.core.errors import ParameterError
+from afm_model.core.schema import build
 from afm_model.microscope.verbs import Approach, Scan
-from afm_model.schema import build
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from afm_model.images.layers import layers
-from afm_model.images.picture import draw
+from afm_model.files.layers import layers
+from afm_model.files.picture import draw
 from afm_model.microscope.results import Image
 
 _SIZE = (9.0, 4.4)

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from afm_model import Scenario
-from afm_model.errors import ParameterError, VerbError
+from afm_model.core.errors import ParameterError, VerbError
 from afm_model.microscope.results import COMPLETE, Image, Outcome
 from afm_model.microscope.results import Progress as Told
 from afm_model.microscope.verbs import Approach, Scan, Verb, Withdraw
@@ -173,7 +173,7 @@ class ScanSession(Session):
 
     def _write(self, image: Image) -> None:
         """The files of an image, in the folder of what is under way."""
-        from afm_model.images import write_gwy, write_sheet, write_table
+        from afm_model.files import write_gwy, write_sheet, write_table
 
         from .scan_picture import write_scan_picture
 
@@ -185,8 +185,8 @@ class ScanSession(Session):
         write_table(work / TABLE, image)
 
     def _show(self, image: Image, paths: Sequence[Path]) -> None:
-        from afm_model.images.table import figures
-        from afm_model.prefix import prefixed
+        from afm_model.core.prefix import prefixed
+        from afm_model.files.table import figures
 
         table = Table(title=escape(self._scenario.header.title or self._scenario.name), title_justify="left")
         for heading, justify in (("", "left"), ("mean", "right"), ("least", "right"), ("largest", "right")):

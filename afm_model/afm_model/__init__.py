@@ -2,16 +2,16 @@
 
 from importlib.metadata import PackageNotFoundError, version
 
-from .command import Command
-from .comparing import Comparison, compare
-from .controller import Controller
-from .errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
+from .core.errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
 from .instrument import Block, Instrument, ScoreSummary
+from .instrument.controller import Controller
 from .parameters import ControllerParameters, InstrumentParameters, SimParameters, build, flatten, specifications
-from .scenario import Scenario, ScenarioError, load_scenario
-from .shipped import scenario_names
-from .simulation import Simulation, simulate
-from .sweeping import SweepError, sweep
+from .parameters.scenario import Scenario, ScenarioError, load_scenario
+from .parameters.shipped import scenario_names
+from .parts.command import Command
+from .run.simulation import Simulation, simulate
+from .studies import Comparison, compare
+from .studies.sweep import SweepError, sweep
 
 try:
     __version__ = version("afm_model")

@@ -15,10 +15,10 @@ from . import (
     scenario_names,
     simulate,
 )
-from .checks import start_warnings
+from .core.progress import bar
+from .instrument.scorecard import scorecard
 from .law import TimingWarning
-from .progress import bar
-from .scorecard import scorecard
+from .studies.checks import start_warnings
 
 
 def main() -> int:

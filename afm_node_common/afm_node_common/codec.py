@@ -20,9 +20,9 @@ from geometry_msgs.msg import Vector3
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
-from afm_model import signals
-from afm_model.errors import MalformedError
-from afm_model.records import size
+from afm_model.core.errors import MalformedError
+from afm_model.core.records import size
+from afm_model.parts import signals
 
 from .topics import FRAME
 
@@ -318,7 +318,7 @@ class BlockEncoder:
 
 
 def measurement_codec(*, fast: bool = True) -> Codec:
-    """Codec of Measurement; values in the order of `afm_model.signals.MEASUREMENT`."""
+    """Codec of Measurement; values in the order of `afm_model.parts.signals.MEASUREMENT`."""
     return Codec(Measurement, size(signals.MEASUREMENT), fast=fast)
 
 

@@ -8,10 +8,10 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from afm_model.errors import ParameterError
+from afm_model.core.errors import ParameterError
+from afm_model.core.schema import with_parts
 from afm_model.parameters import Group, Specification, Value, build, flatten, resolved, specifications
 from afm_model.parameters.law_inside import timing_inside
-from afm_model.schema import with_parts
 
 from .parameter_services import check_services
 

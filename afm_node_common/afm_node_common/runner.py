@@ -16,9 +16,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from afm_model.errors import ParameterError, PartError
+from afm_model.core.errors import ParameterError, PartError
+from afm_model.core.schema import with_parts
 from afm_model.parameters import ControllerParameters, Group, InstrumentParameters, SetupSection, specifications
-from afm_model.schema import with_parts
 
 from . import scheduling
 from .process import Process

@@ -2,8 +2,8 @@
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from afm_model import scenario
-from afm_model.channels import STANDARD
+from afm_model.parameters import scenario
+from afm_model.parts.channels import STANDARD
 
 NAMESPACE = scenario.NAMESPACE
 FRAME = "scanner"

@@ -12,7 +12,8 @@ from afm_msgs.msg import Record as RecordMessage
 from numpy.typing import NDArray
 
 from afm_model.analysis import Estimate
-from afm_model.errors import ParameterError
+from afm_model.core.errors import ParameterError
+from afm_model.core.schema import build
 from afm_model.microscope.results import (
     CANCELLED,
     COMPLETE,
@@ -27,7 +28,6 @@ from afm_model.microscope.results import (
     Standing,
 )
 from afm_model.microscope.verbs import VERBS, ScanPath, Verb
-from afm_model.schema import build
 
 _Array = NDArray[np.float64]
 

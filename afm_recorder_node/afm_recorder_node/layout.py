@@ -12,8 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from afm_model import channels
-from afm_model.parts import Channel
+from afm_model.parts import Channel, channels
 
 from .pictures import SCANS, view
 

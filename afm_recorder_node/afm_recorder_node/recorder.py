@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model.errors import ParameterError
+from afm_model.core.errors import ParameterError
 
 from . import layout
 from .intake import Intake

@@ -7,7 +7,7 @@ from afm_msgs.srv import OrderFault
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from afm_model.errors import ParameterError
+from afm_model.core.errors import ParameterError
 from afm_model.fault import NEVER, Entry, events, faults_of
 from afm_model.run import OVER, Run
 from afm_node_common import topics

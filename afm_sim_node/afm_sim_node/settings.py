@@ -7,7 +7,7 @@ from typing import Any
 from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
 from rclpy.node import Node
 
-from afm_model.errors import ParameterError, VerbError
+from afm_model.core.errors import ParameterError, VerbError
 from afm_model.parts.stiffness import spring_constant
 from afm_model.run import Run
 from afm_node_common import topics

@@ -6,9 +6,9 @@ import numpy as np
 from afm_msgs.msg import Telemetry as TelemetryMessage
 from rclpy.node import Node
 
-from afm_model.records import record, record_at
+from afm_model.core.records import record, record_at
+from afm_model.parts.signals import MEASUREMENT
 from afm_model.run import Run
-from afm_model.signals import MEASUREMENT
 from afm_node_common import topics
 from afm_node_common.codec import telemetry_codec
 from afm_node_common.direct import Outbox

@@ -11,7 +11,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from afm_model.errors import ParameterError, VerbError
+from afm_model.core.errors import ParameterError, VerbError
 from afm_model.microscope.results import COMPLETE, Outcome
 from afm_model.microscope.verbs import Verb, Withdraw
 from afm_model.run import Run

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from afm_model import SimParameters
-from afm_model.records import record_at
-from afm_model.signals import MEASUREMENT
+from afm_model.core.records import record_at
+from afm_model.parts.signals import MEASUREMENT
 
 
 class Pd:

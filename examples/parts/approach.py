@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import Field
 
 from afm_model.parts import Channel, Program, ProgramParameters, Unit, kernel, record
-from afm_model.signals import OPEN
+from afm_model.parts.signals import OPEN
 
 
 class Approach(ProgramParameters):

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import InstrumentParameters, build
+from afm_model.core.records import pointer_at, record_at, size
 from afm_model.instrument.block import Layout
 from afm_model.parts.header import HEADER
+from afm_model.parts.signals import DRIVE
 from afm_model.plant import CONSTANTS, STATE, compliant
-from afm_model.records import pointer_at, record_at, size
-from afm_model.signals import DRIVE
 
 COMPILER = "cc"
 FLAGS = {

@@ -16,8 +16,8 @@ from machine import running
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-from afm_model import signals
-from afm_model.records import size
+from afm_model.core.records import size
+from afm_model.parts import signals
 from afm_node_common import topics
 from afm_node_common.codec import measurement_codec
 from afm_node_common.drive_codec import drive_codec

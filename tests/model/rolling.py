@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import InstrumentParameters, build, flatten
+from afm_model.core.jit import kernel
+from afm_model.core.records import record_at, size
 from afm_model.instrument.block import Layout
-from afm_model.jit import kernel
 from afm_model.parts.header import HEADER
+from afm_model.parts.signals import DRIVE
 from afm_model.plant import CONSTANTS, STATE, Z_COMPUTED, Z_HELD, Z_UNIFORM
 from afm_model.plant import compliant as compliant_plant
 from afm_model.plant import paper as paper_plant
-from afm_model.records import record_at, size
-from afm_model.signals import DRIVE
 
 UNIT = 1e-4
 """Time unit 1/w0 of the paper's scales [s]."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from afm_model import Block, Controller, ControllerParameters, Instrument, InstrumentParameters, build
 from afm_model.parameters import Value
-from afm_model.signals import MEASUREMENT
+from afm_model.parts.signals import MEASUREMENT
 
 Z_LOOP: dict[str, Value] = {
     "plant.kind": "lever",

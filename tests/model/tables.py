@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model.records import size
+from afm_model.core.records import size
 
 _Array = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ import re
 import pytest
 
 from afm_model import ControllerParameters, SimParameters, build, load_scenario, simulate
-from afm_model.checks import start_warnings
 from afm_model.law import TimingWarning
-from afm_model.linear import at_timing, linearise
+from afm_model.studies.checks import start_warnings
+from afm_model.studies.linear import at_timing, linearise
 
 
 def at(kind: str, period: float, delay: int):

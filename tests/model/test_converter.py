@@ -4,7 +4,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from afm_model.converter import convert
+from afm_model.core.converter import convert
 
 LIMIT = 10.0
 bits = st.integers(1, 32)

@@ -17,7 +17,7 @@ from afm_model import (
     load_scenario,
     simulate,
 )
-from afm_model.identification import AXES, fit_resonator, identify, response, write_parameters
+from afm_model.analysis.identification import AXES, fit_resonator, identify, response, write_parameters
 
 WITHDRAWN = {
     "plant.gap": 200e-9,

@@ -12,7 +12,7 @@ import pytest
 
 from afm_model import ControllerParameters, ScenarioError, Simulation, build, load_scenario, scenario_names, simulate
 from afm_model.parameters import SimParameters
-from afm_model.plotting import envelope
+from afm_model.run.plotting import envelope
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "library.md"

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from afm_model import ScoreSummary, signals
+from afm_model import ScoreSummary
 from afm_model.instrument.score import COUNTS, RANGES, VECTORS, columns
+from afm_model.parts import signals
 
 MESSAGES = Path(__file__).resolve().parents[2] / "msgs" / "msg"
 

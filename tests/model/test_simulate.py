@@ -21,7 +21,7 @@ from afm_model import (
     flatten,
     simulate,
 )
-from afm_model.signals import MEASUREMENT
+from afm_model.parts.signals import MEASUREMENT
 
 from . import session
 from .tables import numbers

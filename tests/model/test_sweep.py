@@ -18,7 +18,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from afm_model import ParameterError, Scenario, SweepError, jit, simulate, sweep
+from afm_model import ParameterError, Scenario, SweepError, simulate, sweep
+from afm_model.core import kernel_cache
 from afm_model.law import TimingWarning
 from afm_model.parameters import ControllerParameters, SimParameters, build, flatten
 
@@ -166,17 +167,14 @@ def test_progress_counts_runs_to_the_last_refused_ones_included(cluster):
 
 def test_worker_with_other_sources_is_refused(cluster, monkeypatch):
     # Workers read the fingerprint of their own process, which is this one here: it changes on the way to them.
-    class Sources:
-        answers = iter(["those of the sweep", "those of the worker"])
-        FINGERPRINT = property(lambda self: next(self.answers))
-
-    monkeypatch.setattr(sys.modules["afm_model.sweeping"], "jit", Sources())
+    answers = iter(["those of the sweep", "those of the worker"])
+    monkeypatch.setattr(kernel_cache, "fingerprint", lambda module, file: next(answers))
     with pytest.raises(SweepError, match="a worker has other sources"):
         sweep(scenario(), {SEED: [1]}, scheduler=cluster, progress=False)
 
 
 def test_scheduler_that_is_not_there_is_told(monkeypatch):
-    monkeypatch.setattr(sys.modules["afm_model.sweeping"], "_TIMEOUT", 0.2)
+    monkeypatch.setattr(sys.modules["afm_model.studies.sweep"], "_TIMEOUT", 0.2)
     with pytest.raises(SweepError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
         sweep(scenario(), {SEED: [1]}, scheduler="tcp://127.0.0.1:1", progress=False)
 
@@ -190,7 +188,7 @@ def test_missing_package_is_told_in_a_sentence(monkeypatch, package):
 
 def python(*arguments: str, **options: object) -> subprocess.Popen[str]:
     """Python in a process, and a session, of its own."""
-    path = os.pathsep.join([str(Path(jit.__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(Path(kernel_cache.__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
         [sys.executable, *arguments],
         cwd=ROOT,
@@ -245,7 +243,7 @@ def test_example_of_the_docs_prints_what_they_say_and_leaves_no_process(tmp_path
 
 SCRIPT = """
 from afm_model import sweep
-from afm_model.scenario import Scenario
+from afm_model.parameters.scenario import Scenario
 from afm_model.parameters import SimParameters, build
 
 if __name__ == "__main__":

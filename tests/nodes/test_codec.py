@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from afm_model import records, signals
-from afm_model.errors import MalformedError
+from afm_model.core import records
+from afm_model.core.errors import MalformedError
+from afm_model.parts import signals
 from afm_node_common import topics
 from afm_node_common.codec import Codec, body, fill, measurement_codec
 from afm_node_common.drive_codec import drive_codec

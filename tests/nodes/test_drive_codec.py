@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 from afm_model import Command, DriveError
-from afm_model.errors import MalformedError
-from afm_model.signals import LONGEST_HORIZON
+from afm_model.core.errors import MalformedError
+from afm_model.parts.signals import LONGEST_HORIZON
 from afm_node_common.drive_codec import drive_codec
 
 FAST, SLOW = drive_codec(), drive_codec(fast=False)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from afm_model.errors import ParameterError
+from afm_model.core.errors import ParameterError
 from afm_sim_node.settings import _values
 
 

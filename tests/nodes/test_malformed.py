@@ -14,16 +14,8 @@ from rclpy.node import Node
 from support import Graph, HandController, Observer, answer, ros_arguments, run_in_process
 
 from afm_controller_node.node import ControllerNode
-from afm_model import (
-    Command,
-    Controller,
-    ControllerParameters,
-    DriveError,
-    Instrument,
-    SimParameters,
-    build,
-)
-from afm_model.errors import MalformedError
+from afm_model import Command, Controller, ControllerParameters, DriveError, Instrument, SimParameters, build
+from afm_model.core.errors import MalformedError
 from afm_node_common import topics
 from afm_node_common.codec import Codec, measurement_codec
 from afm_node_common.drive_codec import drive_codec

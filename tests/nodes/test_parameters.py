@@ -14,8 +14,8 @@ from rclpy.parameter_client import AsyncParameterClient
 from support import Graph
 
 from afm_model import Controller, ParameterError, flatten, specifications
+from afm_model.core.registry import names
 from afm_model.parameters import Group
-from afm_model.registry import names
 from afm_node_common.parameters import declare
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 

@@ -15,7 +15,7 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from recorder_bench import BLOCK, HEIGHT, NAMESPACE, Bench, RecorderProcess, stamp
 
-from afm_model.errors import ParameterError
+from afm_model.core.errors import ParameterError
 from afm_recorder_node.node import RecorderNode
 from afm_recorder_node.reader import ParameterChange, read_recording
 

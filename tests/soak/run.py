@@ -8,7 +8,7 @@ import yaml
 from afm_msgs.msg import InstrumentStatus
 from support import TIMEOUT, Graph, Observer, session
 
-from afm_model.shipped import scenario_file
+from afm_model.parameters.shipped import scenario_file
 from soak.sampling import Sample, sample
 
 _ENDLESS = 1e6
@@ -91,7 +91,7 @@ def soak(
 def _name(line: str) -> str:
     """Name of a process of a session by its command line."""
     for word in line.split():
-        if Path(word).stem in ("afm_sim_node", "afm_controller_node", "afm_recorder_node", "keeper"):
+        if Path(word).stem in ("afm_sim_node", "afm_controller_node", "afm_recorder_node", "cleanup"):
             return Path(word).stem
     raise AssertionError(f"no process of a session: {line}")
 

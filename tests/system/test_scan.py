@@ -16,7 +16,7 @@ from support import TIMEOUT, Command, assert_nothing_left, executable, remove_sh
 from afm_bringup import scan_command
 from afm_bringup.first_sample import STEP, STRENGTH, letter, second_material
 from afm_bringup.remote import Remote
-from afm_model.errors import VerbError
+from afm_model.core.errors import VerbError
 from afm_recorder_node.reader import Recording, read_recording
 
 SIZE, PIXELS = 1e-6, 48

@@ -5,7 +5,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from afm_model.plotting import envelope
+from afm_model.run.plotting import envelope
 
 from . import style
 from .runs import Runs, control_force, friction, scored

@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from afm_model.plotting import envelope
+from afm_model.run.plotting import envelope
 
 from . import style
 from .runs import Runs, control_force, units

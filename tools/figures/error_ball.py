@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from afm_model import ControllerParameters
 from afm_model.law import TANH_GAP, lyapunov_matrix, ultimate_bound
-from afm_model.plotting import envelope
+from afm_model.run.plotting import envelope
 
 from . import style
 from .runs import Runs, errors, units

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from afm_model.plotting import envelope
+from afm_model.run.plotting import envelope
 
 from . import style
 from .runs import Runs, control_force, friction, units

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from afm_model import ControllerParameters, Scenario, SimParameters, Simulation, build, flatten, load_scenario, simulate
 from afm_model.parameters import Value
-from afm_model.physics import Microscope
+from afm_model.plant.physics import Microscope
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "scenarios"

@@ -7,15 +7,15 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from afm_model.contact.disc import project_disc
+from afm_model.contact.strength import bound_of_load
 from afm_model.contact.surface import effective_radius_ratio
-from afm_model.friction.disc import project_disc
-from afm_model.friction.strength import bound_of_load
+from afm_model.core.records import pointer_at, record_at
+from afm_model.parts import surface
 from afm_model.parts.header import HEADER
+from afm_model.parts.signals import DRIVE
 from afm_model.plant import CONSTANTS, STATE, compliant, paper
 from afm_model.plant.lateral import kick_lateral
-from afm_model.records import pointer_at, record_at
-from afm_model.sample import surface
-from afm_model.signals import DRIVE
 
 from .problem import AMPLITUDE, OMEGA
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import load_scenario
+from afm_model.core.records import record_at
 from afm_model.instrument.block import Layout
 from afm_model.parts.header import HEADER
 from afm_model.plant import CONSTANTS, STATE
-from afm_model.records import record_at
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "model"))

@@ -17,7 +17,7 @@ K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. Lond. A 324 (1971) 301, 
 
 import math
 
-from ..jit import kernel
+from ..core.jit import kernel
 
 U_FIXED_GRIPS = (1.0 / 6.0) ** (1.0 / 3.0)
 """u at which the contact breaks when the displacement is held (fixed grips), docs/theory.md (9)."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..core.jit import kernel
 from .maugis import branch
 
 NODES = 1025

@@ -11,13 +11,13 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
 
-from .. import low_pass
-from ..converter import convert
-from ..jit import kernel
+from ..core import low_pass
+from ..core.converter import convert
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import DetectorParameters
 from ..parts.part import Detector, Numbers, Tree
-from ..records import record
-from ..schema import NonNegative, Positive, Unit
 
 _Part = Annotated[float, Gt(-1), Lt(1)]
 
@@ -93,7 +93,7 @@ FILTER = record(
     "lateral_in",
     "lateral_noise",
 )
-"""What the low-pass remembers. It is no state of the part, so that a photodiode without one has none."""
+"""What the low-pass remembers. It is not recorded: most photodiodes have none."""
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -173,6 +173,8 @@ PHOTODIODE = Detector(
     name="photodiode",
     parameters=Photodiode,
     constants=CONSTANTS,
+    state=FILTER,
+    recorded=False,
     values=_values,
     detect=detect,
     noisy=_noisy,

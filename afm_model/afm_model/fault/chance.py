@@ -6,7 +6,7 @@ block changes them. Each number is a chain of integer hashes with 32 bits.
 
 import math
 
-from ..jit import kernel
+from ..core.jit import kernel
 
 _MASK = 0xFFFFFFFF
 _FACTOR = 0x45D9F3B

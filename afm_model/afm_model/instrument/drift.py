@@ -10,10 +10,10 @@ resonances of the scanner are faster than any drift by many orders of magnitude.
 import math
 from typing import Any
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
 from ..parameters import InstrumentParameters
 from ..parts.part import Numbers
-from ..records import record
 
 DRIFT = record("on", "rate", "decay", "wander", "keep", "shake", "metres", vectors=("rate", "metres"))
 """Constants; `decay` in s, 0: none; `metres` per volt of the piezo."""

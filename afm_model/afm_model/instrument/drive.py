@@ -3,12 +3,12 @@
 import math
 from typing import Any
 
-from ..converter import convert
-from ..fault import on_drive
-from ..jit import kernel
+from ..core.converter import convert
+from ..core.jit import kernel
+from ..core.records import Block, record_at, size
+from ..parts.dispatch import on_drive
 from ..parts.header import HEADER
-from ..records import Block, record_at, size
-from ..signals import COMMAND, DRIVE, LONGEST_HORIZON, copy_command
+from ..parts.signals import COMMAND, DRIVE, LONGEST_HORIZON, copy_command
 from .block import LOOP
 from .score import SUMS, count_drive
 

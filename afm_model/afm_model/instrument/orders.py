@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ParameterError
+from ..core.errors import ParameterError
+from ..core.records import record_at
 from ..parameters import InstrumentParameters
-from ..records import record_at
 from .block import LOOP, Layout
 
 
@@ -55,14 +55,6 @@ class Orders:
         self._loop.halt = self._layout.place("program_state.done")
 
     @property
-    def reached(self) -> bool:
-        """Whether an order has been done since the last look; telling so ends the wait for it."""
-        if self._loop.halt == 0 or self._block[self._loop.halt] == 0.0:
-            return False
-        self._loop.halt = 0
-        return True
-
-    @property
     def done(self) -> bool:
         """Whether the order in force is done, or there is none."""
         # By the place, made once: who ticks one by one looks at each of them.
@@ -70,7 +62,7 @@ class Orders:
 
     @property
     def asked(self) -> Any:
-        """Copy of the reference of this tick, a record of `afm_model.signals.REFERENCE`."""
+        """Copy of the reference of this tick, a record of `afm_model.parts.signals.REFERENCE`."""
         return self._layout.record(self._block, "asked").copy()
 
     @property

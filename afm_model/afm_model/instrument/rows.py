@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..signals import MEASUREMENT
+from ..parts.signals import MEASUREMENT
 
 _Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ class Block:
     """A stretch of consecutive control ticks, as recorded. Fields of records by name: `measurements["position"]`."""
 
     first_tick: int
-    measurements: NDArray[Any]  # (ticks,) records of afm_model.signals.MEASUREMENT
+    measurements: NDArray[Any]  # (ticks,) records of afm_model.parts.signals.MEASUREMENT
     drives: _Array  # (ticks, 3) [V], applied from each tick on
     first_sample: int
     samples: _Array  # (channels, samples), in the order of Instrument.channels; times Channel.scale in SI units

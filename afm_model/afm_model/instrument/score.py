@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import registry
-from ..jit import kernel
+from ..core import registry
+from ..core.jit import kernel
+from ..core.records import Block, record, record_at
 from ..parameters import InstrumentParameters
-from ..records import Block, record, record_at
 
 _Array = NDArray[np.float64]
 

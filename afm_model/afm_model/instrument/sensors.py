@@ -9,12 +9,12 @@ v[k] = keep v[k-1] + (1 - keep) difference[k].
 import math
 from typing import Any
 
-from .. import low_pass, registry
-from ..converter import convert
-from ..jit import kernel
+from ..core import low_pass, registry
+from ..core.converter import convert
+from ..core.jit import kernel
+from ..core.records import record
 from ..parameters import InstrumentParameters
 from ..parts.part import Numbers
-from ..records import record
 
 SENSORS = record("positions", "deflection", *low_pass.FIELDS, "lsb", "limit", "period", "rate_keep")
 """Constants; the first two: whether positions and deflection are measured, not told."""

@@ -3,13 +3,13 @@
 import math
 from typing import Any
 
-from .. import registry
 from ..contact.surface import effective_radius_ratio
-from ..jit import kernel
+from ..core import registry
+from ..core.jit import kernel
+from ..core.records import Block
 from ..parameters import ControllerParameters, InstrumentParameters
+from ..parts.dispatch import surface
 from ..plant.steps import resolved_load
-from ..records import Block
-from ..sample import surface
 from .block import Layout
 from .score import ScoreSummary
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Tree
 

@@ -5,8 +5,8 @@ from typing import Annotated
 
 from pydantic import Field
 
+from ..core.schema import NonNegative, Unit
 from ..parts.part import Tree
-from ..schema import NonNegative, Unit
 from . import height, scanner
 from .scanner import Axis, free_axes
 from .timing import SampledLaw

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ..jit import kernel
+from ..core.jit import kernel
 from ..parts.part import Tree
 from .scanner import drive_between, free_axes, place_poles, position, predict, send
 

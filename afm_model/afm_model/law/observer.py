@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Unit
 from ..parts.part import Law, Numbers, Tree
-from ..records import record
-from ..schema import NonNegative, Unit
 from . import feedback, height, scanner
 from .feedback import FeedbackLaw, lateral_axes, pole, time_constant
 from .scanner import drive_between, error_ahead, feed_forward, follow_flight, place_poles, position, rate, send

@@ -5,11 +5,11 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Positive
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Numbers, Tree
-from ..records import record
-from ..schema import NonNegative, Positive
 from .lyapunov import lyapunov_matrix
 
 OPEN_LOOP, SGN, TANH = range(3)

@@ -8,9 +8,9 @@ from typing import Any
 
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
 from ..parts.part import Law, Numbers, Tree
-from ..records import record
 from . import height, paper, scanner
 from .paper import PaperLaw
 from .timing import SampledLaw

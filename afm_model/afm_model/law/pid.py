@@ -8,10 +8,10 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import Positive
 from ..parts.part import Law, Numbers, Tree
-from ..records import record
-from ..schema import Positive
 from . import height, scanner
 from .scanner import feed_forward, follow_flight, free_axes, position, reference_at, send
 from .timing import SampledLaw

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..core.jit import kernel
 from ..parts.part import Tree
 
 _Array = NDArray[np.float64]

@@ -10,10 +10,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
-from ..records import record
-from ..schema import NonNegative, Positive, Unit
 from . import feedback, height, scanner
 from .feedback import FeedbackLaw, lateral_axes, pole
 from .implicit import lateral_unit

@@ -5,8 +5,8 @@ from typing import Annotated
 from annotated_types import Ge, Le
 from pydantic import Field
 
+from ..core.schema import Positive, Unit
 from ..parts.groups import LawParameters, PlantParameters
-from ..schema import Positive, Unit
 
 
 class SampledLaw(LawParameters):

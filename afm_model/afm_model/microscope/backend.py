@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Literal, Protocol
 
-from ..schema import Value
+from ..core.schema import Value
 from .jobs import Desk
 from .results import Line, Outcome, Progress
 from .verbs import Verb

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..analysis import Estimate, deflection_sensitivity, means, spring_constant, wedge_by_flat
 from ..analysis.wedge import WedgeCalibration
-from ..errors import VerbError
+from ..core.errors import VerbError
 from ..program.orders import Order
 from .bench import Bench
 from .collect import RecordCollector

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.jit import kernel
 from ..instrument import Block, Instrument
-from ..jit import kernel
 from .results import RETRACE, TRACE, Line, Record
 
 _Array = NDArray[np.float64]

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import VerbError
+from ..core.errors import VerbError
+from ..core.records import place
+from ..parts.signals import MEASUREMENT
 from ..program import orders
 from ..program.orders import END, Order, Step
-from ..records import place
-from ..signals import MEASUREMENT
 from .bench import Bench
 from .collect import Collector
 from .results import Line, Standing

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from ..controller import Controller
-from ..errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
+from ..core.errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
+from ..core.schema import Value
 from ..instrument import Instrument
+from ..instrument.controller import Controller
 from ..parameters import ControllerParameters, InstrumentParameters, build, flatten
-from ..schema import Value
 from .backend import OnLine, OnProgress
 from .interrupts import Interrupted, Interrupts
 from .jobs import Desk

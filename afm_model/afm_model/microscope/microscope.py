@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import ParameterError, VerbError
+from ..core.errors import ParameterError, VerbError
+from ..core.schema import Value
 from ..parameters import ControllerParameters, SimParameters, build, flatten
-from ..scenario import Scenario, load_scenario
-from ..schema import Value
+from ..parameters.scenario import Scenario, load_scenario
 from . import verbs
 from .backend import Backend, OnLine, OnProgress
 from .interrupts import Interrupted
@@ -63,7 +63,7 @@ class Microscope:
     Attributes
     ----------
     outcome : Outcome
-        How the last verb has ended, with its result as it is written to files (`afm_model.images`).
+        How the last verb has ended, with its result as it is written to files (`afm_model.files`).
     """
 
     outcome: Outcome

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..prefix import text
+from ..core.prefix import text
 
 
 def notes(parameters: Any) -> dict[str, str]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Literal
 
-from ..errors import ParameterError, VerbError
+from ..core.errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
 from ..program.orders import Order, Step
 from .bench import Bench

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from ..errors import VerbError
+from ..core.errors import VerbError
 from ..program.orders import Curve, Lines
 from .bench import Bench
 from .verbs import Scan

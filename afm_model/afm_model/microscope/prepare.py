@@ -2,10 +2,10 @@
 
 from typing import TypeVar
 
-from .. import registry
-from ..errors import ParameterError
+from ..core import registry
+from ..core.errors import ParameterError
+from ..core.schema import Value
 from ..parameters import InstrumentParameters, build, flatten
-from ..schema import Value
 
 P = TypeVar("P", bound=InstrumentParameters)
 CHANNELS = ("z_loop", "z_loop_error", "verb_number", "verb_step")

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
-from ..errors import VerbError
+from ..core.errors import VerbError
 from .bench import Bench
 from .calibrating import curves_of, wedge_plan
 from .collect import signals

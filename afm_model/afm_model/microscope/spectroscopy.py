@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..errors import VerbError
+from ..core.errors import VerbError
 from ..program import orders
 from ..program.force_curve import APPROACH, DWELL, LIFT, RETRACT, SETTLE
 from ..program.orders import Order, Step

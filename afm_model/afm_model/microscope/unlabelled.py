@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..schema import build
+from ..core.schema import build
 from .labelled import CURVE_NUMBERS
 from .results import DIRECTIONS, Curve, Image, Record
 from .verbs import Scan

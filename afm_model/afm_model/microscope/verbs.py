@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import Field, model_validator
 
-from ..schema import Group, NonNegative, Positive, Unit
+from ..core.schema import Group, NonNegative, Positive, Unit
 
 _Metre = Annotated[float, Unit("m")]
 _Length = Annotated[Positive, Unit("m")]

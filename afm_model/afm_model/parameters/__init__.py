@@ -3,9 +3,7 @@
 The parameters of a part stand in its own file; the trees here hold those of the parts that are chosen by default.
 """
 
-from ..physics import Cantilever, Contact, Microscope, Scales, Scanner, Units
-from ..plant import stable_step
-from ..schema import (
+from ..core.schema import (
     Group,
     NonNegative,
     Positive,
@@ -17,6 +15,8 @@ from ..schema import (
     specifications,
     unknown_name_message,
 )
+from ..plant import stable_step
+from ..plant.physics import Cantilever, Contact, Microscope, Scales, Scanner, Units
 from .controller import ControllerParameters
 from .drift import Drift
 from .instrument import InstrumentParameters, Score

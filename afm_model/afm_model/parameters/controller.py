@@ -2,12 +2,12 @@
 
 from pydantic import model_validator
 
-from .. import registry
+from ..core import registry
+from ..core.schema import Group
 from ..law import PaperLaw
-from ..physics import Cantilever, Contact, Scales, Scanner
 from ..piezo import PiezoParameters
+from ..plant.physics import Cantilever, Contact, Scales, Scanner
 from ..sample import PaperSample
-from ..schema import Group
 
 
 class ControllerParameters(Group):

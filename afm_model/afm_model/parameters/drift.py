@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..schema import Group, NonNegative, Positive, Unit
+from ..core.schema import Group, NonNegative, Positive, Unit
 
 _Rate = Annotated[float, Unit("m/s")]
 

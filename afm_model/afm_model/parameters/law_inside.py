@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
+from ..core.schema import Group, Value, build, flatten, with_parts
 from ..law import ExternalLaw
 from ..law.timing import TIMING, SampledLaw
-from ..schema import Group, Value, build, flatten, with_parts
 from .controller import ControllerParameters
 from .instrument import InstrumentParameters
 from .microscope import known_of

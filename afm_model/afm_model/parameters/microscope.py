@@ -10,12 +10,12 @@ from typing import Annotated, Any
 
 from pydantic import Field, create_model, model_validator
 
+from ..core.errors import ParameterError
+from ..core.schema import Group, Unit, Value, build, with_parts
 from ..detector import Photodiode
-from ..errors import ParameterError
 from ..law.timing import SampledLaw
 from ..piezo import PiezoParameters
 from ..plant.lever_parameters import LeverGroup
-from ..schema import Group, Unit, Value, build, with_parts
 from .controller import ControllerParameters
 from .instrument import InstrumentParameters
 

@@ -1,8 +1,9 @@
 """Parts of the instrument, and what is needed to make one: docs/extending.md."""
 
-from ..jit import kernel
-from ..records import EMPTY, record
-from ..schema import Unit
+from ..core.jit import kernel
+from ..core.records import EMPTY, record
+from ..core.schema import Unit
+from .dispatch import surface
 from .groups import (
     DetectorParameters,
     FaultParameters,
@@ -39,4 +40,5 @@ __all__ = [
     "Unit",
     "kernel",
     "record",
+    "surface",
 ]

@@ -8,7 +8,7 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field, model_validator
 
-from ..schema import Group, NonNegative, Positive, Unit
+from ..core.schema import Group, NonNegative, Positive, Unit
 
 
 class ProgramParameters(Group):

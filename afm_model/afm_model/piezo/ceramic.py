@@ -20,11 +20,11 @@ import numpy as np
 from annotated_types import Ge, Lt
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Unit
 from ..parts.groups import PiezoParameters
 from ..parts.part import Channel, Numbers, Piezo, Tree
-from ..records import record
-from ..schema import NonNegative, Unit
 
 PLAYS = 12
 EXPONENTIALS = 15

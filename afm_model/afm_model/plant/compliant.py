@@ -13,11 +13,11 @@ import math
 from typing import Any
 
 from ..contact.jkr import INDENTATION_FIXED_GRIPS, load_of_u, stiffness_of_u, u_of_indentation
+from ..contact.strength import bound_of_area
 from ..contact.surface import effective_radius_ratio
-from ..friction.strength import bound_of_area
-from ..jit import kernel
+from ..core.jit import kernel
+from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree
-from ..sample import surface
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest, start_free

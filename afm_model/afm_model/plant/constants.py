@@ -8,9 +8,9 @@ import math
 from typing import Any
 
 from ..contact.jkr import radius_at_zero_load
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
 from ..parts.part import Numbers, Tree
-from ..records import record
 
 CONSTANTS = record(
     "h",  # integration step [1/w0]

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from ..core.schema import NonNegative, Unit
 from ..parts.groups import PlantParameters
-from ..schema import NonNegative, Unit
 
 
 class PlantGroup(PlantParameters):

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from ..errors import ParameterError
-from ..friction.strength import bound_of_load
+from ..contact.strength import bound_of_load
+from ..core.errors import ParameterError
+from ..parts.dispatch import surface
 from ..parts.part import Tree
-from ..sample import surface
 from .statics import place_sample, static_load
 
 Voltage = tuple[float, float, float]

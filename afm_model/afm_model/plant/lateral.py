@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from ..friction.disc import friction_impulse
-from ..jit import kernel
+from ..contact.disc import friction_impulse
+from ..core.jit import kernel
 
 
 @kernel

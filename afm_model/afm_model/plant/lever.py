@@ -9,10 +9,10 @@ implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (2
 from typing import Any
 
 from ..contact.table import table
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record_at
 from ..parts.header import HEADER
 from ..parts.part import Channel, Plant
-from ..records import record_at
 from .lever_check import check, warnings
 from .lever_constants import CONSTANTS, lever_constants, rows
 from .lever_friction import on_surface

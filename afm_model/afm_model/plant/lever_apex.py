@@ -9,11 +9,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from .. import registry
-from ..errors import ParameterError
+from ..core import registry
+from ..core.errors import ParameterError
+from ..core.schema import NonNegative, Unit
 from ..parts.groups import PlantParameters
 from ..parts.part import Corrugation, Numbers, Tree
-from ..schema import NonNegative, Unit
 from .lever_thermal import BOLTZMANN
 from .random_numbers import key_of
 

@@ -4,10 +4,10 @@ import cmath
 import math
 from typing import Any
 
-from .. import registry
 from ..contact.table import transitions
+from ..core import registry
+from ..core.records import record
 from ..parts.part import Numbers, Tree
-from ..records import record
 from . import beam
 from .lever_apex import APEX_CONSTANTS, apex_constants
 from .lever_thermal import kick

@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 from ..contact.table import attraction, end_of_contact, look_up
-from ..jit import kernel
+from ..core.jit import kernel
 
 FRAME = (
     "unit_force",  # units of the contact at this place, see afm_model.contact.maugis

@@ -8,8 +8,8 @@ load follow from it.
 import math
 from typing import Any
 
-from ..jit import kernel, routine
-from ..sample import surface
+from ..core.jit import kernel, routine
+from ..parts.dispatch import surface
 from .lever_contact import indent, normal, place_frame
 from .random_numbers import normal as standard_normal
 

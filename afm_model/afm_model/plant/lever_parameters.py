@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
-from ..schema import NonNegative, Positive, Unit
+from ..core.schema import NonNegative, Positive, Unit
 from . import beam
 from .lever_apex import ApexParameters
 from .presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset

@@ -1,6 +1,6 @@
 """State of the plant `lever`, SI units: what its step, docs/lever.md (14) to (23), changes."""
 
-from ..records import record
+from ..core.records import record
 from .lever_apex import APEX_STATE
 from .lever_contact import FRAME
 

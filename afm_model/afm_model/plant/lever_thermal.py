@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ..jit import kernel
+from ..core.jit import kernel
 from .random_numbers import normal
 
 BOLTZMANN = 1.380649e-23

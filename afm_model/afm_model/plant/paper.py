@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contact.strength import bound_of_load
 from ..contact.surface import effective_radius_ratio
-from ..friction.strength import bound_of_load
-from ..jit import kernel
+from ..core.jit import kernel
+from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree
-from ..sample import surface
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest

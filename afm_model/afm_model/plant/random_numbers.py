@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel, routine
+from ..core.jit import kernel, routine
 
 THERMAL = 1000
 """Stream of the thermal noise; far from the few that the instrument draws in advance."""

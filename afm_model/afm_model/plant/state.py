@@ -1,6 +1,6 @@
 """State of the plants of this package: one layout for both, so that every byte of it can be compared."""
 
-from ..records import record
+from ..core.records import record
 
 STATE = record(
     "X",  # scanner position and rate, x and y [x0], [x0 w0]

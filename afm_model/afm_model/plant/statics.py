@@ -4,8 +4,8 @@ from typing import Any
 
 from ..contact.jkr import indentation_of_u, u_of_load
 from ..contact.surface import effective_radius_ratio
-from ..jit import kernel
-from ..sample import surface
+from ..core.jit import kernel
+from ..parts.dispatch import surface
 
 
 @kernel

@@ -2,9 +2,9 @@
 
 import math
 
-from .. import registry
 from ..contact.jkr import radius_at_zero_load, stiffness_of_u, u_of_load
-from ..jit import plain
+from ..core import registry
+from ..core.jit import plain
 from ..parts.part import Tree
 
 STABLE = 2.0

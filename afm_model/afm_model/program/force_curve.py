@@ -12,13 +12,13 @@ from typing import Annotated, Any
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
+from ..parts.signals import OPEN
 from ..parts.stiffness import spring_constant
-from ..records import record
-from ..schema import NonNegative, Positive, Unit
-from ..signals import OPEN
 
 LIFT, SETTLE, APPROACH, DWELL, RETRACT, DONE = range(6)
 """Phases, as the channel `curve_phase` tells them."""

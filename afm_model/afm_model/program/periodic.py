@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal
 from annotated_types import Gt, Lt
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Numbers, Program, Tree
-from ..records import record
-from ..schema import NonNegative, Unit
 
 SINE, TRIANGLE, CONSTANT = range(3)
 SHAPES = {"sine": SINE, "triangle": TRIANGLE, "constant": CONSTANT}

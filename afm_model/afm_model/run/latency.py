@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Lt
 from pydantic import Field
 
-from ..schema import Group, NonNegative, Positive, Unit
+from ..core.schema import Group, NonNegative, Positive, Unit
 
 
 class Latency(Group):

@@ -5,8 +5,8 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command
-from ..errors import DriveError
+from ..core.errors import DriveError
+from ..parts.command import Command
 
 _Array = NDArray[np.float64]
 

@@ -6,12 +6,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command
-from ..errors import ParameterError
+from ..core.errors import ParameterError
+from ..core.schema import Value, flatten
 from ..fault import Schedule, faults_of
 from ..parameters import SimParameters, build
-from ..schema import Value, flatten
-from ..signals import LONGEST_HORIZON
+from ..parts.command import Command
+from ..parts.signals import LONGEST_HORIZON
 
 _Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..command import Command
-from ..controller import Controller
-from ..errors import DivergenceError, DriveError, ParameterError
+from ..core.errors import DivergenceError, DriveError, ParameterError
 from ..instrument import Block, ScoreSummary
+from ..instrument.controller import Controller
 from ..law import ExternalLaw
 from ..parameters import SimParameters
+from ..parts.command import Command
 from .counts import Snapshot
 from .latency import Latency
 from .link import Link
@@ -31,7 +31,7 @@ class Law(Protocol):
     """Anything that answers measurements."""
 
     def answer(self, measurement: _Array, /) -> Any:
-        """Drive [V], (3,), or Command, for a measurement in the order of `afm_model.signals.MEASUREMENT`."""
+        """Drive [V], (3,), or Command, for a measurement in the order of `afm_model.parts.signals.MEASUREMENT`."""
         ...
 
 

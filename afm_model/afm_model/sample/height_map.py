@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
+from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Tree
-from ..schema import NonNegative, Positive, Unit
 from .map_files import read_field
 from .mapped import Relief, Scales, map_sample, relief
 from .tip import tip_radius

@@ -10,13 +10,13 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from .. import registry
-from ..jit import kernel
+from ..core import registry
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Positive, Unit
+from ..core.sincos import sincos
 from ..parts.groups import SampleParameters
 from ..parts.part import Corrugation, Numbers, Sample, Tree
-from ..records import record
-from ..schema import NonNegative, Positive, Unit
-from ..sincos import sincos
 
 LINE, SQUARE, HEXAGONAL = range(3)
 LATTICES = {"line": LINE, "square": SQUARE, "hexagonal": HEXAGONAL}

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
 from ..parts.groups import SampleParameters
 from ..parts.part import Sample, Tree
-from ..records import record
 
 _Array = NDArray[np.float64]
 FINER = 3

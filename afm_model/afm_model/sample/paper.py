@@ -7,12 +7,12 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import NonNegative, Unit
+from ..core.sincos import sincos
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
-from ..records import record
-from ..schema import NonNegative, Unit
-from ..sincos import sincos
 
 
 class PaperSample(SampleParameters):

@@ -5,11 +5,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
-from ..records import record
-from ..schema import Positive, Unit
 
 
 class Patches(SampleParameters):

@@ -6,11 +6,11 @@ from typing import Annotated, Any
 from annotated_types import Gt, Lt
 from pydantic import Field
 
-from ..jit import kernel
+from ..core.jit import kernel
+from ..core.records import record
+from ..core.schema import Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
-from ..records import record
-from ..schema import Unit
 
 Angle = Annotated[float, Gt(-1.4), Lt(1.4), Unit("rad")]
 

@@ -8,9 +8,9 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Tree
-from ..schema import Positive, Unit
 from .mapped import Relief, Scales, map_sample, relief
 from .tip import tip_radius
 

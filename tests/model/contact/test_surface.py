@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afm_model.contact.surface import effective_radius_ratio
+from afm_model.parts.signals import SURFACE
 from afm_model.sample import paper
-from afm_model.signals import SURFACE
 
 from ..tables import record_of
 

@@ -22,8 +22,8 @@ from afm_model.fault.chance import normal, uniform
 from afm_model.fault.entry import KINDS, SENSORS, Entry, problem
 from afm_model.instrument import faults as faults_of_instrument
 from afm_model.parameters.run import SimParameters as Parameters
+from afm_model.parts.signals import MEASUREMENT
 from afm_model.run import Replay, recorded_parameters
-from afm_model.signals import MEASUREMENT
 
 PERIOD = 2e-6
 TICKS = 300

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from afm_model import DivergenceError, DriveError, Instrument
+from afm_model.core.records import size
 from afm_model.instrument.tick import DRAW_TICKS
 from afm_model.parameters import Value
 from afm_model.parts.header import LAW_HEADER
-from afm_model.records import size
 
 from .. import session
 from ..tables import numbers

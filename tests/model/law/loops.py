@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from afm_model import ControllerParameters, SimParameters, build
-from afm_model.scenario import law_timing
-from afm_model.simulation import run
+from afm_model.parameters.scenario import law_timing
+from afm_model.run.simulation import run
 
 PERIOD = 2.0 * np.pi / 50.0
 

@@ -8,18 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afm_model import (
-    Controller,
-    ControllerParameters,
-    DivergenceError,
-    SimParameters,
-    build,
-    registry,
-    simulate,
-)
+from afm_model import Controller, ControllerParameters, DivergenceError, SimParameters, build, simulate
+from afm_model.core import registry
+from afm_model.core.records import size
 from afm_model.law.paper import SGN, TANH, switching
-from afm_model.records import size
-from afm_model.signals import MEASUREMENT
+from afm_model.parts.signals import MEASUREMENT
 
 from ..tables import array_of, record_of
 

@@ -15,12 +15,12 @@ from afm_model import (
     SimParameters,
     Simulation,
     build,
-    registry,
     simulate,
 )
-from afm_model.records import record_at
+from afm_model.core import registry
+from afm_model.core.records import record_at
+from afm_model.parts.signals import MEASUREMENT
 from afm_model.run import Latency, simulate_realtime
-from afm_model.signals import MEASUREMENT
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 

@@ -13,7 +13,7 @@ from afm_model.law.predictive.map import NODES, read_map, write_map
 from afm_model.law.predictive.plant import beyond
 from afm_model.law.predictive.reference import continue_reference, take_reference
 from afm_model.law.predictive.state import STATE, start
-from afm_model.signals import MEASUREMENT
+from afm_model.parts.signals import MEASUREMENT
 
 from ..tables import record_of
 

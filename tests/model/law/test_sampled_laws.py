@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from afm_model import ControllerParameters, SimParameters, build
+from afm_model.core.registry import find
 from afm_model.law.pid import simc, tustin
 from afm_model.law.scanner import free_axes, place_poles
 from afm_model.law.super_twisting import K_1, K_2, sliding_row
-from afm_model.linear import at_timing, linearise
-from afm_model.registry import find
+from afm_model.studies.linear import at_timing, linearise
 
 from .loops import closed_loop
 

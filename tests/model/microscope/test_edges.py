@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from afm_model.core.schema import specifications
 from afm_model.microscope import Microscope, labelled
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED
 from afm_model.microscope.verbs import (
@@ -20,7 +21,6 @@ from afm_model.microscope.verbs import (
 )
 from afm_model.program.force_curve import APPROACH as APPROACHING
 from afm_model.program.force_curve import DWELL, RETRACT
-from afm_model.schema import specifications
 
 from .test_local import APPROACH, local
 

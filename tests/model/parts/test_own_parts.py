@@ -20,10 +20,10 @@ from afm_model import (
     SimParameters,
     Simulation,
     build,
-    registry,
     simulate,
     specifications,
 )
+from afm_model.core import registry
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
 LIMIT = 60

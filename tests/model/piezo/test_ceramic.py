@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
+from afm_model.core.records import record_at, size
+from afm_model.parts.signals import DRIVE
 from afm_model.piezo import CERAMIC
-from afm_model.records import record_at, size
-from afm_model.signals import DRIVE
 
 OPENING, STROKE, SENSITIVITY = 0.12, 90e-6, 500e-9
 U = 0.5 * STROKE / SENSITIVITY

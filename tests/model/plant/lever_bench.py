@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 
 from afm_model import InstrumentParameters, build
+from afm_model.core.jit import kernel
+from afm_model.core.records import pointer_at, record_at
 from afm_model.instrument.block import Layout
-from afm_model.jit import kernel
 from afm_model.parts.header import HEADER
+from afm_model.parts.signals import DRIVE
 from afm_model.plant import LEVER, lever
 from afm_model.plant.lever_constants import CONSTANTS
 from afm_model.plant.lever_state import STATE
-from afm_model.records import pointer_at, record_at
-from afm_model.signals import DRIVE
 
 BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
 

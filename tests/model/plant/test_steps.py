@@ -16,8 +16,8 @@ from afm_model import (
     build,
     simulate,
 )
+from afm_model.parts.signals import MEASUREMENT
 from afm_model.plant.steps import ACCURATE, reachable_load, resolved_load, stable_step
-from afm_model.signals import MEASUREMENT
 
 from ..rests import CHANNELS, rests
 from ..session import PERIOD, controller

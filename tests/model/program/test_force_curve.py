@@ -7,8 +7,8 @@ import pytest
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.instrument import Block
+from afm_model.parts.signals import FOLLOW, HOLD, OPEN
 from afm_model.program import force_curve
-from afm_model.signals import FOLLOW, HOLD, OPEN
 
 LEVER = {
     "plant.kind": "lever",

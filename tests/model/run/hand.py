@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import Block, Command, DriveError, SimParameters, build
-from afm_model.errors import MalformedError
+from afm_model.core.errors import MalformedError
 from afm_model.run import Link, Listeners, Run, State
 
 PERIOD = 2.0**-10

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from afm_model import ControllerParameters, ParameterError, SimParameters, build, flatten, simulate
+from afm_model.parameters.scenario import ScenarioError, load_scenario
 from afm_model.run import Listeners, Run, State
-from afm_model.scenario import ScenarioError, load_scenario
 
 from .hand import START, Bench
 

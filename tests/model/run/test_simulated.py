@@ -17,8 +17,8 @@ from afm_model import (
     flatten,
     simulate,
 )
+from afm_model.parts.signals import MEASUREMENT
 from afm_model.run import Latency, RealtimeSimulation, Replay, State, recorded_parameters, simulate_realtime
-from afm_model.signals import MEASUREMENT
 
 PERIOD = 1e-3
 """Wall time of a control period [s]."""

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from afm_model import InstrumentParameters, ParameterError, build
+from afm_model.core.records import record_at
+from afm_model.core.registry import find
 from afm_model.instrument.block import Layout
-from afm_model.records import record_at
-from afm_model.registry import find
+from afm_model.parts.signals import SURFACE
 from afm_model.sample.map_files import read_field
-from afm_model.signals import SURFACE
 
 from ..plant.lever_bench import LeverBench
 

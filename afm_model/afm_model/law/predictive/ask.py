@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ...jit import kernel, routine
+from ...core.jit import kernel, routine
 from .plant import look, nominal_bound
 from .reference import continue_reference
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from ...contact.jkr import indentation_of_u, radius_at_zero_load, u_of_load
-from ...friction.strength import bound_of_load
+from ...contact.strength import bound_of_load
+from ...core.records import record
 from ...parts.part import Numbers, Tree
-from ...records import record
-from ...signals import LONGEST_HORIZON
+from ...parts.signals import LONGEST_HORIZON
 from .gains import gains, grid, observer_gains, transition
 
 INTERVALS = 512

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ...jit import kernel
+from ...core.jit import kernel
 
 
 @kernel

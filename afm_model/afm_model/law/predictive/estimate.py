@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ...jit import kernel, routine
+from ...core.jit import kernel, routine
 from .constants import KNOWN
 from .map import raise_map
 from .plant import beyond, look, nominal_bound

@@ -10,7 +10,7 @@ slips.
 import math
 from typing import Any
 
-from ...jit import kernel, routine
+from ...core.jit import kernel, routine
 from .constants import ANSWERS
 from .copy_of_plant import run_copy
 from .covariance import carry_covariance

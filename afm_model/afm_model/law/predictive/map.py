@@ -7,7 +7,7 @@ that few measurements make a smooth map and its variance tells where it is known
 import math
 from typing import Any
 
-from ...jit import kernel, routine
+from ...core.jit import kernel, routine
 
 NODES = 128
 SPACING = 0.5

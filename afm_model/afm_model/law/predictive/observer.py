@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ...jit import routine
+from ...core.jit import routine
 from .constants import KNOWN
 from .copy_of_plant import run_copy
 from .joint import correct_jointly

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from ...schema import NonNegative, Positive, Unit
+from ...core.schema import NonNegative, Positive, Unit
 from ..timing import SampledLaw
 
 

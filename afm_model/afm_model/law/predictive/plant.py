@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from ...friction.disc import friction_impulse
-from ...jit import kernel, routine
+from ...contact.disc import friction_impulse
+from ...core.jit import kernel, routine
 from ...sample.paper import surface
 from .constants import KNOWN, LEARNED
 from .map import read_map

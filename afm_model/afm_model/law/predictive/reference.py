@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ...jit import kernel
+from ...core.jit import kernel
 
 _FORGET = 0.9
 _SLOWEST = 1e-5

@@ -7,7 +7,7 @@ corrected, since the drives are decided on it as on the real one, and bring it t
 
 from typing import Any
 
-from ...jit import kernel, routine
+from ...core.jit import kernel, routine
 from .ask import ask
 from .constants import SLOTS
 from .decide import decide

@@ -9,7 +9,7 @@ speed along b, in which the noise of the force is the only unknown acceleration.
 import math
 from typing import Any
 
-from ...jit import kernel
+from ...core.jit import kernel
 from .copy_of_plant import run_copy
 from .estimate import MEAN, OF_VALUE
 from .plant import look, nominal_bound

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ...core.records import record
 from ...parts.part import Numbers, Tree
-from ...records import record
 from .constants import ANSWERS, INTERVALS, SLOTS
 from .estimate import MEAN, VALUE
 from .joint import UNKNOWN
@@ -50,7 +50,7 @@ STATE = record(
     "ratio",  # bound of friction over the nominal one there, in the same way
     "slips",  # measurements of it
     "here",  # strength at the place looked at
-    "height",  # the sample at one place, as afm_model.signals.SURFACE
+    "height",  # the sample at one place, as afm_model.parts.signals.SURFACE
     "slope_x",
     "slope_y",
     "curvature",

@@ -9,7 +9,7 @@ it rests. Which of the two it does is decided by which explains force and speed 
 import math
 from typing import Any
 
-from ...jit import kernel
+from ...core.jit import kernel
 from .copy_of_plant import run_copy
 from .estimate import GONE, MEAN, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
 from .plant import look, nominal_bound

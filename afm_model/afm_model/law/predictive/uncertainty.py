@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ...jit import kernel
+from ...core.jit import kernel
 from .constants import FLOOR
 from .covariance import carry_covariance
 from .estimate import ROUGH, bend_of

@@ -1,0 +1,1 @@
+"""What everything stands on: compiled kernels, records in an array, declared parameters, parts by name, errors."""

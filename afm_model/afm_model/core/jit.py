@@ -1,0 +1,58 @@
+"""The project's one way to compile a function with numba, kept on disk (kernel_cache.py)."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
+from numba.core import config as _config
+from numba.core import sigutils as _sigutils
+from numba.core.ccallback import CFunc as _CFunc
+
+from .kernel_cache import KernelCache
+
+config: Any = _config
+sigutils: Any = _sigutils
+CFunc: Any = _CFunc
+_F = TypeVar("_F", bound=Callable[..., object])
+
+
+def _compiled(function: _F, **options: Any) -> _F:
+    if config.DISABLE_JIT:
+        return function
+    dispatcher: Any = numba.njit(function, error_model="numpy", **options)
+    dispatcher._cache = KernelCache(function)
+    return dispatcher
+
+
+def kernel(function: _F) -> _F:
+    """Compile `function` in nopython mode, cached on disk, with IEEE division (x/0 is inf, no exception).
+
+    Kernels are compiled into their callers: numba returns even a float through memory and tests an error code after
+    every call, which costs a step of the plant some percent.
+
+    `NUMBA_DISABLE_JIT=1` leaves the plain Python function in place, for coverage and for debugging.
+    """
+    return _compiled(function, forceinline=True)
+
+
+def routine(function: _F) -> _F:
+    """As `kernel`, but called, not compiled into its callers: for what is long and is called from several places."""
+    return _compiled(function)
+
+
+def is_compiled(function: object) -> bool:
+    """Whether `function` was made by numba, to be compiled; not if `NUMBA_DISABLE_JIT` is set."""
+    return isinstance(function, numba.core.dispatcher.Dispatcher)
+
+
+def plain(function: _F) -> _F:
+    """A kernel as the Python function that it was made from: reading parameters compiles nothing."""
+    return getattr(function, "py_func", function)
+
+
+def callback(signature: Any, function: Callable[..., object]) -> Any:
+    """Compile `function` as a C function of `signature`, cached beside the kernels."""
+    made = CFunc(function, sigutils.normalize_signature(signature), locals={}, options={"error_model": "numpy"})
+    made._cache = KernelCache(function)
+    made.compile()
+    return made

@@ -1,0 +1,235 @@
+"""Pictures of a scan: a layer, or a sheet with all of them. matplotlib is wanted only when one is drawn."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.prefix import prefixed, text
+from ..microscope.results import Image
+from ..microscope.unlabelled import as_image
+from . import level
+from .layers import Layer, layer, layers
+from .writing import checked, replacing
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_Array = NDArray[np.float64]
+Levelling = Literal["plane", "lines", "none"]
+COLOURS = "cividis"
+"""The map of colours: even steps of brightness, the same to a colour-blind eye."""
+_MISSING = "0.82"
+_CLIPPED = 1.0
+"""Part of the pixels at each end that a few spikes may not stretch the colours by [per cent]."""
+_SIZE = (5.2, 4.6)
+_PANEL = (3.2, 2.9)
+"""Of a panel of a sheet, about [inch]."""
+_DPI = 150
+_SUFFIX = ".png"
+
+
+def levelled(found: Layer, how: Levelling | None = None) -> tuple[_Array, str]:
+    """Values of a layer as a picture shows them, and what was taken off in words.
+
+    Parameters
+    ----------
+    found : Layer
+    how : str, optional
+        "plane", "lines" (each by its median) or "none". If it is not given: a plane of a height, nothing of the rest.
+
+    Returns
+    -------
+    (ndarray (lines, pixels), str)
+    """
+    if how is None:
+        how = "plane" if found.title.startswith("Height") else "none"
+    if how == "plane":
+        return level.plane(found.values), "less its plane"
+    if how == "lines":
+        return level.lines(found.values), "less the median of each line"
+    if how == "none":
+        return found.values, ""
+    raise ValueError(f"a picture is levelled by plane, lines or none, not by {how!r}")
+
+
+def scale_bar(width: float) -> float:
+    """Length of a scale bar: 1, 2 or 5 times a power of ten, as long as possible up to a third of the width [m]."""
+    power = 10.0 ** math.floor(math.log10(width / 3.0))
+    return max(each * power for each in (1.0, 2.0, 5.0) if each * power <= width / 3.0 * (1.0 + 1e-9))
+
+
+def draw(axes: "Axes", image: Image, found: Layer, how: Levelling | None = None) -> None:
+    """Draw a layer with scale bar, colour bar and title into axes that are empty.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+    image : Image
+    found : Layer
+        One of `layers(image)`.
+    how : str, optional
+        Levelling, see `levelled`.
+    """
+    from matplotlib import colormaps
+    from matplotlib.patches import Rectangle
+
+    scan = image.scan
+    values, taken_off = levelled(found, how)
+    seen = values[np.isfinite(values)]
+    low, high = np.percentile(seen, (_CLIPPED, 100.0 - _CLIPPED)) if len(seen) else (0.0, 1.0)
+    factor, unit = prefixed(max(abs(low), abs(high)), found.unit)
+    if high - low <= 1e-9 * max(abs(low), abs(high)):
+        # One colour: a bar from end to end would show rounding.
+        low, high = low - 0.5 / factor, high + 0.5 / factor
+    colours = colormaps[COLOURS].with_extremes(bad=_MISSING)
+    width, height = scan.size_x, scan.height
+    shown = axes.imshow(
+        np.ma.masked_invalid(values) * factor,
+        origin="lower",
+        extent=(0.0, width, 0.0, height),
+        cmap=colours,
+        vmin=low * factor,
+        vmax=high * factor,
+        interpolation="nearest",
+    )
+    beyond = (bool(len(seen)) and seen.min() < low, bool(len(seen)) and seen.max() > high)
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+    bar = axes.figure.colorbar(shown, ax=axes, extend=extend, shrink=0.86, pad=0.03)
+    bar.ax.set_title(unit, fontsize="small")
+    axes.set(xticks=[], yticks=[])
+    axes.set_title(f"{found.title}{', ' if taken_off else ''}{taken_off}", fontsize="medium")
+    # Below the picture, where it hides nothing.
+    length = scale_bar(width)
+    below, thick = -0.035 * width / height, 0.014 * width / height
+    place: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False}
+    axes.add_patch(Rectangle((0.0, below), length / width, thick, facecolor="black", linewidth=0.0, **place))
+    beside = length / width + 0.02
+    axes.text(beside, below + 0.5 * thick, text(length, "m"), va="center", fontsize="small", **place)
+
+
+def _figure(size: tuple[float, float]) -> "Figure":
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ImportError("a picture needs matplotlib, which is not installed: pip install matplotlib") from None
+    return Figure(figsize=size, layout="constrained")
+
+
+def _caption(image: Image) -> str:
+    scan = image.scan
+    parts = [
+        f"{text(scan.size_x, 'm')} x {text(scan.height, 'm')}",
+        f"{scan.pixels} x {scan.lines} pixels",
+        f"{image.line_rate or scan.line_rate:.4g} Hz",
+    ]
+    if scan.angle:
+        parts.append(f"{math.degrees(scan.angle):.4g}°")
+    if image.lines_done < scan.lines:
+        parts.append(f"{image.lines_done} lines measured")
+    return ", ".join(parts)
+
+
+def picture(
+    image: "Image | xarray.Dataset", name: str = "height_trace", how: Levelling | None = None, title: str = ""
+) -> "Figure":
+    """A layer of a scan with scale bar, colour bar and title; up is +y of the frame.
+
+    Parameters
+    ----------
+    image : Image, or its labelled arrays
+        A scan, as far as it came; what is not measured is grey.
+    name : str
+        Of the layer, as `height_trace` or `friction`.
+    how : str, optional
+        Levelling, see `levelled`.
+    title : str, optional
+        Above that of the layer; without, what was scanned.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ValueError
+        If the scan has no such layer.
+    ImportError
+        If matplotlib is not installed.
+    """
+    image = as_image(image)
+    found = layer(image, name)
+    figure = _figure(_SIZE)
+    draw(figure.subplots(), image, found, how)
+    figure.suptitle(title or _caption(image), fontsize="small")
+    return figure
+
+
+def sheet(image: "Image | xarray.Dataset", title: str = "") -> "Figure":
+    """All layers of a scan on one sheet: traces above retraces, friction above crosstalk.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    ImportError
+        If matplotlib is not installed.
+    """
+    image = as_image(image)
+    every = layers(image)
+    columns = (len(every) + 1) // 2
+    tall = min(max(image.scan.height / image.scan.size_x, 0.3), 2.0)
+    figure = _figure((columns * _PANEL[0], 2.0 * _PANEL[1] * tall + 0.4))
+    for axes, found in zip(figure.subplots(2, columns, squeeze=False).T.ravel(), every, strict=False):
+        draw(axes, image, found)
+    figure.suptitle(", ".join(part for part in (title, _caption(image)) if part))
+    return figure
+
+
+def write_picture(
+    path: Path | str,
+    image: "Image | xarray.Dataset",
+    name: str = "height_trace",
+    how: Levelling | None = None,
+    title: str = "",
+) -> Path:
+    """Write `picture` into a PNG file; the same scan gives the same bytes.
+
+    Raises
+    ------
+    ResultFileError
+        If it cannot be written.
+    ValueError
+        If the scan has no such layer.
+    ImportError
+        If matplotlib is not installed.
+    """
+    checked(path, _SUFFIX)
+    return _write(path, picture(image, name, how, title))
+
+
+def write_sheet(path: Path | str, image: "Image | xarray.Dataset", title: str = "") -> Path:
+    """Write `sheet` into a PNG file; the same scan gives the same bytes.
+
+    Raises
+    ------
+    ResultFileError
+        If it cannot be written.
+    ImportError
+        If matplotlib is not installed.
+    """
+    checked(path, _SUFFIX)
+    return _write(path, sheet(image, title))
+
+
+def _write(path: Path | str, figure: "Figure") -> Path:
+    with replacing(path, _SUFFIX) as beside:
+        # Tight: the layout leaves too little place for some numbers at a bar of colours.
+        figure.savefig(beside, dpi=_DPI, bbox_inches="tight", pad_inches=0.08, metadata={"Software": None})
+    return Path(path)

@@ -1,0 +1,126 @@
+"""A law with its parameters and its state, ready to answer measurements."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.jit import kernel
+from ..core.records import Block, record_at, size
+from ..parameters import ControllerParameters
+from ..parts.assembly import Assembled, assembled
+from ..parts.command import Command, CommandRecord
+from ..parts.dispatch import control
+from ..parts.header import LAW_HEADER
+from ..parts.signals import COMMAND, MEASUREMENT
+
+_Array = NDArray[np.float64]
+
+
+@kernel
+def answer(block: Block, t: float, measurement: _Array, command: _Array) -> None:
+    """Write the command that the law answers to a measurement taken at time t [s]."""
+    control(t, record_at(measurement, 0, MEASUREMENT), record_at(command, 0, COMMAND), block)
+
+
+def external_law() -> Block:
+    """Block of the law that is somewhere else: it has no function."""
+    return np.zeros(size(LAW_HEADER))
+
+
+class Controller:
+    """A law with its parameters and its state.
+
+    Parameters
+    ----------
+    parameters : ControllerParameters
+
+    Attributes
+    ----------
+    block : ndarray
+        What compiled code takes: which law, its constants, its state; another array after the parameters have changed.
+
+    Raises
+    ------
+    ParameterError
+        If parameters are so large or small that the law cannot be computed, here or when they are assigned.
+    PartError
+        If a law of somebody else's does not work.
+    """
+
+    block: Block
+    _parameters: ControllerParameters
+    _state_at: int
+
+    def __init__(self, parameters: ControllerParameters) -> None:
+        self._answer = np.zeros(size(COMMAND))
+        self._command = CommandRecord(self._answer)
+        self._drive, self._horizon_count = self._command.voltage, self._command.horizon_count
+        self._law: Assembled | None = None
+        self.parameters = parameters
+
+    @property
+    def parameters(self) -> ControllerParameters:
+        """The parameters in force; assigning changes the law from the next measurement on. Its state goes on, unless
+        the law is another one.
+        """
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, parameters: ControllerParameters) -> None:
+        chosen = assembled("law", parameters.law.kind)
+        constants = size(LAW_HEADER)
+        state = constants + size(chosen.part.constants)
+        block = np.zeros(state + size(chosen.part.state))
+        header = record_at(block, 0, LAW_HEADER)
+        for name, value in {**chosen.places, "law_constants": constants, "law_state": state}.items():
+            header[name] = value
+        chosen.fill_constants(block, constants, parameters)
+        if self._law is not None and self._law.part is chosen.part:
+            block[state:] = self.block[self._state_at :]
+        else:
+            chosen.fill_start(block, state, parameters)
+        self._law, self._parameters, self.block, self._state_at = chosen, parameters, block, state
+
+    def reset(self) -> None:
+        """Put the state of the law to its start."""
+        assert self._law is not None
+        self._law.fill_start(self.block, self._state_at, self._parameters)
+
+    @property
+    def state(self) -> Any:
+        """Record of the law's state: reading and writing it is reading and writing the law's."""
+        assert self._law is not None
+        return record_at(self.block, self._state_at, self._law.part.state)
+
+    def answer(self, measurement: _Array, time: float = 0.0) -> _Array | Command:
+        """Drive [V], (3,), valid until the next call; of a law that sends a horizon, drive and horizon.
+
+        Parameters
+        ----------
+        measurement : ndarray
+            In the order of `afm_model.parts.signals.MEASUREMENT`.
+        time : float [s]
+            Simulated time at which it was taken; the paper's laws do not use it.
+
+        Raises
+        ------
+        PartError
+            If a law in Python has raised something.
+        DriveError
+            If a law has written a horizon that is too long or has no period.
+        """
+        answer(self.block, time, measurement, self._answer)
+        self.raise_errors()
+        return self._command.read() if self._horizon_count[0] else self._drive
+
+    def raise_errors(self) -> None:
+        """Raise what a law in Python has raised inside compiled code.
+
+        Raises
+        ------
+        PartError
+        """
+        assert self._law is not None
+        if self._law.in_python:
+            self._law.raise_errors()

@@ -1,0 +1,264 @@
+"""Scenario files: ROS parameter YAML, one section per node, with a section `scenario` that tells what it is, and one
+for all nodes, `/**`, that may say what microscope it is.
+
+Every name and value is checked here, before anything runs; no ROS is needed to read one.
+"""
+
+import difflib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import ParameterError
+from ..core.schema import with_parts
+from ..law.timing import TIMING, SampledLaw
+from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
+from .law_inside import timing_inside
+from .microscope import PREFIX
+from .shipped import scenario_file
+from .strict_yaml import YamlError, read_yaml
+
+
+class ScenarioError(ValueError):
+    """A scenario that does not exist or is not allowed; the message is one sentence."""
+
+
+class Header(Group):
+    """Section `scenario`."""
+
+    title: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A checked scenario."""
+
+    name: str
+    path: Path
+    header: Header = Header()
+    sim: SimParameters = SimParameters()
+    controller: ControllerParameters = ControllerParameters()
+    sections: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """What the file gives, section by section, with dotted names: those of other nodes as well, unchecked."""
+
+
+ALL = "/**"
+"""Section that every node reads: parameters `microscope.*`."""
+NAMESPACE = "afm"
+"""Namespace of the nodes."""
+
+SECTIONS: dict[str, tuple[str, type[Group]]] = {
+    "scenario": ("header", Header),
+    "afm_sim_node": ("sim", SimParameters),
+    "afm_controller_node": ("controller", ControllerParameters),
+}
+"""Sections of a scenario file: the field of `Scenario` that each becomes, and its parameters."""
+
+
+def load_scenario(
+    name: str | os.PathLike[str],
+    others: Mapping[str, type[Group]] | None = None,
+    process: type[Group] | None = None,
+    overrides: Path | None = None,
+) -> Scenario:
+    """Read and check a scenario file.
+
+    Parameters
+    ----------
+    name : str or path
+        A file, or one of `afm_model.scenario_names()`: those that come with this package.
+    others : mapping, optional
+        Further nodes of ours, whose sections are checked as well: name of the node, its parameters.
+    process : type[Group], optional
+        Parameters of the process that a node runs in, `process.*`, to check them; what happens in a simulation does not
+        depend on them.
+    overrides : Path, optional
+        A file of the same form; what it gives counts in place of what the scenario gives.
+
+    Raises
+    ------
+    ScenarioError
+        If a file does not exist, cannot be read, is no parameter file, or names a section, parameter or value that
+        does not exist.
+    """
+    try:
+        path = scenario_file(name)
+    except FileNotFoundError as error:
+        raise ScenarioError(str(error)) from None
+    known = {node: group for node, (_, group) in SECTIONS.items()} | dict(others or {})
+    sections: dict[str, dict[str, Any]] = {}
+    for file in (path, overrides):
+        if file is not None:
+            for key, values in _read_sections(file, known).items():
+                sections[key] = sections.get(key, {}) | values
+    parts: dict[str, Any] = {}
+    common = sections.get(ALL, {})
+    if common:
+        foreign = [name for name in common if not name.startswith(PREFIX)]
+        if foreign:
+            raise ScenarioError(
+                f"{_told(path, overrides)}: unknown section {ALL} for {', '.join(foreign)}: all nodes read only "
+                f"{PREFIX}* there; what is for one node must stand in its own, such as {_section('afm_sim_node')}"
+            )
+        try:
+            build(SetupSection, common)
+        except ParameterError as error:
+            raise ScenarioError(f"{_told(path, overrides)}: section {ALL}: {error}") from None
+        for node in ("afm_sim_node", "afm_controller_node"):
+            sections.setdefault(_section(node), {})
+    # A law may be made for the period and the delay of the plant: that is read first.
+    for key, values in sorted(sections.items(), key=lambda item: item[0] == _section("afm_controller_node")):
+        node = key.rsplit("/", 1)[-1]
+        if node not in known:
+            continue
+        try:
+            if node == "afm_controller_node":
+                values.update(law_timing(values, parts.get("sim", SimParameters())))
+            given = resolved(known[node], common | _without_process(node, values, process))
+            group = build(known[node], given | timing_inside(known[node], given))
+        except ParameterError as error:
+            raise ScenarioError(f"{_told(path, overrides)}: {error}") from None
+        if node in SECTIONS:
+            parts[SECTIONS[node][0]] = group
+    sim = parts.get("sim", SimParameters())
+    if (inside := sim.controller_inside) is not None:
+        if sections.get(_section("afm_controller_node")):
+            raise ScenarioError(
+                f"{_told(path, overrides)}: law.kind = {sim.law.kind} of afm_sim_node puts the law inside the "
+                f"simulator: leave out section {_section('afm_controller_node')}, or law.kind"
+            )
+        parts["controller"] = inside
+    return Scenario(path.stem, path, **parts, sections=sections)
+
+
+def _told(path: Path, overrides: Path | None) -> str:
+    """The files, for a sentence."""
+    return str(path) if overrides is None else f"{path} with {overrides}"
+
+
+def law_timing(values: Mapping[str, Value], sim: SimParameters) -> dict[str, Value]:
+    """Period and delay of the plant, for a law that is made for them, as far as `values` leave them out.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of the controller, by their dotted names.
+    sim : SimParameters
+
+    Returns
+    -------
+    dict
+        `law.period` [s] and `law.delay_ticks`, or less; empty for a law that is made for no rate.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such law.
+    """
+    law: Any = with_parts(ControllerParameters, values).model_fields["law"].annotation
+    if not issubclass(law, SampledLaw):
+        return {}
+    plant: dict[str, Value] = {"period": sim.plant.control_period, "delay_ticks": sim.plant.delay_ticks}
+    return {f"law.{name}": plant[name] for name in TIMING if f"law.{name}" not in values}
+
+
+def _read_sections(path: Path, known: Mapping[str, object]) -> dict[str, dict[str, Any]]:
+    """Sections of a file by the key that they have for any namespace; the values of our own nodes are not checked."""
+    try:
+        content = read_yaml(path)
+    except YamlError as error:
+        raise ScenarioError(f"{path} is no readable YAML file: {error}") from None
+    if not isinstance(content, dict):
+        raise ScenarioError(f"{path} is no parameter file: it must hold sections such as /**/afm_sim_node")
+    sections: dict[str, dict[str, Any]] = {}
+    for key, section in content.items():
+        key = str(key)
+        node = key.rsplit("/", 1)[-1]
+        if key != ALL:
+            _check_key(path, key, node, known)
+        if node in known:
+            key = _section(node)
+        if key in sections:
+            raise ScenarioError(f"{path}: two sections are for {node}")
+        if not isinstance(section, dict) or list(section) != ["ros__parameters"]:
+            raise ScenarioError(f"{path}: section {key} must hold ros__parameters and nothing else")
+        values = section["ros__parameters"] or {}
+        if not isinstance(values, dict):
+            raise ScenarioError(f"{path}: ros__parameters of {key} = {values} is not allowed: it must hold names")
+        try:
+            sections[key] = _flat(values)
+            if node in known:
+                _check_common(sections[key])
+            elif key != ALL:
+                _check_types(sections[key])
+        except ValueError as error:
+            raise ScenarioError(f"{path}: section {key}: {error}") from None
+    return sections
+
+
+def _check_key(path: Path, key: str, node: str, known: Mapping[str, object]) -> None:
+    """Raise if no node of ours, and none that may be a user's, reads a section of this key."""
+    if node in known:
+        if key not in ("scenario", f"/**/{node}", f"/{NAMESPACE}/{node}") or (node == "scenario") != (
+            key == "scenario"
+        ):
+            raise ScenarioError(f"{path}: section {key} is read by no node: it must be {_section(node)}")
+        return
+    # A user's my_controller_node is not far from ours either: only what begins as ours do is taken for a slip.
+    ours = node.startswith("afm_") or f"afm_{node}" in known
+    near = difflib.get_close_matches(node, known, n=1, cutoff=0.6 if ours else 0.85)
+    slip = bool(near) and near[0][0] == node[0]
+    if slip or ours or "*" in node or not node:
+        hint = f": did you mean {_section(near[0])}?" if near else ""
+        raise ScenarioError(
+            f"{path}: unknown section {key}: it must end in one of {', '.join(known)}, or in the name of a node of "
+            f"your own{hint}"
+        )
+    if not key.startswith("/"):
+        raise ScenarioError(f"{path}: section {key} is read by no node: it must be {_section(node)}")
+
+
+def _check_common(values: Mapping[str, Any]) -> None:
+    """Raise if one node is told of the microscope what the others are not."""
+    for name in values:
+        if name.startswith(PREFIX):
+            raise ValueError(f"{name} is for all nodes: it must stand in section {ALL}")
+
+
+def _check_types(values: Mapping[str, Any]) -> None:
+    """Raise if a value of a user's node is none that ROS has a type for."""
+    for name, value in values.items():
+        types = {type(part) for part in value} if isinstance(value, list) else {type(value)}
+        if len(types) != 1 or not types <= {bool, int, float, str}:
+            raise ValueError(
+                f"{name} = {value} is not allowed: it must be a number, text, true or false, or a list of one of these"
+            )
+
+
+def _without_process(node: str, values: dict[str, Any], process: type[Group] | None) -> dict[str, Any]:
+    """What is for the model; the rest is checked."""
+    if node not in ("afm_sim_node", "afm_controller_node"):
+        return values
+    of_process = {name: value for name, value in values.items() if name.startswith("process.")}
+    if process is not None:
+        build(process, of_process)
+    return {name: value for name, value in values.items() if name not in of_process}
+
+
+def _section(node: str) -> str:
+    """Key of a node's section."""
+    return node if node == "scenario" else f"/**/{node}"
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested YAML as dotted names; raises ValueError for a name that is given in both ways."""
+    flat: dict[str, Value] = {}
+    for name, value in tree.items():
+        news = _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+        for twice in flat.keys() & news.keys():
+            raise ValueError(f"{twice} is given twice")
+        flat.update(news)
+    return flat

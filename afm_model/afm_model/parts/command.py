@@ -1,0 +1,124 @@
+"""A drive with further ones to follow, as a law in Python answers it."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import DriveError
+from ..core.records import place, record_at
+from .signals import COMMAND, LONGEST_HORIZON
+
+_Array = NDArray[np.float64]
+
+
+def _no_horizon() -> _Array:
+    return np.zeros((0, 3))
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """A drive, and further drives with their times: what holds if the next answer is late.
+
+    Parameters
+    ----------
+    voltage : ndarray (3,) [V]
+        In force from the arrival of the answer on.
+    horizon : ndarray (n, 3) [V]
+        Drive i is in force from (i + 1) `horizon_period` after the measurement that it answers; the last one is held.
+        All are dropped when an answer to a later measurement is put in force.
+    horizon_period : float [s]
+        Of simulated time.
+
+    Raises
+    ------
+    DriveError
+        If these are not so many numbers, the horizon is longer than `afm_model.parts.signals.LONGEST_HORIZON`, or has
+        no period. Whether the drives are finite is judged where they are put in force.
+    """
+
+    voltage: _Array
+    horizon: _Array = field(default_factory=_no_horizon)
+    horizon_period: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("voltage", "horizon"):
+            object.__setattr__(self, name, np.array(getattr(self, name), np.float64))
+        if self.voltage.shape != (3,):
+            raise DriveError(f"drive {self.voltage.tolist()} is not allowed: it must be three voltages")
+        if self.horizon.ndim != 2 or self.horizon.shape[1] != 3:
+            raise DriveError(
+                f"a horizon of shape {self.horizon.shape} is not allowed: it must be n rows of three voltages"
+            )
+        if len(self.horizon) > LONGEST_HORIZON:
+            raise DriveError(_too_long(len(self.horizon)))
+        if len(self.horizon) and not (0.0 < self.horizon_period < np.inf):
+            raise DriveError(
+                f"horizon_period = {self.horizon_period} s is not allowed: with a horizon it must be finite and > 0"
+            )
+
+    def covers(self, age: float) -> bool:
+        """Whether it holds a drive of its own for a time so long after the measurement that it answers [s]."""
+        return age < (len(self.horizon) + 1) * self.horizon_period * (1.0 - 1e-9)
+
+
+class CommandRecord:
+    """A record of `afm_model.parts.signals.COMMAND` as Python reads and writes it.
+
+    Its fields are views that are made once: reading a field of the record itself takes numpy ten microseconds.
+
+    Parameters
+    ----------
+    array : ndarray, float64
+        Where it stands, (size(COMMAND),).
+    """
+
+    def __init__(self, array: _Array) -> None:
+        record, integers = record_at(array, 0, COMMAND), array.view(np.int64)
+        self.voltage: _Array = record.voltage
+        self.sequence: NDArray[np.int64] = integers[place(COMMAND, "sequence") :]
+        self.horizon_count: NDArray[np.int64] = integers[place(COMMAND, "horizon_count") :]
+        self._horizon_period, self._horizon = array[place(COMMAND, "horizon_period") :], record.horizon
+
+    def write(self, command: Command) -> None:
+        """Write drive and horizon."""
+        count = len(command.horizon)
+        self.voltage[:] = command.voltage
+        self.horizon_count[0] = count
+        self._horizon_period[0] = command.horizon_period
+        self._horizon[:count] = command.horizon
+
+    def read(self) -> Command:
+        """What stands in it.
+
+        Raises
+        ------
+        DriveError
+            As `Command` does.
+        """
+        count = int(self.horizon_count[0])
+        if not 0 <= count <= LONGEST_HORIZON:
+            raise DriveError(_too_long(count))
+        return Command(self.voltage, self._horizon[:count], float(self._horizon_period[0]))
+
+
+def _too_long(count: int) -> str:
+    return f"a horizon of {count} drives is not allowed: {LONGEST_HORIZON} are the most"
+
+
+def problem(drive: "_Array | Command | DriveError") -> str:
+    """What is wrong with a drive, in a sentence; empty if its numbers are all finite."""
+    if isinstance(drive, DriveError):
+        return str(drive)
+    if isinstance(drive, Command):
+        rows = np.vstack([drive.voltage, drive.horizon])
+        if np.isfinite(rows).all():
+            return ""
+        at = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
+        if at:
+            return f"drive {at - 1} of the horizon, {rows[at].tolist()} V, is not allowed: it must be finite"
+        drive = drive.voltage
+    # For three numbers five times as fast as numpy: a tick in real time asks it.
+    finite = all(map(math.isfinite, drive.tolist()))
+    return "" if finite else f"drive {drive.tolist()} V is not allowed: it must be finite"

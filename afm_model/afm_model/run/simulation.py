@@ -1,0 +1,230 @@
+"""A scenario in process, without ROS: the same instrument and law, the same bytes as the lockstep run over topics."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..instrument import Block, Instrument, ScoreSummary
+from ..instrument.controller import Controller
+from ..instrument.validity import doubts
+from ..law import TimingWarning, disagreements
+from ..parameters import ControllerParameters, SimParameters
+from ..parts.part import Channel
+from .plotting import Curves, plot
+from .replay import Replay, replayed
+from .simulated import Law, ticks_of_a_block, ticks_to_simulate
+
+if TYPE_CHECKING:
+    from .plotting import Figure
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A finished run: n control ticks, m detector samples, SI units. Records have their fields by name."""
+
+    parameters: SimParameters
+    time: _Array  # (n,) simulated time of the ticks [s]
+    measurements: NDArray[Any]  # (n,) records of afm_model.parts.signals.MEASUREMENT
+    truth: NDArray[Any]  # (n,) records of afm_model.parts.signals.TRUTH: what no sensor sees, at the ticks
+    drive: _Array  # (n, 3) applied from each tick on [V]
+    time_samples: _Array  # (m,) [s]
+    samples: _Array  # (channels, m)
+    channels: tuple[Channel, ...]
+    score: ScoreSummary
+    doubts: list[str]  # why the score may not be true, a sentence each
+    trajectory_sha256: str
+
+    @property
+    def position(self) -> _Array:
+        """Scanner position (n, 3) [m] as its sensors read it; `truth.position` is the true one."""
+        return self.measurements["position"]
+
+    @property
+    def velocity(self) -> _Array:
+        """Scanner velocity (n, 3) [m/s]."""
+        return self.measurements["velocity"]
+
+    @property
+    def reference(self) -> _Array:
+        """Reference: x, y of the scanner, z of the tip (n, 3) [m]."""
+        return self.measurements["reference_position"]
+
+    @property
+    def error(self) -> _Array:
+        """Tracking error as measured: x, y of the scanner, z of the tip (n, 3) [m]; the score's is the true one."""
+        error = self.position - self.reference
+        error[:, 2] = self.parameters.cantilever.a + self.deflection - self.reference[:, 2]
+        return error
+
+    @property
+    def deflection(self) -> _Array:
+        """Cantilever deflection at the ticks (n,) [m]."""
+        return self.measurements["deflection"]
+
+    @property
+    def lateral_force(self) -> _Array:
+        """Lateral force along x at the ticks (n,) [N], as read from the photodetector."""
+        return self.measurements["lateral_force"]
+
+    @property
+    def lateral_force_y(self) -> _Array:
+        """Lateral force along y at the ticks (n,) [N]: the true one, which no photodetector sees."""
+        return self.truth["friction"][:, 1]
+
+    def channel(self, name: str) -> _Array:
+        """Samples (m,) of a channel in SI units.
+
+        Raises
+        ------
+        KeyError
+            If it was not sampled.
+        """
+        for number, channel in enumerate(self.channels):
+            if channel.name == name:
+                return self.samples[number] * channel.scale(self.parameters)
+        raise KeyError(f"no channel {name} was sampled; there are {', '.join(each.name for each in self.channels)}")
+
+    def plot(self, title: str = "") -> "Figure":
+        """Draw position and reference, errors, drive, lateral force and friction loop; needs matplotlib.
+
+        Parameters
+        ----------
+        title : str
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A figure of pyplot: a notebook shows it, `savefig` writes it to a file.
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is not installed.
+        """
+        curves = Curves(self.time, self.position, self.reference, self.error, self.drive, self.lateral_force)
+        return plot(curves, title)
+
+
+def simulate(
+    parameters: SimParameters,
+    controller: ControllerParameters | Law,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Simulation:
+    """Run the instrument with a law for `parameters.run.duration`, in lockstep.
+
+    Parameters
+    ----------
+    parameters : SimParameters
+    controller : ControllerParameters or an object with `answer(measurement) -> drive`
+        If it has a `reset`, that is called at the start.
+    progress : callable, optional
+        Called now and then with ticks done and ticks in all; see `afm_model.core.progress.bar`.
+
+    Returns
+    -------
+    Simulation
+
+    Warns
+    -----
+    TimingWarning
+        If the law is made for another control period or delay than those of the plant.
+
+    Raises
+    ------
+    ParameterError
+        If the duration is not positive, or the tip does not touch the sample at rest.
+    DriveError
+        If the law answers with a NaN or an infinity.
+    DivergenceError
+        If the motion leaves every scanner's range.
+    PartError
+        If a part of somebody else's does not work.
+    """
+    law = _parameters_of(controller)
+    for sentence in disagreements(law.law, parameters.plant) if law is not None else []:
+        warnings.warn(sentence, TimingWarning, stacklevel=2)
+    blocks: list[Block] = []
+    instrument = run(parameters, controller, blocks.append, progress=progress)
+    samples = np.concatenate([block.samples for block in blocks], axis=1)
+    measurements = np.concatenate([block.measurements for block in blocks]).view(np.recarray)
+    return Simulation(
+        parameters=parameters,
+        time=np.arange(len(measurements), dtype=np.float64) * parameters.plant.control_period,
+        measurements=measurements,
+        truth=instrument.truth_of(np.concatenate([block.states for block in blocks])),
+        drive=np.concatenate([block.drives for block in blocks]),
+        time_samples=np.arange(samples.shape[1], dtype=np.float64) * parameters.detector.sample_period,
+        samples=samples,
+        channels=instrument.channels,
+        score=instrument.score(),
+        doubts=doubts(parameters, instrument.score(), law),
+        trajectory_sha256=instrument.trajectory_sha256(),
+    )
+
+
+def run(
+    parameters: SimParameters,
+    controller: ControllerParameters | Law,
+    take: Callable[[Block], object] | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    block_ticks: int | None = None,
+    hashed: bool = True,
+) -> Instrument:
+    """As `simulate`, with every block handed to `take` and not kept: memory stays flat however long the run is.
+
+    Parameters
+    ----------
+    parameters, controller, progress
+        As in `simulate`.
+    take : callable, optional
+        Called with every block; without it nothing is recorded.
+    block_ticks : int, optional
+        Control ticks in a block.
+    hashed : bool
+        False: no `trajectory_sha256`, which takes a tenth of the time of a tick of two steps.
+
+    Returns
+    -------
+    Instrument
+        At the end of the run.
+    """
+    total = ticks_to_simulate(parameters)
+    if isinstance(controller, Replay):
+        parameters = replayed(parameters)
+    law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
+    # A law of ours is compiled, or called from compiled code; whoever answers otherwise is asked tick by tick.
+    compiled = isinstance(law, Controller) and type(law).answer is Controller.answer
+    if hasattr(law, "reset"):
+        law.reset()
+    instrument = Instrument(parameters, block_ticks or ticks_of_a_block(parameters), hashed=hashed)
+    while instrument.ticks < total:
+        if compiled:
+            assert isinstance(law, Controller)
+            instrument.close_loop(law, total - instrument.ticks)
+        elif instrument.unasked:
+            instrument.tick(None)
+        else:
+            instrument.tick(law.answer(instrument.measurement))
+        if instrument.block_full or instrument.ticks == total:
+            if take is None:
+                instrument.skip_block()
+            else:
+                take(instrument.take_block())
+            if progress is not None:
+                progress(instrument.ticks, total)
+    return instrument
+
+
+def _parameters_of(controller: ControllerParameters | Law) -> ControllerParameters | None:
+    """Of a law of ours."""
+    if isinstance(controller, Controller):
+        return controller.parameters
+    return controller if isinstance(controller, ControllerParameters) else None

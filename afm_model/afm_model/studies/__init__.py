@@ -1,0 +1,9 @@
+"""Laws side by side: each over the same rates, delays, noise, friction and references, as one table."""
+
+from .compare import compare
+from .comparison import RANKED, UNDER, Comparison
+from .conditions import CONDITIONS, NOISE
+from .contender import Contender, contender
+from .trial import run_trial
+
+__all__ = ["CONDITIONS", "NOISE", "RANKED", "UNDER", "Comparison", "Contender", "compare", "contender", "run_trial"]

@@ -1,0 +1,132 @@
+"""Every law under every combination of conditions: in process over all cores, or where it runs."""
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ..core.errors import ParameterError
+from ..core.progress import reporting
+from ..parameters.scenario import Scenario
+from .comparison import Comparison
+from .conditions import CONDITIONS, Common, instrument_under, law_under
+from .contender import Contender, contender
+from .sweep import require_scattering, scattered
+from .trial import NUMBERS, run_trial
+
+
+def compare(
+    laws: Sequence[str | Contender],
+    scenario: Scenario | None = None,
+    *,
+    periods: Sequence[float] = (5e-5,),
+    delay_ticks: Sequence[int] = (0,),
+    noise: Sequence[float] = (0.0,),
+    friction: Sequence[float] = (1.0,),
+    references: Sequence[str] = ("sine 50",),
+    cycles: float = 1.5,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: bool | Callable[[int, int], None] = True,
+) -> Comparison:
+    """Run every law under every combination of conditions, in process, over all cores.
+
+    A law that runs somewhere else (`Contender.start`) runs after those, one run at a time, against the same loop in
+    this process.
+
+    A law is told what it declares of scanner, cantilever, scales, piezo, control period and delay, all of it right.
+    Nobody tells it of the sample, or of a friction that is not nominal. A loop that diverges is a result.
+
+    Parameters
+    ----------
+    laws : sequence of str or Contender
+        Text: see `contender`.
+    scenario : Scenario, optional
+        What is common to all runs; the instrument's defaults without.
+    periods : sequence of float [s]
+        Control periods.
+    delay_ticks : sequence of int
+        Delays in control periods.
+    noise : sequence of float
+        Levels: 1 is 1 mV on the photodetector, 0.05 nm on the positions and an ADC of 16 bits; 0 is none.
+    friction : sequence of float
+        Shear strength of the contact over its nominal one.
+    references : sequence of str
+        `sine 50`, `triangle 250`: shape and angular frequency [rad/s] of x and y.
+    cycles : float
+        Length of a run in periods of the reference; the first half period is not scored.
+    scheduler, workers, progress
+        As in `afm_model.sweep`.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ParameterError
+        If a law or a condition is not allowed; before anything runs.
+    SweepError
+        As in `afm_model.sweep`.
+    """
+    pandas = require_scattering(scheduler, workers)
+    scenario = scenario or Scenario("default", Path("default.yaml"))
+    common = Common(scenario, cycles)
+    contenders = tuple(law if isinstance(law, Contender) else contender(law) for law in laws)
+    if len({each.label for each in contenders}) < len(contenders):
+        raise ParameterError(
+            f"laws = {', '.join(each.label for each in contenders)} is not allowed: a law stands there twice"
+        )
+    if not cycles > 0.5:
+        raise ParameterError(
+            f"cycles = {cycles:g} is not allowed: it must be > 0.5, the first half period is not scored"
+        )
+    grid = list(itertools.product(periods, delay_ticks, noise, friction, references))
+    rows: list[dict[str, Any]] = []
+    jobs: list[tuple[int, Any]] = []
+    elsewhere: list[tuple[int, Any]] = []
+    for law in contenders:
+        linearised = set()
+        for values in grid:
+            conditions = dict(zip(CONDITIONS, values, strict=True))
+            # The instrument must allow what is asked of it; a law may refuse its rate, which is a result.
+            sim = instrument_under(common, conditions)
+            try:
+                controller = law_under(common, law, conditions) if law.is_part else None
+            except ParameterError as error:
+                rows.append({"law": law.label, **conditions, "error": str(error)})
+                continue
+            # The margin is that of what the law is told: nominal friction, no noise. It is found once.
+            timing = values[:2]
+            told = instrument_under(common, conditions | {"noise": 0.0, "friction": 1.0})
+            if law.start is not None:
+                elsewhere.append((len(rows), (sim, None, law.kind, None, partial(law.start, told))))
+                rows.append({"law": law.label, **conditions})
+                continue
+            jobs.append((len(rows), (sim, controller, law.kind, None if timing in linearised else told)))
+            linearised.add(timing)
+            rows.append({"law": law.label, **conditions})
+    with reporting(progress, "comparing") as report:
+        done = len(rows) - len(jobs) - len(elsewhere)
+        report(done, len(rows))
+        for number, results in itertools.chain(scattered(run_trial, jobs, scheduler, workers), _one_by_one(elsewhere)):
+            rows[number] |= results
+            done += 1
+            report(done, len(rows))
+    margins = {(row["law"], *_timing(row)): row["margin"] for row in rows if "margin" in row}
+    for row in rows:
+        row["margin"] = margins.get((row["law"], *_timing(row)), math.nan)
+    table = pandas.DataFrame(rows, columns=["law", *CONDITIONS, *NUMBERS, "trajectory_sha256", "error"])
+    return Comparison(table.astype(dict.fromkeys(NUMBERS, "float64")), contenders, common)
+
+
+def _one_by_one(jobs: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, dict[str, Any]]]:
+    """Number and row of each, run here."""
+    for number, job in jobs:
+        yield number, run_trial(*job)
+
+
+def _timing(row: Mapping[str, Any]) -> tuple[Any, Any]:
+    return row["period"], row["delay_ticks"]

@@ -1,0 +1,115 @@
+"""Laws that take part in a comparison: parts by their kind, objects that answer measurements, laws elsewhere."""
+
+import importlib
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+from ..core.errors import ParameterError
+from ..core.registry import find, names
+from ..law import PaperLaw
+from ..parameters import ControllerParameters, SimParameters, Value, build
+
+_OF_THE_PAPER = "positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction"
+"""Knowledge of the paper's laws."""
+_UNDECLARED = "not declared"
+Start = Callable[[SimParameters], AbstractContextManager[Any]]
+"""Starts a law that runs somewhere else, for one run: told the instrument with nominal friction and without noise, it
+gives an object with `answer(measurement)`; LawError if it does not start or answer. At the exit the law is ended."""
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A law that takes part: a part by its kind, an object that answers measurements, or a law that runs elsewhere.
+
+    Parameters
+    ----------
+    label : str
+        As the user has written it; also how the row names it.
+    kind : str
+        Name of the law, or module:NAME.
+    values : dict
+        Parameters that are not left at their default, by name within `law.`.
+    start : callable, optional
+        Of a law that runs in a process of its own, a node for instance: starts it, see `Start`.
+    """
+
+    label: str
+    kind: str
+    values: dict[str, Value]
+    start: Start | None = None
+
+    @property
+    def is_part(self) -> bool:
+        """Whether it is a part, and not an object or elsewhere."""
+        return self.start is None and getattr(load_law(self.kind), "family", None) == "law"
+
+    @property
+    def knowledge(self) -> str:
+        """What it uses and knows, as the law declares it."""
+        if self.start is not None:
+            return _UNDECLARED
+        law = load_law(self.kind)
+        if getattr(law, "parameters", None) is PaperLaw:
+            return _OF_THE_PAPER
+        return str(getattr(law, "knowledge", "") or _UNDECLARED)
+
+
+def contender(text: str) -> Contender:
+    """A law as it is written on a command line: `pid`, `tanh alpha=0.4`, `my_package.my_law:LAW`, `my_law:Law`.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such law, or a parameter of it is not allowed.
+    """
+    kind, *given = text.split() or [""]
+    values: dict[str, Value] = {}
+    for each in given:
+        name, equals, value = each.partition("=")
+        if not equals:
+            raise ParameterError(f"law {text}: {each} is not allowed: a parameter is given as name=value")
+        values[name] = _value(value)
+    made = Contender(text, kind, values)
+    if made.is_part:
+        build(ControllerParameters, {"law.kind": kind} | {f"law.{name}": value for name, value in values.items()})
+    elif values:
+        raise ParameterError(f"law {text}: an object takes no parameters here; give it those of its own in its code")
+    return made
+
+
+def _value(text: str) -> Value:
+    if text in ("true", "false"):
+        return text == "true"
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def load_law(kind: str) -> Any:
+    """The part, or the class or function that makes the object.
+
+    Raises
+    ------
+    ParameterError
+    """
+    module, _, attribute = kind.partition(":")
+    if not attribute or kind in names("law"):
+        return find("law", kind)
+    if "" not in sys.path:
+        sys.path.insert(0, "")
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except Exception as error:
+        raise ParameterError(f"law {kind} cannot be loaded: {type(error).__name__}: {error}") from error
+    if getattr(found, "family", "law") != "law" or not (hasattr(found, "family") or callable(found)):
+        raise ParameterError(
+            f"law {kind} is neither a law part nor a class: a class is called with the parameters of the run "
+            f"(SimParameters) and makes an object with answer(measurement)"
+        )
+    return found

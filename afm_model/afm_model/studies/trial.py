@@ -1,0 +1,130 @@
+"""One run of a comparison, in a worker: score, chatter, energy, force on the tip, margin."""
+
+import math
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import DivergenceError, DriveError, LawError, ParameterError, PartError
+from ..instrument import Block
+from ..parameters import ControllerParameters, SimParameters
+from ..run.simulation import run
+from .contender import load_law
+from .linear import LinearError, linearise, nominal_friction
+
+_Array = NDArray[np.float64]
+NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact", "margin", "z_rms")
+"""What is told of a run."""
+_BLOCK_TICKS = 4096
+_FREQUENCIES = 400
+"""At which the distance of the open loop from -1 is looked at, up to half the control frequency."""
+
+
+class Drives:
+    """Sums over the scored part of a run: what the drive does, and what a smooth one would do.
+
+    The smooth drive is that of the free scanner inverted along the reference, with the friction of a flat sample along
+    it: what no law can do without.
+    """
+
+    def __init__(self, sim: SimParameters) -> None:
+        self._start = sim.score_start - 0.5 * sim.plant.control_period
+        self._period = sim.plant.control_period
+        scanner, piezo = sim.scanner, sim.piezo
+        self._omega = 2.0 * math.pi * np.array([scanner.f_x, scanner.f_y])
+        self._xi = np.array([scanner.xi_x, scanner.xi_y])
+        self._per_volt = self._omega**2 * np.array([piezo.sensitivity_x, piezo.sensitivity_y])  # [m/s^2/V]
+        self._friction = np.linalg.norm(nominal_friction(sim)) * sim.scales.w0**2 * sim.scales.x0  # [m/s^2]
+        self._last: tuple[_Array, _Array] | None = None
+        self.variation = self.smooth_variation = self.square = 0.0
+        self.ticks = 0
+
+    def take(self, block: Block) -> None:
+        """Count a block."""
+        ticks = block.first_tick + np.arange(len(block.drives))
+        scored = ticks * self._period >= self._start
+        if not scored.any():
+            return
+        drive, y = block.drives[scored, :2], block.measurements[scored]
+        r, v, a = (y[f"reference_{name}"][:, :2] for name in ("position", "velocity", "acceleration"))
+        speed = np.linalg.norm(v, axis=1, keepdims=True)
+        along = np.divide(v, speed, out=np.zeros_like(v), where=speed > 0.0)
+        needed = a + 2.0 * self._xi * self._omega * v + self._omega**2 * r + self._friction * along
+        smooth = needed / self._per_volt
+        self.square += float(np.sum(drive**2))
+        self.ticks += len(drive)
+        if self._last is not None:
+            drive, smooth = np.vstack([self._last[0], drive]), np.vstack([self._last[1], smooth])
+        self.variation += float(np.sum(np.abs(np.diff(drive, axis=0))))
+        self.smooth_variation += float(np.sum(np.abs(np.diff(smooth, axis=0))))
+        self._last = drive[-1:], smooth[-1:]
+
+
+def run_trial(
+    sim: SimParameters,
+    controller: ControllerParameters | None,
+    kind: str,
+    told: SimParameters | None,
+    start: Callable[[], AbstractContextManager[Any]] | None = None,
+) -> dict[str, Any]:
+    """The numbers of one run.
+
+    Parameters
+    ----------
+    sim : SimParameters
+    controller : ControllerParameters or None
+        None: `kind` names a class that is called with `sim` and makes an object with `answer(measurement)`.
+    kind : str
+    told : SimParameters or None
+        The instrument with which the loop is linearised; None: it is not.
+    start : callable, optional
+        Starts a law that runs somewhere else, in place of `controller` and `kind`, for this run.
+
+    Returns
+    -------
+    dict
+        NUMBERS, `trajectory_sha256`, and `error` if it diverged or was refused.
+    """
+    row: dict[str, Any] = {}
+    if told is not None:
+        row["margin"] = math.nan if controller is None else margin(told, controller)
+    drives = Drives(sim)
+    try:
+        with ExitStack() as stack:
+            if start is not None:
+                law = stack.enter_context(start())
+            else:
+                law = controller if controller is not None else load_law(kind)(sim)
+            instrument = run(sim, law, drives.take, block_ticks=_BLOCK_TICKS)
+    except (ParameterError, PartError, DriveError, DivergenceError, LawError) as error:
+        return row | {"error": str(error)}
+    except Exception as error:
+        # An object of somebody else's may raise anything; it costs no other run.
+        return row | {"error": f"law {kind}: {type(error).__name__}: {error}"}
+    score = instrument.score()
+    amplitude = max(abs(each) for each in sim.reference.amplitude)
+    return row | {
+        "error_max": float(np.nanmax(score.max_percent[:2])),
+        "error_rms": 100.0 * float(np.max(score.rms[:2])) / amplitude,
+        "chatter": drives.variation / drives.smooth_variation if drives.smooth_variation > 0.0 else math.nan,
+        "energy": drives.square / max(drives.ticks, 1),
+        "tip_force": max(abs(force) for force in score.normal_force),
+        "contact": score.contact_fraction,
+        "z_rms": float(score.rms[2]),
+        "trajectory_sha256": instrument.trajectory_sha256(),
+    }
+
+
+def margin(sim: SimParameters, controller: ControllerParameters) -> float:
+    """Smallest distance of the open loop from -1 over all axes and frequencies; 0: unstable; NaN: no linear model."""
+    try:
+        loop = linearise(sim, controller)
+    except (LinearError, ParameterError, PartError, ArithmeticError, np.linalg.LinAlgError):
+        return math.nan
+    if not loop.stable:
+        return 0.0
+    omega = np.pi / loop.period * np.geomspace(1e-4, 0.999, _FREQUENCIES)
+    return float(min(np.min(np.abs(1.0 + loop.response(axis, omega))) for axis in loop.cuts))

@@ -1,0 +1,61 @@
+"""Claims about docs/files.md: its examples run and its tables are those of the code."""
+
+import re
+from pathlib import Path
+
+import gwyfile
+import pytest
+
+from afm_model.files import layers
+from afm_model.files.curves import UNITS
+
+ROOT = Path(__file__).resolve().parents[3]
+PAGE = (ROOT / "docs" / "files.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """Names that the examples have made, and what each has printed."""
+    folder = tmp_path_factory.mktemp("docs")
+    scope: dict[str, object] = {}
+    printed: dict[str, str] = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for name, program in re.findall(r"<!-- (\w+) -->\n```python\n(.*?)```\n<!-- end -->", PAGE, re.DOTALL):
+            lines: list[str] = []
+            scope["print"] = lambda *values, lines=lines: lines.append(" ".join(map(str, values)))
+            exec(compile(program, name, "exec"), scope)
+            printed[name] = "\n".join(lines)
+    return folder, scope, printed
+
+
+def test_examples_of_the_page_run_and_print_what_they_measure(ran):
+    folder, _, printed = ran
+    assert list(printed) == ["scan", "write", "long", "curves", "afmformats", "labelled", "level"]
+    assert printed["long"] == "4 True"
+    setpoint, speed, most = (float(word) for word in printed["afmformats"].split())
+    assert (setpoint, most) == (pytest.approx(20e-9, rel=0.1), pytest.approx(setpoint, rel=0.1))
+    assert speed == 4e-6
+    ratio, unit = printed["labelled"].split()
+    # Half the friction, less what the edges of the stripes add.
+    assert 0.3 < float(ratio) < 0.52 and unit == "N"
+    assert float(printed["level"]) < 0.2e-9
+    names = {"scan.gwy", "friction.gsf", "height.png", "scan.png", "scan.csv", "scan.h5", "curves.h5", "curve.tab"}
+    assert names <= {each.name for each in folder.iterdir()}
+    again, first = (gwyfile.load(str(folder / name)) for name in ("again.gwy", "scan.gwy"))
+    assert (again["/6/data"].data == first["/6/data"].data).all()
+
+
+def test_table_of_layers_has_the_names_titles_and_units_of_the_code(ran):
+    _, scope, _ = ran
+    table = PAGE.partition("### Layers")[2].partition("###")[0]
+    for each in layers(scope["image"]):
+        (row,) = [line for line in table.splitlines() if f"`{each.name}`" in line]
+        _, _, titles, unit, *_ = (cell.strip() for cell in row.split("|"))
+        assert each.title in titles.split(", ")
+        assert each.unit == unit
+
+
+def test_table_of_columns_is_that_of_the_force_curves():
+    for name, unit in UNITS.items():
+        assert re.search(rf"^\| `{re.escape(name)}` \| {unit} ?\|", PAGE, re.MULTILINE), name

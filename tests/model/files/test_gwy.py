@@ -1,0 +1,127 @@
+"""Claims about scans as .gwy: what gwyfile, Gwyddion and the height maps of this package read from them."""
+
+from typing import Any
+
+import gwyfile
+import numpy as np
+import pytest
+
+from afm_model.files import layers, write_gwy
+from afm_model.sample.map_files import read_field
+
+from . import scans
+from .readers import field, gwyddion, titles
+
+EVERY = {
+    **{"Height": "m", "Height Retrace": "m", "Deflection Error": "V", "Deflection Error Retrace": "V"},
+    **{"Lateral Force": "N", "Lateral Force Retrace": "N", "Friction": "N", "Crosstalk": "N"},
+}
+
+
+@pytest.fixture(scope="module")
+def image():
+    return scans.scanned(angle=0.5)
+
+
+@pytest.fixture(scope="module")
+def path(image, tmp_path_factory):
+    return write_gwy(tmp_path_factory.mktemp("gwy") / "scan.gwy", image)
+
+
+@pytest.fixture(scope="module", params=["gwyfile", "gwyddion"])
+def read(request, path) -> Any:
+    return gwyfile.load(str(path)) if request.param == "gwyfile" else gwyddion(path, path.parent)
+
+
+def test_every_layer_is_read_with_its_values_to_the_last_bit_its_size_place_and_units(read, image):
+    assert list(titles(read)) == list(EVERY)
+    for layer in layers(image):
+        values, told = field(read, layer.title)
+        np.testing.assert_array_equal(values[::-1], layer.values)
+        assert told["si_unit_z"] == EVERY[layer.title]
+        assert told["si_unit_xy"] == "m"
+        assert (told["xreal"], told["yreal"]) == (200e-9, 200e-9)
+        assert (told["xoff"], told["yoff"]) == pytest.approx((0.0, -400e-9), abs=1e-20)
+
+
+def test_l_low_on_the_left_is_low_on_the_left_where_row_0_is_the_top(read):
+    values, _ = field(read, "Friction")
+    on = values > 3e-9
+    rows, columns = np.nonzero(on)
+    # Top of the long bar, and the short one at its lower end, to the right.
+    assert (rows.min(), rows.max()) == (8, 55)
+    assert (columns.min(), columns.max()) == (8, 39)
+    assert on[8, 8] and on[55, 39] and not on[8, 39] and not on[30, 30]
+
+
+def test_notes_are_texts_that_say_angle_rate_and_what_the_microscope_says(read):
+    notes = read["/0/meta"]
+    assert notes["Scan angle"].startswith("28.6479 deg")
+    assert notes["Line rate"].startswith("0.998 Hz")
+    assert notes["Scan centre"] == "x = 100 nm, y = -300 nm"
+    assert notes["Lines measured"] == "64 of 64"
+    # One letter stays a text.
+    assert {name: notes[name] for name in scans.METADATA} == scans.METADATA
+    assert read[f"/{titles(read)['Friction']}/meta"]["Channel"] == "friction"
+
+
+def components(found: Any) -> list[tuple[str, str, Any]]:
+    """Name, type and value of every component of an object and of those in it."""
+    every = []
+    for name, value in found.items():
+        every.append((name, found.typecodes[name], value))
+        every += components(value) if found.typecodes[name] == "o" else []
+    return every
+
+
+@pytest.mark.parametrize("lines_done", [64, 20, 0])
+def test_no_value_is_nan_no_component_is_boolean_and_the_size_comes_before_the_values(tmp_path, lines_done):
+    """AFMReader 0.0.7 never ends at a boolean component, and shapes the values by a size that it has read before."""
+    found = gwyfile.load(str(write_gwy(tmp_path / "scan.gwy", scans.scanned(lines_done))))
+    kinds = {kind for _, kind, _ in components(found)}
+    assert kinds <= {"o", "s", "d", "i", "D"}
+    fields = [value for _, kind, value in components(found) if kind == "o" and value.name == "GwyDataField"]
+    assert len(fields) == len(EVERY) * (1 if lines_done == 64 else 2)
+    for each in fields:
+        assert np.isfinite(each.data).all()
+        names = list(each)
+        assert max(names.index("xres"), names.index("yres")) < names.index("data")
+
+
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_what_is_not_measured_is_masked_and_the_rest_has_its_place(tmp_path, direction):
+    image = scans.scanned(20, direction=direction)
+    path = write_gwy(tmp_path / "part.gwy", image)
+    for read in (gwyfile.load(str(path)), gwyddion(path, tmp_path)):
+        values, _ = field(read, "Height")
+        number = titles(read)["Height"]
+        masked = read[f"/{number}/mask"].data > 0.5
+        assert masked.sum() == 44 * 64
+        # A scan upwards begins at the bottom.
+        assert not masked[-20:].any() if direction == "up" else not masked[:20].any()
+        height = image.data["height", "trace"][::-1]
+        np.testing.assert_array_equal(values[~masked], height[~masked])
+        assert np.unique(values[masked]) == pytest.approx(np.nanmean(height))
+
+
+def test_a_line_with_trace_and_no_retrace_is_masked_in_the_layers_that_need_both(tmp_path):
+    image = scans.scanned(20)
+    image.put(scans.line(image.scan, 20, "trace"))
+    read = gwyfile.load(str(write_gwy(tmp_path / "part.gwy", image)))
+    missing = {title: int(read[f"/{number}/mask"].data.sum()) // 64 for title, number in titles(read).items()}
+    assert missing == {title: 43 if title in ("Height", "Deflection Error", "Lateral Force") else 44 for title in EVERY}
+
+
+def test_picture_that_is_not_square_keeps_its_sides(tmp_path):
+    image = scans.scanned(pixels=48, lines=16, size_y=50e-9)
+    path = write_gwy(tmp_path / "wide.gwy", image)
+    for read in (gwyfile.load(str(path)), gwyddion(path, tmp_path)):
+        values, told = field(read, "Height")
+        np.testing.assert_array_equal(values[::-1], image.data["height", "trace"])
+        assert (told["xreal"], told["yreal"]) == (200e-9, 50e-9)
+
+
+def test_scan_can_be_the_height_map_of_a_sample(path, image):
+    found = read_field(str(path))
+    np.testing.assert_array_equal(found.values, image.data["height", "trace"])
+    assert (found.width, found.height) == (200e-9, 200e-9)

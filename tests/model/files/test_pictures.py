@@ -1,0 +1,132 @@
+"""Claims about the pictures: what is where in them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib import colormaps
+from PIL import Image as Png
+
+from afm_model.core.prefix import prefixed, text
+from afm_model.files import layer, layers, picture, sheet, write_picture, write_sheet
+from afm_model.files.picture import COLOURS, levelled, scale_bar
+
+from . import scans
+
+
+def pixels(path) -> np.ndarray:
+    """Colours of a PNG, 0 to 1, row 0 at the top."""
+    return np.asarray(Png.open(path).convert("RGB"), dtype=float) / 255.0
+
+
+def near(colours: np.ndarray, colour) -> np.ndarray:
+    """Where a picture has about this colour."""
+    return np.abs(colours - np.asarray(colour)[:3]).max(axis=-1) < 0.15
+
+
+def test_l_low_on_the_left_is_low_on_the_left(tmp_path):
+    drawn = pixels(write_picture(tmp_path / "l.png", scans.scanned(), "friction"))
+    left = drawn[:, : drawn.shape[1] * 5 // 6]  # without the bar of colours
+    rows, columns = np.nonzero(near(left, colormaps[COLOURS](0.98)))
+    middle = 0.5 * (rows.min() + rows.max())
+    # The short bar at the lower end is longer than the long one is thick.
+    lower, upper = columns[rows > rows.max() - 5], columns[rows < rows.min() + 5]
+    assert np.ptp(lower) > 3.0 * np.ptp(upper)
+    assert abs(lower.min() - upper.min()) <= 2
+    assert middle > 0.45 * drawn.shape[0]
+
+
+def test_what_is_not_measured_is_grey_at_the_top_of_a_scan_upwards(tmp_path):
+    drawn = pixels(write_picture(tmp_path / "part.png", scans.scanned(20)))
+    grey = np.all(np.abs(drawn - 0.82) < 0.01, axis=-1)
+    rows = np.flatnonzero(grey.mean(axis=1) > 0.5)
+    assert rows.max() < 0.75 * drawn.shape[0]
+    assert len(rows) > 0.4 * drawn.shape[0]
+
+
+@pytest.mark.parametrize("write", [write_picture, write_sheet])
+def test_same_scan_gives_the_same_bytes(tmp_path, write):
+    image = replace(scans.scanned(pixels=16, lines=16), units={"height": "m"})
+    assert write(tmp_path / "a.png", image).read_bytes() == write(tmp_path / "b.png", image).read_bytes()
+
+
+def test_picture_has_title_unit_and_scale_bar():
+    figure = picture(scans.scanned())
+    axes, bar = figure.axes
+    assert axes.get_title() == "Height, less its plane"
+    assert bar.get_title() == "nm"
+    (drawn,) = axes.patches
+    assert drawn.get_width() == pytest.approx(50e-9 / 200e-9)
+    assert "50 nm" in [each.get_text() for each in axes.texts]
+    assert figure.get_suptitle() == "200 nm x 200 nm, 64 x 64 pixels, 0.998 Hz"
+    (shown,) = axes.images
+    np.testing.assert_allclose(shown.get_array(), 1e9 * levelled(layer(scans.scanned(), "height_trace"))[0])
+
+
+def test_sheet_shows_every_layer_traces_above_retraces():
+    image = scans.scanned(20, angle=0.5)
+    figure = sheet(image, "A sample")
+    shown = [axes for axes in figure.axes if axes.images]
+    places = {axes.get_title().split(",")[0]: axes.get_subplotspec() for axes in shown}
+    assert set(places) == {each.title for each in layers(image)}
+    for title in ("Height", "Deflection Error", "Lateral Force"):
+        above, below = places[title], places[f"{title} Retrace"]
+        assert (above.rowspan.start, below.rowspan.start) == (0, 1)
+        assert above.colspan == below.colspan
+    assert places["Friction"].colspan == places["Crosstalk"].colspan
+    assert figure.get_suptitle() == "A sample, 200 nm x 200 nm, 64 x 64 pixels, 0.998 Hz, 28.65°, 20 lines measured"
+
+
+@pytest.mark.parametrize("lines_done", [0, 1])
+def test_scan_of_no_line_and_of_one_is_drawn(tmp_path, lines_done):
+    write_sheet(tmp_path / "sheet.png", replace(scans.scanned(lines_done, pixels=16, lines=16), units={"height": "m"}))
+
+
+def test_layer_of_one_value_is_drawn_in_one_colour(tmp_path):
+    image = scans.scanned(pixels=16, lines=16)
+    image.data["height", "trace"][:] = 3e-9
+    figure = picture(image, how="none")
+    (low, high) = figure.axes[0].images[0].get_clim()
+    assert (low, high) == pytest.approx((2.5, 3.5))
+
+
+@pytest.mark.parametrize(
+    ("how", "words"), [("plane", "less its plane"), ("lines", "less the median of each line"), ("none", "")]
+)
+def test_levelling_of_a_picture_is_told_in_its_title(how, words):
+    assert picture(scans.scanned(pixels=8, lines=8), how=how).axes[0].get_title().partition(", ")[2] == words
+
+
+def test_levelling_of_another_name_is_refused():
+    with pytest.raises(ValueError, match="levelled by plane, lines or none, not by 'parabola'"):
+        picture(scans.scanned(pixels=8, lines=8), how="parabola")
+
+
+@pytest.mark.parametrize(
+    ("width", "bar"), [(200e-9, 50e-9), (100e-9, 20e-9), (90e-6, 20e-6), (6e-9, 2e-9), (3e-9, 1e-9)]
+)
+def test_scale_bar_is_the_largest_round_length_up_to_a_third_of_the_picture(width, bar):
+    assert scale_bar(width) == pytest.approx(bar)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "words"),
+    [
+        (1.5e-7, "m", "150 nm"),
+        (-2e-9, "N", "-2 nN"),
+        (0.0, "m", "0 m"),
+        (1e-6, "m", "1 µm"),
+        (999.9999e-9, "m", "1 µm"),
+        (3e-16, "m", "0.3 fm"),
+        (0.02, "m/s", "0.02 m/s"),
+        (2.0, "1", "2"),
+        (1e4, "Hz", "10 kHz"),
+        (np.nan, "m", "not measured"),
+    ],
+)
+def test_numbers_are_told_with_the_prefix_that_people_use(value, unit, words):
+    assert text(value, unit) == words
+
+
+def test_prefix_of_nothing_is_none():
+    assert prefixed(float("nan"), "m") == (1.0, "m")

@@ -1,0 +1,156 @@
+"""Claims about comparisons: each row is the single run; what diverges, refuses or raises is a result; ranks; files."""
+
+import csv
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import distributed
+import pytest
+import yaml
+
+from afm_model import Comparison, ParameterError, compare, load_scenario, simulate
+from afm_model.studies import contender
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "controllers"
+SHORT = {"references": ["sine 2500"], "progress": False}
+"""A reference fast enough for a run to be over soon."""
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[str]:
+    """Address of a running scheduler with a worker, in this process."""
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address="127.0.0.1:0"
+    ) as running:
+        yield running.scheduler_address
+
+
+@pytest.fixture
+def own(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+
+
+@pytest.fixture(scope="module")
+def some(cluster) -> Comparison:
+    """Three laws, one of which diverges with a delay of two periods."""
+    return compare(
+        ["observer", "pid", "sgn"],
+        periods=[5e-5],
+        delay_ticks=[0, 2],
+        noise=[0, 1],
+        scheduler=cluster,
+        **SHORT,
+    )
+
+
+def test_every_law_runs_under_every_combination_once(some):
+    table = some.table
+    assert len(table) == 3 * 2 * 2
+    assert not table.duplicated(["law", "period", "delay_ticks", "noise", "friction", "reference"]).any()
+
+
+def test_row_is_the_single_run_from_its_scenario_to_the_last_bit(some, tmp_path):
+    number = 3  # with delay and noise
+    row = some.table.iloc[number]
+    assert (row["law"], row["delay_ticks"], row["noise"]) == ("observer", 2, 1)
+    path = tmp_path / "row.yaml"
+    path.write_text(yaml.safe_dump({key: {"ros__parameters": each} for key, each in some.scenario_of(number).items()}))
+    scenario = load_scenario(path)
+    single = simulate(scenario.sim, scenario.controller)
+    assert single.trajectory_sha256 == row["trajectory_sha256"]
+    assert row["error_max"] == pytest.approx(max(single.score.max_percent[:2]))
+    assert row["tip_force"] == max(abs(force) for force in single.score.normal_force)
+
+
+def test_divergence_is_a_result_and_ranks_last(some):
+    lost = some.table[some.table["error"].notna()]
+    assert set(lost["law"]) == {"sgn"} and lost["error"].str.contains("diverged").all()
+    assert lost["error_max"].isna().all()
+    ranking = some.ranking()
+    assert ranking["law"].iloc[-1] == "sgn"
+    assert ranking.set_index("law").loc["sgn", "finished"] == 2
+
+
+def test_ranks_follow_the_numbers(some):
+    ranking = some.ranking()
+    for name in ("error_max", "chatter", "energy", "tip_force"):
+        ordered = ranking.sort_values(f"rank_{name}")[name].tolist()
+        assert ordered == sorted(ordered)
+    assert ranking["rank_margin"].iloc[ranking["margin"].argmax()] == 1
+
+
+def test_margin_of_a_law_that_switches_is_missing_and_of_the_others_the_same_with_noise(some):
+    table = some.table
+    assert table[table["law"] == "sgn"]["margin"].isna().all()
+    for _, runs in table[table["law"] != "sgn"].groupby(["law", "delay_ticks"]):
+        assert runs["margin"].nunique() == 1 and runs["margin"].iloc[0] > 0.0
+
+
+def test_chatter_of_a_smooth_drive_is_one(cluster):
+    table = compare(["implicit"], periods=[2e-6], references=["sine 500"], scheduler=cluster, progress=False).table
+    assert 0.95 < table["chatter"].iloc[0] < 1.2  # friction itself varies by some percent
+
+
+def test_law_and_class_of_ones_own_take_part_and_agree(cluster, own):
+    table = compare(["pd_law:PD", "pd_class:Pd"], periods=[5e-5], delay_ticks=[1], scheduler=cluster, **SHORT).table
+    assert table["error"].isna().all()
+    # The same but for round-off, which friction does not enlarge in so short a run.
+    assert table["error_max"].iloc[0] == pytest.approx(table["error_max"].iloc[1], rel=1e-6)
+    assert table["margin"].notna().tolist() == [True, False]
+
+
+def test_class_that_raises_costs_no_other_run(cluster, own, tmp_path, monkeypatch):
+    (tmp_path / "raising.py").write_text(
+        "class Bad:\n    def __init__(self, sim):\n        raise OSError('no licence')\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    table = compare(["raising:Bad", "pid"], periods=[5e-5], scheduler=cluster, **SHORT).table
+    assert table["error"].iloc[0] == "law raising:Bad: OSError: no licence"
+    assert math.isfinite(table["error_max"].iloc[1])
+
+
+def test_friction_and_noise_are_told_to_no_law(cluster):
+    comparison = compare(["implicit"], friction=[0.8, 1.2], noise=[1.0], scheduler=cluster, **SHORT)
+    laws = [comparison.scenario_of(i)["/**/afm_controller_node"] for i in range(2)]
+    assert laws[0] == laws[1] == {"law.kind": "implicit", "law.period": 5e-5}
+    plants = [comparison.scenario_of(i)["/**/afm_sim_node"]["contact.tau"] for i in range(2)]
+    assert plants == [0.8 * 0.91e9, 1.2 * 0.91e9]
+
+
+@pytest.mark.parametrize(
+    ("laws", "conditions", "words"),
+    [
+        (["pidd"], {}, "there is no law pidd: it must be one of open_loop"),
+        (["pid speed=2"], {}, "unknown parameter law.speed"),
+        (["pid slowness"], {}, "law pid slowness: slowness is not allowed: a parameter is given as name=value"),
+        (["pid slowness=-1"], {}, "law.slowness = -1 is not allowed"),
+        (["math:tau"], {}, "law math:tau is neither a law part nor a class"),
+        (["nowhere:Law"], {}, "law nowhere:Law cannot be loaded: ModuleNotFoundError"),
+        (["pid", "pid"], {}, "a law stands there twice"),
+        (["pid"], {"references": ["sine"]}, "reference sine is not allowed: it must be a shape and"),
+        (["pid"], {"references": ["square 50"]}, "reference.shape_x = square is not allowed"),
+        (["pid"], {"periods": [1.5e-6]}, "plant.control_period = 1.5e-06 s is not allowed"),
+        (["pid"], {"cycles": 0.5}, "cycles = 0.5 is not allowed: it must be > 0.5"),
+    ],
+)
+def test_what_is_not_allowed_is_told_in_a_sentence_before_anything_runs(laws, conditions, words):
+    with pytest.raises(ParameterError) as raised:
+        compare(laws, scheduler="tcp://127.0.0.1:1", progress=False, **conditions)
+    assert words in str(raised.value)
+
+
+def test_parameters_of_a_law_are_read_as_they_are_written():
+    assert contender("tanh alpha=0.4").values == {"alpha": 0.4}
+    assert contender("pid feedforward=false z=pid").values == {"feedforward": False, "z": "pid"}
+    assert contender("sgn").knowledge.startswith("positions and velocities")
+
+
+def test_table_is_kept_as_csv_and_ranking_as_latex(some, tmp_path):
+    some.to_csv(tmp_path / "table.csv")
+    rows = list(csv.DictReader((tmp_path / "table.csv").open()))
+    assert [float(row["energy"] or "nan") for row in rows] == pytest.approx(list(some.table["energy"]), nan_ok=True)
+    latex = some.to_latex()
+    assert r"sgn & 4 & 2 &" in latex
+    body = [line for line in latex.splitlines() if line.endswith(r"\\")]
+    assert len(body) == 4 and {line.count("&") for line in body} == {7}

@@ -1,0 +1,127 @@
+"""Claims about the linearised loop: it is the loop that the instrument runs, and its margins are true."""
+
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
+from afm_model.parts import Law, LawParameters, kernel, record
+from afm_model.studies.linear import LinearError, at_timing, is_stable, largest, linearise
+from afm_model.studies.linear.plant import plant_matrices
+
+
+def timed(kind: str, period: float, delay: int = 0, sim: dict[str, object] | None = None, **law: object):
+    controller = build(ControllerParameters, {"law.kind": kind} | {f"law.{name}": value for name, value in law.items()})
+    return at_timing(build(SimParameters, sim or {}), controller, period, delay)
+
+
+def test_linear_plant_moves_as_the_instrument_does_out_of_friction():
+    # No shear strength to speak of, a flat sample: nothing but the springs is left.
+    given = {"contact.tau": 1e-3, "sample.beta": 0.0, "plant.control_period": 2e-5}
+    sim = build(SimParameters, given)
+    instrument = Instrument(sim, 1, hashed=False)
+    start = instrument.truth.copy()
+    drive, step = instrument.drive.copy(), np.array([0.01, -0.02, 1e-3])
+    A, B, _ = plant_matrices(sim, 2e-5)
+    x = np.zeros(8)
+    for _ in range(50):
+        instrument.tick(drive + step)
+        instrument.skip_block()
+        x = A @ x + B @ step
+    moved = instrument.truth["position"].ravel() - start["position"].ravel()
+    np.testing.assert_allclose(moved, x[[0, 2, 4]] * [2.5e-10, 2.5e-10, 1e-7], rtol=2e-3)
+    tip = float(instrument.truth["tip_height"].item() - start["tip_height"].item())
+    assert tip == pytest.approx(x[6] * 1e-7, rel=2e-3)
+
+
+def test_paper_law_is_stable_up_to_the_hold_at_which_its_steepness_says_so():
+    # Against friction the slope of tanh is alpha M (1 - (f / M)^2), and a hold bears a slope up to 2 / hold.
+    friction = 12.75 / np.sqrt(2.0)
+    for alpha in (2.0, 10.0):
+        slope = alpha * 15.0 * (1.0 - (friction / 15.0) ** 2)
+        longest = 2.0 / slope / 1e4
+        assert linearise(*timed("tanh", 1e-6 * np.floor(0.85e6 * longest), alpha=alpha)).stable
+        assert not linearise(*timed("tanh", 1e-6 * np.ceil(1.15e6 * longest), alpha=alpha)).stable
+
+
+@pytest.mark.parametrize("kind", ["pid", "super_twisting"])
+def test_delay_margin_is_the_delay_that_the_loop_bears(kind):
+    # The law is left as it is: it does not know of the delay.
+    sim, controller = timed(kind, 2e-5)
+    margin = min(linearise(sim, controller).margins(axis).delay for axis in "xy")
+    for delay in (1, 2, 3):
+        delayed = build(SimParameters, {"plant.control_period": 2e-5, "plant.delay_ticks": delay})
+        loop = linearise(delayed, controller)
+        assert loop.stable == (delay * 2e-5 < margin) or loop.axis == "z"
+
+
+def test_margins_are_those_of_python_control_for_its_own_system():
+    import control
+
+    loop = linearise(*timed("pid", 5e-5))
+    omega = np.geomspace(10.0, 5e4, 50)
+    own = control.frequency_response(loop.control_system("x"), omega)
+    np.testing.assert_allclose(own.magnitude.squeeze(), np.abs(loop.response("x", omega)), rtol=1e-6)
+    margins = loop.margins("x")
+    assert 30.0 < margins.phase < 40.0 and margins.gain > 2.0  # the tight tuning of SIMC
+    assert margins.distance == pytest.approx(
+        np.min(np.abs(1.0 + loop.response("x", np.geomspace(100.0, 6e4, 4000)))), rel=0.01
+    )
+
+
+def test_law_that_switches_has_no_linear_model():
+    with pytest.raises(LinearError, match=r"^law sgn switches"):
+        linearise(*timed("sgn", 2e-6))
+
+
+class CountingParameters(LawParameters):
+    """None of its own."""
+
+
+@kernel
+def count(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+    """The drive as it is; every measurement counts."""
+    s.number += 1
+    for axis in range(3):
+        u.voltage[axis] = y.drive[axis]
+
+
+COUNTING = Law(
+    name="counting", parameters=CountingParameters, state=record("number", integers=("number",)), control=count
+)
+
+
+def test_law_that_counts_has_no_linear_model(monkeypatch):
+    monkeypatch.setitem(sys.modules, "counting_law", sys.modules[__name__])
+    with pytest.raises(LinearError, match=r"counts its ticks"):
+        linearise(*timed("counting_law:COUNTING", 2e-6))
+
+
+def test_law_is_left_as_it_was():
+    sim, controller = timed("observer", 5e-5)
+    law = Controller(controller)
+    before = law.block.copy()
+    linearise(sim, controller)
+    np.testing.assert_array_equal(law.block, before)
+
+
+def test_period_that_the_instrument_cannot_have_counts_as_unstable():
+    sim, controller = timed("pid", 5e-5)
+    assert is_stable(sim, controller, 5e-5, 0)
+    assert not is_stable(sim, controller, 1.5e-6, 0)
+
+
+@pytest.mark.parametrize("limit", [-1, 0, 3, 7])
+def test_limit_is_found_where_it_is(limit):
+    assert largest(lambda n: n <= limit, 7) == limit
+
+
+@pytest.mark.parametrize(("law", "delay"), [("predictive", 0), ("pid", 10_000)], ids=["of the law", "of the delay"])
+def test_a_loop_with_more_numbers_than_can_be_handled_has_no_linear_model(law, delay):
+    values = {"plant.control_period": 5e-5, "plant.delay_ticks": delay}
+    sim = build(SimParameters, values)
+    controller = build(ControllerParameters, {"law.kind": law, "law.period": 5e-5, "law.delay_ticks": min(delay, 5)})
+    with pytest.raises(LinearError, match=r"500 numbers are the most"):
+        linearise(sim, controller)
