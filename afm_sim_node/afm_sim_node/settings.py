@@ -8,7 +8,6 @@ from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
 from rclpy.node import Node
 
 from afm_model.core.errors import ParameterError, VerbError
-from afm_model.parts.stiffness import spring_constant
 from afm_model.run import Run
 from afm_node_common import topics
 
@@ -71,7 +70,7 @@ def setpoint(run: Run) -> tuple[float, float]:
     """In force now: [V], and as force of the cantilever [N]; NaN: not known."""
     volts = float(run.operator.state.setpoint)
     parameters = run.instrument.parameters
-    k = spring_constant(parameters) or float("nan")
+    k = parameters.plant.spring_constant(parameters) or float("nan")
     return volts, volts * parameters.detector.deflection_sensitivity * k
 
 

@@ -6,7 +6,7 @@ ROS parameter descriptors, scenario files, messages about bad values and the tab
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
@@ -252,3 +252,26 @@ def flatten(values: Group, prefix: str = "") -> dict[str, Value]:
         else:
             flat[prefix + name] = value
     return flat
+
+
+def changed(parameters: G, news: Mapping[str, Value], anew: Collection[str] = ()) -> G:
+    """These parameters with some changed, by dotted names; where another part is chosen, without those it has not.
+
+    Parameters
+    ----------
+    parameters : Group
+    news : mapping
+    anew : collection of str
+        Groups of which nothing stays: what `news` does not give of them is its default.
+
+    Raises
+    ------
+    ParameterError
+        As `build`.
+    """
+    model = parameters.origin or type(parameters)
+    values = {name: value for name, value in flatten(parameters).items() if name.partition(".")[0] not in anew}
+    if any(name.endswith(".kind") for name in news):
+        known = _known(with_parts(model, {**values, **news}))
+        values = {name: value for name, value in values.items() if name in known}
+    return build(model, {**values, **news})  # type: ignore[return-value]  # as declared, with the groups of its parts

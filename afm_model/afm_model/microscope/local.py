@@ -7,7 +7,7 @@ from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
 from ..instrument import Instrument
 from ..instrument.controller import Controller
-from ..parameters import ControllerParameters, InstrumentParameters, build, flatten
+from ..parameters import ControllerParameters, InstrumentParameters, changed
 from ..run.engine import Engine
 from ..run.pacing import Compiled
 from ..run.state import State
@@ -190,8 +190,5 @@ def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Val
         raise ParameterError(
             f"plant.{others[0]} is no property of a probe: it is chosen with the scenario, when the instrument starts"
         )
-    values = flatten(parameters)
-    if "kind" in changes:
-        values = {name: value for name, value in values.items() if not name.startswith(f"{group}.")}
-    model = type(parameters).origin or type(parameters)
-    return build(model, values | {f"{group}.{name}": value for name, value in changes.items()})
+    news = {f"{group}.{name}": value for name, value in changes.items()}
+    return changed(parameters, news, anew=(group,) if "kind" in changes else ())

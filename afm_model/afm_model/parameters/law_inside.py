@@ -36,7 +36,7 @@ def controller_of(sim: InstrumentParameters, law: Group) -> ControllerParameters
     own: dict[str, Value] = {f"law.{name}": value for name, value in flatten(law).items()}
     given = flatten(sim)
     piezo = {name: given[name] for name in _OF_PIEZO}
-    if hasattr(sim.plant, "cantilever_numbers"):
+    if sim.plant.cantilever_numbers is not None:
         known = known_of(sim.plant, piezo, own)
     else:
         known = piezo | {name: value for name, value in given.items() if name.startswith(_SHARED)}

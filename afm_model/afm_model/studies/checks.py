@@ -6,7 +6,8 @@ from ..core.errors import ParameterError, PartError
 from ..core.registry import find
 from ..law import PaperLaw, disagreements
 from ..parameters import ControllerParameters, SimParameters
-from .linear import LinearError, inside_drives_z, is_stable, largest, linearise
+from .linear import inside_drives_z, is_stable, largest, linearise
+from .linear_model import LinearError
 
 _MOST_PERIODS = 64
 """Fractions of the control period that are tried for a limit."""

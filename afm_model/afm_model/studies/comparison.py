@@ -11,8 +11,7 @@ import numpy as np
 
 from ..core.errors import ParameterError
 from ..parameters import ControllerParameters, SimParameters, build, flatten
-from .conditions import CONDITIONS, Common, instrument_under, law_under
-from .contender import Contender
+from .contender import CONDITIONS, Common, Contender, instrument_under, law_under
 
 if TYPE_CHECKING:
     import pandas as pd
