@@ -16,8 +16,8 @@ from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
 from .predictive import PREDICTIVE
+from .sampled import SampledLaw, TimingWarning, disagreements
 from .super_twisting import SUPER_TWISTING
-from .timing import SampledLaw, TimingWarning, disagreements
 
 EXTERNAL = -2
 """Number of the law that is not here: the drive comes from elsewhere."""

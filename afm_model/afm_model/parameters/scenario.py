@@ -13,12 +13,11 @@ from typing import Any
 
 from ..core.errors import ParameterError
 from ..core.schema import with_parts
-from ..law.timing import TIMING, SampledLaw
+from ..law.sampled import TIMING, SampledLaw
 from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
-from .law_inside import timing_inside
-from .microscope import PREFIX
-from .shipped import scenario_file
-from .strict_yaml import YamlError, read_yaml
+from .microscope_parameters import PREFIX
+from .scenario_files import YamlError, read_yaml, scenario_file
+from .simulator_parameters import timing_inside
 
 
 class ScenarioError(ValueError):

@@ -13,11 +13,10 @@ from pydantic import Field, create_model, model_validator
 from ..core.errors import ParameterError
 from ..core.schema import Group, Unit, Value, build, with_parts
 from ..detector import Photodiode
-from ..law.timing import SampledLaw
+from ..law.sampled import SampledLaw
 from ..piezo import PiezoParameters
 from ..plant.lever_parameters import LeverGroup
-from .controller import ControllerParameters
-from .instrument import InstrumentParameters
+from .instrument_parameters import ControllerParameters, InstrumentParameters
 
 PREFIX = "microscope."
 _RUN = ("kind", "seed", "dt", "modes", "gap")
