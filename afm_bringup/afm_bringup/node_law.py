@@ -61,12 +61,7 @@ class Desk(Protocol):
 
 
 class NodeLaw:
-    """Answers each measurement with what the node at a desk answers to it.
-
-    Parameters
-    ----------
-    desk : Desk
-    """
+    """Answers each measurement with what the node at a desk answers to it."""
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk

@@ -71,13 +71,7 @@ class Over(Exception):
 
 
 class Course:
-    """One examination.
-
-    Parameters
-    ----------
-    desk : Desk
-    parameters : SimParameters
-    """
+    """One examination."""
 
     def __init__(self, desk: Desk, parameters: SimParameters) -> None:
         self._desk = desk
