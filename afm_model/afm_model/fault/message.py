@@ -9,6 +9,7 @@ from typing import Any
 from ..core.jit import kernel
 from ..core.records import Block, record_at
 from ..parts.signals import COMMAND, copy_command
+from ..parts.timing import ticks_of
 from .chance import uniform
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
 from .memory import COMMAND_SIZE, COMMANDS, KEPT, SENSED, SLOTS
@@ -17,6 +18,8 @@ _KINDS = list(KINDS)
 _LATENCY, _JITTER, _LOSS = (_KINDS.index(name) + 1 for name in ("latency", "jitter", "loss"))
 MEASUREMENT_MESSAGE, DRIVE_MESSAGE = (TARGETS.index(name) for name in MESSAGES)
 _NEVER = -1
+
+_ticks_of = kernel(ticks_of)
 
 
 @kernel
@@ -30,7 +33,7 @@ def _arrival(k: int, message: int, p: Any) -> int:
             if uniform(p.seed[i], k, message) < p.size[i]:
                 return _NEVER
         elif p.kind[i] == _LATENCY:
-            late += math.ceil(p.size[i] / p.control_period - 1e-6)
+            late += _ticks_of(p.size[i], p.control_period)
         elif p.kind[i] == _JITTER:
             late += math.floor(uniform(p.seed[i], k, message) * (p.size[i] / p.control_period + 1.0))
     return int(k + min(late, LATENCY_TICKS))

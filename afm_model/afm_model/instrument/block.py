@@ -20,6 +20,7 @@ from ..parts.header import HEADER
 from ..parts.part import Channel, Part
 from ..parts.signals import COMMAND, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 from .drift import DRIFT, DRIFTED, drift_constants
+from .limits import GUARD, LIMITS
 from .score import SUMS
 from .sensors import READ, SENSORS, sensor_constants
 
@@ -121,6 +122,8 @@ class Layout:
         self._add("read", READ)
         self._add("drift", DRIFT)
         self._add("drifted", DRIFTED)
+        self._add("limits", LIMITS)
+        self._add("guard", GUARD)
         self.channels = self._channels(parameters)
         self.places["channel_count"] = len(self.channels)
         self.places["channels"] = self._reserve(len(self.channels))

@@ -19,12 +19,12 @@ from .block import LOOP, Layout, line_slots
 from .controller import Controller, external_law
 from .draws import Draws
 from .faults import Faults
-from .inside import Inside
+from .guard import Guard
 from .loop import fill_loop
 from .orders import Orders
 from .rows import Block, Cut, Rows
 from .score import ScoreSummary, summarize
-from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
+from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, STOPPED, advance, measure
 from .truth import truth_of_rows
 
 _Array = NDArray[np.float64]
@@ -81,8 +81,8 @@ class Instrument:
         self._faults = Faults(layout, self._block, parameters)
         self.orders = Orders(layout, self._block, parameters)
         """What is told while the run goes on."""
-        self.inside = Inside(layout, self._block, parameters)
-        """What the instrument's own limits look at, and z in their hands."""
+        self.guard = Guard(layout, self._block, parameters)
+        """Its own limits."""
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.functions]
         fill_loop(layout.record(self._block, "loop"), parameters)
@@ -94,7 +94,6 @@ class Instrument:
         self._draws.reset(parameters.plant.seed)
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         self.orders.reset()
-        self.inside.give_z()
         for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
         for name in ("asked", "asked_next"):
@@ -115,6 +114,7 @@ class Instrument:
                 )
         for name in ("applied", "regulated", "effective"):
             layout.array(block, name)[:] = held
+        self.guard.reset(layout.array(block, "applied"))
         for family in ("onboard", "piezo"):
             part: Any = layout.parts[family].part
             if part.state.names:
@@ -145,6 +145,11 @@ class Instrument:
     def drive(self) -> _Array:
         """Copy of the drive applied until now [V], (3,)."""
         return self._layout.array(self._block, "applied").copy()
+
+    @property
+    def z_drive(self) -> float:
+        """Drive along z that the piezo has now [V]: that of a loop inside, where there is one."""
+        return float(self._layout.array(self._block, "regulated")[2])
 
     @property
     def state(self) -> Any:
@@ -239,8 +244,10 @@ class Instrument:
         """Whether the block must be taken before the next tick."""
         return self._row == self._block_ticks
 
-    def tick(self, drive: _Array | Command | None, sequence: int | None = None) -> None:
+    def tick(self, drive: _Array | Command | None, sequence: int | None = None) -> bool:
         """Apply a drive for one control period; `measurement` is then that of the next tick.
+
+        True if an order is done with it, or a limit has acted: see `orders` and `guard`.
 
         With plant.delay_ticks it is applied so many ticks later, and now the one of so many ticks ago.
 
@@ -272,11 +279,12 @@ class Instrument:
             self._commanded.sequence[0] = self.ticks if sequence is None else sequence
         outcome = advance(self._external, 1, self._block, self._random, self._recorded.rows, self._recorded.samples)
         self._conclude(outcome, 0 if outcome == REFUSED else 1)
+        return bool(outcome == STOPPED)
 
-    def close_loop(self, controller: Controller, ticks: int) -> None:
+    def close_loop(self, controller: Controller, ticks: int) -> bool:
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
 
-        It ends sooner, once, behind the tick with which an order is done (see `order`).
+        It ends sooner, and is True, behind the tick with which an order is done (`order`) or a limit has acted.
 
         Parameters
         ----------
@@ -299,8 +307,9 @@ class Instrument:
             outcome = advance(controller.block, ticks, self._block, self._random, recorded.rows, recorded.samples)
             controller.raise_errors()
             self._conclude(outcome, int(self._loop[_DONE]))
-            if self.orders.reached:
-                return
+            if outcome == STOPPED:
+                return True
+        return False
 
     def _prepare(self) -> None:
         """What a tick needs: a row in the block, random numbers, the faults of these ticks."""

@@ -18,19 +18,20 @@ from ..fault import on_command, on_measurement, unasked
 from ..law import EXTERNAL, control
 from ..onboard import regulate
 from ..parts.header import HEADER, LAW_HEADER
-from ..parts.signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
+from ..parts.signals import COMMAND, DETECTION, DRIVE, GIVEN, MEASUREMENT, REFERENCE, TRUTH
 from ..piezo import actuate
 from ..plant import step, tell
 from ..program import reference, watch
 from .block import LOOP
 from .drift import DRIFT, DRIFTED, drift, wander
 from .drive import allowed, due, put_in_force
+from .limits import GUARD, LIMITS, RUNNING, has_z, take_drive, watch_limits
 from .score import SUMS, count_step
 from .sensors import READ, SENSORS, sense, tell_sensors
 
 _Array = NDArray[np.float64]
-MOVED, REFUSED, DIVERGED = 0, 1, 2
-"""What became of a tick."""
+MOVED, REFUSED, DIVERGED, STOPPED = range(4)
+"""What became of a tick. STOPPED: it moved, and with it an order was done or the drive has changed hands."""
 RANGE = 1e-3
 """Position beyond which the motion has diverged: hundreds of times the range of any scanner [m]."""
 _REFERENCE_SIZE = size(REFERENCE)
@@ -120,6 +121,8 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     command = due(m)
     c.in_force = record_at(m, command, COMMAND).sequence
     put_in_force(m, command, 0.0, faults)
+    guard = record_at(m, g.guard, GUARD)
+    z_given = record_at(m, g.limits, LIMITS).z_inside != 0.0 and has_z(guard)
     drifting, drifted = record_at(m, g.drift, DRIFT), record_at(m, g.drifted, DRIFTED)
     if drifting.on != 0.0:
         wander(c.k, c.control_period, drifting, drifted, pointer_at(random, drawn + g.wander))
@@ -156,7 +159,11 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             now = t + late
             watch(now, d, r, m)
             if g.onboard != 0:
+                z_mode = r.z_mode
+                if z_given:
+                    r.z_mode, w.voltage[2] = GIVEN, guard.drive[2]
                 regulate(now, d, r, w, m)
+                r.z_mode = z_mode
                 # What it has changed goes through the same converter; what has been through it stays.
                 for axis in range(3):
                     w.voltage[axis] = convert(w.voltage[axis], c.drive_lsb, c.drive_limit)
@@ -197,12 +204,13 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     -------
     int
         Outcome of the last tick tried. The loop's record tells how many were done, one that diverged included. They
-        are fewer where the program's order is done (`halt` of LOOP).
+        are fewer where the program's order is done (`halt` of LOOP), once, or a limit has acted.
     """
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
     y = record_at(m, g.measurement, MEASUREMENT)
     u = record_at(m, g.commanded, COMMAND)
+    guard, limited = record_at(m, g.guard, GUARD), record_at(m, g.limits, LIMITS).on != 0.0
     external = record_at(law, 0, LAW_HEADER).law == EXTERNAL
     c.done = 0
     outcome = MOVED
@@ -212,9 +220,21 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
                 u.sequence = c.k
             # The time that a message carries, whole nanoseconds: a law sees the same here and over topics.
             control(round(c.k * c.period_ns) * 1e-9, y, u, law)
+        phase = guard.phase
+        if phase != RUNNING:
+            # What is refused does not depend on who has the drive.
+            if not allowed(u):
+                return REFUSED
+            take_drive(m, c.k >= c.score_tick)
         outcome = tick(m, random, rows, samples)
         if outcome != REFUSED:
             c.done += 1
+        if outcome == MOVED and limited:
+            watch_limits(m, c.k)
+            if guard.phase != phase:
+                outcome = STOPPED
         if c.halt != 0 and m[c.halt] != 0.0:
-            break
+            c.halt = 0
+            if outcome == MOVED:
+                outcome = STOPPED
     return outcome

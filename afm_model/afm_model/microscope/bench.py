@@ -6,6 +6,7 @@ from typing import Any
 from ..analysis import tilted_stiffness
 from ..instrument import Instrument
 from ..parameters import changed
+from ..parts.timing import ticks_of
 from ..program.orders import Curve, quintic
 
 _TRAVEL = 500e-6
@@ -147,7 +148,7 @@ class Bench:
 
     def ticks(self, duration: float) -> int:
         """Control ticks that take this time [s] at least, one or more."""
-        return max(1, math.ceil(duration / self.control_period - 1e-6))
+        return max(1, ticks_of(duration, self.control_period))
 
     def stay(self, duration: float = 0.0) -> Curve:
         """x and y where they are."""

@@ -1,6 +1,5 @@
 """Parameters of the simulator: the instrument, how it runs in time, its own limits, and the law inside it."""
 
-import math
 from collections.abc import Mapping
 from typing import Annotated, Literal
 
@@ -10,6 +9,7 @@ from pydantic import Field, model_validator
 from ..core.schema import Group, NonNegative, Positive, Unit, Value, build, flatten, with_parts
 from ..law import ExternalLaw
 from ..law.sampled import TIMING, SampledLaw
+from ..parts.timing import ticks_of
 from .instrument_parameters import ControllerParameters, InstrumentParameters
 from .microscope_parameters import known_of
 
@@ -170,7 +170,6 @@ class SimParameters(InstrumentParameters):
     @property
     def total_ticks(self) -> int:
         """Control ticks of the whole run; 0: endless."""
-        # The last tick covers the end of the duration; round-off must not add one.
         if self.run.duration == 0.0:
             return 0
-        return max(1, math.ceil(self.run.duration / self.plant.control_period - 1e-6))
+        return max(1, ticks_of(self.run.duration, self.plant.control_period))

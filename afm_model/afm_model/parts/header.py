@@ -39,6 +39,8 @@ _OF_THE_LOOP = [
     "read",
     "drift",
     "drifted",
+    "limits",
+    "guard",
     "position_noise",
     "noise",
     "wander",
@@ -53,7 +55,8 @@ Then where the rest begins: the record of the loop; measurement; the drive as co
 resolution, delay), as changed by the onboard part, as the piezo makes it; the reference at this tick and at the next;
 truth, detection, surface; what a fault does to the sample, and what it remembers; the maps of sample and plant; sums of
 the score; what is hashed; the line of drives on their way; the places of the channels; what the low-pass of the
-detector remembers; constants of the position sensors and what they have read; the same of the drift.
+detector remembers; constants of the position sensors and what they have read; the same of the drift; the limits, and
+where they stand.
 
 Last, where in a row of the random numbers those of the plant, the sensors, the detector, the drift and the fault begin,
 and how long a row is.

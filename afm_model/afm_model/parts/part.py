@@ -222,19 +222,16 @@ class Onboard(Part):
     begin : callable
         (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
         called if the part has a state.
-    take : callable, optional
-        (p, s, volts) -> None: the instrument itself drives z from now on, to `volts` [V] now; called in each such tick.
-        A part that leaves z alone needs none.
-    release : callable, optional
-        (parameters, p) -> None: z is the part's again, from where it is.
+    moves_z : bool
+        It drives z, whatever is asked along z. The instrument itself takes z from it by `r.z_mode` GIVEN: u is z then,
+        and the part goes on from there later.
     """
 
     family = "onboard"
     functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, DRIVE, CONSTANTS, STATE)}
 
     regulate: Kernel
-    take: Callable[[Any, Any, float], None] | None = None
-    release: Callable[[Any, Any], None] | None = None
+    moves_z: bool = False
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
     """Parameters -> what is implausible, a sentence each."""

@@ -17,6 +17,7 @@ from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
 from ..parts.signals import OPEN
+from ..parts.timing import ticks_of
 from .orders import CURVE, END, FOLLOW, LINES, MOST_STEPS, RAMP, REST, Lines, Order, Step, columns
 
 _DEGREES = 6
@@ -202,7 +203,7 @@ def _order(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> None:
         p.speed = motion.size / p.image
         # A sample is taken in the middle of what it stands for: then trace and retrace lie on one another.
         p.shift = 0.5 * sample
-        ticks = math.ceil(motion.samples * sample / control - 1e-6)
+        ticks = ticks_of(motion.samples * sample, control)
     else:
         ticks = motion.ticks
         p.motion, p.curve_time = CURVE, max(ticks, 1) * control

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import Any
 
-from ..core import jit
+from ..core import kernel_cache
 from ..core.errors import ParameterError
 from ..core.progress import reporting
 from ..instrument import Instrument
@@ -136,7 +136,8 @@ def _results(
 
     # A set is a kilobyte; that many of them are large is no surprise.
     with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
-        futures = client.map(_run_task, tasks, run_one=run_one, sources=jit.FINGERPRINT, pure=False)
+        sources = kernel_cache.fingerprint(__name__, __file__)
+        futures = client.map(_run_task, tasks, run_one=run_one, sources=sources, pure=False)
     for future in distributed.as_completed(futures, loop=client.loop):
         try:
             yield from future.result()
@@ -195,6 +196,6 @@ def _interrupt_held() -> Iterator[None]:
 
 def _run_task(sets: Sequence[tuple[int, Set]], run_one: Callable[..., Row], sources: str) -> list[tuple[int, Row]]:
     """Task of a worker: run some sets, one after the other."""
-    if sources != jit.FINGERPRINT:
+    if sources != kernel_cache.fingerprint(__name__, __file__):
         raise SweepError("a worker has other sources of afm_model, or another numba, than the process that sweeps")
     return [(number, run_one(*each)) for number, each in sets]
