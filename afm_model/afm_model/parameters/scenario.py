@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
-from ..core.schema import with_parts
+from ..core.schema import chosen_group
 from ..law.sampled import TIMING, SampledLaw
 from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
 from .microscope_parameters import PREFIX
@@ -157,8 +157,7 @@ def law_timing(values: Mapping[str, Value], sim: SimParameters) -> dict[str, Val
     ParameterError
         If there is no such law.
     """
-    law: Any = with_parts(ControllerParameters, values).model_fields["law"].annotation
-    if not issubclass(law, SampledLaw):
+    if not issubclass(chosen_group(ControllerParameters, "law", values), SampledLaw):
         return {}
     plant: dict[str, Value] = {"period": sim.plant.control_period, "delay_ticks": sim.plant.delay_ticks}
     return {f"law.{name}": plant[name] for name in TIMING if f"law.{name}" not in values}

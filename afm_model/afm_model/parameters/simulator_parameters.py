@@ -6,10 +6,11 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from ..core.schema import Group, NonNegative, Positive, Unit, Value, build, flatten, with_parts
+from ..core.schema import Group, NonNegative, Positive, Unit, Value, build, chosen_group, flatten
 from ..law import ExternalLaw
 from ..law.sampled import TIMING, SampledLaw
 from ..parts.timing import ticks_of
+from ..plant.lever_parameters import LeverGroup
 from .instrument_parameters import ControllerParameters, InstrumentParameters
 from .microscope_parameters import known_of
 
@@ -40,8 +41,9 @@ def controller_of(sim: InstrumentParameters, law: Group) -> ControllerParameters
     own: dict[str, Value] = {f"law.{name}": value for name, value in flatten(law).items()}
     given = flatten(sim)
     piezo = {name: given[name] for name in _OF_PIEZO}
-    if sim.plant.cantilever_numbers is not None:
-        known = known_of(sim.plant, piezo, own)
+    plant: Group = sim.plant
+    if isinstance(plant, LeverGroup):
+        known = known_of(plant, piezo, own)
     else:
         known = piezo | {name: value for name, value in given.items() if name.startswith(_SHARED)}
     return build(ControllerParameters, known | own)
@@ -59,10 +61,9 @@ def timing_inside(model: type[Group], values: Mapping[str, Value]) -> dict[str, 
     """
     if "law.kind" not in values or not issubclass(model, InstrumentParameters) or "law" not in model.model_fields:
         return {}
-    fields = with_parts(model, values).model_fields
-    law, plant = fields["law"].annotation, fields["plant"].annotation
-    if not (isinstance(law, type) and issubclass(law, SampledLaw)) or plant is None:
+    if not issubclass(chosen_group(model, "law", values), SampledLaw):
         return {}
+    plant = chosen_group(model, "plant", values)
     return {
         f"law.{name}": values.get(f"plant.{of}", plant.model_fields[of].default)
         for name, of in zip(TIMING, ("control_period", "delay_ticks"), strict=True)

@@ -1,12 +1,11 @@
 """One Kalman filter, for all that the law estimates: carry the covariance, weigh a measurement, correct by it."""
 
-from typing import Any
-
 from ...core.jit import kernel
+from ...core.records import Block
 
 
 @kernel
-def carry_covariance(P: Any, F: Any, half: Any) -> None:
+def carry_covariance(P: Block, F: Block, half: Block) -> None:
     """Replace the covariance P (n, n) by F P F^T; `half` (n, n) is overwritten."""
     size = len(P)
     for i in range(size):
@@ -22,7 +21,7 @@ def carry_covariance(P: Any, F: Any, half: Any) -> None:
 
 
 @kernel
-def weigh(P: Any, weights: Any, gains: Any) -> float:
+def weigh(P: Block, weights: Block, gains: Block) -> float:
     """Variance of the sum of the states with these weights; their covariances with it go to `gains`."""
     size = len(P)
     variance = 0.0
@@ -36,7 +35,7 @@ def weigh(P: Any, weights: Any, gains: Any) -> float:
 
 
 @kernel
-def correct(P: Any, change: Any, gains: Any, innovation: float, variance: float) -> None:
+def correct(P: Block, change: Block, gains: Block, innovation: float, variance: float) -> None:
     """Add to `change` of the states, and take off P, what a measurement of the sum last weighed tells.
 
     Its innovation has this variance, the noise included.
