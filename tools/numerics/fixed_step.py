@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from afm_model.contact.friction import bound_of_load, project_disc
 from afm_model.contact.jkr import effective_radius_ratio
 from afm_model.core.records import pointer_at, record_at
+from afm_model.parts import surface
 from afm_model.parts.header import HEADER
 from afm_model.parts.signals import DRIVE
 from afm_model.plant import CONSTANTS, STATE, compliant, paper
 from afm_model.plant.lateral import kick_lateral
-from afm_model.sample import surface
 
 from .problem import AMPLITUDE, OMEGA
 

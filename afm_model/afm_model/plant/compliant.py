@@ -15,8 +15,8 @@ from typing import Any
 from ..contact.friction import bound_of_area
 from ..contact.jkr import INDENTATION_FIXED_GRIPS, effective_radius_ratio, load_of_u, stiffness_of_u, u_of_indentation
 from ..core.jit import kernel
+from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree
-from ..sample import surface
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest, start_free

@@ -4,7 +4,7 @@ from typing import Any
 
 from ..contact.jkr import effective_radius_ratio, indentation_of_u, u_of_load
 from ..core.jit import kernel
-from ..sample import surface
+from ..parts.dispatch import surface
 
 
 @kernel
