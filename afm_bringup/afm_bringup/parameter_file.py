@@ -1,4 +1,4 @@
-"""The parameter file that the nodes are given: what was read and checked, in words that every reader takes alike."""
+"""The parameter file for the nodes: checked values, in a notation that every YAML reader reads alike."""
 
 from collections.abc import Mapping
 from pathlib import Path
