@@ -15,7 +15,7 @@ from .parameters import (
     specifications,
 )
 from .parameters.scenario import Scenario, ScenarioError, load_scenario
-from .parameters.shipped import scenario_names
+from .parameters.scenario_files import scenario_names
 from .parts.command import Command
 from .run.simulation import Simulation, simulate
 from .studies import Comparison, compare

@@ -11,7 +11,7 @@ from rclpy.parameter import Parameter
 from afm_model.core.errors import ParameterError
 from afm_model.core.schema import with_parts
 from afm_model.parameters import Group, Specification, Value, build, changed, flatten, resolved, specifications
-from afm_model.parameters.law_inside import timing_inside
+from afm_model.parameters.simulator_parameters import timing_inside
 
 from .parameter_services import check_services
 

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from afm_model import Block, Controller, Instrument
-from afm_model.parameters.law_inside import is_inside
+from afm_model.parameters.simulator_parameters import is_inside
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
 from afm_node_common.parameters import Declared

@@ -166,6 +166,13 @@ def with_parts(model: type[G], values: Mapping[str, Value]) -> type[G]:
     return _with_groups(model, tuple(chosen.items())) if chosen else model
 
 
+def chosen_group(model: type[Group], name: str, values: Mapping[str, Value]) -> type[Group]:
+    """The group `name` of a model, of the part that `values` choose by its `kind`; raises as `with_parts`."""
+    group = with_parts(model, values).model_fields[name].annotation
+    assert isinstance(group, type) and issubclass(group, Group), name
+    return group
+
+
 def _entry_names(group: str, parameters: type[Group], values: Mapping[str, Value]) -> tuple[str, ...]:
     """Names that `values` give to entries of a group, sorted: in which order they stand in a file means nothing."""
     paths = (name.split(".") for name in values)

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from ..core.errors import ParameterError
 from ..core.schema import Value, flatten
 from ..fault import Schedule, faults_of
-from ..parameters import SimParameters, build
-from ..parameters.safety import Safety
+from ..parameters import Safety, SimParameters, build
 from ..parts.command import Command
 from ..parts.signals import LONGEST_HORIZON
 

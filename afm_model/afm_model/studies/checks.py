@@ -26,11 +26,6 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
 
     Of the loop: what the law itself tells of its rate; whether it is made for this period and delay; whether the
     linearised loop is stable, and up to which period or delay it would be.
-
-    Parameters
-    ----------
-    sim : SimParameters
-    controller : ControllerParameters
     """
     plant = sim.plant
     told = implausible(sim)

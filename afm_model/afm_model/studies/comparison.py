@@ -123,5 +123,5 @@ class Comparison:
         return {"/**/afm_sim_node": instrument, "/**/afm_controller_node": given}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     return value.item() if isinstance(value, np.generic) else value

@@ -126,10 +126,6 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
         taken to hold it: what the law answers along z has no effect then.
     controller : ControllerParameters
 
-    Returns
-    -------
-    LinearLoop
-
     Raises
     ------
     LinearError

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..contact.friction import bound_of_load
 from ..contact.jkr import stiffness_of_u, u_of_load
-from ..contact.strength import bound_of_load
 from ..core.jit import plain
 from ..core.records import place, record_at, size
 from ..core.registry import find

@@ -13,6 +13,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
+from types import ModuleType
 from typing import Any
 
 from ..core import kernel_cache
@@ -39,7 +40,7 @@ class SweepError(RuntimeError):
     """A sweep cannot run here: a package, the scheduler or its workers are missing; the message is one sentence."""
 
 
-def require_scattering(scheduler: str | None, workers: int | None) -> Any:
+def require_scattering(scheduler: str | None, workers: int | None) -> ModuleType:
     """The package pandas, if many instruments can be run here.
 
     Raises
@@ -130,7 +131,7 @@ def _tasks(sets: Sequence[tuple[int, Set]], processors: int) -> list[list[tuple[
 
 
 def _results(
-    distributed: Any, client: Any, tasks: Sequence[Sequence[tuple[int, Set]]], run_one: Callable[..., Row]
+    distributed: ModuleType, client: Any, tasks: Sequence[Sequence[tuple[int, Set]]], run_one: Callable[..., Row]
 ) -> Iterator[tuple[int, Row]]:
     import dask
 
@@ -146,7 +147,7 @@ def _results(
 
 
 @contextmanager
-def _client(distributed: Any, scheduler: str | None, workers: int | None) -> Iterator[tuple[Any, int]]:
+def _client(distributed: ModuleType, scheduler: str | None, workers: int | None) -> Iterator[tuple[Any, int]]:
     """A client of the scheduler at an address, or of a cluster of our own that ends with it; its processors."""
     if scheduler is not None:
         try:

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -209,7 +210,7 @@ def _run_set(parameters: SimParameters, law: ControllerParameters, fingerprint: 
 
 
 def _table(
-    pandas: Any, columns: Mapping[str, Sequence[Value]], rows: Sequence[Row], index: Any, fingerprint: bool
+    pandas: ModuleType, columns: Mapping[str, Sequence[Value]], rows: Sequence[Row], index: Any, fingerprint: bool
 ) -> pd.DataFrame:
     """Parameters and results side by side; every column has the same type in every sweep."""
     names = [*score.columns(), *(_TEXTS if fingerprint else _TEXTS[1:])]
