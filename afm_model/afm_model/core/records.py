@@ -4,6 +4,7 @@ A record type is a list of names; each is one number of 8 bytes, or a few in a r
 index of the array: no copy, no offset written by hand, and in compiled code no more than a pointer.
 """
 
+import ctypes
 from collections.abc import Mapping
 from typing import Any
 
@@ -122,3 +123,30 @@ _pointer_at: Any = intrinsic(_pointer)
 @overload(pointer_at, jit_options={"forceinline": True})
 def _compiled_pointer(block, index):  # type: ignore[no-untyped-def]
     return lambda block, index: _pointer_at(block, index)
+
+
+def numbers_at(address: int, count: int) -> Block:
+    """The `count` float64 numbers at an address: an array of any length that is kept beside a block.
+
+    Its address (`array.ctypes.data`) stands in an integer field of a record. Whoever puts it there keeps the array
+    alive, and where it is, for as long as a kernel may read it. Compiled, this is the pointer alone, to be indexed or
+    handed to `record_at` and `pointer_at`; nothing checks `count`.
+    """
+    return np.ctypeslib.as_array((ctypes.c_double * count).from_address(int(address)))
+
+
+def _numbers(typing_context: Any, address: Any) -> Any:
+    kind = types.CPointer(types.float64)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(kind))
+
+    return kind(types.int64), generate
+
+
+_numbers_at: Any = intrinsic(_numbers)
+
+
+@overload(numbers_at, jit_options={"forceinline": True})
+def _compiled_numbers(address, count):  # type: ignore[no-untyped-def]
+    return lambda address, count: _numbers_at(address)

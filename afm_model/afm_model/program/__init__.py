@@ -9,8 +9,8 @@ from ..core.registry import register
 from ..parts.header import HEADER
 from . import periodic
 from .force_curve import FORCE_CURVE, ForceCurve
+from .ordered import VERBS, VerbsParameters
 from .periodic import PERIODIC, Reference
-from .verbs import VERBS, Verbs
 
 PARTS = (PERIODIC,)
 register(*PARTS)
@@ -36,4 +36,14 @@ def watch(t: float, d: Any, r: Any, m: Block) -> None:
         call(g.program_watch, (t, d, r, pointer_at(m, g.program_constants), pointer_at(m, g.program_state)))
 
 
-__all__ = ["FORCE_CURVE", "PARTS", "PERIODIC", "VERBS", "ForceCurve", "Reference", "Verbs", "reference", "watch"]
+__all__ = [
+    "FORCE_CURVE",
+    "PARTS",
+    "PERIODIC",
+    "VERBS",
+    "ForceCurve",
+    "Reference",
+    "VerbsParameters",
+    "reference",
+    "watch",
+]
