@@ -19,6 +19,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,7 @@ def digest(parts: Iterable[Any]) -> str:
     return found.hexdigest()
 
 
+@cache
 def elementary() -> Hashes:
     """Hashes of what elementary functions give on this machine, in compiled code and in numpy."""
     x = np.random.default_rng(1).uniform(0.01, 4.0, 5000)

@@ -19,9 +19,9 @@ from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
 from .domain import claim_domain
-from .exam.course import Course
-from .exam.desk import TopicDesk
+from .exam.connection import TopicConnection
 from .exam.log import Log
+from .exam.procedure import Procedure
 from .exam.rules import Outcome, Terms, Verdict, exit_code, judge
 from .parameter_file import write_parameters
 from .processes import Processes
@@ -126,15 +126,19 @@ def _examine(scenario: Scenario, command: list[str], ros_arguments: bool, printe
         def problem() -> str:
             return processes.ended() or ""
 
-        with TopicDesk(topics.NAMESPACE, scenario.sim, problem) as desk:
+        with TopicConnection(topics.NAMESPACE, scenario.sim, problem) as connection:
             processes.start(_CONTROLLER, [*command, *(given if ros_arguments else ())], printed or Path(folder) / "log")
             print(f"waiting for the controller, {_START_TIMEOUT:g} s at most ...", file=sys.stderr, flush=True)
-            if not desk.connect(_START_TIMEOUT):
-                unheard = desk.unheard()
-                return Log(ended=problem(), unheard=unheard, absent="" if unheard or problem() else desk.missing())
+            if not connection.connect(_START_TIMEOUT):
+                incompatible = connection.incompatible()
+                return Log(
+                    ended=problem(),
+                    incompatible=incompatible,
+                    absent="" if incompatible or problem() else connection.missing(),
+                )
             processes.note_shared_memory()
             print("it is connected; the examination takes some ten seconds ...", file=sys.stderr, flush=True)
-            log = Course(desk, scenario.sim).run()
+            log = Procedure(connection, scenario.sim).run()
             if not log.ended:
                 log.went = _ends(processes)
     return log

@@ -13,8 +13,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_srvs.srv import Trigger
 
 from afm_node_common import topics
-from afm_node_common.ears import Ears
 from afm_node_common.shared_memory import shared_memory_cleanup
+from afm_node_common.subscriptions import Subscriptions
 
 
 class Monitor:
@@ -38,10 +38,10 @@ class Monitor:
         self.status: InstrumentStatus | None = None
         self.recorder: RecorderStatus | None = None
         self.score: Score | None = None
-        ears = Ears(self._node)
-        ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
-        ears.listen(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
-        ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
+        subscriptions = Subscriptions(self._node)
+        subscriptions.subscribe(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        subscriptions.subscribe(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
+        subscriptions.subscribe(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         self._play = self._node.create_client(Trigger, topics.PLAY)
 
     def __enter__(self) -> "Monitor":
@@ -84,15 +84,15 @@ class Monitor:
         return str(self._node.get_namespace())
 
     @property
-    def unheard(self) -> str:
+    def incompatible(self) -> str:
         """A sentence about a controller that the middleware does not connect, if there is one."""
         drives = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topics.PIEZO_DRIVE))
-        ears = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topics.MEASUREMENT))
+        subscriptions = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topics.MEASUREMENT))
         # Not by rclpy's own check: it takes what is not yet known of a node for a policy that does not fit.
         for end in drives:
             if end.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
                 return f"{_full_name(end)} publishes piezo_drive best effort: it must be reliable"
-        for end in ears:
+        for end in subscriptions:
             if end.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL:
                 return f"{_full_name(end)} receives measurement transient local: it must be volatile"
         return ""

@@ -1,4 +1,4 @@
-"""A node as a law of a comparison: started anew for every run, it answers measurements over topics, in lockstep."""
+"""A node as a law of a comparison: started anew for every run, in lockstep over topics."""
 
 import dataclasses
 import os
@@ -29,15 +29,15 @@ _NODE = "the node"
 _START_TIMEOUT = 60.0
 """Wall time for a node to start and to connect [s]."""
 _PATIENCE = 10.0
-"""Wall time after which an answer does not come any more [s]."""
+"""Wall time to wait for an answer [s]."""
 _AGAIN = 1.0
 """Wall time after which a measurement that is not answered is sent again, as the simulator does [s]."""
 _SIMULATOR, _CONTROLLER = "/**/afm_sim_node", "/**/afm_controller_node"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class Desk(Protocol):
-    """Where the instrument and the node meet."""
+class Connection(Protocol):
+    """How measurements reach the node, and its drives come back."""
 
     def now(self) -> float:
         """Steady wall time [s]."""
@@ -52,72 +52,72 @@ class Desk(Protocol):
         ...
 
     def wait(self, timeout: float) -> None:
-        """Let time pass until something may have come, or for `timeout` seconds."""
+        """Wait until a message may have come, or for `timeout` seconds."""
         ...
 
     def problem(self) -> str:
-        """How the node has ended by itself; empty if it has not."""
+        """How the node has ended before the run was over; empty if it has not."""
         ...
 
 
 class NodeLaw:
-    """Answers each measurement with what the node at a desk answers to it.
+    """A law whose answers come from a node.
 
     Parameters
     ----------
-    desk : Desk
+    connection : Connection
     """
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk = desk
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
         self._sequence = 0
 
     def answer(self, measurement: _Array) -> _Array | Command:
-        """Drive [V], (3,), or drive and horizon; answers to other measurements are passed over.
+        """Drive [V], (3,), or drive and horizon; answers to other measurements are ignored.
 
         Raises
         ------
         LawError
-            If the node has ended, stays silent, or sends what is no drive.
+            If the node has ended, does not answer, or sends a message that is no drive.
         DriveError
             If it sends a horizon that is not allowed.
         """
-        desk, sequence = self._desk, self._sequence
+        connection, sequence = self._connection, self._sequence
         self._sequence += 1
-        begun = asked = desk.now()
-        desk.publish(sequence, measurement)
+        begun = sent = connection.now()
+        connection.publish(sequence, measurement)
         while True:
             try:
-                taken = desk.take_drive()
+                taken = connection.take_drive()
             except MalformedError as error:
                 raise LawError(f"the answer to measurement {sequence} is no drive: {error}") from None
             if taken is not None and taken[0] == sequence:
                 if isinstance(taken[1], DriveError):
                     raise taken[1]
                 return taken[1]
-            if problem := desk.problem():
+            if problem := connection.problem():
                 raise LawError(f"{problem} (measurement {sequence} is not answered)")
-            now = desk.now()
+            now = connection.now()
             if now - begun > _PATIENCE:
                 raise LawError(f"{_NODE} has not answered measurement {sequence} within {_PATIENCE:g} s")
-            if now - asked > _AGAIN:
-                asked = now
-                desk.publish(sequence, measurement)
+            if now - sent > _AGAIN:
+                sent = now
+                connection.publish(sequence, measurement)
             if taken is None:
-                desk.wait(0.05)
+                connection.wait(0.05)
 
 
 def node_contender(command: str, scenario: Scenario | None = None, *, ros_arguments: bool = True) -> Contender:
-    """A node as a law that takes part in a comparison, named by its command.
+    """A node as a law of a comparison, named by its command.
 
     Parameters
     ----------
     command : str
         As it is typed in a shell.
     scenario : Scenario, optional
-        Its sections are given to the node, but for that of the simulator.
+        Its sections are the parameters of the node, except that of the simulator.
     ros_arguments : bool
-        Whether the command is given parameters and the namespace, as arguments of ROS.
+        Whether parameters and namespace are appended to the command as ROS arguments.
 
     Raises
     ------
@@ -134,18 +134,18 @@ def node_contender(command: str, scenario: Scenario | None = None, *, ros_argume
     absent: list[str] = []
 
     @contextmanager
-    def start(told: SimParameters) -> Iterator[NodeLaw]:
-        # One that has never connected would be waited for a minute in every run.
+    def start(sim: SimParameters) -> Iterator[NodeLaw]:
+        # A node that never connects would cost a minute in every run.
         if absent:
             raise LawError(absent[0])
-        with _started(words, _told(common, told), told, ros_arguments, absent) as law:
+        with _started(words, _sections_for_node(common, sim), sim, ros_arguments, absent) as law:
             yield law
 
     return Contender(command, "node", {}, start)
 
 
-def _told(scenario: Scenario, sim: SimParameters) -> Scenario:
-    """What a node is told: control period, delay, and the scenario's sections but for that of the instrument."""
+def _sections_for_node(scenario: Scenario, sim: SimParameters) -> Scenario:
+    """The parameters of a node: control period, delay, and all sections of the scenario except the simulator's."""
     timing = {"law.period": sim.plant.control_period, "law.delay_ticks": sim.plant.delay_ticks}
     sections = {key: values for key, values in scenario.sections.items() if key != _SIMULATOR}
     for key in (ALL, _CONTROLLER):
@@ -159,9 +159,9 @@ def _started(
 ) -> Iterator[NodeLaw]:
     """The node, started in a ROS domain of its own and connected; at the exit it is ended.
 
-    `absent` receives the sentence about one that does not connect.
+    `absent` receives the reason if it does not connect.
     """
-    from .exam.desk import TopicDesk  # here: a second, which laws in process do not need
+    from .exam.connection import TopicConnection  # here: a second, which laws in process do not need
 
     if any(each.kind == "loss" and each.signal == "measurement" for each in faults_of(sim).values()):
         raise LawError(f"{_NODE} cannot be compared under a fault that loses measurements: compare it with session")
@@ -173,18 +173,18 @@ def _started(
         def problem() -> str:
             return nodes.ended() or ""
 
-        with TopicDesk(NAMESPACE, sim, problem) as desk:
+        with TopicConnection(NAMESPACE, sim, problem) as connection:
             try:
                 nodes.start(_NODE, [*command, *(given if ros_arguments else ())], Path(folder) / "log")
             except OSError as error:
                 raise LawError(f"{_NODE} could not be started: {error.strerror}") from None
-            if not desk.connect(_START_TIMEOUT):
+            if not connection.connect(_START_TIMEOUT):
                 if ended := problem():
                     raise LawError(ended)
-                absent.append(desk.unheard() or f"{_NODE} does not connect: {desk.missing()}")
+                absent.append(connection.incompatible() or f"{_NODE} does not connect: {connection.missing()}")
                 raise LawError(absent[0])
             nodes.note_shared_memory()
-            yield NodeLaw(desk)
+            yield NodeLaw(connection)
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from typing import IO
 
 from afm_node_common.shared_memory import File, remove_unused, used_by
 
-from . import keeper
+from . import cleanup
 
 _PATIENCE = 10.0
 """Wall time a process has to end after SIGINT, then again after SIGTERM [s]."""
@@ -32,7 +32,7 @@ class Process:
     log : Path
         File that receives stdout and stderr.
     mark : str
-        See `keeper`.
+        See `cleanup`.
     """
 
     def __init__(self, name: str, command: Sequence[str], log: Path, mark: str) -> None:
@@ -45,7 +45,7 @@ class Process:
             stdout=self._file,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            env=os.environ | {keeper.VARIABLE: mark},
+            env=os.environ | {cleanup.VARIABLE: mark},
         )
 
     @property
@@ -137,8 +137,8 @@ class Processes:
         self._running: list[Process] = []
         self._shared_memory: set[File] = set()
         self._mark = uuid.uuid4().hex
-        self._keeper = subprocess.Popen(
-            [sys.executable, "-I", "-S", keeper.__file__, self._mark],
+        self._cleanup = subprocess.Popen(
+            [sys.executable, "-I", "-S", cleanup.__file__, self._mark],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -158,9 +158,9 @@ class Processes:
         for process in (*others, *(process for process in self._running if process not in others)):
             process.end(_AT_WORK if process.name == self._last else 0.0)
         # It now ends what has left its process group, if anything.
-        assert self._keeper.stdin is not None
-        self._keeper.stdin.close()
-        self._keeper.wait()
+        assert self._cleanup.stdin is not None
+        self._cleanup.stdin.close()
+        self._cleanup.wait()
         remove_unused(self._shared_memory)
 
     def start(self, name: str, command: Sequence[str], log: Path) -> None:

@@ -32,7 +32,7 @@ _START_TIMEOUT = 180.0
 _DISCOVERY_TIME = 1.0
 """Wall time before anything is started, in which what already runs makes itself known; more passes while our simulator
 starts [s]."""
-_UNHEARD_TIME = 2.0
+_INCOMPATIBLE_TIME = 2.0
 """Wall time after which a controller that the middleware does not connect ends the session [s]: discovery is over."""
 _OVERVIEW_TICKS = 250_000
 """Ticks that the picture shows at most; of a longer run one in several."""
@@ -230,18 +230,18 @@ class Session:
 
     def _wait_until_ready(self) -> None:
         monitor, external = self._monitor, self._controller == EXTERNAL
-        unheard, since = "", 0.0
+        incompatible, since = "", 0.0
 
         def ready() -> bool:
-            nonlocal unheard, since
+            nonlocal incompatible, since
             self._check()
-            before, unheard = unheard, monitor.unheard
-            if unheard != before:
+            before, incompatible = incompatible, monitor.incompatible
+            if incompatible != before:
                 since = time.monotonic()
-                if external and unheard:
-                    say(f"Waiting: {unheard}")
-            elif unheard and not external and time.monotonic() > since + _UNHEARD_TIME:
-                raise SessionError(unheard)
+                if external and incompatible:
+                    say(f"Waiting: {incompatible}")
+            elif incompatible and not external and time.monotonic() > since + _INCOMPATIBLE_TIME:
+                raise SessionError(incompatible)
             return monitor.ready
 
         with self._console.status("Starting the nodes ...") if self._console.is_terminal else _nothing():

@@ -13,14 +13,14 @@ from afm_model.core.records import size
 from afm_model.law import SampledLaw
 from afm_model.parts import signals
 from afm_node_common import runner, topics
-from afm_node_common.chores import Chore, Chores
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
-from afm_node_common.ears import Drops
 from afm_node_common.parameters import declare
+from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.presence import Presence
 from afm_node_common.process import ControllerNodeParameters
+from afm_node_common.subscriptions import DroppedMessages
 
 from .diagnostics import Diagnostics
 
@@ -52,14 +52,14 @@ class ControllerNode(Node):
         self._encode = drive_codec(fast=fast).encode
         self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._outbox = Outbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
-        self.drops = Drops(self)
+        self.drops = DroppedMessages(self)
         """Measurements that could not be read."""
         self._presence = Presence(self)
         self._diagnostics = Diagnostics(self)
         self._answers = 0
-        self._chores = Chores(
-            Chore(self._presence.look, _PERIOD),
-            Chore(self._publish_diagnostics, _PERIOD),
+        self._tasks = PeriodicTasks(
+            PeriodicTask(self._presence.look, _PERIOD),
+            PeriodicTask(self._publish_diagnostics, _PERIOD),
         )
         self._take, self._publish = self._inbox.take, self._outbox.publish
         self._log_law(parameters)
@@ -77,7 +77,7 @@ class ControllerNode(Node):
         try:
             sequence, stamp_ns, measurement = self._decode(taken[0])
         except MalformedError as error:
-            self.drops.note(topics.MEASUREMENT, str(error))
+            self.drops.add(topics.MEASUREMENT, str(error))
             return True
         if self._period_unknown and sequence > 0:
             self._check_period(stamp_ns * 1e-9 / sequence)
@@ -96,7 +96,7 @@ class ControllerNode(Node):
 
     def serve_periodic(self) -> None:
         """Look whether the simulator is there, or tell how this node is; no tick waits for both."""
-        self._chores.do_one(time.monotonic())
+        self._tasks.run_next(time.monotonic())
 
     def destroy_node(self) -> None:
         """End the node."""

@@ -1,4 +1,4 @@
-"""Notices that the simulator is gone, silent, or another one than before."""
+"""Notices when the simulator has ended, is silent, or was started again."""
 
 import time
 from collections.abc import Callable
@@ -10,19 +10,19 @@ from . import topics
 from .direct import Inbox
 
 SILENCE = 2.0
-"""Wall time without a status after which a simulator is said to be silent [s]: one comes every 0.2 s in every state."""
+"""A simulator counts as silent after so much wall time without a status [s]; it publishes one every 0.2 s."""
 
 
 class Presence:
-    """Knows by `status` whether the simulator is there.
+    """Watches the topic `status` for the simulator.
 
-    The middleware itself notices that a process was killed only after some seconds, up to twenty.
+    The middleware itself notices a killed process only after some seconds, up to twenty.
 
     Parameters
     ----------
     node : Node
     subscribe : bool
-        False: the node listens to `status` itself and calls `heard`.
+        False: the node subscribes to `status` itself and calls `heard`.
     clock : callable
         Steady wall time [s].
 
@@ -31,7 +31,7 @@ class Presence:
 
     def __init__(self, node: Node, *, subscribe: bool = True, clock: Callable[[], float] = time.monotonic) -> None:
         self.problem = ""
-        """What is the matter with the simulator, in a sentence; empty: nothing, or none has been heard up to now."""
+        """What is wrong with the simulator, in a sentence; empty: nothing, or no simulator has been seen yet."""
         self._node, self._clock = node, clock
         self._topic = node.resolve_topic_name(topics.STATUS)
         self._name = "the simulator"
@@ -41,11 +41,11 @@ class Presence:
         self._inbox = Inbox(node, InstrumentStatus, topics.STATUS, topics.LATCHED_QOS) if subscribe else None
 
     def heard(self) -> None:
-        """A status has come."""
+        """Note that a status has come."""
         self._heard_at = self._clock()
 
     def look(self) -> None:
-        """Log what has changed; to be called some times a second, or once."""
+        """Log any change; call this some times a second, or once."""
         now = self._clock()
         while self._inbox is not None and self._inbox.take() is not None:
             self.heard()
@@ -53,7 +53,7 @@ class Presence:
             return
         infos = self._node.get_publishers_info_by_topic(self._topic)
         for info in infos:
-            # A name that is not known yet is told a moment later.
+            # The middleware reports a name a moment after the endpoint.
             if not info.node_name.startswith("_"):
                 self._name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
         publishers = {bytes(info.endpoint_gid) for info in infos}
@@ -66,13 +66,13 @@ class Presence:
         if not publishers:
             problem = f"{self._name} has gone: nobody publishes {self._topic}"
         elif now > self._heard_at + SILENCE:
-            problem = f"{self._name} has not told its status for {SILENCE:g} s: it stands still, or was killed"
+            problem = f"{self._name} has not published its status for {SILENCE:g} s: it has stopped or was killed"
         if problem != self.problem:
             before, self.problem = self.problem, problem
             if problem:
                 self._node.get_logger().warning(problem)
             elif before:
-                self._node.get_logger().info(f"{self._name} tells its status again")
+                self._node.get_logger().info(f"{self._name} publishes its status again")
 
     def close(self) -> None:
         """Let the node be destroyed."""

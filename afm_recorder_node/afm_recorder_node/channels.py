@@ -7,7 +7,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from afm_node_common import topics
-from afm_node_common.ears import Ears
+from afm_node_common.subscriptions import Subscriptions
 
 from . import checks, layout
 from .layout import Signal
@@ -21,7 +21,7 @@ class Channels:
     Parameters
     ----------
     node : Node
-    ears : Ears
+    subscriptions : Subscriptions
     take : callable
         Called with the signal and each message that makes sense.
     found : callable
@@ -31,12 +31,12 @@ class Channels:
     def __init__(
         self,
         node: Node,
-        ears: Ears,
+        subscriptions: Subscriptions,
         take: Callable[[Signal, Waveform], None],
         found: Callable[[Signal], None],
     ) -> None:
         self._node = node
-        self._ears = ears
+        self._subscriptions = subscriptions
         self._take = take
         self._found = found
         self._signals: dict[str, Signal] = {signal.name: signal for signal in layout.CHANNELS}
@@ -68,4 +68,4 @@ class Channels:
                 self._found(signal)
             self._take(signal, message)
 
-        self.subscriptions[name] = self._ears.listen(Waveform, name, take, topics.STREAM_QOS)
+        self.subscriptions[name] = self._subscriptions.subscribe(Waveform, name, take, topics.STREAM_QOS)

@@ -12,7 +12,7 @@ from afm_model.core.errors import ParameterError
 from afm_model.core.schema import build
 from afm_model.microscope.image import DIRECTIONS
 from afm_model.microscope.verbs import Scan
-from afm_node_common.ears import Senseless
+from afm_node_common.subscriptions import InvalidMessage
 from afm_node_common.verb_codec import FRAME, line_of
 
 from .scan_lines import ScanLine
@@ -28,11 +28,11 @@ def waveform(message: Waveform, si_unit: str | None) -> None:
     """Check a block of samples; `si_unit` is that of the blocks before, None for the first."""
     _block(message.header, "first_sample", message.first_sample, message.sample_period, len(message.samples))
     if not math.isfinite(message.scale) or message.scale == 0.0:
-        raise Senseless(f"scale {message.scale:g}: it must be finite and not 0")
+        raise InvalidMessage(f"scale {message.scale:g}: it must be finite and not 0")
     if si_unit is None and not (message.unit.isprintable() and len(message.unit) <= _UNIT_LENGTH):
-        raise Senseless(f"unit {message.unit[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
+        raise InvalidMessage(f"unit {message.unit[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
     if si_unit is not None and message.unit != si_unit:
-        raise Senseless(f"unit {message.unit[:40]!r}: this channel is in {si_unit!r}")
+        raise InvalidMessage(f"unit {message.unit[:40]!r}: this channel is in {si_unit!r}")
 
 
 def control_trace(message: ControlTrace) -> None:
@@ -46,9 +46,11 @@ def control_trace(message: ControlTrace) -> None:
     }
     for name, values in rows.items():
         if len(values) != 3 * count:
-            raise Senseless(f"{len(values)} values of {name} with {count} of deflection: it must be {3 * count}")
+            raise InvalidMessage(f"{len(values)} values of {name} with {count} of deflection: it must be {3 * count}")
     if len(message.round_trip) != count:
-        raise Senseless(f"{len(message.round_trip)} values of round_trip with {count} of deflection: as many belong")
+        raise InvalidMessage(
+            f"{len(message.round_trip)} values of round_trip with {count} of deflection: as many belong"
+        )
 
 
 def status(message: InstrumentStatus) -> None:
@@ -71,12 +73,14 @@ def scan_line(message: ScanLineMessage) -> ScanLine:
     _stamp(message.header)
     names, count = list(message.channels), len(message.channels)
     if not count or len(message.units) != count or len(set(names)) != count:
-        raise Senseless(f"channels {names}, {len(message.units)} units: it must be different names, a unit for each")
+        raise InvalidMessage(
+            f"channels {names}, {len(message.units)} units: it must be different names, a unit for each"
+        )
     for name, unit in zip(names, message.units, strict=True):
         if not _NAME.fullmatch(name):
-            raise Senseless(f"channel {name[:40]!r}: it must be a name such as height or truth/place_x")
+            raise InvalidMessage(f"channel {name[:40]!r}: it must be a name such as height or truth/place_x")
         if not (unit.isprintable() and len(unit) <= _UNIT_LENGTH):
-            raise Senseless(f"unit {unit[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
+            raise InvalidMessage(f"unit {unit[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
     try:
         scan = build(
             Scan,
@@ -84,34 +88,36 @@ def scan_line(message: ScanLineMessage) -> ScanLine:
             | {"direction": "up" if message.up else "down", "channels": ", ".join(names)},
         )
     except ParameterError as error:
-        raise Senseless(str(error)) from None
+        raise InvalidMessage(str(error)) from None
     if message.direction not in DIRECTIONS or message.index >= scan.lines:
-        raise Senseless(
+        raise InvalidMessage(
             f"direction {message.direction[:40]!r}, index {message.index}: it must be {' or '.join(DIRECTIONS)}, "
             f"and less than {scan.lines} lines"
         )
     if len(message.data) != count * scan.pixels:
-        raise Senseless(f"{len(message.data)} numbers of {count} channels: it must be {count * scan.pixels}")
+        raise InvalidMessage(f"{len(message.data)} numbers of {count} channels: it must be {count * scan.pixels}")
     stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
     if not abs(message.time - stamp) <= 1e-6:
-        raise Senseless(f"time {message.time:g} s with a stamp of {stamp:g} s: it must be the same")
+        raise InvalidMessage(f"time {message.time:g} s with a stamp of {stamp:g} s: it must be the same")
     return ScanLine(message.scan, scan, line_of(message), dict(zip(names, message.units, strict=True)))
 
 
 def _block(header: Header, name: str, first: int, period: float, count: int) -> None:
     _stamp(header)
     if not count:
-        raise Senseless("it holds no values")
+        raise InvalidMessage("it holds no values")
     if not (math.isfinite(period) and period > 0.0):
-        raise Senseless(f"period {period:g} s: it must be finite and > 0 s")
+        raise InvalidMessage(f"period {period:g} s: it must be finite and > 0 s")
     if first + count > _LAST or (first + count) * period * 1e9 > _LAST:
-        raise Senseless(f"{name} {first} at a period of {period:g} s: a recording ends after 292 years")
+        raise InvalidMessage(f"{name} {first} at a period of {period:g} s: a recording ends after 292 years")
     # Blocks are placed by their numbers: one that says two times at once has a wrong number, or a wrong period.
     stamp, time = header.stamp.sec + header.stamp.nanosec * 1e-9, first * period
     if abs(stamp - time) > max(period, 1e-6) + 1e-9 * time:
-        raise Senseless(f"stamp {stamp:g} s of {name} {first} at a period of {period:g} s: it must be {time:g} s")
+        raise InvalidMessage(f"stamp {stamp:g} s of {name} {first} at a period of {period:g} s: it must be {time:g} s")
 
 
 def _stamp(header: Header) -> None:
     if header.stamp.sec < 0 or header.stamp.nanosec >= 1_000_000_000:
-        raise Senseless(f"stamp {header.stamp.sec} s + {header.stamp.nanosec} ns: it must be a time since the start")
+        raise InvalidMessage(
+            f"stamp {header.stamp.sec} s + {header.stamp.nanosec} ns: it must be a time since the start"
+        )

@@ -1,4 +1,4 @@
-"""Tells how the recorder is: recorder_status, and /diagnostics for ordinary tools."""
+"""State of the recorder on the topics recorder_status and /diagnostics."""
 
 import time
 from dataclasses import asdict, dataclass
@@ -13,12 +13,12 @@ from afm_node_common import topics
 from afm_node_common.diagnostics import entry, stamped
 
 _DIAGNOSTICS_PERIOD = 1.0
-"""Wall time between two messages on /diagnostics [s]; sooner when something has changed for the worse or better."""
+"""Wall time between two messages on /diagnostics [s]; sooner if the recorder has begun or stopped to work."""
 
 
 @dataclass(frozen=True)
 class Health:
-    """Fields are named as in afm_msgs/RecorderStatus, which tells what they mean."""
+    """The fields of afm_msgs/RecorderStatus, which describes them."""
 
     path: str
     ready: bool
@@ -35,21 +35,21 @@ class Health:
     detail: str
 
 
-class Teller:
+class HealthPublisher:
     """Publishes the health of the recorder when it has changed."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._status = node.create_publisher(RecorderStatus, topics.RECORDER_STATUS, topics.LATCHED_QOS)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._told: Health | None = None
+        self._published: Health | None = None
         self._diagnosed: tuple[bool, int] | None = None
         self._diagnose_at = 0.0
 
-    def tell(self, health: Health, time_ns: int) -> None:
-        """Publish what is new; `time_ns`: simulated time last heard of [ns]."""
-        if health != self._told:
-            self._told = health
+    def publish(self, health: Health, time_ns: int) -> None:
+        """Publish `health` if it has changed; `time_ns`: last simulated time received [ns]."""
+        if health != self._published:
+            self._published = health
             header = Header(stamp=Time(nanoseconds=time_ns).to_msg(), frame_id=topics.FRAME)
             self._status.publish(RecorderStatus(header=header, **asdict(health)))
         now, changes = time.monotonic(), (health.writing, health.messages_dropped)
@@ -64,5 +64,5 @@ class Teller:
         elif health.detail or health.ticks_lost or health.samples_lost or health.ticks_unwritten or health.lines_lost:
             level, message = DiagnosticStatus.WARN, health.detail or "some of the run is missing in the recording"
         values = {key.replace("_", " "): value for key, value in asdict(health).items()}
-        told = entry(f"{self._node.get_fully_qualified_name()}: recorder", level, message, values)
-        self._diagnostics.publish(stamped(self._node, told))
+        status = entry(f"{self._node.get_fully_qualified_name()}: recorder", level, message, values)
+        self._diagnostics.publish(stamped(self._node, status))

@@ -16,14 +16,14 @@ from std_msgs.msg import Header
 
 from afm_model.run import State
 from afm_node_common import topics
-from afm_node_common.ears import Ears
 from afm_node_common.parameters import declare
 from afm_node_common.presence import Presence
 from afm_node_common.runner import run
+from afm_node_common.subscriptions import Subscriptions
 
 from . import checks, layout
 from .channels import Channels
-from .health import Health, Teller
+from .health import Health, HealthPublisher
 from .layout import Signal
 from .parameters import RecorderParameters
 from .recorder import Recorder
@@ -62,16 +62,16 @@ class RecorderNode(Node):
         self.recorder = Recorder(declare(self, RecorderParameters), self.get_logger())
         self._status = InstrumentStatus()
         self._ready = False
-        self._ears = Ears(self)
-        self._teller = Teller(self)
+        self._inputs = Subscriptions(self)
+        self._health = HealthPublisher(self)
         self._presence = Presence(self, subscribe=False)
-        self._watch = ParameterWatch(self, self._ears, self._on_known, self._on_changed)
-        self._channels = Channels(self, self._ears, self._on_waveform, self.recorder.further_channel)
-        self._trace = self._ears.listen(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
-        self._ears.listen(InstrumentStatus, topics.STATUS, self._on_status, topics.EVERY_STATE_QOS)
-        self._ears.listen(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
-        self._ears.listen(Event, topics.EVENTS, self._on_event, topics.EVENTS_QOS)
-        self._score = self._ears.listen(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
+        self._watch = ParameterWatch(self, self._inputs, self._on_known, self._on_changed)
+        self._channels = Channels(self, self._inputs, self._on_waveform, self.recorder.further_channel)
+        self._trace = self._inputs.subscribe(ControlTrace, topics.CONTROL_TRACE, self._on_trace, topics.STREAM_QOS)
+        self._inputs.subscribe(InstrumentStatus, topics.STATUS, self._on_status, topics.EVERY_STATE_QOS)
+        self._inputs.subscribe(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
+        self._inputs.subscribe(Event, topics.EVENTS, self._on_event, topics.EVENTS_QOS)
+        self._score = self._inputs.subscribe(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         # A timer of the system's clock stops for as long as that is set back.
         self.create_timer(_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -156,12 +156,12 @@ class RecorderNode(Node):
     def _publish(self) -> None:
         health = Health(
             ready=self._ready,
-            messages_dropped=self._ears.drops.count + self.recorder.strays,
+            messages_dropped=self._inputs.drops.count + self.recorder.strays,
             writing=not self.recorder.problem,
-            detail=self.recorder.problem or "; ".join(filter(None, (self._presence.problem, self._ears.drops.last))),
+            detail=self.recorder.problem or "; ".join(filter(None, (self._presence.problem, self._inputs.drops.last))),
             **asdict(self.recorder.counts()),
         )
-        self._teller.tell(health, self.recorder.time_ns)
+        self._health.publish(health, self.recorder.time_ns)
 
     def _short(self, node: str) -> str:
         """Name of a node within the namespace; nodes of other namespaces keep their full name."""

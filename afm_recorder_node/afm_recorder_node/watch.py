@@ -12,7 +12,7 @@ from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 
-from afm_node_common.ears import Ears, Senseless
+from afm_node_common.subscriptions import InvalidMessage, Subscriptions
 
 _ANSWER_TIME = 5.0
 """Wall time within which a node answers the parameter services, or has none [s]."""
@@ -31,7 +31,7 @@ class ParameterWatch:
     Parameters
     ----------
     node : the node that watches; it is not watched itself
-    ears : through which it hears of changes
+    subscriptions : through which it hears of changes
     known : called with a node's full name and its values, once for each node
     changed : called with a node's full name, the name of a parameter, its old and its new value
     """
@@ -39,7 +39,7 @@ class ParameterWatch:
     def __init__(
         self,
         node: Node,
-        ears: Ears,
+        subscriptions: Subscriptions,
         known: Callable[[str, dict[str, Any]], None],
         changed: Callable[[str, str, object, object], None],
     ) -> None:
@@ -50,7 +50,7 @@ class ParameterWatch:
         self._clients: dict[str, tuple[Client, Client]] = {}
         self._asked: set[str] = set()
         self._missed_since: dict[str, float] = {}
-        ears.listen(ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events)
+        subscriptions.subscribe(ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events)
 
     def look(self, others: Iterable[str] = ()) -> None:
         """Ask the nodes that are there now and were not at the last look; to be called from time to time.
@@ -106,7 +106,9 @@ class ParameterWatch:
         parameters = (*event.new_parameters, *event.changed_parameters)
         for parameter in parameters:
             if parameter.value.type not in (*_TYPES, ParameterType.PARAMETER_NOT_SET):
-                raise Senseless(f"type {parameter.value.type} of parameter {parameter.name}: there is no such type")
+                raise InvalidMessage(
+                    f"type {parameter.value.type} of parameter {parameter.name}: there is no such type"
+                )
         if event.node in self.values:
             self._take(event.node, {p.name: _python(p.value) for p in parameters if p.value.type in _TYPES})
 

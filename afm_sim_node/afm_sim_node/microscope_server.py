@@ -14,7 +14,7 @@ from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Scan
 from afm_model.run import Run
 from afm_node_common import topics
-from afm_node_common.chores import Chore
+from afm_node_common.periodic import PeriodicTask
 
 from .scan_lines import ScanLines
 from .settings import Exchanging, Settings, setpoint
@@ -58,12 +58,12 @@ class MicroscopeServer:
         self.publish()
 
     @property
-    def chores(self) -> tuple[Chore, ...]:
+    def tasks(self) -> tuple[PeriodicTask, ...]:
         """What is to be done now and then."""
         return (
-            Chore(self._verbs.look, _LOOK_PERIOD),
-            Chore(self.publish, _LOOK_PERIOD),
-            Chore(self._lines.publish_images, _IMAGES_PERIOD),
+            PeriodicTask(self._verbs.look, _LOOK_PERIOD),
+            PeriodicTask(self.publish, _LOOK_PERIOD),
+            PeriodicTask(self._lines.publish_images, _IMAGES_PERIOD),
         )
 
     def finish(self, spin_once: Callable[[float], None]) -> None:

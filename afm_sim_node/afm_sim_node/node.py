@@ -16,10 +16,10 @@ from afm_model import Block, Controller
 from afm_model.parameters.law_inside import is_inside
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
-from afm_node_common.chores import Chore, Chores
-from afm_node_common.ears import Ears
 from afm_node_common.parameters import Declared
+from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.process import SimNodeParameters
+from afm_node_common.subscriptions import Subscriptions
 
 from .control import Control
 from .faults import Faults
@@ -109,18 +109,18 @@ class SimNode(Node):
             self._microscope = microscope_server.MicroscopeServer(self, self.run, self._exchange, self._on_setting)
         self._recorder_problem = ""
         if parameters.safety.unrecorded:
-            Ears(self).listen(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
+            Subscriptions(self).subscribe(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
         self._clock_at = 0.0
-        self._chores = Chores(
-            Chore(self.run.ticker.end_block, _STATUS_PERIOD),
-            Chore(self._look_for_peers, _STATUS_PERIOD),
-            Chore(self._faults.look, _STATUS_PERIOD),
-            Chore(self._look_at_the_recorder, _STATUS_PERIOD),
-            Chore(self._reporter.publish_status, _STATUS_PERIOD),
-            Chore(partial(self._look_for_peers, force=True), _DIAGNOSTICS_PERIOD),
-            Chore(self._reporter.compose_diagnostics, _DIAGNOSTICS_PERIOD),
-            Chore(self._reporter.publish_diagnostics, _DIAGNOSTICS_PERIOD),
-            *(self._microscope.chores if self._microscope is not None else ()),
+        self._tasks = PeriodicTasks(
+            PeriodicTask(self.run.ticker.end_block, _STATUS_PERIOD),
+            PeriodicTask(self._look_for_peers, _STATUS_PERIOD),
+            PeriodicTask(self._faults.look, _STATUS_PERIOD),
+            PeriodicTask(self._look_at_the_recorder, _STATUS_PERIOD),
+            PeriodicTask(self._reporter.publish_status, _STATUS_PERIOD),
+            PeriodicTask(partial(self._look_for_peers, force=True), _DIAGNOSTICS_PERIOD),
+            PeriodicTask(self._reporter.compose_diagnostics, _DIAGNOSTICS_PERIOD),
+            PeriodicTask(self._reporter.publish_diagnostics, _DIAGNOSTICS_PERIOD),
+            *(self._microscope.tasks if self._microscope is not None else ()),
         )
         self._reporter.log_state()
         self._reporter.publish_status()
@@ -160,7 +160,7 @@ class SimNode(Node):
         # A few microseconds: it needs no turn of its own.
         if rate := self.parameters.run.telemetry_rate:
             self._telemetry.publish_at(now, 1.0 / rate)
-        self._chores.do_one(now)
+        self._tasks.run_next(now)
         if self._standard is not None:
             self._standard.look()
 
@@ -243,7 +243,7 @@ class SimNode(Node):
     def _look_for_peers(self, *, force: bool = False) -> None:
         self._peers.look(force=force)
         rivalry = self._peers.rivalry()
-        self.run.tell_why_waiting(rivalry or self._peers.unheard)
+        self.run.tell_why_waiting(rivalry or self._peers.incompatible)
         if rivalry:
             self.run.fail(rivalry)
 

@@ -38,7 +38,7 @@ class Peers:
         self._measurements = node.resolve_topic_name(topics.MEASUREMENT)
         self.controllers: list[str] = []
         """Full names of the nodes whose drives are heard."""
-        self.unheard = ""
+        self.incompatible = ""
         """The sentence about nodes whose drives are not heard; empty if there are none."""
 
     @property
@@ -56,14 +56,16 @@ class Peers:
         infos = self._node.get_publishers_info_by_topic(self._drives)
         if self._law_inside:
             names = " and ".join(_names(infos))
-            self.unheard = f"{names} publishes piezo_drive, which nobody takes: the law is inside" if names else ""
+            self.incompatible = f"{names} publishes piezo_drive, which nobody takes: the law is inside" if names else ""
             return
-        unheard = [info for info in infos if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT]
-        before, self.controllers = self.controllers, sorted(set(_names([i for i in infos if i not in unheard])))
-        self.unheard = (
-            f"{' and '.join(_names(unheard))} publishes piezo_drive best effort: it must be reliable" if unheard else ""
+        incompatible = [info for info in infos if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT]
+        before, self.controllers = self.controllers, sorted(set(_names([i for i in infos if i not in incompatible])))
+        self.incompatible = (
+            f"{' and '.join(_names(incompatible))} publishes piezo_drive best effort: it must be reliable"
+            if incompatible
+            else ""
         )
-        self._notice_restarts([info for info in infos if info not in unheard])
+        self._notice_restarts([info for info in infos if info not in incompatible])
         if len(self.controllers) > 1 and self.controllers != before:
             self._node.get_logger().warning(
                 f"{self.controller} publish piezo_drive: each answers, the drives get mixed"

@@ -92,7 +92,7 @@ class Reporter:
         )
 
     def compose_diagnostics(self) -> None:
-        """Write the same and more for ordinary tools. Publishing is another chore: a tick waits for one at most."""
+        """Write the same and more for ordinary tools. Publishing is another task: a tick waits for one at most."""
         run = self._run.snapshot()
         self._compare(run)
         entry = diagnostic_status(self._name, run, self._run.delays(), self._warnings, self._link.fast_path)
@@ -107,8 +107,8 @@ class Reporter:
         log_warnings(self._log, self._warnings)
         if run.state == State.RUNNING and len(self._peers.controllers) > 1:
             self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
-        if run.state != State.WAITING and self._peers.unheard:
-            self._warnings.insert(0, self._peers.unheard)
+        if run.state != State.WAITING and self._peers.incompatible:
+            self._warnings.insert(0, self._peers.incompatible)
 
     def wait_for_delivery(self, timeout: float) -> None:
         """Wait until everybody has the score and the last status, at most `timeout` seconds of wall time."""

@@ -2,15 +2,18 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
-import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from afm_model.core import jit
+from afm_model.core import jit, kernel_cache
+from afm_model.core.sources import Sources, has_kernels
 
 SESSION = """
 import json, sys
@@ -69,11 +72,11 @@ def test_a_session_compiles_each_kernel_once():
 from afm_model.instrument import controller, tick
 # What kernels call among themselves they hand over as pointers; a session calls with arrays.
 called = lambda signature: not any("CPointer" in str(kind) or "float64*" in str(kind) for kind in signature)
-kernels = (tick.advance, tick.measure, controller.answer)
+kernels = (tick.advance, tick.start, controller.answer)
 print(json.dumps({{k.__name__: sum(map(called, k.signatures)) for k in kernels}}))
 """.replace("{{", "{").replace("}}", "}")
     counts = json.loads(in_a_new_process(SESSION.format(values=repr(PLANTS), ticks=3) + report))
-    assert counts == {"advance": 1, "measure": 1, "answer": 1}
+    assert counts == {"advance": 1, "start": 1, "answer": 1}
 
 
 TOY = {
@@ -81,54 +84,131 @@ TOY = {
     "callee.py": "from .jit import kernel\n\n@kernel\ndef inner(x):\n    return {factor} * x\n",
     "caller.py": "from .callee import inner\nfrom .jit import kernel\n\n"
     "@kernel\ndef outer(x):\n    return inner(x) + 1.0\n",
+    "files.py": "from .caller import outer\n\nWIDTH = {factor}\n",
 }
+CALL = """
+import sys
+sys.path.insert(0, {folder!r})
+from numba import types
+from toy import files
+from toy.caller import outer
+from toy.jit import callback
+result = outer(10.0)
+made = callback(types.float64(types.float64), outer.py_func)
+print(result, made.ctypes(10.0), sum(outer._cache_hits.values()), made.cache_hits)
+"""
 
 
-def test_editing_a_callee_in_another_file_takes_effect(tmp_path):
-    package, cache = tmp_path / "toy", tmp_path / "cache"
-    package.mkdir()
-    (package / "jit.py").write_text(Path(jit.__file__).read_text())
-    script = (
-        f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
-        "from toy import jit\nfrom toy.caller import outer\nprint(outer(10.0), jit._CACHE_DIRECTORY)"
+@pytest.fixture
+def toy(tmp_path):
+    """A package with two kernels, the sources of the cache copied in, and how to write and run it."""
+
+    class Toy:
+        package, cache = tmp_path / "toy", tmp_path / "cache"
+        script = CALL.format(folder=str(tmp_path))
+
+        def write(self, name: str, factor: float = 2.0, more: str = "") -> None:
+            (self.package / name).write_text(TOY[name].format(factor=factor) + more)
+            # Older than the process and than its cache, as after `git stash` or an edit of the callee alone.
+            os.utime(self.package / name, (1e9, 1e9))
+
+        def run(self, cache: Path | None = None) -> tuple[float, bool]:
+            """What the kernel gives, as a C function too, and whether both were found on disk."""
+            environment = {"NUMBA_CACHE_DIR": str(cache or self.cache), "PYTHONDONTWRITEBYTECODE": "1"}
+            result, by_callback, *hits = map(float, in_a_new_process(self.script, **environment).split())
+            assert result == by_callback and hits in ([0, 0], [1, 1])
+            return result, hits == [1, 1]
+
+    made = Toy()
+    made.package.mkdir()
+    for name in ("jit.py", "kernel_cache.py", "sources.py"):
+        (made.package / name).write_text((Path(jit.__file__).parent / name).read_text())
+        os.utime(made.package / name, (1e9, 1e9))
+    for name in TOY:
+        made.write(name)
+    return made
+
+
+def test_edit_compiles_anew_what_depends_on_it_and_nothing_else(toy):
+    assert toy.run() == (21.0, False)
+    assert toy.run() == (21.0, True)
+    toy.write("files.py", factor=3.0)  # imports the kernel, is not imported by it
+    toy.write("callee.py", more="    # a comment\n")
+    (toy.package / "caller.py").write_text(
+        '"""A docstring."""\n\n' + TOY["caller.py"].replace(":\n", ':\n    """Too."""\n')
     )
-    results, folders = [], []
-    for factor in (2.0, 3.0, 2.0):
-        for name, text in TOY.items():
-            (package / name).write_text(text.format(factor=factor))
-        # A caller older than its cache, as after an edit of the callee alone.
-        os.utime(package / "caller.py", (1e9, 1e9))
-        result, folder = in_a_new_process(script, NUMBA_CACHE_DIR=str(cache), PYTHONDONTWRITEBYTECODE="1").split()
-        results.append(float(result))
-        folders.append(folder)
-    assert results == [21.0, 31.0, 21.0]
-    assert folders[0] != folders[1]
-    assert folders[0] == folders[2]
-    assert all(Path(folder).parent == cache for folder in folders)
-    # Both versions stand on disk: the third run found the first one's code.
-    assert len(list(cache.iterdir())) == 2
+    os.utime(toy.package / "caller.py", (1e9, 1e9))
+    assert toy.run() == (21.0, True)
+    # An edit in a callee of another file.
+    toy.write("callee.py", factor=3.0)
+    assert toy.run() == (31.0, False)
+    # Both versions stand on disk.
+    toy.write("callee.py", factor=2.0)
+    assert toy.run() == (21.0, True)
+
+
+def test_processes_at_once_compile_into_one_cache(toy):
+    with ThreadPoolExecutor(2) as threads:
+        assert {result for result, _ in threads.map(lambda _: toy.run(), range(2))} == {21.0}
+    assert toy.run() == (21.0, True)
+
+
+def test_cache_that_cannot_be_written_or_read_ends_no_process(toy, tmp_path):
+    occupied = tmp_path / "file"
+    occupied.touch()
+    assert toy.run(cache=occupied) == (21.0, False)
+    toy.run()
+    for kept in toy.cache.rglob("*-*/*"):
+        kept.write_bytes(b"")
+    assert toy.run() == (21.0, False)
+
+
+def test_source_edited_while_a_process_runs_is_kept_for_no_other(tmp_path):
+    source = tmp_path / "edited.py"
+    source.write_text("from afm_model.core.jit import kernel\n")
+    os.utime(source, (2e9, 2e9))
+    assert not Sources(None).fingerprint("edited", str(source))[1]
+    os.utime(source, (1e9, 1e9))
+    assert Sources(None).fingerprint("edited", str(source))[1]
+
+
+def test_kernels_of_the_loop_do_not_depend_on_files_and_studies(tmp_path):
+    copy = tmp_path / "afm_copy"
+    shutil.copytree(Path(jit.__file__).parents[1], copy)
+    has_kernels("afm_copy", str(copy / "__init__.py"))
+    tick = copy / "instrument" / "tick.py"
+
+    def after(file: str) -> str:
+        with (copy / file).open("a") as source:
+            source.write("\nEDITED = 1\n")
+        return Sources(None).fingerprint("afm_copy.instrument.tick", str(tick))[0]
+
+    before = Sources(None).fingerprint("afm_copy.instrument.tick", str(tick))[0]
+    for file in ("files/gsf.py", "microscope/operator.py", "run/run.py", "studies/sweep.py", "analysis/curves.py"):
+        assert after(file) == before
+    assert len({before, after("core/records.py"), after("sample/paper.py"), after("instrument/tick.py")}) == 4
+
+
+def test_what_is_unused_or_too_much_is_removed_once_a_day(tmp_path, monkeypatch):
+    now = time.time()
+    for age in (0, 10, 20, 40):
+        (tmp_path / f"kernels-{age}").mkdir()
+        (tmp_path / f"kernels-{age}" / "one").write_bytes(bytes(100))
+        os.utime(tmp_path / f"kernels-{age}", (now - age * 86400.0,) * 2)
+
+    def left() -> list[int]:
+        return sorted(int(each.name.partition("-")[2]) for each in tmp_path.glob("kernels-*"))
+
+    kernel_cache.clean(tmp_path)
+    assert left() == [0, 10, 20]
+    monkeypatch.setattr(kernel_cache, "LARGEST", 250)
+    kernel_cache.clean(tmp_path)
+    assert left() == [0, 10, 20]  # it has been looked at today
+    os.utime(tmp_path / "cleaned", (now - 2 * 86400.0,) * 2)
+    kernel_cache.clean(tmp_path)
+    assert left() == [0, 10]
 
 
 def test_other_users_of_numba_keep_their_cache(tmp_path):
     script = "import afm_model\nfrom numba.core import config\nprint(config.CACHE_DIR)"
     assert in_a_new_process(script, NUMBA_CACHE_DIR=str(tmp_path)).strip() == str(tmp_path)
-
-
-def test_thread_that_compiles_while_another_ends_to_keeps_the_cache_folder() -> None:
-    before = jit.config.CACHE_DIR
-    entered, left = threading.Event(), threading.Event()
-
-    def second() -> str:
-        with jit._cache_here():
-            entered.set()
-            left.wait(10.0)
-            return str(jit.config.CACHE_DIR)
-
-    with ThreadPoolExecutor(1) as thread:
-        with jit._cache_here():
-            seen = thread.submit(second)
-            # It has to wait for us; if it did not, it would be here at once.
-            entered.wait(0.2)
-        left.set()
-        assert seen.result() == jit._CACHE_DIRECTORY
-    assert jit.config.CACHE_DIR == before

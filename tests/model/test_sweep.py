@@ -19,7 +19,7 @@ import pandas as pd
 import pytest
 
 from afm_model import ParameterError, Scenario, SweepError, simulate, sweep
-from afm_model.core import jit
+from afm_model.core import kernel_cache
 from afm_model.law import TimingWarning
 from afm_model.parameters import ControllerParameters, SimParameters, build, flatten
 
@@ -167,11 +167,8 @@ def test_progress_counts_runs_to_the_last_refused_ones_included(cluster):
 
 def test_worker_with_other_sources_is_refused(cluster, monkeypatch):
     # Workers read the fingerprint of their own process, which is this one here: it changes on the way to them.
-    class Sources:
-        answers = iter(["those of the sweep", "those of the worker"])
-        FINGERPRINT = property(lambda self: next(self.answers))
-
-    monkeypatch.setattr(sys.modules["afm_model.studies.sweep"], "jit", Sources())
+    answers = iter(["those of the sweep", "those of the worker"])
+    monkeypatch.setattr(kernel_cache, "fingerprint", lambda module, file: next(answers))
     with pytest.raises(SweepError, match="a worker has other sources"):
         sweep(scenario(), {SEED: [1]}, scheduler=cluster, progress=False)
 
@@ -191,7 +188,7 @@ def test_missing_package_is_told_in_a_sentence(monkeypatch, package):
 
 def python(*arguments: str, **options: object) -> subprocess.Popen[str]:
     """Python in a process, and a session, of its own."""
-    path = os.pathsep.join([str(Path(jit.__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(Path(kernel_cache.__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
         [sys.executable, *arguments],
         cwd=ROOT,

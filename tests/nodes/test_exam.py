@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 from wrong_controllers import WAYS, Wrong
 
-from afm_bringup.exam.course import Course
 from afm_bringup.exam.log import Answer, Log, Phase
+from afm_bringup.exam.procedure import Procedure
 from afm_bringup.exam.rules import RULES, Outcome, Terms, exit_code, judge
 from afm_model import SimParameters, build
 from afm_model.parts.signals import MEASUREMENT
@@ -28,7 +28,7 @@ PARAMETERS = build(
 TERMS = Terms(PARAMETERS, DEADLINE)
 
 
-class VirtualDesk:
+class VirtualConnection:
     """Where a controller answers in virtual time."""
 
     def __init__(self, way: str) -> None:
@@ -75,7 +75,7 @@ class VirtualDesk:
 
 
 def examine(way: str) -> Log:
-    log = Course(VirtualDesk(way), PARAMETERS).run()
+    log = Procedure(VirtualConnection(way), PARAMETERS).run()
     log.went = True if not log.ended else None
     return log
 
@@ -89,9 +89,9 @@ def test_a_right_controller_keeps_every_rule() -> None:
     assert {each.rule: each.outcome for each in judge(log, TERMS)} == {rule.name: Outcome.KEPT for rule in RULES}
     assert exit_code(judge(log, TERMS), log) == 0
     # What was asked: some of it got lost on purpose, and the numbers began again three times.
-    assert {each.phase for each in log.asked} == set(Phase) - {Phase.PAUSE}
-    assert sum(each.sequence == 0 for each in log.asked) == 3
-    fault = [each.sequence for each in log.asked if each.phase is Phase.FAULT]
+    assert {each.phase for each in log.sent} == set(Phase) - {Phase.PAUSE}
+    assert sum(each.sequence == 0 for each in log.sent) == 3
+    fault = [each.sequence for each in log.sent if each.phase is Phase.FAULT]
     assert len(fault) < 100 <= fault[-1] - fault[0] + 1
 
 
@@ -120,7 +120,7 @@ def test_every_rule_is_broken_by_some_controller() -> None:
 @pytest.mark.parametrize(
     ("log", "rule"),
     [
-        (Log(unheard="wrong publishes piezo_drive best effort: it must be reliable"), "connected"),
+        (Log(incompatible="wrong publishes piezo_drive best effort: it must be reliable"), "connected"),
         (Log(ended="the controller ended with code 1"), "alive"),
     ],
 )
@@ -143,6 +143,6 @@ def test_a_limit_that_the_instrument_does_not_have_is_not_tested() -> None:
 
 
 def test_a_motion_that_diverges_is_nothing_that_the_controller_is_blamed_for() -> None:
-    log = Course(VirtualDesk("wild"), build(SimParameters, {})).run()
+    log = Procedure(VirtualConnection("wild"), build(SimParameters, {})).run()
     assert {each.outcome for each in judge(log, TERMS) if each.rule not in ("range", "slew", "end")} == {Outcome.KEPT}
     assert max(np.abs(each.drives[0]).max() for each in log.answers) > 100.0

@@ -1,4 +1,4 @@
-"""Claims about a node as a law of a comparison, without topics: what becomes of its answers, and what it is told."""
+"""Claims about a node as a law of a comparison, without topics: use of its answers, and its parameters."""
 
 from collections.abc import Callable
 
@@ -8,7 +8,7 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 
-from afm_bringup.node_law import NodeLaw, _told, node_contender
+from afm_bringup.node_law import NodeLaw, _sections_for_node, node_contender
 from afm_bringup.parameter_file import write_parameters
 from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters, build
 from afm_model.core.errors import MalformedError
@@ -21,8 +21,8 @@ MEASURED = np.zeros(size(MEASUREMENT))
 Answer = tuple[int, object]
 
 
-class HandDesk:
-    """A desk with a clock of its own, whose answers are given by hand."""
+class HandConnection:
+    """A connection with a clock of its own, whose answers are given by hand."""
 
     def __init__(self, answers: Callable[[int, int], list[Answer | Exception]], ended: str = "") -> None:
         self._answers = answers
@@ -57,22 +57,22 @@ def drive(x: float) -> NDArray[np.float64]:
 
 
 def test_answers_to_other_measurements_are_passed_over():
-    desk = HandDesk(lambda sequence, _: [(sequence - 1, drive(7.0)), (sequence, drive(float(sequence)))])
-    law = NodeLaw(desk)
+    connection = HandConnection(lambda sequence, _: [(sequence - 1, drive(7.0)), (sequence, drive(float(sequence)))])
+    law = NodeLaw(connection)
     assert [law.answer(MEASURED)[0] for _ in range(3)] == [0.0, 1.0, 2.0]
-    assert [sequence for _, sequence in desk.published] == [0, 1, 2]
+    assert [sequence for _, sequence in connection.published] == [0, 1, 2]
 
 
 def test_horizon_of_an_answer_goes_on_as_it_is():
     command = Command(drive(1.0), np.ones((2, 3)), 1e-4)
-    assert NodeLaw(HandDesk(lambda sequence, _: [(sequence, command)])).answer(MEASURED) is command
+    assert NodeLaw(HandConnection(lambda sequence, _: [(sequence, command)])).answer(MEASURED) is command
 
 
 def test_measurement_that_is_not_answered_is_sent_again_after_a_second():
-    desk = HandDesk(lambda sequence, times: [(sequence, drive(5.0))] if times else [])
-    assert NodeLaw(desk).answer(MEASURED)[0] == 5.0
-    assert len(desk.published) == 2
-    assert desk.published[1][0] == pytest.approx(1.0, abs=0.11)
+    connection = HandConnection(lambda sequence, times: [(sequence, drive(5.0))] if times else [])
+    assert NodeLaw(connection).answer(MEASURED)[0] == 5.0
+    assert len(connection.published) == 2
+    assert connection.published[1][0] == pytest.approx(1.0, abs=0.11)
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_measurement_that_is_not_answered_is_sent_again_after_a_second():
 def test_node_that_fails_is_a_row_with_its_sentence(answers, ended, sentence):
     class Started:
         def __enter__(self) -> NodeLaw:
-            return NodeLaw(HandDesk(lambda *_: list(answers), ended))
+            return NodeLaw(HandConnection(lambda *_: list(answers), ended))
 
         def __exit__(self, *_: object) -> None:
             pass
@@ -99,7 +99,7 @@ def test_node_that_fails_is_a_row_with_its_sentence(answers, ended, sentence):
     assert row["error"].startswith(sentence)
 
 
-def test_node_is_told_its_own_section_period_and_delay_and_nothing_of_the_instrument(tmp_path):
+def test_node_is_given_its_own_section_period_and_delay_and_nothing_of_the_instrument(tmp_path):
     sections = {
         "/**/afm_sim_node": {"contact.tau": 1e9},
         "/**/my_node": {"gain": 2.0},
@@ -107,7 +107,7 @@ def test_node_is_told_its_own_section_period_and_delay_and_nothing_of_the_instru
     }
     scenario = Scenario("some", tmp_path / "some.yaml", sections=sections)
     sim = build(SimParameters, {"plant.control_period": 2e-5, "plant.delay_ticks": 3})
-    write_parameters(_told(scenario, sim), tmp_path / "told.yaml")
+    write_parameters(_sections_for_node(scenario, sim), tmp_path / "told.yaml")
     told = {key: each["ros__parameters"] for key, each in yaml.safe_load((tmp_path / "told.yaml").read_text()).items()}
     timing = {"law.period": 2e-5, "law.delay_ticks": 3}
     assert told == {

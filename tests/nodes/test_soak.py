@@ -22,7 +22,7 @@ def test_session_uses_no_more_after_ten_thousands_of_messages_than_before(tmp_pa
     out = tmp_path / "out"
     scenario = endless("closed_loop_tanh", tmp_path / "scenario.yaml")
     samples = soak(scenario, out, seconds=4.0, warm_up=2.0, every=0.25, told=print)
-    assert set(samples) == {"session", "keeper", "afm_sim_node", "afm_controller_node", "afm_recorder_node"}
+    assert set(samples) == {"session", "cleanup", "afm_sim_node", "afm_controller_node", "afm_recorder_node"}
     found = uses(samples)
     problems = grown({name: {key: use for key, use in of.items() if key != "memory"} for name, of in found.items()})
     assert problems == []

@@ -81,7 +81,7 @@ def soak(
 def _name(line: str) -> str:
     """Name of a process of a session by its command line."""
     for word in line.split():
-        if Path(word).stem in ("afm_sim_node", "afm_controller_node", "afm_recorder_node", "keeper"):
+        if Path(word).stem in ("afm_sim_node", "afm_controller_node", "afm_recorder_node", "cleanup"):
             return Path(word).stem
     raise AssertionError(f"no process of a session: {line}")
 

@@ -19,7 +19,7 @@ def kill(command: Command) -> None:
 
 
 def test_simulator_that_is_killed_and_started_again_is_told_by_controller_and_recorder(tmp_path: Path) -> None:
-    silent = "/afm/afm_sim_node has not told its status for 2 s: it stands still, or was killed"
+    silent = "/afm/afm_sim_node has not published its status for 2 s: it has stopped or was killed"
     anew = "/afm/afm_sim_node publishes /afm/status anew: it was started again, or there are two of that name"
     with (
         Graph() as graph,
@@ -36,7 +36,7 @@ def test_simulator_that_is_killed_and_started_again_is_told_by_controller_and_re
         with node("afm_sim_node", tmp_path, **PARAMETERS) as simulator:
             for each in (controller, recorder):
                 each.wait_until(lambda each=each: anew in each.text, graph)
-                each.wait_until(lambda each=each: "/afm/afm_sim_node tells its status again" in each.text, graph)
+                each.wait_until(lambda each=each: "/afm/afm_sim_node publishes its status again" in each.text, graph)
             for each in (simulator, controller, recorder):
                 each.interrupt()
                 assert each.wait(graph) == 0, each.told

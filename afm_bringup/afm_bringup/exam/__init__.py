@@ -1,1 +1,1 @@
-"""The examination of a controller: whether it keeps the contract of a drive, rule by rule."""
+"""Test of a controller against the drive contract, rule by rule."""

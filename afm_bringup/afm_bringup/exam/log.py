@@ -1,4 +1,4 @@
-"""What passed between an examiner and a controller. Needs no ROS."""
+"""What was sent to a controller and what it answered. Needs no ROS."""
 
 from dataclasses import dataclass, field
 from enum import Enum
@@ -20,12 +20,12 @@ class Phase(Enum):
     RESTART = "after a restart of the simulator"
 
 
-ASKED_ONE_BY_ONE = (Phase.LOCKSTEP, Phase.RESUMED, Phase.RESET, Phase.FAULT, Phase.RESTART)
+IN_LOCKSTEP = (Phase.LOCKSTEP, Phase.RESUMED, Phase.RESET, Phase.FAULT, Phase.RESTART)
 """Phases in which the next measurement waits for the answer to this one."""
 
 
 @dataclass(frozen=True)
-class Asked:
+class Sent:
     """A measurement that was published."""
 
     phase: Phase
@@ -47,13 +47,13 @@ class Answer:
 
 @dataclass
 class Log:
-    """Everything that passed, in order, and what was seen besides."""
+    """Everything sent and received, in order, and how the connection began and ended."""
 
-    asked: list[Asked] = field(default_factory=list)
+    sent: list[Sent] = field(default_factory=list)
     answers: list[Answer] = field(default_factory=list)
     begun: list[Phase] = field(default_factory=list)
-    ended: str = ""  # how the controller ended by itself; empty: it did not
-    unheard: str = ""  # why the middleware does not connect it
-    absent: str = ""  # what it lacks that it could be tested at all
+    ended: str = ""  # how the controller ended before its test was over; empty: it did not
+    incompatible: str = ""  # why the middleware does not connect it
+    absent: str = ""  # what is missing for a test
     reconnected: bool = True
-    went: bool | None = None  # whether it ended when it was asked to; None: not tried
+    went: bool | None = None  # whether it ended on request; None: not tried

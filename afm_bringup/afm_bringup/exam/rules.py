@@ -11,7 +11,7 @@ import numpy as np
 from afm_model import SimParameters
 from afm_node_common import topics
 
-from .log import ASKED_ONE_BY_ONE, Answer, Log, Phase
+from .log import IN_LOCKSTEP, Answer, Log, Phase
 
 
 class Outcome(Enum):
@@ -72,7 +72,7 @@ def _answered(log: Log, *phases: Phase) -> str | None:
     if not any(phase in log.begun for phase in phases):
         return None
     given = {(each.phase, each.sequence) for each in _readable(log)}
-    asked = [each for each in log.asked if each.phase in phases]
+    asked = [each for each in log.sent if each.phase in phases]
     missing = [each.sequence for each in asked if (each.phase, each.sequence) not in given]
     if not missing:
         return ""
@@ -80,7 +80,7 @@ def _answered(log: Log, *phases: Phase) -> str | None:
 
 
 def _connected(log: Log, terms: Terms) -> str | None:
-    return log.unheard or log.absent or ("" if log.asked else None)
+    return log.incompatible or log.absent or ("" if log.sent else None)
 
 
 def _alive(log: Log, terms: Terms) -> str | None:
@@ -92,7 +92,7 @@ def _answers(log: Log, terms: Terms) -> str | None:
 
 
 def _once(log: Log, terms: Terms) -> str | None:
-    asked = Counter((each.phase, each.sequence) for each in log.asked)
+    asked = Counter((each.phase, each.sequence) for each in log.sent)
     given = Counter((each.phase, each.sequence) for each in _readable(log))
     return _first(
         f"measurement {key[1]} was answered {given[key]} times"
@@ -116,7 +116,7 @@ def _order(log: Log, terms: Terms) -> str | None:
 
 def _asked(log: Log, terms: Terms) -> str | None:
     # At the begin of a phase an answer to the last measurement of the one before may still be on its way.
-    known = {phase: {each.sequence for each in log.asked if each.phase == phase} for phase in Phase}
+    known = {phase: {each.sequence for each in log.sent if each.phase == phase} for phase in Phase}
     phases = list(Phase)
 
     def expected(each: Answer) -> bool:
@@ -134,8 +134,8 @@ def _in_time(log: Log, terms: Terms) -> str | None:
     first = {(each.phase, each.sequence): each.time for each in reversed(_readable(log))}
     waits = [
         (first[each.phase, each.sequence] - each.time, each.sequence)
-        for each in log.asked
-        if each.phase in ASKED_ONE_BY_ONE and (each.phase, each.sequence) in first
+        for each in log.sent
+        if each.phase in IN_LOCKSTEP and (each.phase, each.sequence) in first
     ]
     if not waits:
         return None
@@ -185,7 +185,7 @@ def _slew(log: Log, terms: Terms) -> str | None:
         return None
 
     def problems() -> Iterator[str]:
-        given = [each for each in _readable(log) if each.phase in ASKED_ONE_BY_ONE]
+        given = [each for each in _readable(log) if each.phase in IN_LOCKSTEP]
         for before, each in pairwise(given):
             ticks = each.sequence - before.sequence
             step = float(np.abs(each.drives[0] - before.drives[0]).max())
@@ -206,11 +206,11 @@ def _pause(log: Log, terms: Terms) -> str | None:
     return _answered(log, Phase.RESUMED)
 
 
-def _again(log: Log, terms: Terms) -> str | None:
+def _send_again(log: Log, terms: Terms) -> str | None:
     if Phase.AGAIN not in log.begun:
         return None
     given = [each for each in _readable(log) if each.phase == Phase.AGAIN]
-    asked = [each for each in log.asked if each.phase == Phase.AGAIN]
+    asked = [each for each in log.sent if each.phase == Phase.AGAIN]
     if len(given) >= len(asked):
         return ""
     return f"measurement {asked[0].sequence} was sent {len(asked)} times and answered {len(given)} times"
@@ -248,7 +248,7 @@ RULES = (
     Rule("range", "stays within +-`piezo.limit`, if there is one", _in_range),
     Rule("slew", "changes its drive by no more than `piezo.slew_limit` allows, if there is one", _slew),
     Rule("pause", "is silent when no measurement comes, and goes on after it", _pause),
-    Rule("sent again", "answers a measurement that is sent again", _again),
+    Rule("sent again", "answers a measurement that is sent again", _send_again),
     Rule("reset", "goes on when the sequences begin again at 0", _reset),
     Rule("fault", "answers when sensors fail or measurements get lost", _fault),
     Rule("restart", "finds a simulator that was restarted", _restart),
@@ -262,7 +262,7 @@ def judge(log: Log, terms: Terms) -> list[Verdict]:
     verdicts = []
     for rule in RULES:
         reason = rule.judge(log, terms)
-        if reason is None or (not reason and not log.asked and rule.name not in ("connected", "alive")):
+        if reason is None or (not reason and not log.sent and rule.name not in ("connected", "alive")):
             verdicts.append(Verdict(rule.name, Outcome.UNTESTED))
         else:
             verdicts.append(Verdict(rule.name, Outcome.BROKEN if reason else Outcome.KEPT, reason))
@@ -271,6 +271,6 @@ def judge(log: Log, terms: Terms) -> list[Verdict]:
 
 def exit_code(verdicts: list[Verdict], log: Log) -> int:
     """0: every rule that was tested is kept; 1: one is broken; 2: nothing could be tested."""
-    if not log.asked and not log.unheard:
+    if not log.sent and not log.incompatible:
         return 2
     return int(any(each.outcome is Outcome.BROKEN for each in verdicts))

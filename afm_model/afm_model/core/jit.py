@@ -1,63 +1,27 @@
-"""The project's one way to compile a function with numba.
+"""The project's one way to compile a function with numba, kept on disk (kernel_cache.py)."""
 
-numba's on-disk cache checks only the file of the function itself: after an edit in a compiled callee
-of another file it silently serves the old machine code. Here the cache lives in a folder named after
-the sources of the whole package, so any edit starts a fresh cache.
-"""
-
-import hashlib
-import os
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numba
 from numba.core import config as _config
+from numba.core import sigutils as _sigutils
+from numba.core.ccallback import CFunc as _CFunc
+
+from .kernel_cache import KernelCache
 
 config: Any = _config
+sigutils: Any = _sigutils
+CFunc: Any = _CFunc
 _F = TypeVar("_F", bound=Callable[..., object])
-_PACKAGE = Path(__file__).resolve().parent.parent
 
 
-def _fingerprint() -> str:
-    """The same for the same sources of this package under the same numba."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(_PACKAGE.rglob("*.py")):
-        digest.update(source.relative_to(_PACKAGE).as_posix().encode())
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-FINGERPRINT = _fingerprint()
-
-
-def _cache_directory() -> str:
-    """Folder of the compiled kernels for exactly these sources."""
-    root = os.environ.get("NUMBA_CACHE_DIR")
-    if root is None:
-        cache_home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        root = str(Path(cache_home) / "afm_model")
-    return str(Path(root) / FINGERPRINT)
-
-
-_CACHE_DIRECTORY = _cache_directory()
-_LOCK = threading.RLock()
-
-
-@contextmanager
-def _cache_here() -> Iterator[None]:
-    """The cache folder is looked up while a decorator runs: set it for that moment only, so that other users of numba
-    in the same process keep their own setting.
-    """
-    with _LOCK:
-        previous = config.CACHE_DIR
-        config.CACHE_DIR = _CACHE_DIRECTORY
-        try:
-            yield
-        finally:
-            config.CACHE_DIR = previous
+def _compiled(function: _F, **options: Any) -> _F:
+    if config.DISABLE_JIT:
+        return function
+    dispatcher: Any = numba.njit(function, error_model="numpy", **options)
+    dispatcher._cache = KernelCache(function)
+    return dispatcher
 
 
 def kernel(function: _F) -> _F:
@@ -68,18 +32,12 @@ def kernel(function: _F) -> _F:
 
     `NUMBA_DISABLE_JIT=1` leaves the plain Python function in place, for coverage and for debugging.
     """
-    if config.DISABLE_JIT:
-        return function
-    with _cache_here():
-        return numba.njit(function, cache=True, error_model="numpy", forceinline=True)
+    return _compiled(function, forceinline=True)
 
 
 def routine(function: _F) -> _F:
     """As `kernel`, but called, not compiled into its callers: for what is long and is called from several places."""
-    if config.DISABLE_JIT:
-        return function
-    with _cache_here():
-        return numba.njit(function, cache=True, error_model="numpy")
+    return _compiled(function)
 
 
 def is_compiled(function: object) -> bool:
@@ -94,5 +52,7 @@ def plain(function: _F) -> _F:
 
 def callback(signature: Any, function: Callable[..., object]) -> Any:
     """Compile `function` as a C function of `signature`, cached beside the kernels."""
-    with _cache_here():
-        return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+    made = CFunc(function, sigutils.normalize_signature(signature), locals={}, options={"error_model": "numpy"})
+    made._cache = KernelCache(function)
+    made.compile()
+    return made

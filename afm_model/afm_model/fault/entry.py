@@ -1,6 +1,5 @@
 """One fault of a schedule: what goes wrong, where, from when on, for how long, how much."""
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -8,6 +7,7 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from ..core.schema import Group, Unit
+from ..parts.timing import ticks_of
 
 SENSORS = {
     "deflection": "m",
@@ -122,10 +122,10 @@ class Entry(Group):
     def ticks(self, control_period: float) -> tuple[int, int]:
         """First tick at which it acts, and the first at which it acts no more."""
         # Round-off in time / period must not move a tick.
-        first = tick_of(self.start, control_period)
+        first = ticks_of(self.start, control_period)
         if self.duration < 0.0:
             return first, NEVER
-        return first, max(first, tick_of(self.start + self.duration, control_period))
+        return first, max(first, ticks_of(self.start + self.duration, control_period))
 
     @property
     def of_the_sample(self) -> bool:
@@ -142,11 +142,6 @@ class Entry(Group):
 
 NEVER = 2**62
 """Tick at which a fault ends that does not end."""
-
-
-def tick_of(time: float, control_period: float) -> int:
-    """The first control tick at or after a simulated time [s]."""
-    return math.ceil(time / control_period - 1e-6)
 
 
 def problem(name: str, entry: Any, control_period: float) -> str:

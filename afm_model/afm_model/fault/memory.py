@@ -36,7 +36,6 @@ CONSTANTS = record(
 )
 
 MEMORY = record(
-    "lost",  # 1: the measurement of this tick is not sent
     "shown",  # tick of the sensor values that the controller was told last
     "in_force",  # tick of the command that arrived last
     "passed",  # sequence of the command that was passed last
@@ -46,19 +45,15 @@ MEMORY = record(
     "shown_at",  # tick at which sensor values arrive, by slot
     "arrives_at",  # the same of a command; negative: it is lost, or there was none
     "sensed",  # sensor values, by slot
-    "kept",  # the command that arrived last
     "commands",  # commands, by slot
     vectors=("passed_voltage",),
-    integers=("lost", "shown", "in_force", "passed", "begun", "shown_at", "arrives_at"),
+    integers=("shown", "in_force", "passed", "begun", "shown_at", "arrives_at"),
     arrays={
         "begun": (MOST,),
         "held": (MOST,),
         "shown_at": (SLOTS,),
         "arrives_at": (SLOTS,),
         "sensed": (SLOTS, SENSED),
-        "kept": (COMMAND_SIZE,),
         "commands": (SLOTS, COMMAND_SIZE),
     },
 )
-KEPT, COMMANDS = place(MEMORY, "kept"), place(MEMORY, "commands")
-"""Where in it commands begin."""

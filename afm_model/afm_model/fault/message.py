@@ -7,16 +7,19 @@ import math
 from typing import Any
 
 from ..core.jit import kernel
-from ..core.records import Block, record_at
+from ..core.records import numbers_of, record_at
 from ..parts.signals import COMMAND, copy_command
+from ..parts.timing import ticks_of
 from .chance import uniform
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
-from .memory import COMMAND_SIZE, COMMANDS, KEPT, SENSED, SLOTS
+from .memory import SENSED, SLOTS
 
 _KINDS = list(KINDS)
 _LATENCY, _JITTER, _LOSS = (_KINDS.index(name) + 1 for name in ("latency", "jitter", "loss"))
 MEASUREMENT_MESSAGE, DRIVE_MESSAGE = (TARGETS.index(name) for name in MESSAGES)
 _NEVER = -1
+
+_ticks_of = kernel(ticks_of)
 
 
 @kernel
@@ -30,29 +33,29 @@ def _arrival(k: int, message: int, p: Any) -> int:
             if uniform(p.seed[i], k, message) < p.size[i]:
                 return _NEVER
         elif p.kind[i] == _LATENCY:
-            late += math.ceil(p.size[i] / p.control_period - 1e-6)
+            late += _ticks_of(p.size[i], p.control_period)
         elif p.kind[i] == _JITTER:
             late += math.floor(uniform(p.seed[i], k, message) * (p.size[i] / p.control_period + 1.0))
     return int(k + min(late, LATENCY_TICKS))
 
 
 @kernel
-def delay_measurement(k: int, m: Block, at: int, p: Any, f: Any) -> None:
-    """Put sensor values that have arrived by tick k in place of its own, at place `at` of the block m.
+def delay_measurement(k: int, y: Any, e: Any, p: Any, f: Any) -> None:
+    """Put sensor values that have arrived by tick k in place of its own, in measurement y.
 
-    `f.lost` tells whether there is a message at all.
+    e tells whether there is a message at all.
     """
     arrives = _arrival(k, MEASUREMENT_MESSAGE, p)
-    f.lost = 0
     # The first one finds its way: without it nobody would know that the run has begun.
     if k == 0:
         arrives = 0
     elif arrives < 0:
-        f.lost = 1
+        e.lost = 1.0
+    told = numbers_of(y)
     slot = k % SLOTS
     f.shown_at[slot] = arrives
     for i in range(SENSED):
-        f.sensed[slot, i] = m[at + i]
+        f.sensed[slot, i] = told[i]
     j = k
     while j > f.shown and j > k - SLOTS:
         if 0 <= f.shown_at[j % SLOTS] <= k:
@@ -61,21 +64,12 @@ def delay_measurement(k: int, m: Block, at: int, p: Any, f: Any) -> None:
         j -= 1
     slot = f.shown % SLOTS
     for i in range(SENSED):
-        m[at + i] = f.sensed[slot, i]
+        told[i] = f.sensed[slot, i]
 
 
 @kernel
-def delay_command(k: int, m: Block, commanded: int, memory: int, p: Any, f: Any) -> int:
-    """Where in the block the command stands that has arrived by tick k.
-
-    Parameters
-    ----------
-    k : int
-    m : ndarray
-    commanded, memory : int
-        Where in it the command of tick k stands, and the record f.
-    """
-    u = record_at(m, commanded, COMMAND)
+def delay_command(k: int, u: Any, arrived: Any, p: Any, f: Any) -> None:
+    """Write what has arrived by tick k, of the commands up to u of this tick."""
     v = f.passed_voltage
     same = u.voltage[0] == v[0] and u.voltage[1] == v[1] and u.voltage[2] == v[2]
     new = u.sequence != f.passed
@@ -89,13 +83,11 @@ def delay_command(k: int, m: Block, commanded: int, memory: int, p: Any, f: Any)
         # Nor is what the instrument does by itself, as when it retracts the sample: that takes effect at once.
         f.arrives_at[slot] = k
     if f.arrives_at[slot] >= 0:
-        copy_command(u, record_at(m, memory + COMMANDS + slot * COMMAND_SIZE, COMMAND))
+        copy_command(u, record_at(f.commands[slot], 0, COMMAND))
     j = k
     while j > f.in_force and j > k - SLOTS:
         if 0 <= f.arrives_at[j % SLOTS] <= k:
             f.in_force = j
-            at = memory + COMMANDS + (j % SLOTS) * COMMAND_SIZE
-            copy_command(record_at(m, at, COMMAND), record_at(m, memory + KEPT, COMMAND))
+            copy_command(record_at(f.commands[j % SLOTS], 0, COMMAND), arrived)
             break
         j -= 1
-    return int(memory + KEPT)

@@ -6,7 +6,7 @@ from typing import Any
 from ..core.converter import convert
 from ..core.jit import kernel
 from ..core.records import Block, record_at, size
-from ..fault import on_drive
+from ..parts.dispatch import on_drive
 from ..parts.header import HEADER
 from ..parts.signals import COMMAND, DRIVE, LONGEST_HORIZON, copy_command
 from .block import LOOP

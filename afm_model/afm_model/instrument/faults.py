@@ -7,11 +7,19 @@ from ..core.errors import ParameterError
 from ..core.records import record_at
 from ..fault import CONSTANTS, MEMORY, NEVER, SCHEDULED, SENSED, faults_of, table
 from ..parameters import InstrumentParameters
-from ..parts.signals import COMMAND, copy_command
+from ..parts.header import HEADER
+from ..parts.signals import copy_command
 from .block import Layout
 
 _TOLD = ("begun", "held")
 """What is remembered of each fault."""
+_HOOKS = {
+    "on_sample": ("on_sample",),
+    "on_command": ("on_commands",),
+    "on_drive": ("on_drives",),
+    "on_measurement": ("on_sensors", "on_measurements"),
+}
+"""For which sorts of faults each function of the part is called."""
 _SORTS = ("on_sensors", "on_drives", "on_measurements", "on_commands", "on_sample")
 """How many faults of a sort are in the table; where there is none, nothing is computed."""
 
@@ -33,24 +41,20 @@ class Faults:
         self._scheduled = layout.parts["fault"].part is SCHEDULED
         if self._scheduled:
             self._table = record_at(block, layout.places["fault_constants"], CONSTANTS)
-            self._memory = record_at(block, layout.places["fault_memory"], MEMORY)
+            self._memory = record_at(block, layout.places["fault_state"], MEMORY)
+            self._header = record_at(block, 0, HEADER)
         self._names: list[str] = []
         self.until = NEVER
         """Before this tick is computed, `renew` must be called."""
 
     def reset(self) -> None:
         """Return to the start of a run; the commands of the block are those of the start."""
-        if self.there:
-            self._layout.array(self._block, "fault_memory")[:] = 0.0
+        if self._scheduled:
             for sort in _SORTS:
                 self._table[sort] = 0
             self._fill(0)
+        if self.there:
             self._begin_commands(-1)
-
-    @property
-    def unasked(self) -> bool:
-        """Whether the measurement of this tick got lost."""
-        return self.there and bool(self._memory.lost != 0)
 
     def put_in_force(self, parameters: InstrumentParameters) -> None:
         """Take the schedule of `parameters` from the next tick on; a fault that is there already goes on.
@@ -89,6 +93,10 @@ class Faults:
             for field, value in zip(_TOLD, remembered.get(name, (0, 0.0)), strict=True):
                 self._memory[field][i] = value
         self._names, self.until = found.names, found.until
+        addresses = self._layout.parts["fault"].places
+        for hook, sorts in _HOOKS.items():
+            called = any(self._table[sort] > 0 for sort in sorts)
+            self._header[f"fault_{hook}"] = addresses[f"fault_{hook}"] if called else 0
 
     def _begin_commands(self, tick: int) -> None:
         """From now on commands are remembered: the one of `tick` is in force."""
@@ -97,12 +105,12 @@ class Faults:
         f.in_force, f.passed = tick, commanded.sequence
         f.passed_voltage[:] = commanded.voltage
         f.arrives_at[:] = -1
-        copy_command(commanded, record_at(f.kept, 0, COMMAND))
+        copy_command(commanded, self._layout.record(self._block, "received"))
 
     def _begin_measurements(self, tick: int) -> None:
         """From now on sensor values are remembered: those of `tick` have been told."""
         f = self._memory
-        f.lost, f.shown = 0, tick
+        f.shown = tick
         slot = tick % len(f.shown_at)
         f.shown_at[:] = -1
         f.shown_at[slot] = tick

@@ -13,18 +13,16 @@ from ..parameters import InstrumentParameters
 from ..parts.command import Command, CommandRecord, problem
 from ..parts.part import Channel
 from ..parts.signals import COMMAND, TRUTH
-from ..plant import tell
-from ..program import reference
 from .block import LOOP, Layout, line_slots
 from .controller import Controller, external_law
 from .draws import Draws
 from .faults import Faults
-from .inside import Inside
+from .guard import Guard
 from .loop import fill_loop
 from .orders import Orders
 from .rows import Block, Cut, Rows
 from .score import ScoreSummary, summarize
-from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, advance, measure
+from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, STOPPED, advance, start
 from .truth import truth_of_rows
 
 _Array = NDArray[np.float64]
@@ -78,13 +76,14 @@ class Instrument:
         self._commanded = CommandRecord(layout.array(self._block, "commanded"))
         self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
         self.measurement = layout.array(self._block, "measurement")
+        self._lost = layout.array(self._block, "delivery")
         self._faults = Faults(layout, self._block, parameters)
         self.orders = Orders(layout, self._block, parameters)
         """What is told while the run goes on."""
-        self.inside = Inside(layout, self._block, parameters)
-        """What the instrument's own limits look at, and z in their hands."""
+        self.guard = Guard(layout, self._block, parameters)
+        """Its own limits."""
         self._external = external_law()
-        self._assembled = [each for each in layout.parts.values() if each.functions]
+        self._assembled = [each for each in layout.parts.values() if each.in_python]
         fill_loop(layout.record(self._block, "loop"), parameters)
         self.reset()
 
@@ -94,12 +93,11 @@ class Instrument:
         self._draws.reset(parameters.plant.seed)
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         self.orders.reset()
-        self.inside.give_z()
         for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
         for name in ("asked", "asked_next"):
             layout.array(block, name)[:] = 0.0
-        for name in ("detector_filter", "read", "drifted"):
+        for name in ("delivery", "read", "drifted"):
             layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
             each.fill_start(block, layout.places[f"{family}_state"], parameters)
@@ -115,13 +113,14 @@ class Instrument:
                 )
         for name in ("applied", "regulated", "effective"):
             layout.array(block, name)[:] = held
+        self.guard.reset(layout.array(block, "applied"))
         for family in ("onboard", "piezo"):
             part: Any = layout.parts[family].part
             if part.state.names:
                 part.begin(parameters, layout.record(block, f"{family}_state"), held)
         line = layout.places["line"]
         on_their_way = [line + slot * size(COMMAND) for slot in range(line_slots(parameters))]
-        for command in (layout.places["commanded"], *on_their_way):
+        for command in (layout.places["commanded"], layout.places["received"], *on_their_way):
             u = record_at(block, command, COMMAND)
             u.sequence, u.voltage[:], u.horizon_count = -1, held, 0
         loop = layout.record(block, "loop")
@@ -131,9 +130,7 @@ class Instrument:
         self.ticks = self._drawn = self._prepared = 0
         self._row = 0
         noise, position_noise = self._draws.first()
-        tell(layout.record(block, "truth"), block)
-        reference(0.0, layout.record(block, "asked"), block)
-        measure(block, 0, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
+        start(block, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
         self._raise_errors()
 
     @property
@@ -145,6 +142,11 @@ class Instrument:
     def drive(self) -> _Array:
         """Copy of the drive applied until now [V], (3,)."""
         return self._layout.array(self._block, "applied").copy()
+
+    @property
+    def z_drive(self) -> float:
+        """Drive along z that the piezo has now [V]: that of a loop inside, where there is one."""
+        return float(self._layout.array(self._block, "regulated")[2])
 
     @property
     def state(self) -> Any:
@@ -183,7 +185,7 @@ class Instrument:
     @property
     def unasked(self) -> bool:
         """Whether a fault has lost the measurement of this tick: nobody answers it, and `tick(None)` goes on."""
-        return self._faults.there and self._faults.unasked
+        return self._lost.item(0) != 0.0
 
     def set_faults(self, parameters: InstrumentParameters) -> None:
         """Put other faults in force from the next tick on: `parameters` differ from those of now by them alone.
@@ -239,8 +241,10 @@ class Instrument:
         """Whether the block must be taken before the next tick."""
         return self._row == self._block_ticks
 
-    def tick(self, drive: _Array | Command | None, sequence: int | None = None) -> None:
+    def tick(self, drive: _Array | Command | None, sequence: int | None = None) -> bool:
         """Apply a drive for one control period; `measurement` is then that of the next tick.
+
+        True if an order is done with it, or a limit has acted: see `orders` and `guard`.
 
         With plant.delay_ticks it is applied so many ticks later, and now the one of so many ticks ago.
 
@@ -272,11 +276,12 @@ class Instrument:
             self._commanded.sequence[0] = self.ticks if sequence is None else sequence
         outcome = advance(self._external, 1, self._block, self._random, self._recorded.rows, self._recorded.samples)
         self._conclude(outcome, 0 if outcome == REFUSED else 1)
+        return bool(outcome == STOPPED)
 
-    def close_loop(self, controller: Controller, ticks: int) -> None:
+    def close_loop(self, controller: Controller, ticks: int) -> bool:
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
 
-        It ends sooner, once, behind the tick with which an order is done (see `order`).
+        It ends sooner, and is True, behind the tick with which an order is done (`order`) or a limit has acted.
 
         Parameters
         ----------
@@ -299,8 +304,9 @@ class Instrument:
             outcome = advance(controller.block, ticks, self._block, self._random, recorded.rows, recorded.samples)
             controller.raise_errors()
             self._conclude(outcome, int(self._loop[_DONE]))
-            if self.orders.reached:
-                return
+            if outcome == STOPPED:
+                return True
+        return False
 
     def _prepare(self) -> None:
         """What a tick needs: a row in the block, random numbers, the faults of these ticks."""

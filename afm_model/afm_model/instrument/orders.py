@@ -56,14 +56,6 @@ class Orders:
         self._loop.halt = self._layout.place("program_state.done")
 
     @property
-    def reached(self) -> bool:
-        """Whether an order has been done since the last look; telling so ends the wait for it."""
-        if self._loop.halt == 0 or self._block[self._loop.halt] == 0.0:
-            return False
-        self._loop.halt = 0
-        return True
-
-    @property
     def done(self) -> bool:
         """Whether the order in force is done, or there is none."""
         # By the place, made once: who ticks one by one looks at each of them.

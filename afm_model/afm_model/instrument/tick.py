@@ -13,24 +13,31 @@ from numpy.typing import NDArray
 from ..core.converter import convert
 from ..core.jit import kernel
 from ..core.records import Block, pointer_at, record_at, size
-from ..detector import detect
-from ..fault import on_command, on_measurement, unasked
-from ..law import EXTERNAL, control
-from ..onboard import regulate
+from ..parts.dispatch import (
+    actuate,
+    control,
+    detect,
+    observe,
+    on_command,
+    on_measurement,
+    on_sample,
+    reference,
+    regulate,
+    step,
+    watch,
+)
 from ..parts.header import HEADER, LAW_HEADER
-from ..parts.signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, TRUTH
-from ..piezo import actuate
-from ..plant import step, tell
-from ..program import reference, watch
+from ..parts.signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, GIVEN, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
 from .drift import DRIFT, DRIFTED, drift, wander
 from .drive import allowed, due, put_in_force
+from .limits import GUARD, LIMITS, RUNNING, has_z, take_drive, watch_limits
 from .score import SUMS, count_step
 from .sensors import READ, SENSORS, sense, tell_sensors
 
 _Array = NDArray[np.float64]
-MOVED, REFUSED, DIVERGED = 0, 1, 2
-"""What became of a tick."""
+MOVED, REFUSED, DIVERGED, STOPPED = range(4)
+"""What became of a tick. STOPPED: it moved, and with it an order was done or the drive has changed hands."""
 RANGE = 1e-3
 """Position beyond which the motion has diverged: hundreds of times the range of any scanner [m]."""
 _REFERENCE_SIZE = size(REFERENCE)
@@ -67,7 +74,18 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
         y.reference_position[axis] = r.position[axis]
         y.reference_velocity[axis] = r.velocity[axis]
         y.reference_acceleration[axis] = r.acceleration[axis]
-    on_measurement(k, k * c.control_period, faults, m)
+    delivery = record_at(m, g.delivery, DELIVERY)
+    delivery.lost = 0.0
+    on_measurement(k, k * c.control_period, y, delivery, faults, m)
+
+
+@kernel
+def start(m: Block, noise: Any, position_noise: Any, faults: Any) -> None:
+    """The first measurement, of the plant as it stands."""
+    g = record_at(m, 0, HEADER)
+    observe(record_at(m, g.truth, TRUTH), m)
+    reference(0.0, record_at(m, g.asked, REFERENCE), m)
+    measure(m, 0, noise, position_noise, faults)
 
 
 @kernel
@@ -116,10 +134,15 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     stride = c.stride
     j = c.row * (c.substeps // stride)
     scored = c.k >= c.score_tick
-    c.received = on_command(c.k, m)
+    on_sample(c.k, record_at(m, g.displacement, DISPLACEMENT), m)
+    if g.fault_on_command != 0:
+        c.received = g.received
+        on_command(c.k, record_at(m, g.commanded, COMMAND), record_at(m, g.received, COMMAND), m)
     command = due(m)
     c.in_force = record_at(m, command, COMMAND).sequence
     put_in_force(m, command, 0.0, faults)
+    guard = record_at(m, g.guard, GUARD)
+    z_given = record_at(m, g.limits, LIMITS).z_inside != 0.0 and has_z(guard)
     drifting, drifted = record_at(m, g.drift, DRIFT), record_at(m, g.drifted, DRIFTED)
     if drifting.on != 0.0:
         wander(c.k, c.control_period, drifting, drifted, pointer_at(random, drawn + g.wander))
@@ -155,8 +178,12 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             late = (i // stride) * c.sample_period
             now = t + late
             watch(now, d, r, m)
-            if g.onboard != 0:
+            if g.onboard_regulate != 0:
+                z_mode = r.z_mode
+                if z_given:
+                    r.z_mode, w.voltage[2] = GIVEN, guard.drive[2]
                 regulate(now, d, r, w, m)
+                r.z_mode = z_mode
                 # What it has changed goes through the same converter; what has been through it stays.
                 for axis in range(3):
                     w.voltage[axis] = convert(w.voltage[axis], c.drive_lsb, c.drive_limit)
@@ -164,7 +191,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             if drifting.on != 0.0:
                 drift(now, late, v, drifting, drifted)
         step(v, disturbance, m)
-        tell(o, m)
+        observe(o, m)
         if scored:
             count_step(sums, o, r, following, (i + 1) / c.substeps, c.control_period)
     for i in range(_REFERENCE_SIZE):
@@ -187,7 +214,7 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     Parameters
     ----------
     law : ndarray
-        Block of a law; of the law EXTERNAL for a drive that has been commanded from elsewhere.
+        Block of a law; of one without a function for a drive that has been commanded from elsewhere.
     ticks : int
         No more than there are rows left.
     m, random, rows, samples
@@ -197,24 +224,38 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     -------
     int
         Outcome of the last tick tried. The loop's record tells how many were done, one that diverged included. They
-        are fewer where the program's order is done (`halt` of LOOP).
+        are fewer where the program's order is done (`halt` of LOOP), once, or a limit has acted.
     """
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
     y = record_at(m, g.measurement, MEASUREMENT)
     u = record_at(m, g.commanded, COMMAND)
-    external = record_at(law, 0, LAW_HEADER).law == EXTERNAL
+    external = record_at(law, 0, LAW_HEADER).law_control == 0
+    delivery = record_at(m, g.delivery, DELIVERY)
+    guard, limited = record_at(m, g.guard, GUARD), record_at(m, g.limits, LIMITS).on != 0.0
     c.done = 0
     outcome = MOVED
     while c.done < ticks and outcome == MOVED:
-        if external or not unasked(m):
+        if external or delivery.lost == 0.0:
             if not external:
                 u.sequence = c.k
             # The time that a message carries, whole nanoseconds: a law sees the same here and over topics.
             control(round(c.k * c.period_ns) * 1e-9, y, u, law)
+        phase = guard.phase
+        if phase != RUNNING:
+            # What is refused does not depend on who has the drive.
+            if not allowed(u):
+                return REFUSED
+            take_drive(m, c.k >= c.score_tick)
         outcome = tick(m, random, rows, samples)
         if outcome != REFUSED:
             c.done += 1
+        if outcome == MOVED and limited:
+            watch_limits(m, c.k)
+            if guard.phase != phase:
+                outcome = STOPPED
         if c.halt != 0 and m[c.halt] != 0.0:
-            break
+            c.halt = 0
+            if outcome == MOVED:
+                outcome = STOPPED
     return outcome

@@ -10,6 +10,7 @@ from ..instrument import Instrument
 from ..parameters import build, flatten
 from ..parts.part import Onboard
 from ..parts.stiffness import deflection_voltage, spring_constant
+from ..parts.timing import ticks_of
 from ..program.orders import Curve, quintic
 
 Z_CHANNEL, ERROR_CHANNEL = "z_loop", "z_loop_error"
@@ -178,7 +179,7 @@ class InstrumentView:
 
     def ticks(self, duration: float) -> int:
         """Control ticks that take this time [s] at least, one or more."""
-        return max(1, math.ceil(duration / self.control_period - 1e-6))
+        return max(1, ticks_of(duration, self.control_period))
 
     def stay(self, duration: float = 0.0) -> Curve:
         """x and y where they are."""

@@ -19,7 +19,7 @@ from ..core.records import record
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import OnboardParameters
 from ..parts.part import ONBOARD_SETTINGS, Channel, Numbers, Onboard, Tree
-from ..parts.signals import FOLLOW, HOLD
+from ..parts.signals import FOLLOW, GIVEN, HOLD
 from ..parts.stiffness import deflection_voltage
 
 
@@ -60,9 +60,7 @@ class PiParameters(OnboardParameters):
         return self
 
 
-EXTERNAL = 3
-"""Besides what a program asks for: z by the controller."""
-MODES = {"on": FOLLOW, "hold": HOLD, "off": HOLD, "external": EXTERNAL}
+MODES = {"on": FOLLOW, "hold": HOLD, "off": HOLD, "external": GIVEN}
 CONSTANTS = record("P", "I_step", "by_reference", "setpoint", "a", "volts", "metres", "low", "high", "hold", "feedback")
 STATE = record(
     "integral",  # [m]
@@ -137,11 +135,13 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Onboard`."""
     setpoint = (r.position[2] - p.a) * p.volts if p.by_reference != 0.0 else p.setpoint
     s.error = setpoint - d.deflection_voltage
-    # Who holds z holds it whatever the program asks for.
-    mode = HOLD if p.hold != 0.0 else r.z_mode
+    mode = r.z_mode
+    # Who holds z holds it whatever the program asks for; the instrument itself goes before both.
+    if mode != GIVEN and p.hold != 0.0:
+        mode = HOLD
     if mode == FOLLOW:
         mode = p.feedback
-    if mode == EXTERNAL:
+    if mode == GIVEN:
         s.z = u.voltage[2] * p.metres
         s.mode = mode
         return
@@ -159,17 +159,6 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
     u.voltage[2] = s.z / p.metres
 
 
-def _take(p: Any, s: Any, volts: float) -> None:
-    """Feedback off, z by the instrument."""
-    p.hold = 1.0
-    s.z = s.integral = p.metres * volts
-
-
-def _release(parameters: Tree, p: Any) -> None:
-    """Feedback again, without a jump, unless it is off by the parameters."""
-    p.hold = float(parameters.onboard.hold)
-
-
 PI = Onboard(
     name="pi",
     parameters=PiParameters,
@@ -177,8 +166,7 @@ PI = Onboard(
     state=STATE,
     values=_values,
     check=_check,
-    take=_take,
-    release=_release,
+    moves_z=True,
     regulate=regulate,
     begin=_begin,
     warnings=_warnings,

@@ -1,6 +1,5 @@
 """All parameters of the virtual instrument: the microscope, its parts, what is scored."""
 
-import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -10,6 +9,7 @@ from ..core.schema import Group, Unit, flatten, specifications
 from ..detector import Photodiode
 from ..fault import Schedule
 from ..onboard import OnboardParameters
+from ..parts.timing import ticks_of
 from ..piezo import PiezoParameters
 from ..plant import PlantGroup
 from ..plant.physics import Microscope
@@ -52,8 +52,7 @@ class InstrumentParameters(Microscope):
     @property
     def score_tick(self) -> int:
         """First control tick that is scored."""
-        # Round-off in start / period must not move it.
-        return math.ceil(self.score_start / self.plant.control_period - 1e-6)
+        return ticks_of(self.score_start, self.plant.control_period)
 
     @model_validator(mode="after")
     def _tip_touches_in_one_point(self) -> "InstrumentParameters":

@@ -1,6 +1,5 @@
 """Parameters of how the instrument runs in time."""
 
-import math
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
@@ -8,6 +7,7 @@ from pydantic import Field, model_validator
 
 from ..core.schema import Group, NonNegative, Positive, Unit
 from ..law import ExternalLaw
+from ..parts.timing import ticks_of
 from .controller import ControllerParameters
 from .instrument import InstrumentParameters
 from .law_inside import controller_of, is_inside
@@ -74,7 +74,6 @@ class SimParameters(InstrumentParameters):
     @property
     def total_ticks(self) -> int:
         """Control ticks of the whole run; 0: endless."""
-        # The last tick covers the end of the duration; round-off must not add one.
         if self.run.duration == 0.0:
             return 0
-        return max(1, math.ceil(self.run.duration / self.plant.control_period - 1e-6))
+        return max(1, ticks_of(self.run.duration, self.plant.control_period))

@@ -62,9 +62,10 @@ def copy_command(source: Any, target: Any) -> None:
             target.horizon[i, axis] = source.horizon[i, axis]
 
 
-FOLLOW, HOLD, OPEN = range(3)
+FOLLOW, HOLD, OPEN, GIVEN = range(4)
 """What a loop inside the instrument does with z: follow its setpoint; hold z; move it by `z_offset` from where it stood
-when this began.
+when this began; pass on the drive along z that it is given. The last one the instrument's own limits ask for as well:
+it goes before whatever the part does otherwise.
 """
 
 REFERENCE = record(
@@ -104,6 +105,9 @@ DISPLACEMENT = record(
     integers=("there",),
 )
 """What a fault does to the sample."""
+
+DELIVERY = record("lost")
+"""What a fault does to a measurement as a message: 1.0 if it gets lost, so that nobody answers it."""
 
 TRUTH = record(
     "position",  # scanner x, y, z; z is the height of the sample [m]

@@ -19,6 +19,7 @@ from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
 from ..parts.signals import OPEN
+from ..parts.timing import ticks_of
 from .orders import CURVE, DEGREES, END, FOLLOW, LINES, PROFILE, RAMP, REST, SAMPLED, STEP, Lines, Order, Sampled
 
 _STEP = size(STEP)
@@ -230,11 +231,11 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
         p.speed = motion.size / p.image
         # A sample is taken in the middle of what it stands for: then trace and retrace lie on one another.
         p.shift = 0.5 * sample
-        ticks = math.ceil(motion.samples * sample / control - 1e-6)
+        ticks = ticks_of(motion.samples * sample, control)
     elif isinstance(motion, Sampled):
         p.motion, p.piece_time, p.pieces = SAMPLED, motion.period, motion.pieces
         p.first_piece = len(numbers) - 2 * DEGREES * motion.pieces
-        ticks = math.ceil(motion.pieces * motion.period / control - 1e-6)
+        ticks = ticks_of(motion.pieces * motion.period, control)
     else:
         ticks = motion.ticks
         p.motion, p.curve_time = CURVE, max(ticks, 1) * control

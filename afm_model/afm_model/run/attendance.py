@@ -55,7 +55,6 @@ class Attendance:
     Parameters
     ----------
     course : Course
-        Its `tick` is wrapped, so that each order is followed by the next one between two ticks.
     make : Attending
     over : callable
         over(outcome): what was being done has come to its end.
@@ -65,29 +64,16 @@ class Attendance:
         self._course, self._make, self._over = course, make, over
         self.attendant = make(course.instrument)
         """It is another one after a reset."""
-        self.wrap()
-        course.look = self.look
         # In real time simulated time cannot stand still.
         if course.parameters.run.mode == "lockstep":
             course.idle = self._idle
 
-    def wrap(self) -> None:
-        """Look behind every tick of the course."""
-        self._orders = self._course.instrument.orders
-        self._tick, self._course.tick = self._course.tick, self._tick_and_look
-
     def _idle(self) -> bool:
         return not self.attendant.busy
 
-    def _tick_and_look(self, *arguments: Any) -> bool:
-        going_on: bool = self._tick(*arguments)
-        if going_on:
-            self.look()
-        return going_on
-
     def look(self) -> None:
         """Go on with the next order if one is done: between two ticks."""
-        if self._orders.done and self.attendant.busy:
+        if self._course.instrument.orders.done and self.attendant.busy:
             # What is next may depend on what was measured up to here.
             self._course.ticker.flush()
             self.attendant.look()

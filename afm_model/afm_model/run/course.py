@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from ..parameters import SimParameters
 from ..parts.command import Command
 from .counts import Counts
 from .link import Link
-from .state import REASONS, Cause, Life, State
+from .state import BACK, EVENTS, PHASES, REASONS, Cause, Life, State
 from .ticker import Ticker
 
 
@@ -36,39 +36,44 @@ class Course:
     """The sentence about the drive refused last."""
     unreadable: str = ""
     """A clause about the drive that could not be read last."""
-    phase: State = State.RUNNING
-    """Who has the drive while simulated time goes on: RUNNING the controller, WITHDRAWN or APPROACHING the guard."""
-    limit: Cause | None = None
-    """The limit passed last, as long as the guard has the drive."""
     stop_at: int | None = None
     """Tick at which the run pauses by itself; None: it does not."""
-    look: Callable[[], None] = lambda: None
-    """look(): behind every piece of ticks: an order may be done."""
     idle: Callable[[], bool] = lambda: False
     """idle(): whether simulated time stands still until something is ordered."""
-    tick: Callable[..., bool] = field(init=False)
-    """Make one tick, as `Ticker.tick`, or as `Guard.tick` where there is something to guard."""
 
-    def __post_init__(self) -> None:
-        """Without a guard."""
-        self.tick = self.ticker.tick
+    @property
+    def phase(self) -> State:
+        """Who has the drive while simulated time goes on."""
+        return PHASES[self.instrument.guard.phase]
 
     @property
     def reason(self) -> str:
         """Why the controller's drive is not in force, in two words; empty if it is."""
-        return REASONS.get(self.life.state if self.limit is None else self.limit, "")
+        return REASONS.get(EVENTS.get(self.instrument.guard.limit, self.life.state), "")
 
     def go_on(self, cause: Cause) -> None:
         """Let simulated time go on that stood still: as what the run was before."""
-        if self.phase == State.RUNNING:
+        if self.phase not in BACK:
             self.life.go(cause)
         else:
-            back, what = (
-                (Cause.BACK_WITHDRAWN, "the sample is still withdrawn")
-                if self.phase == State.WITHDRAWN
-                else (Cause.BACK_APPROACHING, "the approach goes on")
-            )
+            back, what = BACK[self.phase]
             self.life.go(back, f"{what} (after: {self.reason})")
+
+    def look_at_limits(self) -> None:
+        """Follow the instrument, whose drive has changed hands."""
+        guard = self.instrument.guard
+        phase, cause = self.phase, EVENTS.get(guard.event)
+        if cause is None or phase == self.life.state:
+            return
+        if phase == State.WITHDRAWN:
+            self.life.go(cause, f"{guard.clause(guard.event)}: the sample is withdrawn")
+        elif phase == State.APPROACHING:
+            self.life.go(cause, f"the sample is brought back to the tip (after: {self.reason})")
+        elif self.life.state == State.WITHDRAWN:
+            self.life.go(cause, "the tip is withdrawn")
+            self.life.go(Cause.APPROACHED)
+        else:
+            self.life.go(cause)
 
     @property
     def controller(self) -> str:

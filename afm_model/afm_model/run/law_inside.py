@@ -8,8 +8,6 @@ from .course import Course, Pacing
 
 _PIECE = 5e-3
 """Wall time of a piece [s]: what else a node has to do waits for so long at most."""
-_GUARDED = 64
-"""Ticks of a piece in which the instrument's limits are looked at after each one, in Python."""
 
 
 class LawInside(Pacing):
@@ -31,8 +29,6 @@ class LawInside(Pacing):
         parameters = course.parameters.controller_inside
         assert parameters is not None
         self._controller = Controller(parameters)
-        self._guarded = course.parameters.safety.guarded
-        self._period_ns = course.parameters.plant.control_period * 1e9
         self._realtime = course.parameters.run.mode == "realtime"
         self._ticks = 1  # of a piece
         self._deadline = self._period = 0.0
@@ -104,11 +100,7 @@ class LawInside(Pacing):
         if course.stop_at is not None:
             ticks = min(ticks, course.stop_at - self._instrument.ticks)
         try:
-            if self._guarded:
-                going_on = self._make_one_by_one(min(ticks, _GUARDED))
-            else:
-                going_on = course.ticker.close_loop(self._controller, ticks)
-                course.look()
+            going_on = course.ticker.close_loop(self._controller, ticks)
         except DriveError as error:
             course.refuse(str(error), self._instrument.ticks)
             course.fail(course.refusal)
@@ -117,18 +109,3 @@ class LawInside(Pacing):
         else:
             if not going_on:
                 course.finish()
-
-    def _make_one_by_one(self, ticks: int) -> bool:
-        """The same with a look at the instrument's limits after each tick."""
-        instrument, tick = self._instrument, self._course.tick
-        for _ in range(ticks):
-            drive = None
-            if not instrument.unasked:
-                # The time that a message carries, whole nanoseconds.
-                time = round(instrument.ticks * self._period_ns) * 1e-9
-                drive = self._controller.answer(instrument.measurement, time)
-            if not tick(drive, math.nan):
-                return False
-            if self._course.idle():
-                break
-        return True

@@ -20,7 +20,7 @@ class Lockstep(Pacing):
         self._instrument = course.instrument
         # Bound once: at this rate every look-up is felt.
         self._take, self._publish = course.link.take, course.link.publish
-        self._tick, self._clock = course.tick, course.clock
+        self._tick, self._clock = course.ticker.tick, course.clock
         self._sent_at = self._asked_at = 0.0
         self._stalled = False
         self._wrong: list[int] = []

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from ..core.errors import DivergenceError, DriveError, PartError
 from ..parts.command import Command, problem
 from .course import Course, Pacing
-from .retract import Retract
 from .state import Cause, State
 
 _Array = NDArray[np.float64]
@@ -28,7 +27,6 @@ class Realtime(Pacing):
         self._instrument = course.instrument
         self._drive: _Array | Command = np.zeros(3)
         self._published_at = np.zeros(_RING)
-        self._retract = Retract()
         self._answered = -1  # sequence of the measurement that the drive in force answers; -1: none does
         self._last_drive_at = self._linked_at = self._asked_at = math.nan
         self._period = self._deadline = self._catch_up = 0.0
@@ -48,8 +46,10 @@ class Realtime(Pacing):
     def resume(self) -> None:
         """Begin a new series of deadlines; a controller has its time again."""
         self._period = 0.0
-        if self._course.phase == State.RUNNING:
-            self._instrument.inside.give_z()
+        if self._course.phase == State.RETRACTED:
+            # What was retracted stays where it is until the controller answers, or is silent again.
+            self._drive = self._instrument.drive
+            self._instrument.guard.release()
         self.adapt()
         self._last_drive_at = self._course.clock()
 
@@ -97,7 +97,7 @@ class Realtime(Pacing):
         self._watch_over(now)
         course.ticker.note_delay(late, now - self._asked_at)
         try:
-            going_on = course.tick(self._drive, round_trip, self._answered)
+            going_on = course.ticker.tick(self._drive, round_trip, self._answered)
         except DivergenceError as error:
             course.fail(self._explain(error))
             return True
@@ -150,25 +150,16 @@ class Realtime(Pacing):
         run, life, counts = course.parameters.run, course.life, course.counts
         silent = now - self._last_drive_at > run.watchdog_timeout
         if silent and life.state == State.RUNNING:
-            if isinstance(self._drive, Command):
-                self._drive = self._instrument.drive
-            if self._instrument.inside.has_z_loop:
-                self._drive[2] = self._instrument.inside.z_drive
-            self._retract.begin(self._drive[2])
+            self._drive = self._instrument.drive
+            self._instrument.guard.retract()
             life.go(
                 Cause.SILENT,
                 f"no valid drive from {course.controller} for {run.watchdog_timeout:g} s (run.watchdog_timeout; "
                 f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted",
             )
         elif not silent and life.state == State.RETRACTED:
-            self._instrument.inside.give_z()
+            self._instrument.guard.release()
             life.go(Cause.ANSWERED)
-        if life.state == State.RETRACTED:
-            assert not isinstance(self._drive, Command)
-            self._drive[2] = self._retract.next(self._drive[2], course.parameters)
-            self._instrument.inside.take_z(float(self._drive[2]))
-            counts.ticks_retracted += 1
-            counts.scored_ticks_retracted += self._instrument.ticks >= course.parameters.score_tick
 
     def _unused(self) -> str:
         """Drives that came and were not put in force, for a sentence."""

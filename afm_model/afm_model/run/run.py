@@ -14,13 +14,12 @@ from ..parameters import SimParameters
 from .attendance import Attendance, Attending
 from .counts import Counts, Snapshot
 from .course import Course, Pacing
-from .guard import Guard
 from .law_inside import LawInside
 from .link import Link
 from .listeners import Listeners
 from .lockstep import Lockstep
 from .realtime import Realtime
-from .state import OVER, TICKING, Cause, Life, State
+from .state import BACK, OVER, TICKING, Cause, Life, State
 from .ticker import Ticker
 from .timing import Delays, Stopwatch
 
@@ -68,7 +67,14 @@ class Run:
         self._held = parameters.run.start_paused
         self.instrument = Instrument(parameters, block_ticks)
         """To read from; it is ticked here."""
-        self.ticker = Ticker(self.instrument, block_ticks, parameters.total_ticks, self._on_block, in_pieces=in_pieces)
+        self.ticker = Ticker(
+            self.instrument,
+            block_ticks,
+            parameters.total_ticks,
+            self._on_block,
+            in_pieces=in_pieces,
+            on_stop=self._on_stop,
+        )
         """Ends blocks, and hands them on."""
         self._course = Course(
             parameters=parameters,
@@ -81,9 +87,6 @@ class Run:
             finish=self._finish,
             fail=self._fail,
         )
-        self._guard = Guard(self._course)
-        if parameters.safety.guarded:
-            self._course.tick = self._guard.tick
         self._record_anyway = False
         self._attendance = Attendance(self._course, attend, self._listeners.verb_over) if attend is not None else None
         self._pacing = self._choose_pacing()
@@ -127,7 +130,10 @@ class Run:
             wanted_factor=run.real_time_factor if run.mode == "realtime" else None,
             in_contact=instrument.in_contact,
             counts=replace(
-                course.counts, drives_clipped=instrument.drives_clipped, drives_steep=instrument.drives_steep
+                course.counts,
+                drives_clipped=instrument.drives_clipped,
+                drives_steep=instrument.drives_steep,
+                **instrument.guard.counts(),
             ),
             refusal=course.refusal,
             reason=course.reason,
@@ -220,12 +226,15 @@ class Run:
     def resume(self) -> str:
         """Bring a withdrawn sample back to the tip, or go on without a recording; why not, or an empty string."""
         if self.state == State.WITHDRAWN:
-            return self._guard.resume()
+            if problem := self.instrument.guard.bring_back():
+                return problem
+            self._course.look_at_limits()
+            return ""
         if self.state == State.HELD:
             self._record_anyway = True
             self._leave_hold()
             return ""
-        if self.state == State.PAUSED and self._course.phase != State.RUNNING:
+        if self.state == State.PAUSED and self._course.phase in BACK:
             return "the run is paused: call play first"
         return f"the run is {self.state.title}: there is nothing to resume"
 
@@ -259,7 +268,6 @@ class Run:
         self._held = course.parameters.run.start_paused or paused
         self._course.stop_at = None
         self._record_anyway = False
-        self._guard.reset()
         self._watch = Stopwatch(course.clock)
         self._life.go(Cause.RESET)
 
@@ -276,12 +284,6 @@ class Run:
         course.ticker.flush()
         self.instrument.exchange(parameters)
         course.parameters = parameters
-        course.tick = course.ticker.tick
-        self._guard = Guard(course)
-        if parameters.safety.guarded:
-            course.tick = self._guard.tick
-        if self._attendance is not None:
-            self._attendance.wrap()
         self._pacing = self._choose_pacing()
         self.reset()
 
@@ -364,6 +366,11 @@ class Run:
         if self._attendance is not None:
             self._attendance.state_changed(state, self._life.detail)
         self._listeners.changed()
+
+    def _on_stop(self) -> None:
+        self._course.look_at_limits()
+        if self._attendance is not None:
+            self._attendance.look()
 
     def _on_block(self, block: Block, round_trips: NDArray[np.float32]) -> None:
         if self._attendance is not None:

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from enum import Enum, IntEnum
 
+from ..instrument import limits
+
 
 class RunError(RuntimeError):
     """A change of state that there is not."""
@@ -108,6 +110,33 @@ REASONS: dict[State | Cause, str] = {
     Cause.INVALID: "outside validity",
 }
 """What a safe state is told as, by the state or by the limit that was passed: InstrumentStatus.reason."""
+
+
+BACK = {
+    State.WITHDRAWN: (Cause.BACK_WITHDRAWN, "the sample is still withdrawn"),
+    State.APPROACHING: (Cause.BACK_APPROACHING, "the approach goes on"),
+}
+"""What goes on behind a pause while the instrument has the drive."""
+PHASES = {
+    limits.RUNNING: State.RUNNING,
+    limits.RETRACTED: State.RETRACTED,
+    limits.WITHDRAWN: State.WITHDRAWN,
+    limits.APPROACHING: State.APPROACHING,
+}
+"""Who has the drive, as a state of the run that goes on."""
+EVENTS = {
+    limits.TRAVEL: Cause.TRAVEL,
+    limits.FORCE: Cause.FORCE,
+    limits.INVALID: Cause.INVALID,
+    limits.CONTACT_LOST: Cause.CONTACT_LOST,
+    limits.TOO_HARD: Cause.NOT_APPROACHED,
+    limits.NO_CONTACT: Cause.NOT_APPROACHED,
+    limits.RESUMED: Cause.RESUME,
+    limits.APPROACHED: Cause.APPROACHED,
+    limits.SILENT: Cause.SILENT,
+    limits.ANSWERED: Cause.ANSWERED,
+}
+"""What changes hands of the drive, as a cause."""
 
 
 class Life:

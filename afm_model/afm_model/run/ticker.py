@@ -34,6 +34,8 @@ class Ticker:
     total_ticks : int
         Ticks of the whole run; 0: endless.
     on_block : BlockListener
+    on_stop : callable
+        on_stop(): an order is done, or a limit has acted.
     in_pieces : bool
         A full block is handed on in pieces by `do_one`; False: at once.
     """
@@ -46,11 +48,12 @@ class Ticker:
         on_block: BlockListener,
         *,
         in_pieces: bool = False,
+        on_stop: Callable[[], None],
     ) -> None:
         self._instrument = instrument
         self._block_ticks = block_ticks
         self._total_ticks = total_ticks
-        self._on_block = on_block
+        self._on_block, self._on_stop = on_block, on_stop
         self._delays = DelayLog()
         self._round_trips = array("d")
         self._doubtful: list[int] = []
@@ -83,14 +86,18 @@ class Ticker:
         """
         self._round_trips.append(round_trip)
         try:
-            self._instrument.tick(drive, sequence)
+            stopped = self._instrument.tick(drive, sequence)
         except DriveError:
             self._round_trips.pop()
             raise
+        return self._look(stopped)
+
+    def _look(self, stopped: bool) -> bool:
         # One comparison for the end of a block and that of the run: at this rate each one is felt.
-        if self._instrument.ticks != self._stop_at:
-            return True
-        self.end_block()
+        if self._instrument.ticks == self._stop_at:
+            self.end_block()
+        if stopped:
+            self._on_stop()
         return self._instrument.ticks != self._total_ticks
 
     def close_loop(self, controller: Controller, ticks: int) -> bool:
@@ -105,13 +112,10 @@ class Ticker:
         """
         before = self._instrument.ticks
         try:
-            self._instrument.close_loop(controller, min(ticks, self._stop_at - before))
+            stopped = self._instrument.close_loop(controller, min(ticks, self._stop_at - before))
         finally:
             self._round_trips.extend([math.nan] * (self._instrument.ticks - before))
-        if self._instrument.ticks != self._stop_at:
-            return True
-        self.end_block()
-        return self._instrument.ticks != self._total_ticks
+        return self._look(stopped)
 
     def doubt_next(self) -> None:
         """Leave the round trip of the next tick out of the summary: it is recorded, but it holds more than that."""

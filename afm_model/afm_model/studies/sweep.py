@@ -15,7 +15,7 @@ from functools import partial
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING, Any
 
-from ..core import jit
+from ..core import kernel_cache
 from ..core.errors import DivergenceError, DriveError, ParameterError, PartError
 from ..core.progress import reporting
 from ..instrument import Instrument, score
@@ -188,7 +188,8 @@ def _results(
 
     # A set is a kilobyte; that many of them are large is no surprise.
     with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
-        futures = client.map(_run_sets, sets, run_one=run_one, sources=jit.FINGERPRINT, pure=False)
+        sources = kernel_cache.fingerprint(__name__, __file__)
+        futures = client.map(_run_sets, sets, run_one=run_one, sources=sources, pure=False)
     numbers = {future.key: [number for number, _ in task] for future, task in zip(futures, tasks, strict=True)}
     for future in distributed.as_completed(futures, loop=client.loop):
         try:
@@ -248,7 +249,7 @@ def _interrupt_held() -> Iterator[None]:
 
 def _run_sets(sets: Sequence[Any], run_one: Callable[..., _Row], sources: str) -> list[_Row]:
     """Task of a worker: run some sets, one after the other."""
-    if sources != jit.FINGERPRINT:
+    if sources != kernel_cache.fingerprint(__name__, __file__):
         raise SweepError("a worker has other sources of afm_model, or another numba, than the process that sweeps")
     return [run_one(*each) for each in sets]
 

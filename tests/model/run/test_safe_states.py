@@ -136,7 +136,7 @@ def test_first_touch_of_an_approach_is_gentler_than_its_limit() -> None:
     forces = []
     while hand.bench.state == State.APPROACHING:
         hand.ticks(1)
-        forces.append(hand.bench.run.instrument.inside.normal_force)
+        forces.append(hand.bench.run.instrument.truth.normal_force)
     assert 0.0 < len(forces) < 100
     assert max(forces) < 40e-9
 
@@ -332,7 +332,7 @@ def test_loop_inside_gives_z_up_to_a_withdrawal_and_takes_it_back_at_the_first_t
     bench = lever("lockstep", **{"safety.travel_limit": 1e-9, "safety.approach_force": 50e-9})
     instrument = bench.run.instrument
     tick(bench, 10)
-    load = instrument.inside.normal_force
+    load = instrument.truth.normal_force
     assert load == pytest.approx(0.2 * 50e-9, rel=0.1)
     while bench.state == State.RUNNING:
         bench.link.send(bench.ticks, 1.0)
@@ -344,12 +344,12 @@ def test_loop_inside_gives_z_up_to_a_withdrawal_and_takes_it_back_at_the_first_t
     forces = []
     while bench.state == State.APPROACHING:
         tick(bench, 1)
-        forces.append(instrument.inside.normal_force)
+        forces.append(instrument.truth.normal_force)
     assert bench.state == State.RUNNING, bench.told[-1]
     assert max(forces) < 50e-9
     # The loop is back at its setpoint.
     tick(bench, 200)
-    assert instrument.inside.normal_force == pytest.approx(load, rel=0.05)
+    assert instrument.truth.normal_force == pytest.approx(load, rel=0.05)
 
 
 def test_an_approach_that_fails_behind_the_first_touch_takes_z_from_the_loop_again() -> None:
@@ -380,4 +380,4 @@ def test_silent_controller_retracts_the_sample_from_a_loop_inside_too() -> None:
     tick(bench, 1)
     assert bench.state == State.RUNNING
     tick(bench, 3000)
-    assert bench.run.instrument.inside.normal_force == pytest.approx(0.2 * 50e-9, rel=0.1)
+    assert bench.run.instrument.truth.normal_force == pytest.approx(0.2 * 50e-9, rel=0.1)

@@ -104,7 +104,7 @@ class LinearLoop:
 def inside_drives_z(sim: SimParameters) -> bool:
     """Whether a loop inside the instrument drives z, whatever the law answers along z."""
     loop = sim.onboard
-    return find("onboard", loop.kind).take is not None and getattr(loop, "feedback", "on") != "external"
+    return find("onboard", loop.kind).moves_z and getattr(loop, "feedback", "on") != "external"
 
 
 LARGEST = 500

@@ -1,4 +1,4 @@
-"""Examiner and controller on topics: the examiner stands where the simulator does."""
+"""Connection to a controller over topics, in the place of the simulator."""
 
 import time
 from collections.abc import Callable
@@ -30,15 +30,15 @@ _CONNECT_TIMEOUT = 30.0
 _STATUS_PERIOD = 0.2
 
 
-class TopicDesk:
-    """The topics of an instrument. Use as a context manager.
+class TopicConnection:
+    """Publishes measurements and receives drives as the simulator node does. Use as a context manager.
 
     Parameters
     ----------
     namespace : str
     parameters : SimParameters
     problem : callable
-        How the controller has ended by itself; empty if it has not.
+        How the controller has ended before its test was over; empty if it has not.
     """
 
     def __init__(self, namespace: str, parameters: SimParameters, problem: Callable[[], str]) -> None:
@@ -50,7 +50,7 @@ class TopicDesk:
         self._encode, self._decode = measurement_codec().encode, drive_codec().decode
         self._open()
 
-    def __enter__(self) -> "TopicDesk":
+    def __enter__(self) -> "TopicConnection":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -125,12 +125,12 @@ class TopicDesk:
         """Wait until a controller is matched both ways; False if none is within `timeout` or it has ended."""
         limit = self.now() + timeout
         while not (self._inbox.publishers and self._outbox.subscribers):
-            if self.now() > limit or self.problem() or self.unheard():
+            if self.now() > limit or self.problem() or self.incompatible():
                 return False
             self._executor.spin_once(timeout_sec=0.02)
         return True
 
-    def unheard(self) -> str:
+    def incompatible(self) -> str:
         """Why the middleware does not connect the controller; empty if it does, or there is none."""
         for end in self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topics.PIEZO_DRIVE)):
             if end.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
@@ -141,7 +141,7 @@ class TopicDesk:
         return ""
 
     def missing(self) -> str:
-        """What a controller that has not come does not do."""
+        """Which topics have no controller, in a sentence."""
         lacks = [
             what
             for what, there in (
@@ -160,6 +160,6 @@ class TopicDesk:
 
 
 def _as_they_are(data: bytes) -> NDArray[np.float64]:
-    """Drives of a message that no instrument takes."""
+    """Drives of a message that the instrument would refuse, (1 + horizon, 3) [V]."""
     message: Any = deserialize_message(data, PiezoDrive)
     return np.array([[each.x, each.y, each.z] for each in (message.voltage, *message.horizon)])

@@ -1,8 +1,8 @@
-"""A process that outlives the session, however the session ends, and ends what the session has left running.
+"""A process that ends whatever a session has left running, however the session itself ended.
 
-It is run as a file, `python keeper.py MARK`, and knows when the session has ended because its standard input closes.
-Processes of the session are known by a mark in their environment, which whatever they start inherits: behind a shell,
-in the background, or as a daemon.
+It runs as `python cleanup.py MARK` and sees the end of the session because its standard input closes.
+The processes of a session carry a mark in their environment. Children inherit it, also behind a shell, in the
+background or as a daemon.
 """
 
 import os
@@ -16,11 +16,11 @@ from pathlib import Path
 VARIABLE = "AFM_SESSION"
 """Environment variable that holds the mark."""
 _PATIENCE = {signal.SIGINT: 10.0, signal.SIGTERM: 5.0, signal.SIGKILL: 5.0}
-"""What is sent, in this order, and the wall time that processes then have to end [s]."""
+"""Signals in the order in which they are sent, and the wall time to wait after each [s]."""
 
 
 def end_marked(mark: str) -> None:
-    """End every process that carries `mark`, and what these start meanwhile."""
+    """End every process that carries `mark`, and those that they start meanwhile."""
     for number, patience in _PATIENCE.items():
         limit = time.monotonic() + patience
         sent: set[int] = set()
@@ -32,7 +32,7 @@ def end_marked(mark: str) -> None:
                     sent.add(pid)
             left = limit - time.monotonic()
             if left > 0.0:
-                # Readable is the handle of a process that has ended.
+                # A handle becomes readable when its process has ended.
                 select.select(list(handles.values()), [], [], min(left, 0.2))
             for handle in handles.values():
                 os.close(handle)
@@ -55,7 +55,7 @@ def _marked(mark: str) -> dict[int, int]:
         except OSError:
             continue
         with suppress(OSError):
-            # Of a process that has ended and is only not waited for, it is empty.
+            # Empty for a process that has ended and is not yet waited for.
             if wanted in Path(f"/proc/{pid}/environ").read_bytes().split(b"\0"):
                 found[pid] = handle
                 continue

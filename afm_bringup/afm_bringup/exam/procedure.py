@@ -1,4 +1,4 @@
-"""The course of an examination: an instrument that asks, pauses, is reset, fails and is restarted. Needs no ROS."""
+"""The phases of a test of a controller: lockstep, real time, pause, reset, faults, restart. Needs no ROS."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -10,14 +10,14 @@ from afm_model import Instrument, SimParameters, build
 from afm_model.core.errors import DivergenceError, DriveError
 from afm_model.core.schema import Value, flatten
 
-from .log import Answer, Asked, Log, Phase
+from .log import Answer, Log, Phase, Sent
 
 _PATIENCE = 2.0
-"""Wall time after which an answer does not come any more [s]."""
+"""Wall time to wait for an answer [s]."""
 _UNANSWERED = 3
-"""Measurements without an answer after which a phase is over."""
+"""A phase ends after so many measurements without an answer."""
 _SETTLE = 0.1
-"""Wall time in which a second answer would come [s]."""
+"""Wall time to wait for a second answer [s]."""
 _TICKS = {
     Phase.LOCKSTEP: 200,
     Phase.RESUMED: 20,
@@ -27,7 +27,7 @@ _TICKS = {
 }
 _REALTIME_TICKS, _REALTIME_PERIOD = 50, 0.01
 _STRONGEST = 1e3
-"""Drives beyond it are not put in force: no scanner moves so far [V]."""
+"""Drives are clipped at this voltage: no scanner moves so far [V]."""
 _FAULTS: dict[str, dict[str, Value]] = {
     "exam_1": {"kind": "dropout", "signal": "position_x"},
     "exam_2": {"kind": "stuck", "signal": "lateral_force"},
@@ -35,11 +35,11 @@ _FAULTS: dict[str, dict[str, Value]] = {
     "exam_4": {"kind": "dropout", "signal": "velocity_y"},
     "exam_5": {"kind": "loss", "signal": "measurement", "size": 0.2},
 }
-"""What fails in the phase of the faults."""
+"""Faults during the phase FAULT."""
 
 
-class Desk(Protocol):
-    """Where examiner and controller meet."""
+class Connection(Protocol):
+    """How measurements reach the controller under test, and its drives come back."""
 
     def now(self) -> float:
         """Steady wall time [s]."""
@@ -54,7 +54,7 @@ class Desk(Protocol):
         ...
 
     def wait(self, timeout: float) -> None:
-        """Let time pass until something may have come, or for `timeout` seconds."""
+        """Wait until a message may have come, or for `timeout` seconds."""
         ...
 
     def problem(self) -> str:
@@ -62,25 +62,25 @@ class Desk(Protocol):
         ...
 
     def restart(self) -> bool:
-        """End the simulator's side and begin anew; whether the controller connects to it."""
+        """Close this side and open it again, as a restarted simulator would; True if the controller connects to it."""
         ...
 
 
-class Over(Exception):
-    """The controller has ended."""
+class ControllerEnded(Exception):
+    """The process of the controller has ended."""
 
 
-class Course:
-    """One examination.
+class Procedure:
+    """One test of a controller, phase by phase.
 
     Parameters
     ----------
-    desk : Desk
+    connection : Connection
     parameters : SimParameters
     """
 
-    def __init__(self, desk: Desk, parameters: SimParameters) -> None:
-        self._desk = desk
+    def __init__(self, connection: Connection, parameters: SimParameters) -> None:
+        self._connection = connection
         self._parameters = parameters
         self._instrument = Instrument(parameters, 1, hashed=False)
         self._phase = Phase.LOCKSTEP
@@ -88,14 +88,14 @@ class Course:
         self.log = Log()
 
     def run(self) -> Log:
-        """Every phase in turn. Where nothing is answered at all the others are not tried."""
+        """Run every phase in turn; stop after the first if nothing was answered."""
         steps: list[tuple[Phase, Callable[[], None]]] = [
-            (Phase.LOCKSTEP, self._one_by_one),
-            (Phase.REALTIME, self._by_the_clock),
+            (Phase.LOCKSTEP, self._lockstep),
+            (Phase.REALTIME, self._realtime),
             (Phase.PAUSE, self._pause),
-            (Phase.RESUMED, self._one_by_one),
-            (Phase.AGAIN, self._again),
-            (Phase.RESET, self._from_the_start),
+            (Phase.RESUMED, self._lockstep),
+            (Phase.AGAIN, self._send_again),
+            (Phase.RESET, self._reset),
             (Phase.FAULT, self._with_faults),
             (Phase.RESTART, self._restart),
         ]
@@ -107,48 +107,48 @@ class Course:
                 step()
                 if not self.log.answers:
                     break
-        except Over:
+        except ControllerEnded:
             pass
         return self.log
 
     # The phases.
 
-    def _one_by_one(self) -> None:
+    def _lockstep(self) -> None:
         unanswered = 0
         for _ in range(_TICKS[self._phase]):
             if not self._instrument.unasked:
-                sequence = self._ask()
-                if not self._spend(_PATIENCE, lambda sequence=sequence: sequence in self._drives):  # type: ignore[misc]
+                sequence = self._send()
+                if not self._collect(_PATIENCE, lambda sequence=sequence: sequence in self._drives):  # type: ignore[misc]
                     unanswered += 1
                     if unanswered == _UNANSWERED:
                         break
             self._tick()
-        self._spend(_SETTLE)
+        self._collect(_SETTLE)
 
-    def _by_the_clock(self) -> None:
-        asked = []
+    def _realtime(self) -> None:
+        sent = []
         for _ in range(_REALTIME_TICKS):
-            asked.append(self._ask())
-            self._spend(_REALTIME_PERIOD)
+            sent.append(self._send())
+            self._collect(_REALTIME_PERIOD)
             self._tick()
-        self._spend(_PATIENCE, lambda: all(each in self._drives for each in asked))
-        self._spend(_SETTLE)
+        self._collect(_PATIENCE, lambda: all(each in self._drives for each in sent))
+        self._collect(_SETTLE)
 
     def _pause(self) -> None:
-        self._spend(5 * _SETTLE)
+        self._collect(5 * _SETTLE)
 
-    def _again(self) -> None:
-        sequence = self._ask()
-        self._spend(_PATIENCE, lambda: sequence in self._drives)
+    def _send_again(self) -> None:
+        sequence = self._send()
+        self._collect(_PATIENCE, lambda: sequence in self._drives)
         self._drives.clear()
-        self._ask()
-        self._spend(_PATIENCE, lambda: sequence in self._drives)
+        self._send()
+        self._collect(_PATIENCE, lambda: sequence in self._drives)
         self._tick()
-        self._spend(_SETTLE)
+        self._collect(_SETTLE)
 
-    def _from_the_start(self) -> None:
+    def _reset(self) -> None:
         self._begin_again()
-        self._one_by_one()
+        self._lockstep()
 
     def _with_faults(self) -> None:
         if self._parameters.fault.kind != "scheduled":
@@ -160,14 +160,14 @@ class Course:
             values |= {f"fault.{name}.{field}": value for field, value in fields.items()}
             values[f"fault.{name}.start"] = start
         self._instrument.set_faults(build(SimParameters, values))
-        self._one_by_one()
+        self._lockstep()
         self._instrument.set_faults(self._parameters)
 
     def _restart(self) -> None:
-        self.log.reconnected = self._desk.restart()
+        self.log.reconnected = self._connection.restart()
         if self.log.reconnected:
             self._begin_again()
-            self._one_by_one()
+            self._lockstep()
 
     # One tick.
 
@@ -175,16 +175,16 @@ class Course:
         self._instrument.skip_block()
         self._instrument.reset()
 
-    def _ask(self) -> int:
+    def _send(self) -> int:
         sequence = self._instrument.ticks
-        self.log.asked.append(Asked(self._phase, sequence, self._desk.now()))
-        self._desk.publish(sequence, self._instrument.measurement)
+        self.log.sent.append(Sent(self._phase, sequence, self._connection.now()))
+        self._connection.publish(sequence, self._instrument.measurement)
         return sequence
 
     def _tick(self) -> None:
-        """Go on with the answer, or with the drive before."""
+        """Make one tick with the answer, or with the previous drive where none came."""
         drive = self._drives.get(self._instrument.ticks)
-        # What a drive does is not judged here: one that makes the motion diverge is an answer like any other.
+        # The effect of a drive is not judged here: one that makes the motion diverge counts as an answer.
         if drive is not None and np.isfinite(drive).all():
             drive = np.clip(drive, -_STRONGEST, _STRONGEST)
         else:
@@ -195,26 +195,26 @@ class Course:
         except (DivergenceError, DriveError):
             ticks = self._instrument.ticks
             self._begin_again()
-            # The numbers go on.
+            # The sequence numbers continue.
             for _ in range(ticks):
                 self._instrument.tick(None)
                 self._instrument.skip_block()
 
-    def _spend(self, timeout: float, done: Callable[[], bool] = lambda: False) -> bool:
-        """Take what comes until `done`, or for so long; whether it was."""
-        desk = self._desk
-        limit = desk.now() + timeout
+    def _collect(self, timeout: float, done: Callable[[], bool] = lambda: False) -> bool:
+        """Take answers until `done`, or for `timeout` seconds; True if `done`."""
+        connection = self._connection
+        limit = connection.now() + timeout
         while True:
-            while (answer := desk.take(self._phase)) is not None:
+            while (answer := connection.take(self._phase)) is not None:
                 self.log.answers.append(answer)
                 if not answer.unreadable:
                     self._drives[answer.sequence] = answer.drives[0]
             if done():
                 return True
-            if ended := desk.problem():
+            if ended := connection.problem():
                 self.log.ended = ended
-                raise Over
-            left = limit - desk.now()
+                raise ControllerEnded
+            left = limit - connection.now()
             if left <= 0.0:
                 return False
-            desk.wait(min(left, 0.05))
+            connection.wait(min(left, 0.05))

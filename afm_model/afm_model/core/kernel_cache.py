@@ -1,0 +1,196 @@
+"""Compiled kernels on disk, each filed under a fingerprint of the sources that it was made from.
+
+numba's own cache checks only the file of the function itself: after an edit in a callee of another file it serves the
+old machine code. Here an edit compiles anew what depends on it and nothing else, and going back finds what was there
+before. Each kernel is a file of its own, written whole: processes at once do not disturb each other.
+"""
+
+import hashlib
+import os
+import pickle
+import shutil
+import time
+import types
+import warnings
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from numba.core import caching as _caching
+from numba.core import compiler as _compiler
+from numba.core.serialize import dumps as _dumps
+
+from .sources import Sources, has_kernels, write
+
+caching: Any = _caching
+compiler: Any = _compiler
+dumps: Any = _dumps
+
+UNUSED_DAYS = 30
+"""What no process has used for so long is removed."""
+LARGEST = 256_000_000
+"""Above this the folder is cut down, what was used last stays. [bytes]"""
+_DAY = 86400.0
+
+
+def _folder() -> Path | None:
+    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    try:
+        return (Path(root) if root else Path.home() / ".cache") / "afm_model"
+    except RuntimeError:  # no home
+        return None
+
+
+@cache
+def _shelf() -> tuple[Path | None, Sources]:
+    """Folder of all kernels, and the fingerprints; the folder is cleaned first."""
+    folder = _folder()
+    if folder is not None:
+        clean(folder)
+    return folder, Sources(folder)
+
+
+def clean(folder: Path) -> None:
+    """Remove what was not used for UNUSED_DAYS, and the oldest of what is above LARGEST; once a day at most.
+
+    Any number of processes may do so at once, and others use the folder meanwhile.
+    """
+    mark = folder / "cleaned"
+    now = time.time()
+    try:
+        if mark.exists() and now - mark.stat().st_mtime < _DAY:
+            return
+        folder.mkdir(parents=True, exist_ok=True)
+        mark.touch()
+        kept = sorted(((each.stat().st_mtime, each) for each in folder.iterdir() if each.is_dir()), reverse=True)
+    except OSError:
+        return
+    room = LARGEST
+    for used, each in kept:
+        room -= _size(each)
+        if room < 0 or now - used > UNUSED_DAYS * _DAY:
+            shutil.rmtree(each, ignore_errors=True)
+
+
+def _size(folder: Path) -> int:
+    try:
+        return sum(file.stat().st_size for file in folder.rglob("*"))
+    except OSError:  # another process has removed it
+        return 0
+
+
+@cache
+def _use(folder: Path) -> None:
+    """Keep a folder from being removed as unused."""
+    try:
+        if time.time() - folder.stat().st_mtime > _DAY:
+            os.utime(folder)
+    except OSError:
+        pass
+
+
+@cache
+def _complain(why: str) -> None:
+    warnings.warn(
+        f"compiled kernels cannot be kept ({why}), each process compiles its own: set NUMBA_CACHE_DIR to a folder that "
+        "can be written",
+        RuntimeWarning,
+        stacklevel=2,
+    )
+
+
+def _described(code: types.CodeType, docstring: str | None = None) -> Any:
+    """What tells functions of one name in one file apart."""
+    constants = [
+        _described(each) if isinstance(each, types.CodeType) else repr(None if each is docstring else each)
+        for each in code.co_consts
+    ]
+    return code.co_code, code.co_names, code.co_varnames, constants
+
+
+class KernelCache(caching._Cache):  # type: ignore[misc]
+    """Machine code of one function, as numba's dispatchers and C functions ask for it.
+
+    Parameters
+    ----------
+    function : callable
+        In Python.
+    """
+
+    def __init__(self, function: Callable[..., object]) -> None:
+        self._function: Any = function
+        spec = self._function.__globals__.get("__spec__")
+        self._file = self._function.__code__.co_filename
+        self._module = spec.name if spec is not None else Path(self._file).stem
+        has_kernels(self._module, self._file)
+        self._enabled = True
+
+    @property
+    def cache_path(self) -> str | None:
+        """Folder of the kernels of this function's file; None where they cannot be kept."""
+        folder, sources = _shelf()
+        try:
+            fingerprint, unchanged = sources.fingerprint(self._module, self._file)
+        except (OSError, SyntaxError):  # typed at a prompt, or made of text
+            return None
+        return str(folder / f"{self._module}-{fingerprint[:20]}") if folder is not None and unchanged else None
+
+    def _path(self, signature: Any, codegen: Any) -> Path | None:
+        folder = self.cache_path if self._enabled else None
+        cells = [cell.cell_contents for cell in self._function.__closure__ or ()]
+        code = _described(self._function.__code__, self._function.__doc__)
+        key = f"{signature} {codegen.magic_tuple()} {code}"
+        # An argument that is itself a function is known by its address, which says nothing in another process.
+        if folder is None or " at 0x" in key:
+            return None
+        digest = hashlib.sha256(key.encode() + (dumps(cells) if cells else b"")).hexdigest()
+        return Path(folder) / f"{self._function.__qualname__.replace('<', '').replace('>', '')}-{digest[:20]}"
+
+    def load_overload(self, signature: Any, target_context: Any) -> Any:
+        """What was compiled for a signature, or None."""
+        target_context.refresh()
+        path = self._path(signature, target_context.codegen())
+        if path is None:
+            return None
+        try:
+            compiled = compiler.CompileResult._rebuild(target_context, *pickle.loads(path.read_bytes()))
+        except Exception:  # not there, or damaged, which may raise anything
+            return None
+        _use(path.parent)
+        return compiled
+
+    def save_overload(self, signature: Any, data: Any) -> None:
+        """Keep what was compiled for a signature; a folder that cannot be written costs a warning."""
+        path = self._path(signature, data.codegen)
+        if path is None or data.lifted or data.library.has_dynamic_globals:
+            return
+        try:
+            write(path, dumps(data._reduce()))
+        except OSError as error:
+            _complain(str(error))
+
+    def enable(self) -> None:
+        """Read and write from now on."""
+        self._enabled = True
+
+    def disable(self) -> None:
+        """Neither read nor write from now on."""
+        self._enabled = False
+
+    def flush(self) -> None:
+        """Remove what was kept for the function's file."""
+        if (folder := self.cache_path) is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def fingerprint(module: str, file: str) -> str:
+    """Hash of what a module of a package with kernels does, with all that it imports of such packages, and of numba.
+
+    Raises
+    ------
+    OSError, SyntaxError
+        If a source cannot be read.
+    """
+    has_kernels(module, file)
+    return _shelf()[1].fingerprint(module, file)[0]
