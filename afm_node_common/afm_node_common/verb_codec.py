@@ -15,6 +15,7 @@ from afm_msgs import action, msg
 from afm_msgs.msg import NamedArray, ScanLine
 
 from afm_model.core import registry
+from afm_model.core.errors import ParameterError
 from afm_model.core.schema import specifications
 from afm_model.microscope.arrays import Arrays, Variable, arrays_of
 from afm_model.microscope.image import Image, Line
@@ -62,7 +63,10 @@ def verb_of(name: str, goal: Any) -> Verb:
         return verb.of({field: getattr(goal, field) for field in verb.model_fields})
     verb = find(goal.verb)
     words = {spec.name for spec in specifications(verb) if spec.kind is str}
-    given = zip(goal.names, goal.values, strict=False)
+    if len(goal.names) != len(goal.values):
+        count = f"{len(goal.names)} names with {len(goal.values)} values"
+        raise ParameterError(f"{count} are not allowed: each name needs one value")
+    given = zip(goal.names, goal.values, strict=True)
     return verb.of({field: text if field in words else _parsed(text) for field, text in given})
 
 

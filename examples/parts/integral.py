@@ -49,6 +49,7 @@ INTEGRAL = Onboard(
     values=values,
     begin=begin,
     regulate=regulate,
+    moves_z=True,
     # What verbs and services need: z and the error as channels, the setpoint, and what can be set.
     channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),
     setpoint=lambda parameters: parameters.onboard.target,
