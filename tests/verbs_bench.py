@@ -39,7 +39,7 @@ class Bench:
     @property
     def near(self) -> bool:
         """Whether the tip may touch the sample."""
-        return bool(self.simulator.run.attendant.state.near)
+        return bool(self.simulator.run.operator.state.near)
 
     def action(self, name: str) -> ActionClient:
         if name not in self.actions:
@@ -85,10 +85,6 @@ class Bench:
             image.put(line_of(line))
             assert line.row == image.row(line.index)
         return image
-
-    def close(self) -> None:
-        for client in self.actions.values():
-            client.destroy()
 
 
 def scan_in_process() -> tuple[Image, str]:

@@ -33,7 +33,8 @@ class Served:
         """What is done once, with the first line of a scan."""
 
     def turn(self) -> None:
-        assert time.monotonic() < self.limit, "the client waits for ever"
+        if time.monotonic() > self.limit:
+            raise TimeoutError("the client waits for ever")
         self.graph.spin()
 
     def on_line(self, line: Line) -> None:
@@ -50,8 +51,8 @@ class Served:
             assert self.client.execute(APPROACH).message == ""
 
     def wait_for_rest(self) -> None:
-        self.graph.spin_until(lambda: not self.simulator.run.attendant.busy)
-        assert not self.simulator.run.attendant.state.near
+        self.graph.spin_until(lambda: not self.simulator.run.operator.busy)
+        assert not self.simulator.run.operator.state.near
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +88,7 @@ def test_second_interrupt_leaves_a_paused_run_and_its_tip_is_withdrawn_behind_th
     with pytest.raises(KeyboardInterrupt) as raised:
         served.client.execute(ENDLESS, on_line=served.on_line)
     assert raised.type is KeyboardInterrupt
-    assert (served.simulator.run.state, served.simulator.run.attendant.busy) == (State.PAUSED, True)
+    assert (served.simulator.run.state, served.simulator.run.operator.busy) == (State.PAUSED, True)
     served.simulator.run.play()
     served.wait_for_rest()
 

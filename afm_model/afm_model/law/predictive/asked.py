@@ -1,0 +1,108 @@
+"""What is asked of the drive, interval by interval: the reference, friction along it, the height of the sample.
+
+The reference beyond the measurement is continued as the sine, parabola or line that it has been.
+"""
+
+import math
+from typing import Any
+
+from ...core.jit import kernel, routine
+from .nominal_plant import look, nominal_bound
+
+_FORGET = 0.9
+_SLOWEST = 1e-5
+
+
+@kernel
+def take_reference(y: Any, p: Any, s: Any) -> None:
+    """Take position, rate and acceleration from the measurement, and the frequency from how they have changed.
+
+    For a sine about any mean the change of the acceleration is -omega^2 times that of the position; for a line and a
+    parabola it is zero.
+    """
+    for axis in range(3):
+        length = p.z0 if axis == 2 else p.x0
+        s.p[axis] = y.reference_position[axis] / length
+        s.v[axis] = y.reference_velocity[axis] / (length * p.w0)
+        s.acc[axis] = y.reference_acceleration[axis] / (length * p.w0 * p.w0)
+    s.fastest = max(s.fastest, math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1]))
+    for axis in range(2):
+        if s.started != 0.0:
+            moved = s.p[axis] - s.p_last[axis]
+            s.sum_pa[axis] = _FORGET * s.sum_pa[axis] + moved * (s.acc[axis] - s.acc_last[axis])
+            s.sum_pp[axis] = _FORGET * s.sum_pp[axis] + moved * moved
+        square = -s.sum_pa[axis] / s.sum_pp[axis] if s.sum_pp[axis] > 0.0 else 0.0
+        s.omega[axis] = math.sqrt(max(square, _SLOWEST * _SLOWEST))
+        s.p_last[axis] = s.p[axis]
+        s.acc_last[axis] = s.acc[axis]
+
+
+@kernel
+def continue_reference(axis: int, first: float, n: int, p: Any, s: Any) -> None:
+    """Write the reference of x or y into the path: at n + 1 places, a fine interval apart, from time `first` on."""
+    w = s.omega[axis]
+    cos, sin = math.cos(w * first), math.sin(w * first)
+    cos_step, sin_step = math.cos(w * p.tau), math.sin(w * p.tau)
+    a, b = s.v[axis] / w, s.acc[axis] / (w * w)
+    for i in range(n + 1):
+        s.path[i, axis, 0] = s.p[axis] + a * sin + b * (1.0 - cos)
+        s.path[i, axis, 1] = w * (a * cos + b * sin)
+        cos, sin = cos * cos_step - sin * sin_step, sin * cos_step + cos * sin_step
+
+
+@kernel
+def rate(i: int, axis: int, s: Any) -> float:
+    """Of the reference in the middle of a fine interval."""
+    return 0.5 * (s.path[i, axis, 1] + s.path[i + 1, axis, 1])
+
+
+@kernel
+def ask_of(axis: int, i: int, held: float, p: Any, s: Any) -> None:
+    """What fine interval i asks for: reference(i+1) - Phi reference(i) + Gamma times what the drive has to hold."""
+    for k in range(2):
+        s.asked[i, axis, k] = (
+            s.path[i + 1, axis, k]
+            - p.Phi[axis, k, 0] * s.path[i, axis, 0]
+            - p.Phi[axis, k, 1] * s.path[i, axis, 1]
+            + p.Gamma[axis, k] * held
+        )
+
+
+@kernel
+def ask_of_z(first: float, n: int, p: Any, s: Any) -> None:
+    """Height of the scanner that keeps the tip at its setpoint; bound of friction if it does."""
+    for i in range(n + 1):
+        ahead = first + i * p.tau
+        look(s.path[i, 0, 0], s.path[i, 1, 0], p, s)
+        z_r = s.p[2] + ahead * (s.v[2] + 0.5 * ahead * s.acc[2])
+        load = p.w + p.eta_c2 * (z_r - p.a)
+        delta = p.delta + p.delta_curvature * s.curvature + p.delta_load * (load - p.load_0)
+        s.path[i, 2, 0] = z_r + delta - s.height
+        s.friction[i] = s.here * nominal_bound(load, p, s)
+    for i in range(n + 1):
+        before, after = max(i - 1, 0), min(i + 1, n)
+        s.path[i, 2, 1] = (s.path[after, 2, 0] - s.path[before, 2, 0]) / ((after - before) * p.tau)
+    for i in range(n):
+        s.friction[i] = 0.5 * (s.friction[i] + s.friction[i + 1])
+        z = 0.5 * (s.path[i, 2, 0] + s.path[i + 1, 2, 0])
+        ask_of(2, i, (p.w + p.eta_c2 * (s.p[2] - z - p.a)) / (p.mu + 1.0), p, s)
+
+
+@routine
+def ask(first: float, n: int, p: Any, s: Any) -> None:
+    """Write path, friction, direction and what is asked for n fine intervals from the time `first` on."""
+    continue_reference(0, first, n, p, s)
+    continue_reference(1, first, n, p, s)
+    ask_of_z(first, n, p, s)
+    for i in range(n):
+        v_x, v_y = rate(i, 0, s), rate(i, 1, s)
+        # A drive that is held cannot turn with friction inside its slot: there the scanner rests for a moment.
+        middle = i - i % p.fine + p.fine // 2
+        m_x, m_y = s.path[middle, 0, 1], s.path[middle, 1, 1]
+        if v_x * m_x + v_y * m_y <= 0.0:
+            v_x, v_y = m_x, m_y
+        speed = math.sqrt(v_x * v_x + v_y * v_y)
+        s.direction[i, 0] = v_x / speed if speed > 0.0 else 0.0
+        s.direction[i, 1] = v_y / speed if speed > 0.0 else 0.0
+        ask_of(0, i, s.friction[i] * s.direction[i, 0], p, s)
+        ask_of(1, i, s.friction[i] * s.direction[i, 1], p, s)

@@ -1,0 +1,111 @@
+"""The nominal plant: what a drive does to the scanner, set-valued friction included; a copy of it that runs along from
+measurement to measurement; the load on the tip, from the deflection.
+"""
+
+import math
+from typing import Any
+
+from ...contact.friction import friction_impulse
+from ...core.jit import kernel, routine
+from ...sample.paper import surface
+from .map import read_map
+from .predictive_constants import ANSWERS, KNOWN, LEARNED, SLOTS
+
+REACH = 0.7
+"""Phase of the shortest wave up to which a slope is continued."""
+
+
+@kernel
+def beyond(f: Any, d_x: float, d_y: float, p: Any) -> float:
+    """A quantity of the sample a step d beyond where it is known, from its value, slopes and mean.
+
+    It is continued along its slope as far as its shortest wave allows; farther on its mean is what is most likely.
+    """
+    phase = p.wave_number * (abs(d_x) + abs(d_y))
+    if phase <= REACH:
+        return f[0] + f[1] * d_x + f[2] * d_y
+    value = f[0] + (f[1] * d_x + f[2] * d_y) * REACH / phase
+    return value + (1.0 - math.exp(REACH - phase)) * (f[8] - value)
+
+
+@routine
+def look(x: float, y: float, p: Any, s: Any) -> None:
+    """Height, curvature and strength of friction of the sample at (x, y)."""
+    s.here = beyond(s.ratio, x - s.at_x, y - s.at_y, p)
+    if p.surface == KNOWN:
+        surface(x, y, s, p, 0)
+        return
+    s.curvature = 0.0
+    s.strength = 1.0
+    s.height = beyond(s.H, x - s.at_x, y - s.at_y, p)
+    if p.surface == LEARNED:
+        read_map(x, y, s)
+
+
+@kernel
+def nominal_bound(load: float, p: Any, s: Any) -> float:
+    """Bound of friction of the contact as it is believed to be, at the place looked at."""
+    return s.strength * (p.f_0 + s.curvature * (p.f_1 + p.f_2 * s.curvature)) * (1.0 + p.f_load * (load - p.load_0))
+
+
+@routine
+def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Any, s: Any) -> None:
+    """Move the scanner on by so many steps of length h [1/w0] under a constant drive.
+
+    Half drift, kick, half drift as in docs/theory.md (37) to (41). Along z tip and sample move as one.
+    """
+    half = 0.5 * h
+    d_x, d_y, d_z = half * p.damping[0], half * p.damping[1], half * p.damping[2]
+    for _ in range(steps):
+        s.X += half * s.V_X
+        s.Y += half * s.V_Y
+        s.Z += half * s.V_Z
+        look(s.X, s.Y, p, s)
+        tip = s.Z + s.height - p.delta - p.delta_curvature * s.curvature
+        load = p.w + p.eta_c2 * (tip - p.a)
+        p_x = (1.0 - d_x) * s.V_X + h * (u_x - p.stiffness[0] * s.X)
+        p_y = (1.0 - d_y) * s.V_Y + h * (u_y - p.stiffness[1] * s.Y)
+        f = s.bound if s.bound > 0.0 else s.here * nominal_bound(load, p, s)
+        j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, 1.0 + d_x, 1.0 + d_y, h * f)
+        s.V_X = 0.0 if stick else (p_x - j_x) / (1.0 + d_x)
+        s.V_Y = 0.0 if stick else (p_y - j_y) / (1.0 + d_y)
+        rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
+        s.V_Z = ((1.0 - d_z) * s.V_Z + h * (u_z - p.stiffness[2] * s.Z - rest)) / (1.0 + d_z)
+        s.X += half * s.V_X
+        s.Y += half * s.V_Y
+        s.Z += half * s.V_Z
+
+
+@kernel
+def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
+    """Move the scanner on by a slot under a constant drive."""
+    move(u_x, u_y, u_z, p.dt, p.steps, p, s)
+
+
+@kernel
+def take_load(y: Any, p: Any, s: Any) -> None:
+    """Put height of and load on the tip at a measurement into the state, with the scanner as it is there."""
+    s.Q = p.a + y.deflection / p.z0
+    s.load = p.w + p.eta_c2 * (s.Q - p.a)
+    # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
+    # after a correction.
+    held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
+    rise = y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
+    phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
+    follows = p.height * phase_rate * phase_rate
+    s.rise = rise - min(max(rise, -follows), follows)
+    s.load += s.rise
+
+
+@kernel
+def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
+    """Move the copy of the plant from the last measurement to measurement k, under the drives that were in force."""
+    kept = max(y.drive_sequence, 0) % ANSWERS
+    known = y.drive_sequence >= 0 and s.answered[kept] == y.drive_sequence
+    for ahead in range(min(max(k - s.last, 1), SLOTS)):
+        for j in range(p.slots):
+            x, y_, z = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1], y.drive[2] / p.volts[2]
+            if known:
+                at = max(0, min((s.last + ahead - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
+                x, y_, z = s.sent[kept, at, 0], s.sent[kept, at, 1], s.sent[kept, at, 2]
+            predict(x, y_, z, p, s)

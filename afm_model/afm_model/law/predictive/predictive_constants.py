@@ -1,0 +1,242 @@
+"""Constants of the friction-predicting law, from the parameters of the controller."""
+
+import math
+
+import numpy as np
+
+from ...contact.friction import bound_of_load
+from ...contact.jkr import indentation_of_u, radius_at_zero_load, u_of_load
+from ...core.records import record
+from ...parts.part import Numbers, Tree
+from ...parts.signals import LONGEST_HORIZON
+from .gains import gains, grid, observer_gains, transition
+
+INTERVALS = 512
+"""Fine intervals that the law can look ahead."""
+SLOTS = LONGEST_HORIZON + 1
+"""Drives of one answer, those in force before it included."""
+ANSWERS = 128
+"""Last answers that are kept. Of an older one nothing is left but its last drive, which the measurement tells."""
+LONG = 4.0
+"""Longest time for which a drive is held without being refined [1/w0]."""
+LONGEST_DELAY = 30
+"""Control periods."""
+SURFACES = {"known": 0, "observed": 1, "learned": 2}
+KNOWN, OBSERVED, LEARNED = range(3)
+FLOOR = 2e-4
+"""Noise of a height [z0] and of a ratio, from a load that is not quite static."""
+TOGETHER = 1.0
+"""Control period above which one filter estimates position and friction [1/w0]: below, a filter of the position that
+takes the measured force as it is makes smaller errors where the reference turns."""
+_WAVE = 63.0
+"""Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
+_UNEVEN = 3e-5
+"""Rms of a ratio about its mean over a known surface, whose correlation lasts a quarter of a wave: of the load that
+the deflection tells, what is not static."""
+_STEP = 0.05
+"""Longest step of the prediction [1/w0]."""
+
+_SCALARS = (
+    "hold",  # control period [1/w0]
+    "slot",  # time between two drives of an answer
+    "slots",  # slots in a control period
+    "delay",  # slots until the drive of an answer is in force
+    "count",  # drives in an answer, without the reserve
+    "reserve",  # drives of the reserve
+    "fine",  # fine intervals in a slot
+    "horizon",  # fine intervals in the horizon
+    "tau",  # length of a fine interval
+    "refined",  # one: the drive of a slot is long and refined
+    "turn",  # lambda of the direction of friction
+    "ring",  # part of a change of the load by which it still rings after a slot
+    "steps",  # of the prediction in a slot
+    "dt",
+    "surface",
+    "identified",
+    "mu",
+    "w",
+    "a",
+    "eta_c2",
+    "delta",  # indentation at the load of the setpoint zero, flat sample [z0]
+    "delta_load",  # its change with the load
+    "delta_curvature",  # and with the curvature
+    "f_0",  # bound of friction at that load: f_0 + f_1 kappa + f_2 kappa^2
+    "f_1",
+    "f_2",
+    "f_load",  # its relative change with the load
+    "load_0",
+    "beta",  # sample
+    "k_x",
+    "k_y",
+    "height",  # largest height and wave number assumed
+    "wave_number",
+    "ripple",  # of the strength, from that curvature
+    "measured",
+    "together",  # position and friction are estimated in one filter
+    "position_noise",
+    "force_noise",  # of friction measured along x
+    "uneven",  # rms of the ratio over a known surface about its mean
+    "astray",  # rms change of the position across the motion in a control period, that the copy does not know [x0]
+    "wander",  # rms change of the ratio in a control period
+    "uncertain",  # variance of an estimated position, x and y
+    "height_noise",
+    "ratio_noise",
+    "x0",
+    "z0",
+    "w0",
+    "lateral_force",
+    "normal_force",
+)
+CONSTANTS = record(
+    *_SCALARS,
+    "stiffness",
+    "damping",
+    "volts",  # per unit of U
+    "K",
+    "Phi",
+    "Gamma",
+    "G",
+    "L",  # of the observer
+    "free",  # a control period of the free scanner, mean of x and y: transition, and of a drive
+    "of_drive",
+    vectors=("stiffness", "damping", "volts"),
+    integers=(
+        *("slots", "delay", "count", "reserve", "fine", "horizon", "refined", "steps"),
+        *("surface", "identified", "measured", "together"),
+    ),
+    arrays={
+        "K": (3, 2),
+        "L": (3, 2),
+        "free": (2, 2),
+        "of_drive": (2,),
+        "Phi": (3, 2, 2),
+        "Gamma": (3, 2),
+        "G": (3, INTERVALS, 2),
+    },
+)
+
+
+def values(parameters: Tree) -> Numbers:
+    """Values of CONSTANTS."""
+    law, scanner, cantilever, contact = parameters.law, parameters.scanner, parameters.cantilever, parameters.contact
+    scales, piezo, sample = parameters.scales, parameters.piezo, parameters.sample
+    w0, x0, z0 = scales.w0, scales.x0, scales.z0
+    mu, m_c = scanner.mass_ratio, cantilever.m_c
+    lateral_force, normal_force = mu * m_c * w0**2 * x0, m_c * w0**2 * z0
+    hold = law.period * w0
+    slots, spare = law.packet, law.spare
+    slot = hold / slots
+    division = grid(slot, law.response * w0)
+    eta = {axis: 2.0 * math.pi * getattr(scanner, f"f_{axis}") / w0 for axis in "xyz"}
+    xi = {axis: getattr(scanner, f"xi_{axis}") for axis in "xyz"}
+    eta_c = 2.0 * math.pi * cantilever.f_c / w0
+    w, a = cantilever.W / normal_force, cantilever.a / z0
+    # Sample and tip move as one along z: the contact is stiff.
+    both = 1.0 + 1.0 / mu
+    stiffness = np.array([eta["x"] ** 2, eta["y"] ** 2, (eta["z"] ** 2 + eta_c**2 / mu) / both])
+    damping = np.array([2.0 * xi[axis] * eta[axis] for axis in "xyz"])
+    damping[2] = (damping[2] + 2.0 * cantilever.xi_c * eta_c / mu) / both
+    of_axis = [gains(stiffness[i], damping[i], slot, division) for i in range(3)]
+    G = np.zeros((3, INTERVALS, 2))
+    n = division.fine * division.holds
+    for i in range(3):
+        G[i, :n] = of_axis[i].G
+    steps = math.ceil(slot / _STEP - 1e-9)
+    # Contact at the load of a resting cantilever, and how it changes with curvature and load.
+    r = contact.R / z0
+    L_s = contact.pull_off_force / normal_force
+    delta_0 = radius_at_zero_load(contact.R, contact.K, contact.surface_energy) ** 2 / contact.R / z0
+    f_s = contact.friction_at_pull_off / lateral_force
+    load_0 = w - eta_c**2 * a
+
+    def indentation(kappa: float, load: float) -> float:
+        rho = 1.0 / (1.0 + kappa * r)
+        return delta_0 * rho ** (1.0 / 3.0) * indentation_of_u(u_of_load(load / (L_s * rho)))
+
+    def bound(kappa: float, load: float) -> float:
+        rho = 1.0 / (1.0 + kappa * r)
+        return bound_of_load(f_s, rho, load / (L_s * rho))
+
+    small = 0.01 / r
+    f_0, up, down = bound(0.0, load_0), bound(small, load_0), bound(-small, load_0)
+    dn = 1e-3 * L_s
+    delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
+    measured = law.feedback == "measured"
+    height_noise = math.hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
+    ratio_noise = math.hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
+    ripple = abs(up - down) / (2.0 * small * f_0) * (law.wave_number * x0) ** 2 * law.height / z0
+    noise = law.position_noise / x0
+    # What averaging over a wave leaves of the noise of the ratio; along z the tip's load hardly disturbs the scanner.
+    left = ratio_noise * math.sqrt(hold / _WAVE)
+    disturbances = (left * f_0, left * f_0, FLOOR * eta_c**2 / mu)
+    noises = (noise, noise, law.position_noise / z0)
+    L = [observer_gains(stiffness[i], damping[i], hold, disturbances[i], noises[i]) for i in range(3)]
+    free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
+    return {
+        "hold": hold,
+        "slot": slot,
+        "slots": slots,
+        "delay": law.delay_ticks * slots,
+        "count": slots * (1 + spare),
+        "reserve": law.reserve,
+        "fine": division.fine,
+        "horizon": n,
+        "tau": slot / division.fine,
+        "refined": slot > LONG and n + division.fine <= INTERVALS,
+        "turn": 1.0 - math.exp(-slot / max(division.response, slot)),
+        "ring": math.exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
+        "steps": steps,
+        "dt": slot / steps,
+        "surface": SURFACES[law.surface],
+        "identified": law.friction == "identified",
+        "mu": mu,
+        "w": w,
+        "a": a,
+        "eta_c2": eta_c**2,
+        "delta": indentation(0.0, load_0),
+        "delta_load": delta_load,
+        "delta_curvature": (indentation(small, load_0) - indentation(-small, load_0)) / (2.0 * small),
+        "f_0": f_0,
+        "f_1": (up - down) / (2.0 * small),
+        "f_2": (up - 2.0 * f_0 + down) / (2.0 * small**2),
+        "f_load": (bound(0.0, load_0 + dn) - bound(0.0, load_0 - dn)) / (2.0 * dn * f_0),
+        "load_0": load_0,
+        "beta": getattr(sample, "beta", 0.0) / z0,
+        "k_x": getattr(sample, "k_x", 0.0) * x0,
+        "k_y": getattr(sample, "k_y", 0.0) * x0,
+        "height": law.height / z0,
+        "wave_number": law.wave_number * x0,
+        "ripple": ripple,
+        "measured": measured,
+        "together": measured and law.surface == "observed" and law.friction == "identified" and hold > TOGETHER,
+        "position_noise": noise,
+        "force_noise": ratio_noise * f_0,
+        "uneven": _UNEVEN,
+        "astray": L[0][0] * noise,
+        "wander": _UNEVEN * math.sqrt(8.0 * hold / _WAVE),
+        "uncertain": max(L[0][0], L[1][0]) * noise**2,
+        "height_noise": height_noise,
+        "ratio_noise": ratio_noise,
+        "L": np.array(L),
+        "free": free,
+        "of_drive": of_drive,
+        "x0": x0,
+        "z0": z0,
+        "w0": w0,
+        "lateral_force": lateral_force,
+        "normal_force": normal_force,
+        "stiffness": stiffness,
+        "damping": damping,
+        # A static displacement is U / eta^2; along z the drive moves sample and tip.
+        "volts": np.array(
+            [
+                x0 / (eta["x"] ** 2 * piezo.sensitivity_x),
+                x0 / (eta["y"] ** 2 * piezo.sensitivity_y),
+                both * z0 / (eta["z"] ** 2 * piezo.sensitivity_z),
+            ]
+        ),
+        "K": np.array([each.K for each in of_axis]),
+        "Phi": np.array([each.Phi for each in of_axis]),
+        "Gamma": np.array([each.Gamma for each in of_axis]),
+        "G": G,
+    }

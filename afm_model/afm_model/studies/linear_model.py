@@ -1,0 +1,226 @@
+"""Instrument and law, linearised: scanner, cantilever and contact under a held drive; what a law answers to small
+changes of what it has measured and of what it remembers.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.friction import bound_of_load
+from ..contact.jkr import stiffness_of_u, u_of_load
+from ..core.jit import plain
+from ..core.records import place, record_at, size
+from ..core.registry import find
+from ..instrument import Instrument
+from ..instrument.controller import Controller, answer
+from ..parameters import SimParameters, Value, changed, flatten
+from ..parts.signals import COMMAND, MEASUREMENT
+from ..plant.constants import plant_constants
+
+_Array = NDArray[np.float64]
+AXES = ("x", "y", "z")
+STATES = 8
+"""States of the plant: X, V_X, Y, V_Y, Z, V_Z, Q, V_Q."""
+_NOISES = {
+    f"detector.{name}"
+    for name in ("noise", "noise_density", "deflection_noise_density", "position_noise", "position_noise_density")
+}
+_SMALL = 1e-5
+"""Change by which the law is probed, in the paper's units."""
+_TICKS = 200
+"""Measurements after which a law has settled at what it is shown."""
+_SETTLING = 4000
+"""Control periods in which a stable loop comes to rest against friction."""
+_FAR = 1e6
+"""Beyond this [x0, z0] a loop has diverged."""
+
+
+def nominal_friction(sim: SimParameters) -> _Array:
+    """Friction of a flat sample at the setpoint, (3,) [w0^2 x0], against a motion along the reference."""
+    p = plant_constants(sim)
+    f = plain(bound_of_load)(p["f_s"], 1.0, _static_load(sim, p) / p["L_s"])
+    # A part of the reference that has no amplitude does not move; of one that has none at all, x stands for it.
+    along = np.abs([*sim.reference.amplitude, 0.0]) if any(sim.reference.amplitude) else np.array([1.0, 0.0, 0.0])
+    return np.asarray(f * along / np.linalg.norm(along))
+
+
+def _static_load(sim: SimParameters, p: Any) -> float:
+    return float(p["eta_c"] ** 2 * (sim.reference.z_r / sim.scales.z0 - p["a"]) + p["w"])
+
+
+def plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, _Array]:
+    """Exact step over a control period: nondimensional states from states, from volts, and from friction (8,)."""
+    from scipy.linalg import expm  # here: a tenth of a second for nothing in a node
+
+    p = plant_constants(sim)
+    F, G = np.zeros((STATES, STATES)), np.zeros((STATES, 3))
+    for i, axis in enumerate(AXES):
+        eta, xi = p[f"eta_{axis}"], p[f"xi_{axis}"]
+        F[2 * i, 2 * i + 1] = 1.0
+        F[2 * i + 1, 2 * i : 2 * i + 2] = -eta * eta, -2.0 * xi * eta
+        G[2 * i + 1, i] = p[f"gain_{axis}"]
+    F[6, 7] = 1.0
+    F[7, 6:8] = -(p["eta_c"] ** 2), -2.0 * p["xi_c"] * p["eta_c"]
+    u = plain(u_of_load)(_static_load(sim, p) / p["L_s"])
+    k = max(p["L_s"] * plain(stiffness_of_u)(u) / p["delta_0"], 0.0)
+    c = 2.0 * p["zeta_n"] * math.sqrt(k)
+    if sim.plant.kind != "compliant":
+        # As good as rigid: far stiffer than either spring, and critically damped.
+        k = 1e6 * (p["eta_c"] ** 2 + p["eta_z"] ** 2)
+        c = 2.0 * math.sqrt(k)
+    # N = k delta + c delta', delta = Z - Q on a flat sample.
+    spring = np.array([k, c, -k, -c])
+    F[5, 4:8] -= spring / p["mu"]
+    F[7, 4:8] += spring
+    f = nominal_friction(sim)
+    load = np.array([0.0, -f[0], 0.0, -f[1], 0.0, 0.0, 0.0, 0.0])
+    E = expm(np.block([[F, G, load[:, None]], [np.zeros((4, STATES + 4))]]) * sim.scales.w0 * period)
+    return E[:STATES, :STATES], E[:STATES, STATES : STATES + 3], E[:STATES, STATES + 3]
+
+
+def sensors(sim: SimParameters) -> _Array:
+    """Measurement [SI] from the plant's states and the drive in force [V]."""
+    C = np.zeros((size(MEASUREMENT), STATES + 3))
+    x0, z0, w0 = sim.scales.x0, sim.scales.z0, sim.scales.w0
+    for column in range(STATES + 3):
+        y = record_at(C[:, column].copy(), 0, MEASUREMENT)
+        axis = min(column // 2, 2)
+        length = z0 if axis == 2 else x0
+        if column < 6:
+            target = y.velocity if column % 2 else y.position
+            target[axis] = length * (w0 if column % 2 else 1.0)
+        elif column == 6:
+            y.deflection = z0
+            y.deflection_voltage = z0 / sim.detector.deflection_sensitivity
+        elif column == 7:
+            y.deflection_rate = z0 * w0
+        else:
+            y.drive[column - STATES] = 1.0
+        C[:, column] = np.array([y]).view(np.float64)
+    return C
+
+
+def measurement_at_rest(sim: SimParameters) -> _Array:
+    """What is measured with the tip at its setpoint, the reference standing still, without noise."""
+    quiet: dict[str, Value] = dict.fromkeys(_NOISES & flatten(sim).keys(), 0.0)
+    instrument = Instrument(changed(sim, quiet | {"fault.kind": "none"}), 1, hashed=False)
+    y = instrument.measurement.copy()
+    record = record_at(y, 0, MEASUREMENT)
+    record.velocity[:] = record.reference_velocity[:] = record.reference_acceleration[:] = 0.0
+    record.drive_sequence = record.newest_drive_sequence = 0
+    record.deflection_rate = record.lateral_force = record.lateral_voltage = 0.0
+    record.reference_position[:2] = record.position[:2]
+    return y
+
+
+class LinearError(ValueError):
+    """A law that has no linear model; the message says why, in one sentence."""
+
+
+def _ask(law: Controller, y: _Array) -> _Array:
+    command = np.zeros(size(COMMAND))
+    answer(law.block, 0.0, y, command)
+    law.raise_errors()
+    return command[place(COMMAND, "voltage") :][:3]
+
+
+def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Array:
+    """What is measured once the loop has settled against friction; without it, if the loop does not settle.
+
+    A law that is made for no rate settles where it would at any: it is asked at a high one, without delay.
+    """
+    at_rest = measurement_at_rest(sim)
+    sampled = hasattr(law.parameters.law, "period")
+    period = sim.plant.control_period if sampled else min(sim.plant.control_period, sim.plant.dt)
+    delay = sim.plant.delay_ticks if sampled else 0
+    A, B, load = plant_matrices(sim, period)
+    force = record_at(y := at_rest.copy(), 0, MEASUREMENT)
+    force.lateral_force = nominal_friction(sim)[0] * sim.units.lateral_force
+    force.lateral_voltage = force.lateral_force / sim.detector.lateral_sensitivity
+    start = record_at(at_rest, 0, MEASUREMENT).drive.copy()
+    flight = [start] * (delay + 1)
+    x, last = np.zeros(STATES + 3), np.zeros(STATES)
+    law.reset()
+    for _ in range(_SETTLING):
+        flight.append(_ask(law, y + C @ x).copy())
+        due = flight.pop(0) if delay else flight.pop()
+        last, x[:STATES] = x[:STATES].copy(), A @ x[:STATES] + B @ (due - start) + load
+        x[STATES:] = due - start
+        if not np.max(np.abs(x[:STATES])) < _FAR:
+            return at_rest
+    return y + C @ x if np.max(np.abs(x[:STATES] - last)) < _SMALL else at_rest
+
+
+def law_scales(law: Controller, sliding: _Array, C: _Array) -> tuple[_Array, _Array]:
+    """How far each number of the law's state and each measured one is changed; leaves the law settled."""
+    inputs = _SMALL * np.max(np.abs(C), axis=1)
+    width = size(find("law", law.parameters.law.kind).state)
+    tail = law.block[len(law.block) - width :]
+    integers = _integers(law)
+    random = np.random.default_rng(0)
+    # An integral goes on while the loop is open: it keeps what it came to.
+    begin = tail.copy()
+    for _ in range(_TICKS):
+        _ask(law, sliding)
+    settled = tail.copy()
+    largest = np.zeros(width)
+    for _ in range(_TICKS):
+        _ask(law, sliding + inputs * random.uniform(-1.0, 1.0, len(inputs)))
+        largest = np.maximum(largest, np.abs(np.where(integers, 0.0, tail - np.where(integers, 0.0, settled))))
+    tail[:] = begin
+    before = tail.copy()
+    _ask(law, sliding)
+    if np.any(before.view(np.int64)[integers] != tail.view(np.int64)[integers]):
+        raise LinearError(f"law {law.parameters.law.kind} counts its ticks: it has no linear model that stays the same")
+    return np.where(np.isfinite(largest), largest, 0.0), inputs
+
+
+def _integers(law: Controller) -> NDArray[np.bool_]:
+    """Which numbers of the law's state are whole numbers: those are not changed by a little."""
+    dtype: Any = find("law", law.parameters.law.kind).state
+    flags = np.zeros(size(dtype), bool)
+    for name in dtype.names or ():
+        kind, offset = dtype.fields[name][:2]
+        flags[offset // 8 : (offset + kind.itemsize) // 8] = kind.base.kind == "i"
+    return flags
+
+
+def jacobian(law: Controller, sliding: _Array, states: _Array, inputs: _Array) -> tuple[_Array, _Array]:
+    """(state after, drive [V]) per change of the state before, and per change of the measurement."""
+    n = len(states)
+    tail = law.block[len(law.block) - n :]
+    settled = tail.copy()
+
+    def reply(change: _Array, y: _Array) -> _Array:
+        tail[:] = settled
+        moved = change != 0.0
+        tail[moved] += change[moved]
+        drive = _ask(law, y)
+        after = np.where(_integers(law), 0.0, tail)
+        return np.concatenate([after, drive])
+
+    def slopes(factor: float) -> _Array:
+        columns = []
+        for i, step in enumerate(factor * np.concatenate([states, inputs])):
+            change, y = np.zeros(n), np.zeros(len(inputs))
+            (change if i < n else y)[i if i < n else i - n] = step
+            columns.append(
+                (reply(change, sliding + y) - reply(-change, sliding - y)) / (2.0 * step)
+                if step > 0.0
+                else np.zeros(n + 3)
+            )
+        return np.column_stack(columns)
+
+    one, other = slopes(1.0), slopes(0.3)
+    tail[:] = settled
+    # In units of the changes, so that all rows and columns compare.
+    weights = np.concatenate([states, inputs])
+    difference, whole = np.abs(one - other) * weights, np.abs(one) * weights
+    rows = np.max(whole, axis=1, keepdims=True)
+    if np.any(difference > 0.02 * np.where(rows > 0.0, rows, 1.0)):
+        raise LinearError(
+            f"law {law.parameters.law.kind} switches: its answer to a small change is not proportional to it"
+        )
+    return one[:, :n], one[:, n:]
