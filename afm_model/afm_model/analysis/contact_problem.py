@@ -62,7 +62,7 @@ def _ends() -> tuple[_Array, _Array]:
 
 
 def branch_nodes(model: str, transition: float, largest: float) -> tuple[_Array, _Array, _Array]:
-    """Contact radius, force and indentation from the end of the branch to a largest force, in units of `FlatContact`."""
+    """Contact radius, force and indentation from the end of the branch to a force, in units of `FlatContact`."""
     a_far = math.sqrt((largest + 2.0) ** (2.0 / 3.0)) + 2.0
     if model != "maugis":
         found = branch(model)
