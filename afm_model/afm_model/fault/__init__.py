@@ -4,14 +4,14 @@ from typing import Any
 
 from ..core.call import call
 from ..core.jit import kernel
-from ..core.records import Block, pointer_at, record_at
+from ..core.records import Block, address_at, numbers_at, pointer_at, record_at
 from ..core.registry import register
 from ..parts.groups import FaultParameters
 from ..parts.header import HEADER
-from ..parts.signals import DISPLACEMENT, MEASUREMENT
+from ..parts.signals import COMMAND, DISPLACEMENT, MEASUREMENT
 from .entry import KINDS, LATENCY_TICKS, NEVER, TARGETS, Entry
 from .events import acted, active, events
-from .memory import CONSTANTS, MEMORY, SENSED
+from .memory import CONSTANTS, MEMORY, MEMORY_SIZE, SENSED
 from .message import delay_command, delay_measurement
 from .none import NONE
 from .schedule import SCHEDULED, Schedule, faults_of, table
@@ -24,16 +24,23 @@ _SCHEDULED = PARTS.index(SCHEDULED)
 
 
 @kernel
+def _memory(m: Block) -> Any:
+    """What the schedule remembers, which is there as soon as there is a fault."""
+    return record_at(numbers_at(record_at(m, 0, HEADER).fault_memory, MEMORY_SIZE), 0, MEMORY)
+
+
+@kernel
 def on_command(k: int, m: Block) -> int:
-    """Where in the block m the command stands that has arrived by tick k. Called once, at its begin."""
+    """Address of the command that has arrived by tick k. Called once, at its begin."""
     g = record_at(m, 0, HEADER)
     if g.fault == _SCHEDULED:
         p = record_at(m, g.fault_constants, CONSTANTS)
         if p.on_sample > 0:
             disturb_sample(k, record_at(m, g.displacement, DISPLACEMENT), p)
         if p.on_commands > 0:
-            return delay_command(k, m, g.commanded, g.fault_memory, p, record_at(m, g.fault_memory, MEMORY))
-    return int(g.commanded)
+            memory = numbers_at(g.fault_memory, MEMORY_SIZE)
+            return delay_command(k, record_at(m, g.commanded, COMMAND), p, record_at(memory, 0, MEMORY), memory)
+    return address_at(m, g.commanded)
 
 
 @kernel
@@ -43,9 +50,9 @@ def on_measurement(k: int, t: float, r: Any, m: Block) -> None:
     if g.fault == _SCHEDULED:
         p = record_at(m, g.fault_constants, CONSTANTS)
         if p.on_sensors > 0:
-            spoil_measurement(k, record_at(m, g.measurement, MEASUREMENT), p, record_at(m, g.fault_memory, MEMORY))
+            spoil_measurement(k, record_at(m, g.measurement, MEASUREMENT), p, _memory(m))
         if p.on_measurements > 0:
-            delay_measurement(k, m, g.measurement, p, record_at(m, g.fault_memory, MEMORY))
+            delay_measurement(k, m, g.measurement, p, _memory(m))
     elif g.fault != 0:
         y = record_at(m, g.measurement, MEASUREMENT)
         call(g.fault_on_measurement, (t, y, pointer_at(m, g.fault_constants), pointer_at(m, g.fault_state), r))
@@ -58,7 +65,7 @@ def on_drive(k: int, t: float, u: Any, r: Any, m: Block) -> None:
     if g.fault == _SCHEDULED:
         p = record_at(m, g.fault_constants, CONSTANTS)
         if p.on_drives > 0:
-            spoil_drive(k, t, u, p, record_at(m, g.fault_memory, MEMORY))
+            spoil_drive(k, t, u, p, _memory(m))
     elif g.fault != 0:
         call(g.fault_on_drive, (t, u, pointer_at(m, g.fault_constants), pointer_at(m, g.fault_state), r))
 
@@ -68,7 +75,7 @@ def unasked(m: Block) -> bool:
     """Whether the measurement of this tick gets lost, so that nobody answers it."""
     g = record_at(m, 0, HEADER)
     if g.fault == _SCHEDULED and record_at(m, g.fault_constants, CONSTANTS).on_measurements > 0:
-        return bool(record_at(m, g.fault_memory, MEMORY).lost != 0)
+        return bool(_memory(m).lost != 0)
     return False
 
 

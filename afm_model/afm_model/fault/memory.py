@@ -60,5 +60,7 @@ MEMORY = record(
         "commands": (SLOTS, COMMAND_SIZE),
     },
 )
+MEMORY_SIZE = size(MEMORY)
+"""3.2 MB: an array of its own, that is there when the first fault is; its address stands in the header."""
 KEPT, COMMANDS = place(MEMORY, "kept"), place(MEMORY, "commands")
 """Where in it commands begin."""

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from ..core.jit import kernel
-from ..core.records import Block, record_at
+from ..core.records import Block, address_at, record_at
 from ..parts.signals import COMMAND, copy_command
 from ..parts.timing import ticks_of
 from .chance import uniform
@@ -68,17 +68,8 @@ def delay_measurement(k: int, m: Block, at: int, p: Any, f: Any) -> None:
 
 
 @kernel
-def delay_command(k: int, m: Block, commanded: int, memory: int, p: Any, f: Any) -> int:
-    """Where in the block the command stands that has arrived by tick k.
-
-    Parameters
-    ----------
-    k : int
-    m : ndarray
-    commanded, memory : int
-        Where in it the command of tick k stands, and the record f.
-    """
-    u = record_at(m, commanded, COMMAND)
+def delay_command(k: int, u: Any, p: Any, f: Any, memory: Block) -> int:
+    """Address of the command that has arrived by tick k, in which u was commanded; `memory` holds the record f."""
     v = f.passed_voltage
     same = u.voltage[0] == v[0] and u.voltage[1] == v[1] and u.voltage[2] == v[2]
     new = u.sequence != f.passed
@@ -92,13 +83,13 @@ def delay_command(k: int, m: Block, commanded: int, memory: int, p: Any, f: Any)
         # Nor is what the instrument does by itself, as when it retracts the sample: that takes effect at once.
         f.arrives_at[slot] = k
     if f.arrives_at[slot] >= 0:
-        copy_command(u, record_at(m, memory + COMMANDS + slot * COMMAND_SIZE, COMMAND))
+        copy_command(u, record_at(memory, COMMANDS + slot * COMMAND_SIZE, COMMAND))
     j = k
     while j > f.in_force and j > k - SLOTS:
         if 0 <= f.arrives_at[j % SLOTS] <= k:
             f.in_force = j
-            at = memory + COMMANDS + (j % SLOTS) * COMMAND_SIZE
-            copy_command(record_at(m, at, COMMAND), record_at(m, memory + KEPT, COMMAND))
+            at = COMMANDS + (j % SLOTS) * COMMAND_SIZE
+            copy_command(record_at(memory, at, COMMAND), record_at(memory, KEPT, COMMAND))
             break
         j -= 1
-    return int(memory + KEPT)
+    return address_at(memory, KEPT)

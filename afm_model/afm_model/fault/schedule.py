@@ -14,7 +14,7 @@ from ..core.schema import Group
 from ..parts.groups import FaultParameters
 from ..parts.part import Fault
 from .entry import DRIVES, KINDS, MESSAGES, NEVER, SENSORS, TARGETS, Entry, problem
-from .memory import CONSTANTS, MEMORY, MOST
+from .memory import CONSTANTS, MOST
 from .none import untouched
 
 
@@ -128,7 +128,6 @@ SCHEDULED = Fault(
     name="scheduled",
     parameters=Schedule,
     constants=CONSTANTS,
-    memory=MEMORY,
     values=values,
     check=check,
     # These are for a part that is called by address; this one is compiled into the loop (`fault/__init__.py`).

@@ -49,7 +49,7 @@ LOOP = record(
     "clipped",  # updates of the drive since the start that were beyond its range
     "steep",  # that were steeper than the slew limit
     "in_force",  # measurement that the drive in force answers
-    "received",  # where the command stands that has arrived last
+    "received",  # address of the command that has arrived last
     "score_tick",  # first tick that is scored
     "control_period",  # [s]
     "dac_period",  # [s]
@@ -132,8 +132,7 @@ class Layout:
         self.places["sample_map"] = self._reserve(self._map.size)
         self._plant_map = _map_of(self.parts["plant"], parameters)
         self.places["plant_map"] = self._reserve(self._plant_map.size)
-        fault: Any = self.parts["fault"].part
-        self._add("fault_memory", fault.memory)
+        self.places["fault_memory"] = 0
         self.size = self._end
         # A row of the random numbers.
         draws = {family: each.part.draws for family, each in self.parts.items()}

@@ -1,5 +1,7 @@
 """The faults of an instrument: in force from its start, or put in force while it runs."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -7,6 +9,7 @@ from ..core.errors import ParameterError
 from ..core.records import record_at
 from ..fault import CONSTANTS, MEMORY, NEVER, SCHEDULED, SENSED, faults_of, table
 from ..parameters import InstrumentParameters
+from ..parts.header import HEADER
 from ..parts.signals import COMMAND, copy_command
 from .block import Layout
 
@@ -33,15 +36,15 @@ class Faults:
         self._scheduled = layout.parts["fault"].part is SCHEDULED
         if self._scheduled:
             self._table = record_at(block, layout.places["fault_constants"], CONSTANTS)
-            self._memory = record_at(block, layout.places["fault_memory"], MEMORY)
+        self._memory: Any = None
         self._names: list[str] = []
         self.until = NEVER
         """Before this tick is computed, `renew` must be called."""
 
     def reset(self) -> None:
         """Return to the start of a run; the commands of the block are those of the start."""
-        if self.there:
-            self._layout.array(self._block, "fault_memory")[:] = 0.0
+        if self.there or self._memory is not None:
+            self._remember()
             for sort in _SORTS:
                 self._table[sort] = 0
             self._fill(0)
@@ -67,7 +70,15 @@ class Faults:
             )
         self._parameters = parameters
         self.there = bool(faults_of(parameters))
+        if self._memory is None:
+            self._remember()
         self.renew(int(self._layout.record(self._block, "loop").k))
+
+    def _remember(self) -> None:
+        """Have a memory in which nothing stands."""
+        memory = np.zeros(1, MEMORY)
+        self._memory = memory[0]
+        record_at(self._block, 0, HEADER).fault_memory = memory.ctypes.data
 
     def renew(self, tick: int) -> None:
         """Fill the table again, for `tick` and those after it: faults that are over leave their places."""

@@ -24,7 +24,7 @@ from ..plant import step, tell
 from ..program import reference, watch
 from .block import LOOP
 from .drift import DRIFT, DRIFTED, drift, wander
-from .drive import allowed, due, put_in_force
+from .drive import allowed, command_at, due, put_in_force
 from .limits import GUARD, LIMITS, RUNNING, has_z, take_drive, watch_limits
 from .score import SUMS, count_step
 from .sensors import READ, SENSORS, sense, tell_sensors
@@ -62,7 +62,7 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
     for axis in range(3):
         y.drive[axis] = a.voltage[axis]
     y.drive_sequence = c.in_force
-    y.newest_drive_sequence = record_at(m, c.received, COMMAND).sequence
+    y.newest_drive_sequence = command_at(c.received).sequence
     r = record_at(m, g.asked, REFERENCE)
     for axis in range(3):
         y.reference_position[axis] = r.position[axis]
@@ -119,7 +119,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     scored = c.k >= c.score_tick
     c.received = on_command(c.k, m)
     command = due(m)
-    c.in_force = record_at(m, command, COMMAND).sequence
+    c.in_force = command_at(command).sequence
     put_in_force(m, command, 0.0, faults)
     guard = record_at(m, g.guard, GUARD)
     z_given = record_at(m, g.limits, LIMITS).z_inside != 0.0 and has_z(guard)

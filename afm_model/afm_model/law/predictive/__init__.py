@@ -1,7 +1,7 @@
 """Friction-predicting control, docs/laws.md: a law that knows that friction sticks, and acts before it does."""
 
 from ...parts.part import Law
-from .constants import CONSTANTS, values
+from .constants import ANSWERS, CONSTANTS, longest, values
 from .control import control
 from .limits import check, warnings
 from .parameters import PredictiveLaw
@@ -17,6 +17,7 @@ PREDICTIVE = Law(
     check=check,
     warnings=warnings,
     control=control,
+    memory=("sent", lambda parameters: 3 * ANSWERS * longest(parameters)),
 )
 
 __all__ = ["PREDICTIVE", "PredictiveLaw"]

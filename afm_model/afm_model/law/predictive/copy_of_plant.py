@@ -4,6 +4,7 @@ from typing import Any
 
 from ...core.jit import kernel
 from .constants import ANSWERS, SLOTS
+from .flight import drives_of
 from .plant import predict
 
 
@@ -17,5 +18,6 @@ def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
             x, y_, z = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1], y.drive[2] / p.volts[2]
             if known:
                 at = max(0, min((s.last + ahead - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
-                x, y_, z = s.sent[kept, at, 0], s.sent[kept, at, 1], s.sent[kept, at, 2]
+                sent = drives_of(kept, p, s)
+                x, y_, z = sent[3 * at], sent[3 * at + 1], sent[3 * at + 2]
             predict(x, y_, z, p, s)

@@ -3,7 +3,7 @@
 import math
 
 from ...parts.part import Tree
-from .constants import INTERVALS, LONGEST_DELAY, SLOTS, SURFACES
+from .constants import INTERVALS, LONGEST_DELAY, SLOTS, SURFACES, longest
 from .gains import grid
 
 
@@ -17,7 +17,7 @@ def check(parameters: Tree) -> None:
         )
     if law.delay_ticks > LONGEST_DELAY:
         raise ValueError(f"law.delay_ticks = {law.delay_ticks} is not allowed: it must be <= {LONGEST_DELAY}")
-    slots = law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve
+    slots = longest(parameters)
     if slots > SLOTS:
         raise ValueError(
             f"law.packet = {law.packet} with law.delay_ticks = {law.delay_ticks}, law.spare = {law.spare} and "
