@@ -19,7 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from support import note_shared_memory, remove_shared_memory_left
+from support import TIMEOUT, note_shared_memory, remove_shared_memory_left
 
 from afm_node_common import topics
 from afm_recorder_node.node import RecorderNode
@@ -116,7 +116,7 @@ class Bench:
     def spin_once(self, timeout: float) -> None:
         self.executor.spin_once(timeout_sec=timeout)
 
-    def spin_until(self, predicate: Callable[[], bool], timeout: float = 20.0) -> None:
+    def spin_until(self, predicate: Callable[[], bool], timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout
         while not predicate():
             if time.monotonic() > end:
@@ -190,7 +190,7 @@ class RecorderProcess:
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.diagnostics += message.status
 
-    def spin_until(self, predicate: Callable[[], bool], timeout: float = 30.0) -> None:
+    def spin_until(self, predicate: Callable[[], bool], timeout: float = TIMEOUT) -> None:
         end = time.monotonic() + timeout
         while not predicate():
             if self.process.poll() is not None:
@@ -210,7 +210,7 @@ class RecorderProcess:
         self.process.kill()
         self.process.wait()
 
-    def end(self, number: signal.Signals = signal.SIGINT, timeout: float = 30.0) -> int:
+    def end(self, number: signal.Signals = signal.SIGINT, timeout: float = TIMEOUT) -> int:
         """Send a signal; exit code."""
         self.process.send_signal(number)
         end = time.monotonic() + timeout

@@ -18,6 +18,7 @@ import rclpy
 import yaml
 from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive, Score
 from ament_index_python.packages import get_package_prefix
+from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -169,6 +170,17 @@ def write_scenario(path: Path, **sections: Mapping[str, object]) -> Path:
     return path
 
 
+def _destroy(node: Any) -> None:
+    """Destroy a node with its action clients.
+
+    rclpy leaves them. One that a failed test still holds keeps the participant alive, to which all later tests of this
+    process then send.
+    """
+    node.destroy_node()
+    for client in [entity for entity in node.waitables if isinstance(entity, ActionClient)]:
+        client.destroy()
+
+
 class Graph:
     """Nodes of this process, served in turn by one thread. Use as a context manager.
 
@@ -196,7 +208,7 @@ class Graph:
         with shared_memory_cleanup():
             self.executor.shutdown()
             for node in self.nodes:
-                node.destroy_node()
+                _destroy(node)
             rclpy.shutdown()
 
     def add(self, node: Any) -> Any:
@@ -209,7 +221,7 @@ class Graph:
         """End a node."""
         self.nodes.remove(node)
         self.executor.remove_node(node)
-        node.destroy_node()
+        _destroy(node)
 
     def spin(self) -> None:
         """One turn: a step of every node that has a loop of its own, and what the executor has."""

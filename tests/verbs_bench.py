@@ -87,10 +87,6 @@ class Bench:
             assert line.row == image.row(line.index)
         return image
 
-    def close(self) -> None:
-        for client in self.actions.values():
-            client.destroy()
-
 
 def scan_in_process() -> tuple[Image, str]:
     """The image of SCAN in process, and the trajectory up to its end."""

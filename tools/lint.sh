@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Style, types, import rules, generated docs. Run by `make lint` in the environment of env.sh.
+# Style, types, import rules, no wall times in tests, generated docs. Run by `make lint` in the environment of env.sh.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 ruff check .
 ruff format --check .
 mypy
 lint-imports
+python tools/check_times.py
 python tools/make_docs.py --check

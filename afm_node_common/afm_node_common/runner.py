@@ -27,15 +27,14 @@ from .waiting import Waiting
 
 RCLError = rclpy_implementation.RCLError
 SERVE_PERIOD = 0.02
-"""Wall time between two looks at timers, parameters, services and actions while the loop is busy [s]."""
-_EVENTS_EVERY = 50
+"""Wall time between two calls of `serve_periodic` [s]."""
+LOOK_PERIOD = 0.005
+"""Wall time between two looks at timers, parameters, services and actions [s]; the nodes take turns.
+
+A loop that waits for deadlines looks right behind a tick, at the latest when this has passed twice.
+"""
+_EVENTS_EVERY = 200
 """Events of the middleware are looked at in one of so many looks: once a second."""
-_LOOKING = 0.002
-"""Part of the time that looks may take: between two ticks of a loop at 20 kHz one costs 100 us, with cold caches."""
-_LATEST = 0.05
-"""Wall time between two looks at most [s]."""
-SERVE_AGAIN = 0.005
-"""The same after something was found: a goal is answered in three steps, and one look serves one of them [s]."""
 
 
 @runtime_checkable
@@ -201,7 +200,7 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
 
 
 def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) -> None:
-    """Step as fast as there is something to do; serve the rest every SERVE_PERIOD."""
+    """Step as fast as there is something to do; serve the rest now and then."""
     nodes = [node for node in made if isinstance(node, Looping)]
     if not nodes:
         while not stop.requested:
@@ -209,17 +208,16 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
         return
     # One node at a time: a look at several is felt in a loop of 20 kHz.
     looks = cycle([Waiting([node], _EVENTS_EVERY) for node in made])
-    turn = SERVE_PERIOD / len(made)
     # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
-    patience = SERVE_PERIOD if len(nodes) == 1 else 0.001
-    serve_at, look_at, period = 0.0, 0.0, turn
+    patience = LOOK_PERIOD if len(nodes) == 1 else 0.001
+    serve_at, look_at = 0.0, 0.0
     while not stop.requested:
         busy = False
         for node in nodes:
             if node.step():
                 busy = True
         if not busy:
-            nodes[0].wait(min(patience, period))
+            nodes[0].wait(patience)
         now = time.monotonic()
         # Right after a tick there is time for it, right before the next one there may not be.
         if now >= serve_at and (busy or now >= serve_at + SERVE_PERIOD):
@@ -228,12 +226,8 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
             serve_at = now + SERVE_PERIOD
             if busy:
                 continue
-        if now >= look_at and (busy or now >= look_at + period):
-            begin = time.monotonic()
+        if now >= look_at and (busy or now >= look_at + LOOK_PERIOD):
             waiting = next(looks)
-            ready = waiting()
-            took = time.monotonic() - begin
-            if ready or waiting.unfinished:
+            if waiting() or waiting.unfinished:
                 spin_once(0.0)
-            period = SERVE_AGAIN if ready else min(max(turn, took / _LOOKING), _LATEST)
-            look_at = now + period
+            look_at = now + LOOK_PERIOD

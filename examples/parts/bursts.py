@@ -35,7 +35,7 @@ def draw(parameters, generator, ticks):
 
 
 @kernel
-def on_measurement(t, y, p, s, r):
+def on_measurement(k, t, y, e, p, s, r):
     if r[0] < p.probability:
         s.until = t + p.length
     if t < s.until:
@@ -43,7 +43,7 @@ def on_measurement(t, y, p, s, r):
 
 
 @kernel
-def on_drive(t, u, p, s, r):
+def on_drive(k, t, u, p, s, r):
     for axis in range(3):
         if r[2] < p.loss and t > 0.0:
             u.voltage[axis] = s.last[axis]

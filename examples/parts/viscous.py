@@ -5,8 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from afm_model.parts import Plant, PlantParameters, Unit, kernel, record
-from afm_model.sample import surface
+from afm_model.parts import Plant, PlantParameters, Unit, kernel, record, surface
 
 
 class Viscous(PlantParameters):

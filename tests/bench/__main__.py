@@ -189,6 +189,10 @@ def bench_verbs(report: Report, folder: Path) -> None:
     for name, text in (("cpu_s", "processor time of the simulator"), ("wall_s", "wall time")):
         over, inside = figures[name]["over_topics"], figures[name]["in_process"]
         report.add(f"a scan over topics, {text} [s] (floor: in process)", f"{over:.2f}", f"{inside:.2f}", over / inside)
+    for name, row in figures["answers"].items():
+        times = ", ".join(f"{row[f'accepted_{which}_s'] * 1e3:.1f}" for which in ("p50", "p99", "max"))
+        report.add(f"a goal, sent to accepted, loop at full speed, {name}: p50, p99, max [ms]", times)
+        report.add("  to its result: p50 [ms]", f"{row['result_p50_s'] * 1e3:.1f}")
 
 
 def main() -> int:

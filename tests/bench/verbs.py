@@ -1,4 +1,4 @@
-"""A scan over topics, line by line, beside the same scan in process: what the topics cost it."""
+"""A scan over topics, line by line, beside the same scan in process: what the topics cost it; and goals meanwhile."""
 
 import statistics
 import time
@@ -17,7 +17,7 @@ from sensor_msgs.msg import Image
 from afm_model import load_scenario
 from afm_model.microscope.local import Local
 from afm_model.microscope.results import DIRECTIONS
-from afm_model.microscope.verbs import Approach, Scan, Verb
+from afm_model.microscope.verbs import Approach, MoveTo, Scan, Verb
 from afm_node_common import topics
 from afm_node_common.verbs import TOPICS, goal_of, type_of
 
@@ -42,7 +42,8 @@ class Client:
                 topic = f"{topics.IMAGE}/{name}_{way}"
                 node.create_subscription(Image, topic, self._on_image, topics.LATCHED_QOS, raw=True)
         self.actions = {
-            name: ActionClient(node, type_of(name), TOPICS[name]) for name in (Approach.__name__, Scan.__name__)
+            name: ActionClient(node, type_of(name), TOPICS[name])
+            for name in (Approach.__name__, MoveTo.__name__, Scan.__name__)
         }
 
     def _on_image(self, data: bytes) -> None:
@@ -108,6 +109,49 @@ def _in_process(scan: Scan, repeats: int) -> list[dict[str, float]]:
     return figures
 
 
+def answers(folder: Path, *, composed: bool, goals: int = 200) -> dict[str, float]:
+    """Wall time from a goal to its acceptance, and to its result, while the loop runs as fast as it can [s].
+
+    A scan is going on, so that each goal is answered at once: another verb is going on.
+    """
+    file = str(load_scenario(SCENARIO).path)
+    name = ("afm_bringup", "composed") if composed else ("afm_sim_node", "afm_sim_node")
+    law = [] if composed else ["-p", f"law.kind:={load_scenario(SCENARIO).controller.law.kind}"]
+    accepted, ended = [], []
+    rclpy.init()
+    try:
+        with running([executable(*name), "--ros-args", "--params-file", file, *law], log=folder / "bench.log"):
+            client = Client(Node("bench", namespace=topics.NAMESPACE))
+            client.do(Approach())
+            scan = Scan(size_x=1e-6, pixels=64, lines=2000, line_rate=2.0)
+            going = client.actions[Scan.__name__].send_goal_async(goal_of(scan))
+            client.spin_until(going.done)
+            move = client.actions[MoveTo.__name__]
+            client.spin_until(move.server_is_ready)
+            for _ in range(goals):
+                begin = time.monotonic()
+                goal = move.send_goal_async(goal_of(MoveTo(x=0.0, y=0.0)))
+                client.spin_until(goal.done)
+                accepted.append(time.monotonic() - begin)
+                result = goal.result().get_result_async()
+                client.spin_until(result.done)
+                ended.append(time.monotonic() - begin)
+                if result.result().result.success:
+                    raise RuntimeError("the scan has come to its end")
+            cancelled = going.result().cancel_goal_async()
+            client.spin_until(cancelled.done)
+            client.close()
+    finally:
+        rclpy.shutdown()
+    quantile = statistics.quantiles(accepted, n=100)
+    return {
+        "accepted_p50_s": quantile[49],
+        "accepted_p99_s": quantile[98],
+        "accepted_max_s": max(accepted),
+        "result_p50_s": statistics.median(ended),
+    }
+
+
 def measure(folder: Path, lines: int = 128, repeats: int = 3) -> dict[str, Any]:
     """Both take turns; `wall_s` and `cpu_s` are medians."""
     law = load_scenario(SCENARIO).controller.law.kind
@@ -117,6 +161,9 @@ def measure(folder: Path, lines: int = 128, repeats: int = 3) -> dict[str, Any]:
         inside += _in_process(scan, 1)
         over += _over_topics(folder, scan, law, 1)
     result: dict[str, Any] = {"lines": lines, "over_topics": over, "in_process": inside}
+    result["answers"] = {
+        name: answers(folder, composed=composed) for name, composed in (("law inside", False), ("composed", True))
+    }
     for name in ("wall_s", "cpu_s"):
         result[name] = {
             "over_topics": statistics.median(each[name] for each in over),

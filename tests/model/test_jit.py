@@ -72,11 +72,11 @@ def test_a_session_compiles_each_kernel_once():
 from afm_model.instrument import controller, tick
 # What kernels call among themselves they hand over as pointers; a session calls with arrays.
 called = lambda signature: not any("CPointer" in str(kind) or "float64*" in str(kind) for kind in signature)
-kernels = (tick.advance, tick.measure, controller.answer)
+kernels = (tick.advance, tick.start, controller.answer)
 print(json.dumps({{k.__name__: sum(map(called, k.signatures)) for k in kernels}}))
 """.replace("{{", "{").replace("}}", "}")
     counts = json.loads(in_a_new_process(SESSION.format(values=repr(PLANTS), ticks=3) + report))
-    assert counts == {"advance": 1, "measure": 1, "answer": 1}
+    assert counts == {"advance": 1, "start": 1, "answer": 1}
 
 
 TOY = {

@@ -115,4 +115,3 @@ else:
             assert client.set(PLAYING).result == Result.RESULT_OK
             graph.spin_until(lambda: len(client.node.scores) == 2)
             assert client.node.scores[0].trajectory_sha256 == client.node.scores[1].trajectory_sha256
-            steps.destroy()

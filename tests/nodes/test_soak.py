@@ -21,7 +21,7 @@ def test_session_uses_no_more_after_ten_thousands_of_messages_than_before(tmp_pa
     """In lockstep, as fast as it goes: what grew with each message or tick would be seen in seconds."""
     out = tmp_path / "out"
     scenario = endless("closed_loop_tanh", tmp_path / "scenario.yaml")
-    samples = soak(scenario, out, seconds=4.0, warm_up=2.0, every=0.25, told=print)
+    samples = soak(scenario, out, seconds=4.0, warm_up=2.0, every=0.25, told=print, ticks=10_000)
     assert set(samples) == {"session", "cleanup", "afm_sim_node", "afm_controller_node", "afm_recorder_node"}
     found = uses(samples)
     problems = grown({name: {key: use for key, use in of.items() if key != "memory"} for name, of in found.items()})
@@ -73,5 +73,7 @@ def test_growth_is_told_and_a_single_moment_is_none(quantity: str) -> None:
     assert not judge(growing, quantity).flat
     moment = [*steady[:-1], replace(steady[-1], **{quantity: 10.0 * getattr(SAMPLE, quantity)})]
     assert judge(moment, quantity).flat
+    stepped = [replace(one, **{quantity: getattr(one, quantity) + 20.0 * unit}) for one in steady[15:]]
+    assert judge([*steady[:15], *stepped], quantity).flat == (quantity in ("memory", "shared"))
     (sentence,) = grown(uses({"node": growing}))
     assert sentence.startswith(f"{quantity} of node went from ")

@@ -25,9 +25,7 @@ from afm_recorder_node.checks import scan_line
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Bench]:
     with Graph(ros_arguments(INSTRUMENT | LAW)) as graph:
-        made = Bench(graph)
-        yield made
-        made.close()
+        yield Bench(graph)
 
 
 @pytest.fixture(scope="module")

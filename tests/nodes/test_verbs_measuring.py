@@ -66,7 +66,6 @@ def session() -> Iterator[tuple[Bench, dict[str, Outcome]]]:
         bench = Bench(graph)
         outcomes = {named(verb): outcome_of(verb, bench.do(verb), cancelled=False) for verb in SEQUENCE}
         yield bench, outcomes
-        bench.close()
 
 
 @pytest.fixture(scope="module")

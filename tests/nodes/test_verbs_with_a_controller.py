@@ -19,4 +19,3 @@ def test_bytes_are_the_same_with_the_law_in_a_controller_node(tmp_path: Path) ->
         bench.do(SCAN)
         assert_same(bench.image(SCAN, 1), image)
         assert bench.simulator.run.instrument.trajectory_sha256() == sha
-        bench.close()

@@ -34,6 +34,9 @@ class Use:
 def judge(samples: Sequence[Sample], quantity: str) -> Use:
     """Compare the last third with the first: medians, so that a single moment decides nothing.
 
+    Memory has to grow from the first to the middle one and on to the last: while the machine stands still messages
+    wait, and memory stays at that mark (docs/reliability.md). What leaks goes on growing.
+
     Parameters
     ----------
     samples : at least three, in order of time
@@ -47,9 +50,10 @@ def judge(samples: Sequence[Sample], quantity: str) -> Use:
     if len(samples) < 3:
         raise ValueError(f"{len(samples)} samples: at least three are needed to tell a growth")
     third = len(samples) // 3
-    first, last = samples[:third], samples[-third:]
-    begin = statistics.median(getattr(one, quantity) for one in first)
-    end = statistics.median(getattr(one, quantity) for one in last)
+    first, middle, last = samples[:third], samples[third:-third], samples[-third:]
+    begin, between, end = (statistics.median(getattr(one, quantity) for one in part) for part in (first, middle, last))
     seconds = statistics.median(one.at for one in last) - statistics.median(one.at for one in first)
-    allowed = 0.0 if quantity in COUNTS else max(RESOLUTION, MEMORY_RATE * seconds)
-    return Use(begin, end, seconds, end - begin <= allowed)
+    if quantity in COUNTS:
+        return Use(begin, end, seconds, end <= begin)
+    growth = 2.0 * min(between - begin, end - between)
+    return Use(begin, end, seconds, growth <= max(RESOLUTION, MEMORY_RATE * seconds))

@@ -26,7 +26,14 @@ def endless(name: str, path: Path) -> Path:
 
 
 def soak(
-    scenario: Path, out: Path, *, seconds: float, warm_up: float, every: float, told: Callable[[str], object]
+    scenario: Path,
+    out: Path,
+    *,
+    seconds: float,
+    warm_up: float,
+    every: float,
+    told: Callable[[str], object],
+    ticks: int = 0,
 ) -> Mapping[str, list[Sample]]:
     """Run a session for a time, then end it as Ctrl-C does.
 
@@ -44,6 +51,8 @@ def soak(
         Between two samples [s].
     told : callable
         Called now and then with a line that tells how far it is.
+    ticks : int
+        Control ticks that are warming up as well, however long a busy machine takes for them.
 
     Returns
     -------
@@ -61,6 +70,7 @@ def soak(
         command.wait_until(lambda: observer.status.state == InstrumentStatus.RUNNING, graph)
         names = {command.process.pid: "session"} | {pid: _name(line) for pid, line in command.descendants.items()}
         samples: dict[str, list[Sample]] = {name: [] for name in names.values()}
+        command.wait_until(lambda: observer.status.ticks >= ticks, graph)
         begin = time.monotonic()
         due = begin + warm_up
         told_at = begin

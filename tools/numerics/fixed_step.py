@@ -11,11 +11,11 @@ from afm_model.contact.disc import project_disc
 from afm_model.contact.strength import bound_of_load
 from afm_model.contact.surface import effective_radius_ratio
 from afm_model.core.records import pointer_at, record_at
+from afm_model.parts import surface
 from afm_model.parts.header import HEADER
 from afm_model.parts.signals import DRIVE
 from afm_model.plant import CONSTANTS, STATE, compliant, paper
 from afm_model.plant.lateral import kick_lateral
-from afm_model.sample import surface
 
 from .problem import AMPLITUDE, OMEGA
 

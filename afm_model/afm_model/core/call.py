@@ -1,8 +1,5 @@
-"""Calling a part's function by its address: how compiled code reaches a part that it was not compiled with.
-
-Our own parts are chosen by a number and compiled into the loop; a part of somebody else's is an address. Choosing by
-address costs a few nanoseconds a call and, unlike functions handed over as values or closures over them, leaves the
-compiled loop and its cache as they are (measured: docs/architecture.md).
+"""A part's function as a C function, to be called by its address: how compiled code reaches a part that it was not
+compiled with (`afm_model.parts.dispatch`).
 """
 
 import ctypes
@@ -11,57 +8,28 @@ from typing import Any
 
 import numba
 import numpy as np
-from llvmlite import ir as _ir
 from numba import types as _types
-from numba.core import cgutils as _cgutils
-from numba.extending import intrinsic, overload
 
 from . import jit
 from .records import record_at, size
 
-ir: Any = _ir
 types: Any = _types
-cgutils: Any = _cgutils
 
 NUMBER = "number"
 """An argument that is one float64."""
+INTEGER = "integer"
+"""One int64."""
 POINTER = "pointer"
-"""An argument that is an array of float64, of a length that the part knows."""
+"""An array of float64, of a length that the part knows."""
 Argument = np.dtype[Any] | str
-"""What a family hands to a function: NUMBER, POINTER, or the type of a record."""
+"""What a family hands to a function: NUMBER, INTEGER, POINTER, or the type of a record."""
+_CTYPES: dict[Argument, Any] = {NUMBER: ctypes.c_double, INTEGER: ctypes.c_int64}
+_COMPILED_TYPES = {NUMBER: types.float64, INTEGER: types.int64, POINTER: types.CPointer(types.float64)}
 
-_PLAIN: dict[int, Callable[..., None]] = {}
+PLAIN: dict[int, Callable[..., None]] = {}
 """Functions by address where nothing is compiled (NUMBA_DISABLE_JIT)."""
-
-
-def call(address: int, arguments: tuple[Any, ...]) -> None:
-    """Call the function at `address` (from `Function`)."""
-    _PLAIN[address](*arguments)
-
-
-def _call(typing_context: Any, address: Any, arguments: Any) -> Any:
-    """Type and code of `call`: records and arrays go as pointers, numbers as they are."""
-
-    def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        place, packed = given
-        values = [builder.extract_value(packed, i) for i in range(len(arguments))]
-        values = [
-            builder.bitcast(value, cgutils.voidptr_t) if isinstance(value.type, ir.PointerType) else value
-            for value in values
-        ]
-        kind = ir.FunctionType(ir.VoidType(), [value.type for value in values])
-        builder.call(builder.inttoptr(place, kind.as_pointer()), values)
-        return context.get_dummy_value()
-
-    return types.void(types.int64, arguments), generate
-
-
-_call_compiled: Any = intrinsic(_call)
-
-
-@overload(call, jit_options={"forceinline": True})
-def _compiled(address, arguments):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
-    return lambda address, arguments: _call_compiled(address, arguments)
+_COMPILED: dict[Any, Any] = {}
+"""What this process has compiled or read from the disk, by function and arguments."""
 
 
 class Function:
@@ -88,28 +56,33 @@ class Function:
         self._arguments = arguments
         self._records: dict[int, Any] = {}
         self._function = function
+        self.compiled = not jit.config.DISABLE_JIT and jit.is_compiled(function)
         if jit.config.DISABLE_JIT:
             self._keep: Any = self._from_arrays
             self.address = id(self)
-            _PLAIN[self.address] = self._from_arrays
-        elif jit.is_compiled(function):
+            PLAIN[self.address] = self._from_arrays
+        elif self.compiled:
             self._keep = self._compile(function)
             self.address = int(self._keep.address)
         else:
-            kinds = [ctypes.c_double if kind is NUMBER else ctypes.c_void_p for kind in arguments]
+            kinds = [_CTYPES.get(kind, ctypes.c_void_p) for kind in arguments]
             self._keep = ctypes.CFUNCTYPE(None, *kinds)(self._from_pointers)
             self.address = int(ctypes.cast(self._keep, ctypes.c_void_p).value or 0)
 
     def _compile(self, function: Any) -> Any:
-        kinds = {NUMBER: types.float64, POINTER: types.CPointer(types.float64)}
-        signature = types.void(*(kinds[a] if isinstance(a, str) else numba.from_dtype(a) for a in self._arguments))
+        known = _COMPILED.get((function, self._arguments))
+        if known is not None:
+            return known
+        kinds = (_COMPILED_TYPES[a] if isinstance(a, str) else numba.from_dtype(a) for a in self._arguments)
         try:
-            return jit.callback(signature, function.py_func)
+            made = jit.callback(types.void(*kinds), function.py_func)
         # Besides its own errors numba lets some of Python's through, such as a KeyError for a field that is not there.
         except Exception as error:
             lines = [line.strip() for line in str(error).splitlines() if line.strip()]
             told = lines[1] if isinstance(error, numba.core.errors.NumbaError) and len(lines) > 1 else " ".join(lines)
             raise TypeError(f"it cannot be compiled: {type(error).__name__}: {told}") from error
+        _COMPILED[function, self._arguments] = made
+        return made
 
     def _guarded(self, *arguments: Any) -> None:
         if self.error is None:
@@ -131,11 +104,8 @@ class Function:
         self._guarded(*(self._argument(kind, value) for kind, value in zip(self._arguments, given, strict=True)))
 
     def _argument(self, kind: Argument, value: Any) -> Any:
-        if kind is NUMBER:
-            return value
-        if kind is POINTER:
-            return ctypes.cast(value, ctypes.POINTER(ctypes.c_double))
-        assert isinstance(kind, np.dtype)
+        if isinstance(kind, str):
+            return ctypes.cast(value, ctypes.POINTER(ctypes.c_double)) if kind is POINTER else value
         if not size(kind):
             return None
         # The arrays of an instrument stay where they are: a record is made once.

@@ -76,10 +76,12 @@ def record_at(block: Block, index: int, dtype: np.dtype[Any]) -> Any:
     """The record of type `dtype` that begins at `block[index]`: reading and writing its fields is reading and writing
     the array.
     """
+    if not dtype.names:
+        return np.zeros((), dtype)[()]
     return block[index : index + size(dtype)].view(dtype)[0]
 
 
-def _data_pointer(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+def data_pointer(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Where the numbers of an array stand; a pointer is there already."""
     return context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
 
@@ -90,7 +92,7 @@ def _at(typing_context: Any, block: Any, index: Any, dtype: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         values, at, _ = arguments
-        place = builder.gep(_data_pointer(context, builder, block, values), [at], inbounds=True)
+        place = builder.gep(data_pointer(context, builder, block, values), [at], inbounds=True)
         return builder.bitcast(place, context.get_value_type(kind))
 
     return kind(block, types.intp, dtype), generate
@@ -112,7 +114,7 @@ def pointer_at(block: Block, index: int) -> Block:
 def _pointer(typing_context: Any, block: Any, index: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         values, at = arguments
-        return builder.gep(_data_pointer(context, builder, block, values), [at], inbounds=True)
+        return builder.gep(data_pointer(context, builder, block, values), [at], inbounds=True)
 
     return types.CPointer(types.float64)(block, types.intp), generate
 
@@ -125,6 +127,28 @@ def _compiled_pointer(block, index):  # type: ignore[no-untyped-def]
     return lambda block, index: _pointer_at(block, index)
 
 
+def numbers_of(record: Any) -> Block:
+    """The numbers of a record, in place."""
+    return np.asarray(record).reshape(1).view(np.float64)
+
+
+def _of_record(typing_context: Any, record: Any) -> Any:
+    pointer = types.CPointer(types.float64)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], context.get_value_type(pointer))
+
+    return pointer(record), generate
+
+
+_numbers_of: Any = intrinsic(_of_record)
+
+
+@overload(numbers_of, jit_options={"forceinline": True})
+def _compiled_numbers_of(record):  # type: ignore[no-untyped-def]
+    return lambda record: _numbers_of(record)
+
+
 def address_at(block: Block, index: int) -> int:
     """Where in memory `block[index]` stands, for `numbers_at`."""
     return block[index:].ctypes.data
@@ -133,7 +157,7 @@ def address_at(block: Block, index: int) -> int:
 def _address(typing_context: Any, block: Any, index: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         values, at = arguments
-        place = builder.gep(_data_pointer(context, builder, block, values), [at], inbounds=True)
+        place = builder.gep(data_pointer(context, builder, block, values), [at], inbounds=True)
         return builder.ptrtoint(place, context.get_value_type(types.int64))
 
     return types.int64(block, types.intp), generate

@@ -93,7 +93,7 @@ FILTER = record(
     "lateral_in",
     "lateral_noise",
 )
-"""What the low-pass remembers. It is no state of the part, so that a photodiode without one has none."""
+"""What the low-pass remembers. It is not recorded: most photodiodes have none."""
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -173,6 +173,8 @@ PHOTODIODE = Detector(
     name="photodiode",
     parameters=Photodiode,
     constants=CONSTANTS,
+    state=FILTER,
+    recorded=False,
     values=_values,
     detect=detect,
     noisy=_noisy,

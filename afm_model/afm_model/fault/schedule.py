@@ -10,12 +10,15 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
+from ..core.jit import kernel
 from ..core.schema import Group
 from ..parts.groups import FaultParameters
 from ..parts.part import Fault
 from .entry import DRIVES, KINDS, MESSAGES, NEVER, SENSORS, TARGETS, Entry, problem
-from .memory import CONSTANTS, MOST
-from .none import untouched
+from .memory import CONSTANTS, MEMORY, MOST
+from .message import delay_command, delay_measurement
+from .signal import spoil_drive, spoil_measurement
+from .surface import disturb_sample
 
 
 class Schedule(FaultParameters):
@@ -124,13 +127,26 @@ def _numbers(parameters: Any, entries: list[Entry]) -> dict[str, Any]:
     }
 
 
+@kernel
+def on_measurement(k: int, t: float, y: Any, e: Any, p: Any, s: Any, r: Any) -> None:
+    """See `afm_model.parts.Fault`."""
+    if p.on_sensors > 0:
+        spoil_measurement(k, y, p, s)
+    if p.on_measurements > 0:
+        delay_measurement(k, y, e, p, s)
+
+
 SCHEDULED = Fault(
     name="scheduled",
     parameters=Schedule,
     constants=CONSTANTS,
+    state=MEMORY,
+    recorded=False,
     values=values,
     check=check,
-    # These are for a part that is called by address; this one is compiled into the loop (`fault/__init__.py`).
-    on_measurement=untouched,
-    on_drive=untouched,
+    # What has nothing to do is not called: `afm_model.instrument.faults`.
+    on_sample=disturb_sample,
+    on_command=delay_command,
+    on_drive=spoil_drive,
+    on_measurement=on_measurement,
 )

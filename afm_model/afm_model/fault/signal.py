@@ -63,7 +63,7 @@ def spoil_measurement(k: int, y: Any, p: Any, f: Any) -> None:
 
 
 @kernel
-def spoil_drive(k: int, t: float, u: Any, p: Any, f: Any) -> None:
+def spoil_drive(k: int, t: float, u: Any, p: Any, f: Any, unused: Any) -> None:
     """Let the faults of drives change drive u, put in force at time t [s] in tick k."""
     number = math.floor(t / p.dac_period + 0.5)
     for i in range(p.count):

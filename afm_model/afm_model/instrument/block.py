@@ -10,29 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import detector, fault, onboard, piezo, plant, program, sample
 from ..core.errors import ParameterError, PartError
 from ..core.records import place, record, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.assembly import Assembled, assembled
 from ..parts.channels import OPTIONAL, STANDARD
 from ..parts.header import HEADER
-from ..parts.part import Channel, Part
-from ..parts.signals import COMMAND, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from ..parts.part import Channel
+from ..parts.signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 from .drift import DRIFT, DRIFTED, drift_constants
 from .limits import GUARD, LIMITS
 from .score import SUMS
 from .sensors import READ, SENSORS, sensor_constants
 
-FAMILIES: dict[str, tuple[Part, ...]] = {
-    "plant": plant.PARTS,
-    "detector": detector.PARTS,
-    "piezo": piezo.PARTS,
-    "onboard": onboard.PARTS,
-    "sample": sample.PARTS,
-    "program": program.PARTS,
-    "fault": fault.PARTS,
-}
+FAMILIES = ("plant", "detector", "piezo", "onboard", "sample", "program", "fault")
 """Families inside the instrument, in the order of their states in the hash: that of the plant comes first."""
 GROUPS = {family: "reference" if family == "program" else family for family in FAMILIES}
 """Group of parameters in which a part is chosen."""
@@ -93,7 +84,7 @@ class Layout:
 
     def __init__(self, parameters: InstrumentParameters) -> None:
         self.parts: dict[str, Assembled] = {
-            family: assembled(family, getattr(parameters, GROUPS[family]).kind, FAMILIES) for family in FAMILIES
+            family: assembled(family, getattr(parameters, GROUPS[family]).kind) for family in FAMILIES
         }
         self.places: dict[str, int] = {}
         self._records: dict[str, tuple[int, np.dtype[Any]]] = {}
@@ -104,20 +95,22 @@ class Layout:
             self._add(f"{family}_constants", each.part.constants)
         self.places["hashed"] = self._end
         for family, each in self.parts.items():
-            self._add(f"{family}_state", each.part.state)
+            if each.part.recorded:
+                self._add(f"{family}_state", each.part.state)
         self.places["hashed_end"] = self._end
         self._add("measurement", MEASUREMENT)
         for name in ("applied", "regulated", "effective"):
             self._add(name, DRIVE)
         self._add("commanded", COMMAND)
+        self.places["received"] = 0
         self._add("asked", REFERENCE)
         self._add("asked_next", REFERENCE)
         self._add("truth", TRUTH)
         self._add("detection", DETECTION)
         self._add("surface", SURFACE)
         self._add("displacement", DISPLACEMENT)
+        self._add("delivery", DELIVERY)
         self._add("score", SUMS)
-        self._add("detector_filter", detector.FILTER)
         self._add("sensors", SENSORS)
         self._add("read", READ)
         self._add("drift", DRIFT)
@@ -132,7 +125,9 @@ class Layout:
         self.places["sample_map"] = self._reserve(self._map.size)
         self._plant_map = _map_of(self.parts["plant"], parameters)
         self.places["plant_map"] = self._reserve(self._plant_map.size)
-        self.places["fault_memory"] = 0
+        for family, each in self.parts.items():
+            if not each.part.recorded:
+                self._add(f"{family}_state", each.part.state)
         self.size = self._end
         # A row of the random numbers.
         draws = {family: each.part.draws for family, each in self.parts.items()}

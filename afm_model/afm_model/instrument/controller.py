@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import law
 from ..core.jit import kernel
 from ..core.records import Block, record_at, size
 from ..parameters import ControllerParameters
 from ..parts.assembly import Assembled, assembled
 from ..parts.command import Command, CommandRecord
+from ..parts.dispatch import control
 from ..parts.header import LAW_HEADER
 from ..parts.signals import COMMAND, MEASUREMENT
 
@@ -20,14 +20,12 @@ _Array = NDArray[np.float64]
 @kernel
 def answer(block: Block, t: float, measurement: _Array, command: _Array) -> None:
     """Write the command that the law answers to a measurement taken at time t [s]."""
-    law.control(t, record_at(measurement, 0, MEASUREMENT), record_at(command, 0, COMMAND), block)
+    control(t, record_at(measurement, 0, MEASUREMENT), record_at(command, 0, COMMAND), block)
 
 
 def external_law() -> Block:
-    """Block of the law that is somewhere else."""
-    block = np.zeros(size(LAW_HEADER))
-    record_at(block, 0, LAW_HEADER).law = law.EXTERNAL
-    return block
+    """Block of the law that is somewhere else: it has no function."""
+    return np.zeros(size(LAW_HEADER))
 
 
 class Controller:
@@ -71,7 +69,7 @@ class Controller:
 
     @parameters.setter
     def parameters(self, parameters: ControllerParameters) -> None:
-        chosen = assembled("law", parameters.law.kind, {"law": law.PARTS})
+        chosen = assembled("law", parameters.law.kind)
         constants = size(LAW_HEADER)
         state = constants + size(chosen.part.constants)
         block = np.zeros(state + size(chosen.part.state))
@@ -133,5 +131,5 @@ class Controller:
         PartError
         """
         assert self._law is not None
-        if self._law.functions:
+        if self._law.in_python:
             self._law.raise_errors()

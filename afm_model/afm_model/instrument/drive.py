@@ -6,7 +6,7 @@ from typing import Any
 from ..core.converter import convert
 from ..core.jit import kernel
 from ..core.records import Block, address_at, numbers_at, record_at, size
-from ..fault import on_drive
+from ..parts.dispatch import on_drive
 from ..parts.header import HEADER
 from ..parts.signals import COMMAND, DRIVE, LONGEST_HORIZON, copy_command
 from .block import LOOP
@@ -36,7 +36,7 @@ def allowed(u: Any) -> bool:
 
 @kernel
 def command_at(address: int) -> Any:
-    """The command that stands at an address: in the block, or in the memory of a fault."""
+    """The command that stands at an address: in the block, or received behind a fault."""
     return record_at(numbers_at(address, _SIZE), 0, COMMAND)
 
 

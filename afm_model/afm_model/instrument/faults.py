@@ -1,13 +1,11 @@
 """The faults of an instrument: in force from its start, or put in force while it runs."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import ParameterError
-from ..core.records import record_at
-from ..fault import CONSTANTS, MEMORY, NEVER, SCHEDULED, SENSED, faults_of, table
+from ..core.records import record_at, size
+from ..fault import CONSTANTS, MEMORY, NEVER, ON_THEIR_WAY, SCHEDULED, SENSED, faults_of, table
 from ..parameters import InstrumentParameters
 from ..parts.header import HEADER
 from ..parts.signals import COMMAND, copy_command
@@ -15,6 +13,13 @@ from .block import Layout
 
 _TOLD = ("begun", "held")
 """What is remembered of each fault."""
+_HOOKS = {
+    "on_sample": ("on_sample",),
+    "on_command": ("on_commands",),
+    "on_drive": ("on_drives",),
+    "on_measurement": ("on_sensors", "on_measurements"),
+}
+"""For which sorts of faults each function of the part is called."""
 _SORTS = ("on_sensors", "on_drives", "on_measurements", "on_commands", "on_sample")
 """How many faults of a sort are in the table; where there is none, nothing is computed."""
 
@@ -36,24 +41,25 @@ class Faults:
         self._scheduled = layout.parts["fault"].part is SCHEDULED
         if self._scheduled:
             self._table = record_at(block, layout.places["fault_constants"], CONSTANTS)
-        self._memory: Any = None
+            self._memory = record_at(block, layout.places["fault_state"], MEMORY)
+        self._header = record_at(block, 0, HEADER)
+        self._of_messages = self._received = np.zeros(0)
         self._names: list[str] = []
         self.until = NEVER
         """Before this tick is computed, `renew` must be called."""
 
     def reset(self) -> None:
         """Return to the start of a run; the commands of the block are those of the start."""
-        if self.there or self._memory is not None:
-            self._remember()
+        if self._scheduled:
             for sort in _SORTS:
                 self._table[sort] = 0
             self._fill(0)
-            self._begin_commands(-1)
-
-    @property
-    def unasked(self) -> bool:
-        """Whether the measurement of this tick got lost."""
-        return self.there and bool(self._memory.lost != 0)
+            if self._table.on_measurements > 0:
+                self._make_room()
+            if self._table.on_commands > 0:
+                self._begin_commands(-1)
+        elif self._header.fault_on_command != 0:
+            self._receive()
 
     def put_in_force(self, parameters: InstrumentParameters) -> None:
         """Take the schedule of `parameters` from the next tick on; a fault that is there already goes on.
@@ -70,15 +76,7 @@ class Faults:
             )
         self._parameters = parameters
         self.there = bool(faults_of(parameters))
-        if self._memory is None:
-            self._remember()
         self.renew(int(self._layout.record(self._block, "loop").k))
-
-    def _remember(self) -> None:
-        """Have a memory in which nothing stands."""
-        memory = np.zeros(1, MEMORY)
-        self._memory = memory[0]
-        record_at(self._block, 0, HEADER).fault_memory = memory.ctypes.data
 
     def renew(self, tick: int) -> None:
         """Fill the table again, for `tick` and those after it: faults that are over leave their places."""
@@ -100,20 +98,38 @@ class Faults:
             for field, value in zip(_TOLD, remembered.get(name, (0, 0.0)), strict=True):
                 self._memory[field][i] = value
         self._names, self.until = found.names, found.until
+        addresses = self._layout.parts["fault"].places
+        for hook, sorts in _HOOKS.items():
+            called = any(self._table[sort] > 0 for sort in sorts)
+            self._header[f"fault_{hook}"] = addresses[f"fault_{hook}"] if called else 0
+
+    def _make_room(self) -> None:
+        """Have room for messages on their way, empty at first."""
+        if self._memory.messages == 0:
+            self._of_messages = np.zeros(size(ON_THEIR_WAY))
+            self._memory.messages = self._of_messages.ctypes.data
+
+    def _receive(self) -> None:
+        """What is commanded now has arrived."""
+        self._received = np.zeros(size(COMMAND))
+        self._header.received = self._received.ctypes.data
+        copy_command(self._layout.record(self._block, "commanded"), record_at(self._received, 0, COMMAND))
 
     def _begin_commands(self, tick: int) -> None:
         """From now on commands are remembered: the one of `tick` is in force."""
+        self._make_room()
+        self._receive()
         f = self._memory
         commanded = self._layout.record(self._block, "commanded")
         f.in_force, f.passed = tick, commanded.sequence
         f.passed_voltage[:] = commanded.voltage
-        f.arrives_at[:] = -1
-        copy_command(commanded, record_at(f.kept, 0, COMMAND))
+        record_at(self._of_messages, 0, ON_THEIR_WAY).arrives_at[:] = -1
 
     def _begin_measurements(self, tick: int) -> None:
         """From now on sensor values are remembered: those of `tick` have been told."""
-        f = self._memory
-        f.lost, f.shown = 0, tick
+        self._make_room()
+        self._memory.shown = tick
+        f = record_at(self._of_messages, 0, ON_THEIR_WAY)
         slot = tick % len(f.shown_at)
         f.shown_at[:] = -1
         f.shown_at[slot] = tick

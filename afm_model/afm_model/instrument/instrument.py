@@ -13,8 +13,6 @@ from ..parameters import InstrumentParameters
 from ..parts.command import Command, CommandRecord, problem
 from ..parts.part import Channel
 from ..parts.signals import COMMAND, TRUTH
-from ..plant import tell
-from ..program import reference
 from .block import LOOP, Layout, line_slots
 from .controller import Controller, external_law
 from .draws import Draws
@@ -24,7 +22,7 @@ from .loop import fill_loop
 from .orders import Orders
 from .rows import Block, Cut, Rows
 from .score import ScoreSummary, summarize
-from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, STOPPED, advance, measure
+from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, STOPPED, advance, start
 from .truth import truth_of_rows
 
 _Array = NDArray[np.float64]
@@ -78,13 +76,14 @@ class Instrument:
         self._commanded = CommandRecord(layout.array(self._block, "commanded"))
         self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
         self.measurement = layout.array(self._block, "measurement")
+        self._lost = layout.array(self._block, "delivery")
         self._faults = Faults(layout, self._block, parameters)
         self.orders = Orders(layout, self._block, parameters)
         """What is told while the run goes on."""
         self.guard = Guard(layout, self._block, parameters)
         """Its own limits."""
         self._external = external_law()
-        self._assembled = [each for each in layout.parts.values() if each.functions]
+        self._assembled = [each for each in layout.parts.values() if each.in_python]
         fill_loop(layout.record(self._block, "loop"), parameters)
         self.reset()
 
@@ -98,7 +97,7 @@ class Instrument:
             layout.array(block, name)[:] = 0.0
         for name in ("asked", "asked_next"):
             layout.array(block, name)[:] = 0.0
-        for name in ("detector_filter", "read", "drifted"):
+        for name in ("delivery", "read", "drifted"):
             layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
             each.fill_start(block, layout.places[f"{family}_state"], parameters)
@@ -131,9 +130,7 @@ class Instrument:
         self.ticks = self._drawn = self._prepared = 0
         self._row = 0
         noise, position_noise = self._draws.first()
-        tell(layout.record(block, "truth"), block)
-        reference(0.0, layout.record(block, "asked"), block)
-        measure(block, 0, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
+        start(block, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
         self._raise_errors()
 
     @property
@@ -188,7 +185,7 @@ class Instrument:
     @property
     def unasked(self) -> bool:
         """Whether a fault has lost the measurement of this tick: nobody answers it, and `tick(None)` goes on."""
-        return self._faults.there and self._faults.unasked
+        return self._lost.item(0) != 0.0
 
     def set_faults(self, parameters: InstrumentParameters) -> None:
         """Put other faults in force from the next tick on: `parameters` differ from those of now by them alone.

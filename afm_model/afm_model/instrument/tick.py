@@ -13,15 +13,21 @@ from numpy.typing import NDArray
 from ..core.converter import convert
 from ..core.jit import kernel
 from ..core.records import Block, pointer_at, record_at, size
-from ..detector import detect
-from ..fault import on_command, on_measurement, unasked
-from ..law import EXTERNAL, control
-from ..onboard import regulate
+from ..parts.dispatch import (
+    actuate,
+    control,
+    detect,
+    observe,
+    on_command,
+    on_measurement,
+    on_sample,
+    reference,
+    regulate,
+    step,
+    watch,
+)
 from ..parts.header import HEADER, LAW_HEADER
-from ..parts.signals import COMMAND, DETECTION, DRIVE, GIVEN, MEASUREMENT, REFERENCE, TRUTH
-from ..piezo import actuate
-from ..plant import step, tell
-from ..program import reference, watch
+from ..parts.signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, GIVEN, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
 from .drift import DRIFT, DRIFTED, drift, wander
 from .drive import allowed, command_at, due, put_in_force
@@ -68,7 +74,18 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
         y.reference_position[axis] = r.position[axis]
         y.reference_velocity[axis] = r.velocity[axis]
         y.reference_acceleration[axis] = r.acceleration[axis]
-    on_measurement(k, k * c.control_period, faults, m)
+    delivery = record_at(m, g.delivery, DELIVERY)
+    delivery.lost = 0.0
+    on_measurement(k, k * c.control_period, y, delivery, faults, m)
+
+
+@kernel
+def start(m: Block, noise: Any, position_noise: Any, faults: Any) -> None:
+    """The first measurement, of the plant as it stands."""
+    g = record_at(m, 0, HEADER)
+    observe(record_at(m, g.truth, TRUTH), m)
+    reference(0.0, record_at(m, g.asked, REFERENCE), m)
+    measure(m, 0, noise, position_noise, faults)
 
 
 @kernel
@@ -117,7 +134,10 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     stride = c.stride
     j = c.row * (c.substeps // stride)
     scored = c.k >= c.score_tick
-    c.received = on_command(c.k, m)
+    on_sample(c.k, record_at(m, g.displacement, DISPLACEMENT), m)
+    if g.fault_on_command != 0:
+        c.received = g.received
+        on_command(c.k, record_at(m, g.commanded, COMMAND), command_at(g.received), m)
     command = due(m)
     c.in_force = command_at(command).sequence
     put_in_force(m, command, 0.0, faults)
@@ -158,7 +178,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             late = (i // stride) * c.sample_period
             now = t + late
             watch(now, d, r, m)
-            if g.onboard != 0:
+            if g.onboard_regulate != 0:
                 z_mode = r.z_mode
                 if z_given:
                     r.z_mode, w.voltage[2] = GIVEN, guard.drive[2]
@@ -171,7 +191,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
             if drifting.on != 0.0:
                 drift(now, late, v, drifting, drifted)
         step(v, disturbance, m)
-        tell(o, m)
+        observe(o, m)
         if scored:
             count_step(sums, o, r, following, (i + 1) / c.substeps, c.control_period)
     for i in range(_REFERENCE_SIZE):
@@ -194,7 +214,7 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     Parameters
     ----------
     law : ndarray
-        Block of a law; of the law EXTERNAL for a drive that has been commanded from elsewhere.
+        Block of a law; of one without a function for a drive that has been commanded from elsewhere.
     ticks : int
         No more than there are rows left.
     m, random, rows, samples
@@ -210,12 +230,13 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     c = record_at(m, g.loop, LOOP)
     y = record_at(m, g.measurement, MEASUREMENT)
     u = record_at(m, g.commanded, COMMAND)
+    external = record_at(law, 0, LAW_HEADER).law_control == 0
+    delivery = record_at(m, g.delivery, DELIVERY)
     guard, limited = record_at(m, g.guard, GUARD), record_at(m, g.limits, LIMITS).on != 0.0
-    external = record_at(law, 0, LAW_HEADER).law == EXTERNAL
     c.done = 0
     outcome = MOVED
     while c.done < ticks and outcome == MOVED:
-        if external or not unasked(m):
+        if external or delivery.lost == 0.0:
             if not external:
                 u.sequence = c.k
             # The time that a message carries, whole nanoseconds: a law sees the same here and over topics.

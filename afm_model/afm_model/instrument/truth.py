@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from ..core.jit import kernel
 from ..core.records import Block, record_at, size
+from ..parts.dispatch import observe
 from ..parts.header import HEADER
 from ..parts.signals import TRUTH
-from ..plant import tell
 
 _SIZE = size(TRUTH)
 
@@ -20,7 +20,7 @@ def truth_of_rows(states: NDArray[np.float64], m: Block) -> NDArray[np.float64]:
     for row in range(len(states)):
         for i in range(states.shape[1]):
             m[g.hashed + i] = states[row, i]
-        tell(record_at(m, g.truth, TRUTH), m)
+        observe(record_at(m, g.truth, TRUTH), m)
         for i in range(_SIZE):
             told[row, i] = m[g.truth + i]
     return told

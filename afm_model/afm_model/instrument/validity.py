@@ -8,8 +8,8 @@ from ..core import registry
 from ..core.jit import kernel
 from ..core.records import Block
 from ..parameters import ControllerParameters, InstrumentParameters
+from ..parts.dispatch import surface
 from ..plant.steps import resolved_load
-from ..sample import surface
 from .block import Layout
 from .score import ScoreSummary
 

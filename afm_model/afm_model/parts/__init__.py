@@ -3,6 +3,7 @@
 from ..core.jit import kernel
 from ..core.records import EMPTY, record
 from ..core.schema import Unit
+from .dispatch import surface
 from .groups import (
     DetectorParameters,
     FaultParameters,
@@ -39,4 +40,5 @@ __all__ = [
     "Unit",
     "kernel",
     "record",
+    "surface",
 ]

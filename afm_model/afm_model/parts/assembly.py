@@ -1,6 +1,6 @@
 """Putting parts together: the functions of a part by address, its records in a block."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,13 +9,7 @@ from ..core import registry
 from ..core.call import Function
 from ..core.errors import ParameterError, PartError
 from ..core.records import Block, record_at, size
-from .header import OTHER
 from .part import Numbers, Part
-
-
-def numbered(part: Part, own: tuple[Part, ...]) -> int:
-    """Number by which compiled code chooses a part of this package, or OTHER."""
-    return own.index(part) if part in own else OTHER
 
 
 class Assembled:
@@ -26,8 +20,6 @@ class Assembled:
     part : Part
     kind : str
         By which it was chosen.
-    own : tuple of Part
-        Parts of its family that compiled code knows.
 
     Raises
     ------
@@ -35,27 +27,24 @@ class Assembled:
         If a function of it cannot be compiled.
     """
 
-    def __init__(self, part: Part, kind: str, own: tuple[Part, ...]) -> None:
+    def __init__(self, part: Part, kind: str) -> None:
         self.part = part
         self.title = f"{part.family} {kind}"
-        self.number = numbered(part, own)
         self.functions: dict[str, Function] = {}
-        if self.number == OTHER:
-            for name in part.functions:
-                if getattr(part, name) is None:
-                    continue
+        for name in part.functions:
+            if (function := getattr(part, name)) is not None:
                 try:
-                    self.functions[name] = Function(getattr(part, name), part.arguments(name))
+                    self.functions[name] = Function(function, part.arguments(name))
                 except TypeError as error:
                     raise PartError(f"{self.title}: {name}: {error}") from None
+        self.in_python = any(not function.compiled for function in self.functions.values())
+        """Whether a function of it may raise something."""
 
     @property
     def places(self) -> dict[str, int]:
-        """Fields of a header: the number, the addresses of the functions."""
-        family = self.part.family
-        addresses = {f"{family}_{name}": 0 for name in self.part.functions}
-        addresses |= {f"{family}_{name}": function.address for name, function in self.functions.items()}
-        return {family: self.number} | addresses
+        """Fields of a header: the addresses of the functions, 0 where there is none."""
+        addresses = {name: function.address for name, function in self.functions.items()}
+        return {f"{self.part.family}_{name}": addresses.get(name, 0) for name in self.part.functions}
 
     def fill_constants(self, block: Block, index: int, parameters: Any) -> None:
         """Make the constants from the parameters.
@@ -71,7 +60,10 @@ class Assembled:
 
     def fill_start(self, block: Block, index: int, parameters: Any) -> None:
         """Put the state to its start."""
-        block[index : index + size(self.part.state)] = 0.0
+        state = block[index : index + size(self.part.state)]
+        # Memory that nobody has written to is not made real by writing zeros.
+        if state.any():
+            state[:] = 0.0
         if self.part.start is not None:
             self._fill(block, index, self.part.state, self._made(self.part.start, parameters), "state")
 
@@ -106,6 +98,6 @@ class Assembled:
                 raise PartError(f"{self.title}: {name}: {type(error).__name__}: {error}") from error
 
 
-def assembled(family: str, kind: str, own: Mapping[str, tuple[Part, ...]]) -> Assembled:
-    """The part of `family` called `kind`; `own` are the parts that compiled code knows, by family."""
-    return Assembled(registry.find(family, kind), kind, own[family])
+def assembled(family: str, kind: str) -> Assembled:
+    """The part of `family` called `kind`."""
+    return Assembled(registry.find(family, kind), kind)

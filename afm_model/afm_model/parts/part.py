@@ -11,10 +11,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.call import NUMBER, POINTER, Argument
+from ..core.call import INTEGER, NUMBER, POINTER, Argument
 from ..core.records import EMPTY
 from ..core.schema import Group
-from .signals import COMMAND, DETECTION, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from .signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
 
 Numbers = Mapping[str, Any]
 """Values of a record by the names of its fields."""
@@ -23,8 +23,8 @@ Tree = Any
 parts, so that a part cannot name them.
 """
 Kernel = Callable[..., None]
-CONSTANTS, STATE = "constants", "state"
-"""In the signature of a family: the part's own records."""
+CONSTANTS, STATE, MAP, WHOLE = "constants", "state", "map", "whole"
+"""In the signature of a family what is the part's own: its records, its map; the whole block, to ask other parts."""
 
 
 def _one(parameters: Tree) -> float:
@@ -90,6 +90,8 @@ class Part:
         The same -> values of `state` at the start of a run; zeros if not given.
     check : callable
         Raises ValueError for parameters that are not allowed together; called whenever parameters are read.
+    recorded : bool
+        False: the state is no state of the instrument but of what is told; neither recorded nor in the hash.
     channels : tuple of Channel
     draws : int
         Random numbers that it uses in each control tick, by a seed of its own.
@@ -108,14 +110,15 @@ class Part:
     values: Callable[[Tree], Numbers] = _none
     start: Callable[[Tree], Numbers] | None = None
     check: Callable[[Tree], None] = _anything
+    recorded: bool = True
     channels: tuple[Channel, ...] = ()
     draws: int = 0
     draw: Callable[[Any, np.random.Generator, int], NDArray[np.float64] | None] | None = None
 
     def arguments(self, function: str) -> tuple[Argument, ...]:
         """What a kernel of this part is called with."""
-        own: dict[Any, Argument] = {CONSTANTS: self.constants, STATE: self.state}
-        return tuple(own.get(kind, kind) if isinstance(kind, str) else kind for kind in self.functions[function])
+        own: dict[Argument, Argument] = {CONSTANTS: self.constants, STATE: self.state, MAP: POINTER, WHOLE: POINTER}
+        return tuple(own.get(kind, kind) for kind in self.functions[function])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,20 +176,36 @@ class Law(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Part):
-    """What goes wrong: `on_measurement(t, y, p, s, r)` and `on_drive(t, u, p, s, r)` change measurement and drive.
+    """What goes wrong in control tick k. Each function may be left out.
 
-    `on_drive` is called when a drive is put in force, at each update of the DAC. r holds the part's `draws` random
-    numbers of one tick, the same for its drives and for the measurement at its end; at the start they are zero.
+    Parameters
+    ----------
+    on_sample : callable
+        `on_sample(k, d, p, s)`, at the begin of the tick: write what is wrong with the sample into d of DISPLACEMENT.
+    on_command : callable
+        `on_command(k, u, v, p, s)`, then: u is what the controller has commanded, v of COMMAND what has arrived, which
+        stays from tick to tick.
+    on_drive : callable
+        `on_drive(k, t, u, p, s, r)`, when a drive is put in force, at each update of the DAC, at time t [s].
+    on_measurement : callable
+        `on_measurement(k, t, y, e, p, s, r)`, with the measurement of tick k. With e.lost = 1 it is not sent.
+
+    r holds the part's `draws` random numbers of one tick, the same for its drives and for the measurement at its end;
+    at the start they are zero.
     """
 
     family = "fault"
     functions: ClassVar = {
-        "on_measurement": (NUMBER, MEASUREMENT, CONSTANTS, STATE, POINTER),
-        "on_drive": (NUMBER, DRIVE, CONSTANTS, STATE, POINTER),
+        "on_sample": (INTEGER, DISPLACEMENT, CONSTANTS, STATE),
+        "on_command": (INTEGER, COMMAND, COMMAND, CONSTANTS, STATE),
+        "on_drive": (INTEGER, NUMBER, DRIVE, CONSTANTS, STATE, POINTER),
+        "on_measurement": (INTEGER, NUMBER, MEASUREMENT, DELIVERY, CONSTANTS, STATE, POINTER),
     }
 
-    on_measurement: Kernel
-    on_drive: Kernel
+    on_sample: Kernel | None = None
+    on_command: Kernel | None = None
+    on_drive: Kernel | None = None
+    on_measurement: Kernel | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,8 +235,8 @@ class Piezo(Part):
 class Onboard(Part):
     """What runs inside the instrument at the rate of the virtual ADC: `regulate(t, d, r, u, p, s)` may change drive u.
 
-    d is the photodetector's last sample, r the reference of the control tick. One that moves z does with it what
-    `r.z_mode` says.
+    Without it nothing runs there. d is the photodetector's last sample, r the reference of the control tick. One that
+    moves z does with it what `r.z_mode` says.
 
     Parameters
     ----------
@@ -232,7 +251,7 @@ class Onboard(Part):
     family = "onboard"
     functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, DRIVE, CONSTANTS, STATE)}
 
-    regulate: Kernel
+    regulate: Kernel | None = None
     moves_z: bool = False
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
@@ -244,7 +263,7 @@ class Plant(Part):
     """Equations of motion: `step(v, r, p, s, m)` advances s by one integration step under drive v [V]; r holds the
     part's random numbers. `observe(p, s, o)` tells the state as a record o of TRUTH.
 
-    The sample is asked through m: `afm_model.sample.surface(x, y, m)` with x, y in x0.
+    The sample is asked through m: `afm_model.parts.surface(x, y, m)` with x, y in x0.
 
     Parameters
     ----------
@@ -263,7 +282,7 @@ class Plant(Part):
 
     family = "plant"
     functions: ClassVar = {
-        "step": (DRIVE, POINTER, CONSTANTS, STATE, POINTER),
+        "step": (DRIVE, POINTER, CONSTANTS, STATE, WHOLE),
         "observe": (CONSTANTS, STATE, TRUTH),
     }
 
@@ -297,7 +316,7 @@ class Sample(Part):
     """
 
     family = "sample"
-    functions: ClassVar = {"surface": (NUMBER, NUMBER, SURFACE, CONSTANTS, POINTER)}
+    functions: ClassVar = {"surface": (NUMBER, NUMBER, SURFACE, CONSTANTS, MAP)}
 
     surface: Kernel
     map: Callable[[Any], NDArray[np.float64]] | None = None

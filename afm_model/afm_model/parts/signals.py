@@ -106,6 +106,9 @@ DISPLACEMENT = record(
 )
 """What a fault does to the sample."""
 
+DELIVERY = record("lost")
+"""What a fault does to a measurement as a message: 1.0 if it gets lost, so that nobody answers it."""
+
 TRUTH = record(
     "position",  # scanner x, y, z; z is the height of the sample [m]
     "velocity",  # [m/s]

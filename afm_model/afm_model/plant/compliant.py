@@ -16,8 +16,8 @@ from ..contact.jkr import INDENTATION_FIXED_GRIPS, load_of_u, stiffness_of_u, u_
 from ..contact.strength import bound_of_area
 from ..contact.surface import effective_radius_ratio
 from ..core.jit import kernel
+from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree
-from ..sample import surface
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest, start_free

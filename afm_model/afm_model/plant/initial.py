@@ -4,8 +4,8 @@ from typing import Any
 
 from ..contact.strength import bound_of_load
 from ..core.errors import ParameterError
+from ..parts.dispatch import surface
 from ..parts.part import Tree
-from ..sample import surface
 from .statics import place_sample, static_load
 
 Voltage = tuple[float, float, float]

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from ..core.jit import kernel
-from ..sample import surface
+from ..parts.dispatch import surface
 from .lever_contact import hold, indent, place_frame, slide
 
 

@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from ..core.jit import kernel, routine
-from ..sample import surface
+from ..parts.dispatch import surface
 from .lever_contact import indent, normal, place_frame
 from .random_numbers import normal as standard_normal
 

@@ -7,9 +7,9 @@ import numpy as np
 from ..core.errors import ParameterError
 from ..core.jit import plain
 from ..core.records import record_at
+from ..parts.dispatch import surface
 from ..parts.header import HEADER
 from ..parts.part import Tree
-from ..sample import surface
 from .lever_apex import require_resolved_apex
 from .lever_check import require_blunt_sample
 from .lever_contact import normal, place_frame

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from ..contact.strength import bound_of_load
 from ..contact.surface import effective_radius_ratio
 from ..core.jit import kernel
+from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree
-from ..sample import surface
 from .constants import CONSTANTS, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest

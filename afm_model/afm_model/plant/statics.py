@@ -5,7 +5,7 @@ from typing import Any
 from ..contact.jkr import indentation_of_u, u_of_load
 from ..contact.surface import effective_radius_ratio
 from ..core.jit import kernel
-from ..sample import surface
+from ..parts.dispatch import surface
 
 
 @kernel
