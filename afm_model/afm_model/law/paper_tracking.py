@@ -11,9 +11,9 @@ from pydantic import Field
 from ..core.jit import kernel
 from ..core.records import record
 from ..parts.part import Law, Numbers, Tree
-from . import height, paper, scanner
+from . import paper, sampled, scanner
 from .paper import PaperLaw
-from .timing import SampledLaw
+from .sampled import SampledLaw
 
 
 class PaperTracking(PaperLaw, SampledLaw):
@@ -23,16 +23,16 @@ class PaperTracking(PaperLaw, SampledLaw):
 
 
 # Cantilever and scales mean the same to both.
-_FIELDS = tuple(dict.fromkeys((*(paper.CONSTANTS.names or ()), *scanner.FIELDS, *height.FIELDS)))
+_FIELDS = tuple(dict.fromkeys((*(paper.CONSTANTS.names or ()), *sampled.FIELDS)))
 CONSTANTS = record(*_FIELDS, vectors=scanner.VECTORS)
-STATE = record(*scanner.STATE_FIELDS, *height.STATE_FIELDS, vectors=scanner.STATE_VECTORS)
+STATE = record(*sampled.STATE_FIELDS, vectors=scanner.STATE_VECTORS)
 
 
 def _values(parameters: Tree) -> Numbers:
     kind = parameters.law.kind.removesuffix("_tracking")
     as_paper = parameters.model_copy(update={"law": parameters.law.model_copy(update={"kind": kind})})
     of_paper = paper.PARTS[paper.KINDS[kind]].values(as_paper)
-    return {**of_paper, **scanner.scanner_values(parameters), **height.height_values(parameters)}
+    return {**of_paper, **sampled.sampled_values(parameters)}
 
 
 @kernel
@@ -40,7 +40,7 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     paper.control(t, y, u, p, s)
     scanner.follow_flight(y, p, s)
-    height.control_height(y, u, p, s)
+    sampled.control_height(y, u, p, s)
     s.started = 1.0
 
 

@@ -12,9 +12,9 @@ from ..core.jit import kernel
 from ..core.records import record
 from ..core.schema import Positive
 from ..parts.part import Law, Numbers, Tree
-from . import height, scanner
+from . import sampled, scanner
+from .sampled import SampledLaw
 from .scanner import feed_forward, follow_flight, free_axes, position, reference_at, send
-from .timing import SampledLaw
 
 
 class PidLaw(SampledLaw):
@@ -45,10 +45,8 @@ class Gains(NamedTuple):
 
 
 _MEMORY = ("sum", "one", "two")
-CONSTANTS = record(
-    *scanner.FIELDS, *height.FIELDS, "feedforward", "pid_z", *Gains._fields, vectors=(*scanner.VECTORS, *Gains._fields)
-)
-STATE = record(*scanner.STATE_FIELDS, *height.STATE_FIELDS, *_MEMORY, vectors=(*scanner.STATE_VECTORS, *_MEMORY))
+CONSTANTS = record(*sampled.FIELDS, "feedforward", "pid_z", *Gains._fields, vectors=(*scanner.VECTORS, *Gains._fields))
+STATE = record(*sampled.STATE_FIELDS, *_MEMORY, vectors=(*scanner.STATE_VECTORS, *_MEMORY))
 
 
 def tustin(b: list[float], a: list[float], hold: float) -> tuple[float, ...]:
@@ -95,7 +93,7 @@ def simc(eta: float, xi: float, hold: float, delay: float, slowness: float = 1.0
 
 def _values(parameters: Tree) -> Numbers:
     law = parameters.law
-    values = scanner.scanner_values(parameters) | height.height_values(parameters)
+    values = sampled.sampled_values(parameters)
     # Along z, what is faster than the cantilever's resonance is the contact ringing.
     slowest = (0.0, 0.0, 1.0 / values["eta_c"])
     axes = [
@@ -129,7 +127,7 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
         forward = feed_forward(y, p, axis) if p.feedforward != 0.0 else 0.0
         answer_error(now - position(y, p, axis), forward, u, p, s, axis)
     if p.pid_z == 0.0:
-        height.control_height(y, u, p, s)
+        sampled.control_height(y, u, p, s)
     else:
         if s.started == 0.0:
             s.sum[2] = y.drive[2] / p.volts[2]

@@ -14,9 +14,9 @@ from ..core.jit import kernel
 from ..core.records import record
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import feedback, height, scanner
-from .feedback import FeedbackLaw, lateral_axes, pole
+from . import sampled, scanner
 from .implicit import lateral_unit
+from .sampled import FeedbackLaw, lateral_axes, pole
 from .scanner import Axis, feed_forward, follow_flight, place_poles, position, rate, reference_at, send
 
 K_1, K_2 = 1.5, 1.1
@@ -42,8 +42,8 @@ class SuperTwistingLaw(FeedbackLaw):
 
 
 _VECTORS = ("k_1", "k_2", "c_1", "c_2")
-CONSTANTS = record(*feedback.FIELDS, *_VECTORS, "bound", "root_L", "fastest", vectors=(*feedback.VECTORS, *_VECTORS))
-STATE = record(*feedback.STATE_FIELDS, "twist_x", "twist_y", vectors=feedback.STATE_VECTORS)
+CONSTANTS = record(*sampled.FIELDS, *_VECTORS, "bound", "root_L", "fastest", vectors=(*scanner.VECTORS, *_VECTORS))
+STATE = record(*sampled.STATE_FIELDS, "twist_x", "twist_y", vectors=scanner.STATE_VECTORS)
 
 
 def sliding_row(axis: Axis, K: tuple[float, float]) -> tuple[float, float]:
@@ -70,8 +70,7 @@ def _values(parameters: Tree) -> Numbers:
         L = law.friction_bound / unit / (hold * (1 + law.delay_ticks))
     rows = {"k_1": [k for k, _ in K], "k_2": [k for _, k in K], "c_1": [c for c, _ in C], "c_2": [c for _, c in C]}
     return {
-        **scanner.scanner_values(parameters),
-        **height.height_values(parameters),
+        **sampled.sampled_values(parameters),
         **{name: [*values, 0.0] for name, values in rows.items()},
         "bound": law.friction_bound / unit,
         "root_L": math.sqrt(L),
@@ -94,7 +93,7 @@ def sliding(y: Any, p: Any, axis: int) -> tuple[float, float]:
 def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     follow_flight(y, p, s)
-    height.control_height(y, u, p, s)
+    sampled.control_height(y, u, p, s)
     s_x, u_x = sliding(y, p, 0)
     s_y, u_y = sliding(y, p, 1)
     # The continuous law is linear with the eigenvalues sqrt(L / |s|) (-_REAL +- i _IMAGINARY); implicitly, a pole p of

@@ -4,10 +4,10 @@ import numpy as np
 
 from ...core.records import record
 from ...parts.part import Numbers, Tree
-from .constants import ANSWERS, INTERVALS, SLOTS
 from .estimate import MEAN, VALUE
 from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
+from .predictive_constants import ANSWERS, INTERVALS, SLOTS
 
 STATE = record(
     "started",
@@ -21,12 +21,8 @@ STATE = record(
     "joint",  # covariance of the states of afm_model.law.predictive.joint
     "heading",  # direction of the motion there
     "calm",  # forces in succession that were as expected
-    "transition",  # of that filter, and numbers between two steps
-    "product",
-    "row",
-    "joint_gains",
-    "uncertainty",  # covariance of what one filter estimates, and what its update needs: the file of that name
-    "carried",
+    "uncertainty",  # covariance of what one filter estimates: afm_model.law.predictive.together
+    "carried",  # what a Kalman filter needs between two steps
     "half",
     "held",
     "gains",
@@ -99,10 +95,6 @@ STATE = record(
         "spread": (4,),
         "joint": (4, 4),
         "heading": (2,),
-        "transition": (4, 4),
-        "product": (4, 4),
-        "row": (4,),
-        "joint_gains": (4,),
         "uncertainty": (5, 5),
         "carried": (5, 5),
         "half": (5, 5),

@@ -1,0 +1,103 @@
+"""Parameters of the friction-predicting law, what it cannot be made for, and where it cannot hold what it promises."""
+
+import math
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field
+
+from ...core.schema import NonNegative, Positive, Unit
+from ...parts.part import Tree
+from ..sampled import SampledLaw
+from .gains import grid
+from .predictive_constants import INTERVALS, LONGEST_DELAY, SLOTS, SURFACES, longest
+
+
+class PredictiveLaw(SampledLaw):
+    """What the friction-predicting law knows and assumes. Its gains follow from the microscope and the period."""
+
+    kind: str = Field("predictive", description="friction-predicting control, docs/laws.md")
+    packet: Annotated[int, Ge(1), Le(64)] = Field(1, description="drives in a control period, each with its time")
+    spare: Annotated[int, Ge(0), Le(16)] = Field(
+        0,
+        description="further control periods for which an answer holds drives, played while the next one is late",
+    )
+    reserve: Annotated[int, Ge(0), Le(511)] = Field(
+        0,
+        description="further drives behind those, planned a few with each answer and kept: they bridge a controller "
+        "that stands still",
+    )
+    feedback: Literal["full", "measured"] = Field(
+        "full", description="full: positions and rates as measured; measured: an observer that positions correct"
+    )
+    position_noise: Annotated[Positive, Unit("m")] = Field(5e-11, description="measured: rms noise of a position")
+    deflection_noise: Annotated[NonNegative, Unit("m")] = Field(
+        1e-11, description="measured: rms noise of the deflection"
+    )
+    force_noise: Annotated[NonNegative, Unit("N")] = Field(
+        5e-11, description="measured: rms noise of the lateral force"
+    )
+    surface: Literal["known", "observed", "learned"] = Field(
+        "observed",
+        description="height of the sample along the reference: known: that of sample.*; observed: from tip and "
+        "scanner, continued; learned: observed, and kept along the line of the reference",
+    )
+    friction: Literal["nominal", "identified"] = Field(
+        "identified", description="bound of friction: nominal: that of contact.*; identified: from the lateral force"
+    )
+    response: Annotated[NonNegative, Unit("s")] = Field(
+        0.0, description="time in which an error vanishes; 0: 1/w0, but neither below a control period nor above two"
+    )
+    height: Annotated[Positive, Unit("m")] = Field(
+        12.5e-9, description="largest height of the sample about its mean, for an observed surface"
+    )
+    wave_number: Annotated[Positive, Unit("rad/m")] = Field(
+        2e9, description="largest wave number of the sample along x and y, for an observed surface"
+    )
+
+
+def check(parameters: Tree) -> None:
+    """Raise ValueError for parameters that are not allowed together."""
+    law, w0 = parameters.law, parameters.scales.w0
+    if law.surface == "known" and parameters.sample.kind != "paper":
+        raise ValueError(
+            f"law.surface = known is not allowed with sample.kind = {parameters.sample.kind}: the law knows the sample "
+            f"paper alone; it must be one of {', '.join(list(SURFACES)[1:])}"
+        )
+    if law.delay_ticks > LONGEST_DELAY:
+        raise ValueError(f"law.delay_ticks = {law.delay_ticks} is not allowed: it must be <= {LONGEST_DELAY}")
+    slots = longest(parameters)
+    if slots > SLOTS:
+        raise ValueError(
+            f"law.packet = {law.packet} with law.delay_ticks = {law.delay_ticks}, law.spare = {law.spare} and "
+            f"law.reserve = {law.reserve} is not allowed: law.packet (law.delay_ticks + 1 + law.spare) + law.reserve = "
+            f"{slots} must be <= {SLOTS}"
+        )
+    division = grid(law.period * w0 / law.packet, law.response * w0)
+    at_once = max(law.packet * (1 + law.spare), law.packet + 1 if law.reserve else 0)
+    ahead = division.fine * (division.holds + at_once - 1)
+    if ahead > INTERVALS:
+        raise ValueError(
+            f"law.period = {law.period:g} s is not allowed with law.packet = {law.packet}, law.response = "
+            f"{law.response:g} s: the law would look {ahead} intervals ahead and must not look farther than "
+            f"{INTERVALS}; raise law.packet or lower law.response"
+        )
+
+
+def warnings(parameters: Tree, control_period: float) -> list[str]:
+    """Axes whose resonance is too fast for a held drive: beyond half a period of it the scanner swings in between."""
+    law, scanner = parameters.law, parameters.scanner
+    slot = control_period / law.packet
+    told = []
+    if law.feedback == "measured" and law.surface != "known" and law.packet > 1:
+        told.append(
+            f"x and y will not be tracked: with law.feedback = measured and law.packet = {law.packet} law.surface must"
+            f" be known, it is {law.surface}; take law.packet = 1 (docs/laws.md)"
+        )
+    return told + [
+        f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet "
+        f"= {2.0 * math.pi * f * slot:.3g} should be < 3.14 (scanner.f_{axis} = {f:g} Hz, plant.control_period = "
+        f"{control_period:g} s, law.packet = {law.packet})"
+        for axis, f in (("x", scanner.f_x), ("y", scanner.f_y), ("z", scanner.f_z))
+        if 2.0 * f * slot >= 1.0
+    ]
