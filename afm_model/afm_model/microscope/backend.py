@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Literal, Protocol
 
 from ..core.schema import Value
-from .jobs import Desk
-from .results import Line, Outcome, Progress
-from .verbs import Verb
+from .image import Line
+from .results import MicroscopeState, Outcome, Progress
+from .verb import Verb
 
 OnProgress = Callable[[Progress], None]
 OnLine = Callable[[Line], None]
@@ -36,7 +36,7 @@ class Backend(Protocol):
         ...
 
     @property
-    def state(self) -> Desk:
+    def state(self) -> MicroscopeState:
         """Where the microscope stands."""
         ...
 
@@ -50,6 +50,16 @@ class Backend(Protocol):
 
     def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
         """What the z loop does with an approached tip."""
+        ...
+
+    def resume(self) -> None:
+        """Give the loop back its z behind a withdrawal by a limit (`safety.*`): the tip is withdrawn, not approached.
+
+        Raises
+        ------
+        VerbError
+            If no limit has withdrawn the sample, or one is still passed.
+        """
         ...
 
     def set_sample(self, changes: Mapping[str, Value]) -> None:

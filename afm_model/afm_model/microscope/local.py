@@ -13,11 +13,11 @@ from ..run.pacing import Compiled
 from ..run.state import State
 from .backend import OnLine, OnProgress
 from .interrupts import Interrupted, Interrupts
-from .jobs import Desk
 from .operator import Operator, ignore
 from .prepare import with_verbs
-from .results import Outcome
-from .verbs import Verb, Withdraw
+from .results import MicroscopeState, Outcome
+from .verb import Verb
+from .verbs import Withdraw
 
 _BLOCK_SAMPLES = 20_000
 """Samples of a block: some hundred milliseconds of computing between two looks."""
@@ -58,14 +58,14 @@ class Local:
     def _begin(self, parameters: InstrumentParameters) -> None:
         per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         law = Controller(self._controller)
-        self._engine = Engine(
+        self.engine = Engine(
             parameters,
             lambda engine: Compiled(engine, law, by_clock=True),
             block_ticks=self._given_ticks or max(1, _BLOCK_SAMPLES // per_tick),
             operate=self._operate,
             hashed=self._hashed,
         )
-        self._engine.step()
+        self.engine.step()
 
     def _operate(self, instrument: Instrument) -> Operator:
         self.operator = Operator(instrument)
@@ -74,10 +74,10 @@ class Local:
     @property
     def instrument(self) -> Instrument:
         """Another one after `exchange`."""
-        return self._engine.instrument
+        return self.engine.instrument
 
     @property
-    def state(self) -> Desk:
+    def state(self) -> MicroscopeState:
         """See `Backend`."""
         return self.operator.state
 
@@ -97,7 +97,7 @@ class Local:
         """
         operator = self.operator
         operator.on_line = on_line or ignore
-        self._engine.begin(verb)
+        self.engine.begin(verb)
         with Interrupts() as interrupts:
             try:
                 while operator.busy:
@@ -119,15 +119,15 @@ class Local:
 
     def step(self) -> None:
         """Go on to the end of a block, or of an order; for who does not want to wait for a whole verb."""
-        self._engine.step()
-        if self._engine.error is not None:
-            raise self._engine.error
+        self.engine.step()
+        if self.engine.error is not None:
+            raise self.engine.error
 
     def resume(self) -> None:
         """See `Backend`."""
-        if self._engine.state != State.WITHDRAWN:
-            raise VerbError(f"the run is {self._engine.state.title}: there is nothing to resume")
-        if problem := self._engine.bring_back():
+        if self.engine.state != State.WITHDRAWN:
+            raise VerbError(f"the run is {self.engine.state.title}: there is nothing to resume")
+        if problem := self.engine.bring_back():
             raise VerbError(problem)
 
     def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
@@ -164,13 +164,13 @@ _OF_THE_LOOP = ("control_period", "delay_ticks", "seed")
 """Parameters of the group `plant` that belong to the control loop and to the run."""
 
 
-def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Value]) -> Any:
+def exchanged(parameters: Any, state: MicroscopeState, group: str, changes: Mapping[str, Value]) -> Any:
     """Parameters with another sample or probe.
 
     Parameters
     ----------
     parameters : InstrumentParameters
-    desk : Desk
+    state : MicroscopeState
     group : str
         sample, plant, detector or piezo.
     changes : mapping
@@ -184,7 +184,7 @@ def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Val
         If a name or value is not allowed.
     """
     what = "probe" if group == "plant" else group
-    if desk.near or desk.doing:
+    if state.near or state.doing:
         raise VerbError(f"another {what} is not allowed while the tip may touch the sample: withdraw it first")
     if group == "plant" and (others := [name for name in _OF_THE_LOOP if name in changes]):
         raise ParameterError(
