@@ -5,12 +5,12 @@ from typing import Any
 from ...core.jit import kernel, routine
 from .asked import ask, take_reference
 from .decide import decide, refine
-from .estimate import measured_height, take_height, take_ratio
 from .flight import answer, extend, first_of_reserve, recall, remember
 from .joint import correct_jointly
 from .map import write_map
 from .nominal_plant import predict, run_copy, take_load
 from .predictive_constants import KNOWN, LEARNED
+from .sample_estimate import measured_height, take_height, take_ratio
 from .slide import correct_along
 from .together import begin_together, correct_together
 
@@ -96,6 +96,6 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     if p.reserve > 0:
         extend(k, p, s)
         planned += s.reserve_end - first_of_reserve(k, p)
-    remember(k, planned, s)
+    remember(k, planned, p, s)
     answer(planned, u, p, s)
     s.started = 1.0
