@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from afm_model.run.plotting import SIZE, Curves, draw
-from afm_recorder_node.reader import Recording
+from afm_recorder_node.recording import Recording
 
 
 def draw_overview(recording: Recording, title: str, path: Path) -> None:

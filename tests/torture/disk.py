@@ -11,7 +11,7 @@ from random import Random
 import numpy as np
 from support import Graph
 
-from afm_recorder_node.reader import Recording
+from afm_recorder_node.recording import Recording
 from torture.family import Try, Unavailable
 from torture.outcome import Outcome
 from torture.trio import RECORDER, Trio, lost, read, ticks_of
