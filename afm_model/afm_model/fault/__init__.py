@@ -4,24 +4,24 @@ from ..core.registry import register
 from ..parts.groups import FaultParameters
 from .entry import KINDS, LATENCY_TICKS, NEVER, TARGETS, Entry
 from .events import acted, active, events
-from .memory import CONSTANTS, MEMORY, SENSED
+from .memory import SENSED, Constants, Memory
 from .none import NONE
 from .schedule import SCHEDULED, Schedule, faults_of, table
 
 register(NONE, SCHEDULED)
 
 __all__ = [
-    "CONSTANTS",
     "KINDS",
     "LATENCY_TICKS",
-    "MEMORY",
     "NEVER",
     "NONE",
     "SCHEDULED",
     "SENSED",
     "TARGETS",
+    "Constants",
     "Entry",
     "FaultParameters",
+    "Memory",
     "Schedule",
     "acted",
     "active",

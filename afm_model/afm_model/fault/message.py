@@ -8,7 +8,7 @@ from typing import Any
 
 from ..core.jit import kernel
 from ..core.records import numbers_of, record_at
-from ..parts.signals import COMMAND, copy_command
+from ..parts.signals import PiezoDrive, copy_command
 from ..parts.timing import ticks_of
 from .chance import uniform
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
@@ -83,11 +83,11 @@ def delay_command(k: int, u: Any, arrived: Any, p: Any, f: Any) -> None:
         # Nor is what the instrument does by itself, as when it retracts the sample: that takes effect at once.
         f.arrives_at[slot] = k
     if f.arrives_at[slot] >= 0:
-        copy_command(u, record_at(f.commands[slot], 0, COMMAND))
+        copy_command(u, record_at(f.commands[slot], 0, PiezoDrive))
     j = k
     while j > f.in_force and j > k - SLOTS:
         if 0 <= f.arrives_at[j % SLOTS] <= k:
             f.in_force = j
-            copy_command(record_at(f.commands[j % SLOTS], 0, COMMAND), arrived)
+            copy_command(record_at(f.commands[j % SLOTS], 0, PiezoDrive), arrived)
             break
         j -= 1

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from ..core.errors import ParameterError
 from ..core.records import record_at
-from ..fault import CONSTANTS, MEMORY, NEVER, SCHEDULED, SENSED, faults_of, table
+from ..fault import NEVER, SCHEDULED, SENSED, Constants, Memory, faults_of, table
 from ..parameters import InstrumentParameters
-from ..parts.header import HEADER
+from ..parts.header import BlockHeader
 from ..parts.signals import copy_command
 from .block import Layout
 
@@ -40,9 +40,9 @@ class Faults:
         """Whether there is any, now or later."""
         self._scheduled = layout.parts["fault"].part is SCHEDULED
         if self._scheduled:
-            self._table = record_at(block, layout.places["fault_constants"], CONSTANTS)
-            self._memory = record_at(block, layout.places["fault_state"], MEMORY)
-            self._header = record_at(block, 0, HEADER)
+            self._table = record_at(block, layout.places["fault_constants"], Constants)
+            self._memory = record_at(block, layout.places["fault_state"], Memory)
+            self._header = record_at(block, 0, BlockHeader)
         self._names: list[str] = []
         self.until = NEVER
         """Before this tick is computed, `renew` must be called."""

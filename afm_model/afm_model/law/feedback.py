@@ -7,14 +7,17 @@ from pydantic import Field
 
 from ..core.schema import NonNegative, Unit
 from ..parts.part import Tree
-from . import height, scanner
-from .scanner import Axis, free_axes
+from .height import HeightConstants, HeightState
+from .scanner import Axis, ScannerConstants, ScannerState, free_axes
 from .timing import SampledLaw
 
-FIELDS = (*scanner.FIELDS, *height.FIELDS)
-VECTORS = scanner.VECTORS
-STATE_FIELDS = (*scanner.STATE_FIELDS, *height.STATE_FIELDS)
-STATE_VECTORS = scanner.STATE_VECTORS
+
+class FeedbackConstants(ScannerConstants, HeightConstants):
+    """Those of the scanner and of the loop along z."""
+
+
+class FeedbackState(ScannerState, HeightState):
+    """The same."""
 
 
 class FeedbackLaw(SampledLaw):

@@ -1,20 +1,32 @@
 """The loop along z that all sampled laws share: the sample follows what the tip rides on. docs/laws.md (2.1)."""
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 from ..core.jit import kernel
+from ..core.records import Record
 from ..parts.part import Tree
 from .scanner import drive_between, free_axes, place_poles, position, predict, send
 
-FIELDS = ("k_z1", "k_z2", "alpha_h", "beta_h", "eta_c", "mu", "w", "a")
-"""Constants: feedback on height and rate of the sample, gains of the filter, cantilever, load."""
-STATE_FIELDS = ("surface", "surface_rate")
-"""State: what the tip is above the sample's stage, Q - Z [z0], and its rate."""
+
+class HeightConstants(Record):
+    k_z1: float  # feedback on height and rate of the sample
+    k_z2: float
+    alpha_h: float  # gains of the filter
+    beta_h: float
+    eta_c: Annotated[float, "w0"]  # the cantilever
+    mu: Annotated[float, "1"]
+    w: float  # load
+    a: Annotated[float, "z0"]
+
+
+class HeightState(Record):
+    surface: Annotated[float, "z0"]  # what the tip is above the sample's stage, Q - Z
+    surface_rate: Annotated[float, "z0 w0"]
 
 
 def height_values(parameters: Tree) -> dict[str, float]:
-    """Values of FIELDS.
+    """Values of HeightConstants.
 
     The time constant of feedback and filter is one control period, and never below that of the cantilever's resonance:
     what is faster than that is the contact ringing, not the surface.

@@ -9,11 +9,11 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import feedback, height, scanner
-from .feedback import FeedbackLaw, lateral_axes, pole
+from . import height, scanner
+from .feedback import FeedbackConstants, FeedbackLaw, FeedbackState, lateral_axes, pole
 from .scanner import error_ahead, feed_forward, follow_flight, place_poles, reference_at, send
 
 
@@ -29,8 +29,15 @@ class ImplicitLaw(FeedbackLaw):
     )
 
 
-CONSTANTS = record(*feedback.FIELDS, "k_1", "k_2", "bound", "friction", vectors=(*feedback.VECTORS, "k_1", "k_2"))
-STATE = record(*feedback.STATE_FIELDS, vectors=feedback.STATE_VECTORS)
+class Constants(FeedbackConstants):
+    k_1: Vector
+    k_2: Vector
+    bound: float
+    friction: float
+
+
+class State(FeedbackState):
+    """Nothing more."""
 
 
 def lateral_unit(parameters: Tree) -> float:
@@ -82,8 +89,8 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
 IMPLICIT = Law(
     name="implicit",
     parameters=ImplicitLaw,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     control=control,
     knowledge="positions and velocities of the scanner, deflection; scanner, cantilever; a bound on friction",

@@ -9,9 +9,9 @@ from typing import Any
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
 from ..parts.part import Law, Numbers, Tree
 from . import height, paper, scanner
+from .feedback import FeedbackConstants, FeedbackState
 from .paper import PaperLaw
 from .timing import SampledLaw
 
@@ -22,10 +22,8 @@ class PaperTracking(PaperLaw, SampledLaw):
     kind: str = Field("tanh_tracking", description="control law")
 
 
-# Cantilever and scales mean the same to both.
-_FIELDS = tuple(dict.fromkeys((*(paper.CONSTANTS.names or ()), *scanner.FIELDS, *height.FIELDS)))
-CONSTANTS = record(*_FIELDS, vectors=scanner.VECTORS)
-STATE = record(*scanner.STATE_FIELDS, *height.STATE_FIELDS, vectors=scanner.STATE_VECTORS)
+class Constants(paper.Constants, FeedbackConstants):
+    """Cantilever, scales and volts mean the same to both."""
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -48,8 +46,8 @@ PARTS = tuple(
     Law(
         name=f"{kind}_tracking",
         parameters=PaperTracking,
-        constants=CONSTANTS,
-        state=STATE,
+        constants=Constants,
+        state=FeedbackState,
         values=_values,
         control=control,
         knowledge="positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction",

@@ -11,11 +11,11 @@ import numpy as np
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import feedback, height, scanner
-from .feedback import FeedbackLaw, lateral_axes, pole
+from . import height, scanner
+from .feedback import FeedbackConstants, FeedbackLaw, FeedbackState, lateral_axes, pole
 from .implicit import lateral_unit
 from .scanner import Axis, feed_forward, follow_flight, place_poles, position, rate, reference_at, send
 
@@ -41,9 +41,21 @@ class SuperTwistingLaw(FeedbackLaw):
     )
 
 
-_VECTORS = ("k_1", "k_2", "c_1", "c_2")
-CONSTANTS = record(*feedback.FIELDS, *_VECTORS, "bound", "root_L", "fastest", vectors=(*feedback.VECTORS, *_VECTORS))
-STATE = record(*feedback.STATE_FIELDS, "twist_x", "twist_y", vectors=feedback.STATE_VECTORS)
+class Constants(FeedbackConstants):
+    k_1: Vector
+    k_2: Vector
+    c_1: Vector
+    c_2: Vector
+    bound: float
+    root_L: float
+    fastest: float
+
+
+class State(FeedbackState):
+    """Nothing more."""
+
+    twist_x: float
+    twist_y: float
 
 
 def sliding_row(axis: Axis, K: tuple[float, float]) -> tuple[float, float]:
@@ -120,8 +132,8 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
 SUPER_TWISTING = Law(
     name="super_twisting",
     parameters=SuperTwistingLaw,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     control=control,
     knowledge="positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction and rate",

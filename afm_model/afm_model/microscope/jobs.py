@@ -11,7 +11,7 @@ from typing import Any
 
 from ..core.errors import VerbError
 from ..core.records import place
-from ..parts.signals import MEASUREMENT
+from ..parts.signals import Measurement
 from ..program import orders
 from ..program.orders import END, Order, Step
 from .bench import Bench
@@ -99,7 +99,7 @@ class Job:
 def standing(bench: Bench) -> Standing:
     """Where everything is."""
     x, y = bench.place
-    deflection = float(bench.instrument.measurement[place(MEASUREMENT, "deflection_voltage")])
+    deflection = float(bench.instrument.measurement[place(Measurement, "deflection_voltage")])
     return Standing(bench.instrument.time, x, y, bench.z, deflection)
 
 

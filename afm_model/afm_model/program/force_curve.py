@@ -13,7 +13,7 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
@@ -65,20 +65,29 @@ class ForceCurve(ProgramParameters):
         return self
 
 
-CONSTANTS = record(
-    *("x", "y", "z_r", "lift", "settle", "ramp", "approach_rate", "retract_rate", "dwell", "count"),
-    "trigger",  # [V]; 0: none
-)
-STATE = record(
-    "phase",
-    "since",  # when it began [s]
-    "offset",  # of z [m]
-    "turn",  # of z where the last approach ended [m]
-    "sum",  # of the deflection while the tip settles [V]
-    "samples",
-    "curves",  # that are done
-    "triggered",  # 1.0 if the last approach ended by its trigger
-)
+class Constants(Record):
+    x: float
+    y: float
+    z_r: float
+    lift: float
+    settle: float
+    ramp: float
+    approach_rate: float
+    retract_rate: float
+    dwell: float
+    count: float
+    trigger: float  # [V]; 0: none
+
+
+class State(Record):
+    phase: float
+    since: Annotated[float, "s"]  # when it began
+    offset: Annotated[float, "m"]  # of z
+    turn: Annotated[float, "m"]  # of z where the last approach ended
+    sum: Annotated[float, "V"]  # of the deflection while the tip settles
+    samples: Annotated[float, "V"]
+    curves: float  # that are done
+    triggered: float  # 1.0 if the last approach ended by its trigger
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -86,7 +95,7 @@ def _values(parameters: Tree) -> Numbers:
     trigger = curve.trigger_voltage
     if curve.trigger_force > 0.0:
         trigger = curve.trigger_force / spring_constant(parameters) / parameters.detector.deflection_sensitivity
-    return {name: getattr(curve, name) for name in CONSTANTS.names or () if name != "trigger"} | {"trigger": trigger}
+    return {name: getattr(curve, name) for name in Constants.names if name != "trigger"} | {"trigger": trigger}
 
 
 def _check(parameters: Tree) -> None:
@@ -154,8 +163,8 @@ def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
 FORCE_CURVE = Program(
     name="force_curve",
     parameters=ForceCurve,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     check=_check,
     reference=reference,

@@ -11,14 +11,14 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Array, Record
 from ..core.schema import Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
 from ..parts.signals import OPEN
 from ..parts.timing import ticks_of
-from .orders import CURVE, END, FOLLOW, LINES, MOST_STEPS, RAMP, REST, Lines, Order, Step, columns
+from .orders import CURVE, END, FOLLOW, LINES, MOST_STEPS, RAMP, REST, Lines, Order, columns
 
 _DEGREES = 6
 
@@ -31,48 +31,60 @@ class Verbs(ProgramParameters):
     y: Annotated[float, Unit("m")] = Field(0.0, description="place of the scanner along y at the start")
 
 
-_OF_LINES = ("centre_x", "centre_y", "cos", "sin", "speed", "size", "first", "step", "lines", "image", "turn", "shift")
-CONSTANTS = record(
-    "z_r",
-    "number",  # of the order, from 1
-    "motion",  # CURVE or LINES
-    "begin",  # of the order [s]
-    "curve_time",  # whole, of a curve [s]
-    "last",  # time behind which the motion is at its end with this control tick [s]
-    "curve_x",
-    "curve_y",
-    *_OF_LINES,  # speed [m/s]; image, turn, shift [s]
-    "half_sample",  # [s]
-    *Step._fields,
-    arrays={
-        **dict.fromkeys(("curve_x", "curve_y"), (_DEGREES,)),
-        **dict.fromkeys(Step._fields, (MOST_STEPS,)),
-    },
-)
-STATE = record(
-    "number",  # of the order in force
-    "done",  # 1.0: it is
-    "at",  # step of the table; END: none
-    "since",  # when it began [s]
-    "mode",  # of z
-    "offset",  # of z [m]
-    "origin",  # the same when the step began [m]
-    "sum",  # of the deflection in the last REST [V]
-    "samples",
-    "fired",  # 1.0 if a trigger of this order has
-)
+class Constants(Record):
+    z_r: float
+    number: float  # of the order, from 1
+    motion: float  # CURVE or LINES
+    begin: Annotated[float, "s"]  # of the order
+    curve_time: Annotated[float, "s"]  # whole, of a curve
+    last: Annotated[float, "s"]  # time behind which the motion is at its end with this control tick
+    curve_x: Annotated[Array, (_DEGREES,), "m"]
+    curve_y: Annotated[Array, (_DEGREES,), "m"]
+    centre_x: Annotated[float, "m"]  # of lines: middle, direction
+    centre_y: Annotated[float, "m"]
+    cos: float
+    sin: float
+    speed: Annotated[float, "m/s"]
+    size: Annotated[float, "m"]
+    first: Annotated[float, "m"]  # slow coordinate of the first line
+    step: Annotated[float, "m"]
+    lines: float
+    image: Annotated[float, "s"]
+    turn: Annotated[float, "s"]
+    shift: Annotated[float, "s"]
+    half_sample: Annotated[float, "s"]
+    kind: Annotated[Array, (MOST_STEPS,)]
+    duration: Annotated[Array, (MOST_STEPS,)]
+    target: Annotated[Array, (MOST_STEPS,)]
+    rate: Annotated[Array, (MOST_STEPS,)]
+    trigger: Annotated[Array, (MOST_STEPS,)]
+    then: Annotated[Array, (MOST_STEPS,)]
+    triggered: Annotated[Array, (MOST_STEPS,)]
+
+
+class State(Record):
+    number: float  # of the order in force
+    done: float  # 1.0: it is
+    at: float  # step of the table; END: none
+    since: Annotated[float, "s"]  # when it began
+    mode: float  # of z
+    offset: Annotated[float, "m"]  # of z
+    origin: Annotated[float, "m"]  # the same when the step began
+    sum: Annotated[float, "V"]  # of the deflection in the last REST
+    samples: float
+    fired: float  # 1.0 if a trigger of this order has
 
 
 def _values(parameters: Tree) -> Numbers:
     program = parameters.reference
-    zeros: dict[str, Any] = {name: 0.0 for name in CONSTANTS.names or ()}
+    zeros: dict[str, Any] = {name: 0.0 for name in Constants.names}
     x, y = (((place,) + (0.0,) * (_DEGREES - 1)) for place in (program.x, program.y))
     half = 0.5 * parameters.detector.sample_period
     return zeros | {"z_r": program.z_r, "curve_time": 1.0, "curve_x": x, "curve_y": y, "half_sample": half}
 
 
 def _start(parameters: Tree) -> Numbers:
-    zeros = {name: 0.0 for name in STATE.names or ()}
+    zeros = {name: 0.0 for name in State.names}
     return zeros | {"done": 1.0, "at": END, "mode": OPEN}
 
 
@@ -223,8 +235,8 @@ def _order(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> None:
 VERBS = Program(
     name="verbs",
     parameters=Verbs,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     start=_start,
     check=_check,

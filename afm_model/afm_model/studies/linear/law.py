@@ -1,15 +1,13 @@
 """A law, linearised: what it answers to small changes of what it has measured and of what it remembers."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.records import place, record_at, size
+from ...core.records import Record, place, record_at, size
 from ...core.registry import find
 from ...instrument.controller import Controller, answer
 from ...parameters import SimParameters
-from ...parts.signals import COMMAND, MEASUREMENT
+from ...parts.signals import Measurement, PiezoDrive
 from .plant import STATES, measurement_at_rest, nominal_friction, plant_matrices
 
 _Array = NDArray[np.float64]
@@ -28,10 +26,10 @@ class LinearError(ValueError):
 
 
 def _ask(law: Controller, y: _Array) -> _Array:
-    command = np.zeros(size(COMMAND))
+    command = np.zeros(size(PiezoDrive))
     answer(law.block, 0.0, y, command)
     law.raise_errors()
-    return command[place(COMMAND, "voltage") :][:3]
+    return command[place(PiezoDrive, "voltage") :][:3]
 
 
 def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Array:
@@ -44,10 +42,10 @@ def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Arra
     period = sim.plant.control_period if sampled else min(sim.plant.control_period, sim.plant.dt)
     delay = sim.plant.delay_ticks if sampled else 0
     A, B, load = plant_matrices(sim, period)
-    force = record_at(y := at_rest.copy(), 0, MEASUREMENT)
+    force = record_at(y := at_rest.copy(), 0, Measurement)
     force.lateral_force = nominal_friction(sim)[0] * sim.units.lateral_force
     force.lateral_voltage = force.lateral_force / sim.detector.lateral_sensitivity
-    start = record_at(at_rest, 0, MEASUREMENT).drive.copy()
+    start = record_at(at_rest, 0, Measurement).drive.copy()
     flight = [start] * (delay + 1)
     x, last = np.zeros(STATES + 3), np.zeros(STATES)
     law.reset()
@@ -87,12 +85,9 @@ def law_scales(law: Controller, sliding: _Array, C: _Array) -> tuple[_Array, _Ar
 
 def _integers(law: Controller) -> NDArray[np.bool_]:
     """Which numbers of the law's state are whole numbers: those are not changed by a little."""
-    dtype: Any = find("law", law.parameters.law.kind).state
-    flags = np.zeros(size(dtype), bool)
-    for name in dtype.names or ():
-        kind, offset = dtype.fields[name][:2]
-        flags[offset // 8 : (offset + kind.itemsize) // 8] = kind.base.kind == "i"
-    return flags
+    state: type[Record] = find("law", law.parameters.law.kind).state
+    flags = [np.full(shape, kind is np.int64).ravel() for kind, shape, _ in state.fields.values()]
+    return np.concatenate([np.zeros(0, bool), *flags])
 
 
 def jacobian(law: Controller, sliding: _Array, states: _Array, inputs: _Array) -> tuple[_Array, _Array]:

@@ -12,7 +12,7 @@ from ...core.jit import plain
 from ...core.records import record_at, size
 from ...instrument import Instrument
 from ...parameters import SimParameters, Value, build, flatten
-from ...parts.signals import MEASUREMENT
+from ...parts.signals import Measurement
 from ...plant.constants import plant_constants
 
 _Array = NDArray[np.float64]
@@ -66,10 +66,10 @@ def plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, _
 
 def sensors(sim: SimParameters) -> _Array:
     """Measurement [SI] from the plant's states and the drive in force [V]."""
-    C = np.zeros((size(MEASUREMENT), STATES + 3))
+    C = np.zeros((size(Measurement), STATES + 3))
     x0, z0, w0 = sim.scales.x0, sim.scales.z0, sim.scales.w0
     for column in range(STATES + 3):
-        y = record_at(C[:, column].copy(), 0, MEASUREMENT)
+        y = record_at(C[:, column].copy(), 0, Measurement)
         axis = min(column // 2, 2)
         length = z0 if axis == 2 else x0
         if column < 6:
@@ -94,7 +94,7 @@ def measurement_at_rest(sim: SimParameters) -> _Array:
     known = {name: value for name, value in quiet.items() if name in given or name == "fault.kind"}
     instrument = Instrument(build(SimParameters, given | known), 1, hashed=False)
     y = instrument.measurement.copy()
-    record = record_at(y, 0, MEASUREMENT)
+    record = record_at(y, 0, Measurement)
     record.velocity[:] = record.reference_velocity[:] = record.reference_acceleration[:] = 0.0
     record.drive_sequence = record.newest_drive_sequence = 0
     record.deflection_rate = record.lateral_force = record.lateral_voltage = 0.0
