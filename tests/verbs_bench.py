@@ -39,7 +39,7 @@ class Bench:
     @property
     def near(self) -> bool:
         """Whether the tip may touch the sample."""
-        return bool(self.simulator.run.attendant.state.near)
+        return bool(self.simulator.run.operator.state.near)
 
     def action(self, name: str) -> ActionClient:
         if name not in self.actions:

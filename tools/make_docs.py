@@ -26,7 +26,7 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py", "cpp_controller/src/cpp_controller.cpp")
-EXAMPLES = ("kalman", "patches", "height_map", "creep", "viscous", "bursts", "approach")
+EXAMPLES = ("kalman", "patches", "height_map", "creep", "lock_in", "viscous", "bursts", "approach")
 
 
 def parameters() -> str:
@@ -71,28 +71,27 @@ def rules() -> str:
     return "\n".join(lines)
 
 
-def _room(path: Path, package: Path) -> str:
-    """The room that a file of afm_model is in: its folder, or the file itself."""
-    return path.relative_to(package).parts[0].removesuffix(".py")
-
-
 def rooms() -> str:
-    """What imports what inside afm_model, as a diagram; what is used nearly everywhere is left out."""
+    """The imports between the rooms of afm_model as a diagram, without the arrows that a longer way implies."""
     package = ROOT / "afm_model" / "afm_model"
-    everywhere = {"__init__", "__main__", "jit", "errors", "records", "signals", "schema", "registry", "sincos"}
-    arrows: set[tuple[str, str]] = set()
-    for path in sorted(package.rglob("*.py")):
-        source = _room(path, package)
-        depth = len(path.relative_to(package).parts) - 1
-        for node in ast.parse(path.read_text()).body:
-            # Within the package only relative imports are used.
-            if not isinstance(node, ast.ImportFrom) or node.level != depth + 1:
-                continue
-            for target in [node.module.split(".")[0]] if node.module else [name.name for name in node.names]:
-                if target != source and not {source, target} & everywhere:
-                    arrows.add((source, target))
-    lines = [f"  {source} --> {target}" for source, target in sorted(arrows)]
-    return "\n".join(["```mermaid", "flowchart TD", *lines, "```"])
+    reached: dict[str, set[str]] = {path.name: set() for path in package.iterdir() if (path / "__init__.py").exists()}
+    for path in package.rglob("*.py"):
+        source, *inner = path.relative_to(package).parts
+        for node in ast.walk(ast.parse(path.read_text())):
+            # Within the package only relative imports are used; these lead out of the room.
+            if isinstance(node, ast.ImportFrom) and node.level == len(inner) + 1 and source in reached:
+                names = [node.module.split(".")[0]] if node.module else [name.name for name in node.names]
+                reached[source] |= set(names) & set(reached)
+    direct = {source: set(targets) for source, targets in reached.items()}
+    for _ in reached:
+        for targets in reached.values():
+            targets.update(*(reached[each] for each in targets))
+    arrows = [
+        f"  {source} --> {target}"
+        for source, targets in sorted(direct.items())
+        for target in sorted(targets - set().union(*(reached[each] for each in targets)))
+    ]
+    return "\n".join(["```mermaid", "flowchart TD", *arrows, "```"])
 
 
 _ON_REQUEST = (Cause.PAUSE, Cause.PLAY, Cause.BACK_WITHDRAWN, Cause.BACK_APPROACHING, Cause.ERROR, Cause.RESET)

@@ -12,7 +12,7 @@ from figures import style
 from figures.runs import ROOT
 from matplotlib.figure import Figure
 
-from afm_model import Scenario, SimParameters, build, flatten, load_scenario, simulate
+from afm_model import Scenario, changed, load_scenario, simulate
 from afm_model.parameters import Value
 
 PAGE = ROOT / "docs" / "microscope.md"
@@ -37,14 +37,14 @@ def draw() -> Figure:
         ("295 K", usual, style.MOTION),
     )
     for name, values, line in runs:
-        run = simulate(build(SimParameters, flatten(given.sim) | values), given.controller)
+        run = simulate(changed(given.sim, values), given.controller)
         period = run.time >= 0.1 - 1e-9
         loop.plot(1e9 * run.position[period, 0], 1e9 * run.lateral_force[period], label=name, **line)
     loop.set(xlabel="scanner $x$ [nm]", ylabel="lateral force [nN]")
     loop.legend(loc="lower right")
 
     turned: dict[str, Value] = {"sample.angle": np.pi / 4.0, "plant.temperature": 0.0, "run.duration": 0.125}
-    run = simulate(build(SimParameters, flatten(given.sim) | turned), given.controller)
+    run = simulate(changed(given.sim, turned), given.controller)
     x, y = (1e9 * run.channel(f"truth/apex_{axis}") for axis in "xy")
     forth = run.time_samples > 0.075
     a = 1e9 * run.parameters.sample.constant / np.sqrt(2.0)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from afm_model import ControllerParameters, build
-from afm_model.law.predictive.constants import values
+from afm_model.law.predictive.predictive_constants import values
 
 SPEED = 0.1 * math.sqrt(2.0)
 """Of the reference, sine of 5 nm and 50 rad/s on x and y, where it is fastest [x0 w0]."""

@@ -1,11 +1,11 @@
 """`ros2 run afm_bringup check_scenario SCENARIO`: say whether a scenario is allowed."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from afm_model import ScenarioError
 
+from .domain import end
 from .parameter_file import write_parameters
 from .scenario import add_overrides, read_scenario
 
@@ -37,9 +37,7 @@ def main() -> int:
         if arguments.write:
             write_parameters(scenario, arguments.write, more)
     except ScenarioError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+        return end(f"error: {error}", 2)
     except OSError as error:
-        print(f"error: {arguments.write} cannot be written: {error.strerror}", file=sys.stderr)
-        return 1
+        return end(f"error: {arguments.write} cannot be written: {error.strerror}", 1)
     return 0

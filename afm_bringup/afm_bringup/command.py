@@ -1,11 +1,8 @@
 """The command line of `session`."""
 
 import argparse
-import os
 import shlex
-import socket
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 from rclpy.exceptions import InvalidNamespaceException
@@ -15,7 +12,7 @@ from afm_model import Scenario, ScenarioError
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
-from .domain import claim_domain
+from .domain import NoDomainError, claimed_domain, end
 from .follow import STALL_TIMEOUT
 from .scenario import add_overrides, foreign_sections, read_scenario
 from .session import COMPOSED, EXTERNAL, OWN, Session, SessionError
@@ -89,37 +86,6 @@ def _checked(arguments: argparse.Namespace) -> Scenario:
     return scenario
 
 
-def _own_domain(arguments: argparse.Namespace) -> socket.socket | None:
-    """Take a ROS domain for this session alone, unless one is chosen or others must find the instrument.
-
-    Returns
-    -------
-    socket or None
-        To be kept as long as the session lasts.
-    """
-    return None if arguments.controller == EXTERNAL else claimed_domain()
-
-
-def claimed_domain() -> socket.socket | None:
-    """Take a free ROS domain and say which, unless one is chosen; to be kept as long as the session lasts.
-
-    Raises
-    ------
-    SessionError
-        If none is free.
-    """
-    # rcl takes an empty one for none.
-    if os.environ.get("ROS_DOMAIN_ID"):
-        return None
-    try:
-        domain, claim = claim_domain()
-    except RuntimeError as error:
-        raise SessionError(str(error)) from None
-    os.environ["ROS_DOMAIN_ID"] = str(domain)
-    print(f"ROS domain {domain}, of this session alone. To listen: export ROS_DOMAIN_ID={domain}", file=sys.stderr)
-    return claim
-
-
 def main() -> int:
     """Entry point of `ros2 run afm_bringup session`."""
     arguments = _arguments()
@@ -128,7 +94,8 @@ def main() -> int:
         if arguments.controller in (OWN, COMPOSED):
             for key in foreign_sections(scenario):
                 print(f"note: section {key} of {scenario.path} is for no node of this session", file=sys.stderr)
-        claim = _own_domain(arguments)  # kept until the end of this process
+        # A controller that is started elsewhere must find the instrument. Kept until the end of this process.
+        claim = None if arguments.controller == EXTERNAL else claimed_domain("this session")
         Session(
             scenario,
             arguments.out,
@@ -142,14 +109,7 @@ def main() -> int:
         return end("interrupted", 130)
     except ValueError as error:
         return end(f"error: {error}", 2)
-    except SessionError as error:
+    except (SessionError, NoDomainError) as error:
         return end(f"error: {error}", 1)
     del claim
     return 0
-
-
-def end(text: str, code: int) -> int:
-    """Say why it ends, if the terminal is still there; the exit code."""
-    with suppress(OSError):  # the terminal may be gone
-        print(text, file=sys.stderr, flush=True)
-    return code

@@ -1,13 +1,13 @@
 """`ros2 run afm_bringup compare`: laws side by side; a table, a ranking and a page of pictures."""
 
 import argparse
-import sys
 from pathlib import Path
 
 from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
 from afm_model.core.registry import names
 
 from .compare_page import page
+from .domain import end
 from .node_law import node_contender
 from .scenario import read_scenario
 
@@ -76,16 +76,13 @@ def main() -> int:
             workers=arguments.workers,
         )
     except (ParameterError, ScenarioError, SweepError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+        return end(f"error: {error}", 2)
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return 130
+        return end("interrupted", 130)
     try:
         write(comparison, arguments.out)
     except OSError as error:
-        print(f"error: {arguments.out} cannot be written: {error.strerror}", file=sys.stderr)
-        return 1
+        return end(f"error: {arguments.out} cannot be written: {error.strerror}", 1)
     show = ["law", "runs", "finished", "good", "error_max", "chatter", "tip_force", "margin"]
     print(comparison.ranking()[show].to_string(index=False, float_format="%.3g"))
     print(f"{arguments.out / PAGE}, {CSV}, {LATEX}")

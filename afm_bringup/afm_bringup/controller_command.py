@@ -1,10 +1,8 @@
 """`ros2 run afm_bringup check_controller -- COMMAND`: whether a controller keeps the contract, rule by rule."""
 
 import argparse
-import os
 import shlex
 import signal
-import socket
 import sys
 import tempfile
 import time
@@ -18,7 +16,7 @@ from afm_model import Scenario, ScenarioError
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
-from .domain import claim_domain
+from .domain import claimed_domain, end
 from .exam.connection import TopicConnection
 from .exam.log import Log
 from .exam.procedure import Procedure
@@ -81,18 +79,16 @@ def main() -> int:
         if not arguments.deadline > 0.0:
             raise ValueError(f"--deadline {arguments.deadline:g} s is not allowed: it must be > 0 s")
         scenario = read_scenario(arguments.scenario)
-        claim = _own_domain()
+        claim = claimed_domain()
     except (ScenarioError, ValueError, RuntimeError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+        return end(f"error: {error}", 2)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
     terms = Terms(scenario.sim, arguments.deadline)
     try:
         log = _examine(scenario, command, arguments.ros_arguments, arguments.log)
     except Interrupted:
-        print("interrupted", file=sys.stderr)
-        return 130
+        return end("interrupted", 130)
     except OSError as error:
         if arguments.log is not None and error.filename == str(arguments.log):
             print(f"error: --log {arguments.log} cannot be written: {error.strerror}", file=sys.stderr)
@@ -105,15 +101,6 @@ def main() -> int:
     verdicts = judge(log, terms)
     _show(verdicts, shlex.join(command))
     return exit_code(verdicts, log)
-
-
-def _own_domain() -> socket.socket | None:
-    """Take a ROS domain for this examination alone, unless one is chosen; to be kept as long as it lasts."""
-    if os.environ.get("ROS_DOMAIN_ID"):
-        return None
-    domain, claim = claim_domain()
-    os.environ["ROS_DOMAIN_ID"] = str(domain)
-    return claim
 
 
 def _examine(scenario: Scenario, command: list[str], ros_arguments: bool, printed: Path | None) -> Log:

@@ -1,12 +1,21 @@
-"""A ROS domain that nobody else on this machine uses. Imports nothing of ROS: the domain is chosen before that."""
+"""What a command does at its begin and end: a ROS domain that nobody else on this machine uses, why it ends.
+
+Imports nothing of ROS: the domain is chosen before that.
+"""
 
 import os
 import socket
+import sys
+from contextlib import suppress
 from pathlib import Path
 
 _DOMAINS = range(1, 102)
 """All that Linux has ports for; 0 is everybody's."""
 _PORTS_PER_DOMAIN, _FIRST_PORT = 250, 7400
+
+
+class NoDomainError(RuntimeError):
+    """Every ROS domain is in use; the message is one sentence."""
 
 
 def claim_domain() -> tuple[int, socket.socket]:
@@ -21,7 +30,7 @@ def claim_domain() -> tuple[int, socket.socket]:
 
     Raises
     ------
-    RuntimeError
+    NoDomainError
         If all are in use.
     """
     used = _domains_with_ports()
@@ -37,7 +46,37 @@ def claim_domain() -> tuple[int, socket.socket]:
             claim.close()
         else:
             return domain, claim
-    raise RuntimeError(f"no ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is free: set ROS_DOMAIN_ID")
+    raise NoDomainError(f"no ROS domain from {_DOMAINS[0]} to {_DOMAINS[-1]} is free: set ROS_DOMAIN_ID")
+
+
+def claimed_domain(of: str = "") -> socket.socket | None:
+    """Take a free ROS domain, unless one is chosen; to be kept as long as it is used.
+
+    Parameters
+    ----------
+    of : str
+        Whose it is: then it is told which.
+
+    Raises
+    ------
+    NoDomainError
+        If none is free.
+    """
+    # rcl takes an empty one for none.
+    if os.environ.get("ROS_DOMAIN_ID"):
+        return None
+    domain, claim = claim_domain()
+    os.environ["ROS_DOMAIN_ID"] = str(domain)
+    if of:
+        print(f"ROS domain {domain}, of {of} alone. To listen: export ROS_DOMAIN_ID={domain}", file=sys.stderr)
+    return claim
+
+
+def end(text: object, code: int) -> int:
+    """Say why it ends, if the terminal is still there; the exit code."""
+    with suppress(OSError):  # the terminal may be gone
+        print(text, file=sys.stderr, flush=True)
+    return code
 
 
 def _domains_with_ports() -> set[int]:

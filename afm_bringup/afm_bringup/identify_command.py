@@ -1,7 +1,6 @@
 """`ros2 run afm_bringup identify RECORDING`: resonances, dampings and sensitivities of the scanner from a recording."""
 
 import argparse
-import sys
 import warnings
 from pathlib import Path
 
@@ -12,6 +11,8 @@ from rich.table import Table
 from afm_model import ParameterError
 from afm_model.analysis.identification import AXES, Resonator, Scanner, identify, write_parameters
 from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
+
+from .domain import end
 
 
 def _identified(path: Path) -> Scanner:
@@ -74,9 +75,7 @@ def main() -> int:
         if arguments.out:
             write_parameters(scanner, arguments.out, {"identified from": str(arguments.recording)})
     except (RecordingError, ParameterError) as error:
-        print(f"error: {arguments.recording}: {error}", file=sys.stderr)
-        return 1
+        return end(f"error: {arguments.recording}: {error}", 1)
     except OSError as error:
-        print(f"error: {arguments.out} cannot be written: {error.strerror}", file=sys.stderr)
-        return 1
+        return end(f"error: {arguments.out} cannot be written: {error.strerror}", 1)
     return 0

@@ -61,12 +61,7 @@ class Connection(Protocol):
 
 
 class NodeLaw:
-    """A law whose answers come from a node.
-
-    Parameters
-    ----------
-    connection : Connection
-    """
+    """A law whose answers come from a node."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection

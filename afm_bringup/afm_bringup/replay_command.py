@@ -1,7 +1,6 @@
 """`ros2 run afm_bringup replay RECORDING`: play a recorded run again in process, and compare the trajectories."""
 
 import argparse
-import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +10,8 @@ from afm_model.core.progress import bar
 from afm_model.run import Replay, recorded_parameters
 from afm_model.run.simulation import run
 from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
+
+from .domain import end
 
 
 def replay(path: Path) -> tuple[str, str, int]:
@@ -49,10 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         recorded, replayed, ticks = replay(path)
     except (RecordingError, ParameterError, PartError, DriveError, DivergenceError) as error:
-        print(f"error: {path}: {error}", file=sys.stderr)
-        return 1
+        return end(f"error: {path}: {error}", 1)
     if recorded != replayed:
-        print(f"error: {path}: the replay of {ticks} ticks gives {replayed}, recorded is {recorded}", file=sys.stderr)
-        return 1
+        return end(f"error: {path}: the replay of {ticks} ticks gives {replayed}, recorded is {recorded}", 1)
     print(f"the same trajectory in all {ticks} ticks: {replayed}")
     return 0

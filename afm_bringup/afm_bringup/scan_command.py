@@ -12,7 +12,7 @@ from afm_model.microscope.verbs import Approach, Scan
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
-from .command import claimed_domain, end
+from .domain import NoDomainError, claimed_domain, end
 from .files import config
 from .first_sample import write_sample
 from .scan_session import ScanSession
@@ -81,7 +81,7 @@ def main() -> int:
                 f"{scenario.path}: reference.kind = {scenario.sim.reference.kind} is not allowed in a scan: it must be "
                 f"verbs, as in two_materials"
             )
-        claim = claimed_domain()
+        claim = claimed_domain("this session")
         ScanSession(scenario, arguments.out, verb, Approach(), namespace=arguments.namespace).run()
     except Interrupted:
         return end("interrupted", 130)
@@ -89,7 +89,7 @@ def main() -> int:
         return end(f"error: {error}", 2)
     except OSError as error:
         return end(f"error: {error.filename or arguments.out} cannot be written: {error.strerror}", 2)
-    except SessionError as error:
+    except (SessionError, NoDomainError) as error:
         return end(f"error: {error}", 1)
     del claim
     return 0

@@ -7,12 +7,7 @@ from afm_node_common.diagnostics import entry, stamped
 
 
 class Diagnostics:
-    """Publishes how the controller is.
-
-    Parameters
-    ----------
-    node : Node
-    """
+    """Publishes how the controller is."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

@@ -5,13 +5,22 @@ from importlib.metadata import PackageNotFoundError, version
 from .core.errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
 from .instrument import Block, Instrument, ScoreSummary
 from .instrument.controller import Controller
-from .parameters import ControllerParameters, InstrumentParameters, SimParameters, build, flatten, specifications
+from .parameters import (
+    ControllerParameters,
+    InstrumentParameters,
+    SimParameters,
+    build,
+    changed,
+    flatten,
+    specifications,
+)
 from .parameters.scenario import Scenario, ScenarioError, load_scenario
-from .parameters.shipped import scenario_names
+from .parameters.scenario_files import scenario_names
 from .parts.command import Command
 from .run.simulation import Simulation, simulate
 from .studies import Comparison, compare
-from .studies.sweep import SweepError, sweep
+from .studies.scatter import SweepError
+from .studies.sweep import sweep
 
 try:
     __version__ = version("afm_model")
@@ -38,6 +47,7 @@ __all__ = [
     "SweepError",
     "VerbError",
     "build",
+    "changed",
     "compare",
     "flatten",
     "load_scenario",

@@ -10,8 +10,8 @@ from rclpy.parameter import Parameter
 
 from afm_model.core.errors import ParameterError
 from afm_model.core.schema import with_parts
-from afm_model.parameters import Group, Specification, Value, build, flatten, resolved, specifications
-from afm_model.parameters.law_inside import timing_inside
+from afm_model.parameters import Group, Specification, Value, build, changed, flatten, resolved, specifications
+from afm_model.parameters.simulator_parameters import timing_inside
 
 from .parameter_services import check_services
 
@@ -111,11 +111,10 @@ class Declared(Generic[G]):
             If they are not allowed; nothing changes then.
         """
         before = flatten(self.current)
-        self.current = build(self._model, before | dict(values))
+        self.current = changed(self.current, values)
         now = flatten(self.current)
         self._declare(spec for spec in specifications(type(self.current)) if spec.name not in before)
-        changed = [name for name in before if before[name] != now[name]]
-        self._node.set_parameters([Parameter(name, value=now[name]) for name in changed])
+        self._tell(name for name in before if before[name] != now[name])
         return self.current
 
     def exchange(self, parameters: G) -> None:
@@ -126,8 +125,12 @@ class Declared(Generic[G]):
         for name in before.keys() - now.keys():
             self._node.undeclare_parameter(name)
         self._declare(spec for spec in specifications(self._model) if spec.name not in before)
-        changed = [name for name in now.keys() & before.keys() if before[name] != now[name]]
-        self._node.set_parameters([Parameter(name, value=now[name]) for name in changed])
+        self._tell(name for name in now.keys() & before.keys() if before[name] != now[name])
+
+    def _tell(self, names: Iterable[str]) -> None:
+        """Give the node the parameters of these names as they are now."""
+        now = flatten(self.current)
+        self._node.set_parameters([Parameter(name, value=now[name]) for name in names])
 
     def _service_for(self, name: str) -> str:
         """What changes a parameter while the node runs; empty: no service does."""
@@ -164,7 +167,7 @@ class Declared(Generic[G]):
                     f"{name} = {values[name]} is not allowed while the node runs: faults are ordered by the service "
                     "order_fault, so that it is known at which tick"
                 )
-        return build(self._model, {**current, **values})
+        return changed(self.current, values)
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         try:

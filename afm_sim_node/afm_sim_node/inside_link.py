@@ -3,9 +3,7 @@
 import time
 from collections.abc import Callable
 
-import numpy as np
 from afm_msgs.msg import Measurement
-from numpy.typing import NDArray
 from rclpy.node import Node
 
 from afm_node_common import topics
@@ -37,16 +35,6 @@ class InsideLink(NodeLink):
         """Which short cuts of the control loop are there: none is needed."""
         self.wait: Callable[[float], None] = time.sleep
         """wait(timeout): there is nothing to wake for."""
-
-    def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
-        """Nobody is asked."""
-
-    def take(self) -> None:
-        """Nobody answers."""
-
-    def arrived(self) -> float:
-        """Nothing has."""
-        return time.monotonic()
 
     @property
     def controller(self) -> str:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from afm_model.parameters.law_inside import is_inside
+from afm_model.parameters.simulator_parameters import is_inside
 from afm_model.run import Snapshot, State
 from afm_node_common.process import SimNodeParameters
 

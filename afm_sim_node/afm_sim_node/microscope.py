@@ -26,7 +26,7 @@ _IMAGES_PERIOD = 0.05
 """Wall time between two looks at the images [s]: at each one at most is published."""
 
 
-def attend(on_line: Callable[[Line], object], instrument: Instrument) -> Operator:
+def operator_of(on_line: Callable[[Line], object], instrument: Instrument) -> Operator:
     """Who orders verbs of an instrument; told every line of a scan."""
     operator = Operator(instrument)
     operator.on_line = on_line  # type: ignore[assignment]
@@ -40,7 +40,7 @@ class Microscope:
     ----------
     node : Node
     run : Run
-        Its attendant was made by `attend`; its listener `verb_over` calls `verb_over`.
+        Its operator was made by `operator_of`; its listener `verb_over` calls `verb_over`.
     exchange : Exchanging
         Puts in another sample or probe.
     changed : callable
@@ -68,10 +68,10 @@ class Microscope:
 
     def finish(self, spin_once: Callable[[float], None]) -> None:
         """End what is being done, and answer its goal."""
-        attendant = self._run.attendant
-        if attendant.busy:
-            attendant.give_up("the simulator was ended")
-            self.verb_over(attendant.outcome())
+        operator = self._run.operator
+        if operator.busy:
+            operator.give_up("the simulator was ended")
+            self.verb_over(operator.outcome())
         self._verbs.finish(spin_once)
 
     def close(self) -> None:
@@ -99,8 +99,8 @@ class Microscope:
 
     def publish(self) -> None:
         """Publish what the microscope is doing, if that has changed."""
-        attendant = self._run.attendant
-        desk, progress = attendant.state, attendant.progress
+        operator = self._run.operator
+        desk, progress = operator.state, operator.progress
         volts, force = setpoint(self._run)
         message = MicroscopeMessage(
             approached=desk.approached,

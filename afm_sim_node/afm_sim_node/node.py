@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from afm_model import Block, Controller
-from afm_model.parameters.law_inside import is_inside
+from afm_model import Block, Controller, Instrument
+from afm_model.parameters.simulator_parameters import is_inside
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
 from afm_node_common.parameters import Declared
@@ -32,8 +32,8 @@ from .streams import Streams, clock_bytes
 from .telemetry import Telemetry
 
 if TYPE_CHECKING:
+    from afm_model.microscope.operator import Operator
     from afm_model.microscope.results import Line, Outcome
-    from afm_model.run.attendance import Attending
 
     from .microscope import Microscope
 
@@ -88,21 +88,19 @@ class SimNode(Node):
             time.monotonic,
             Listeners(changed=self._on_state, block=self._on_block, ended=self._on_end, verb_over=self._on_verb_over),
             block_ticks=_block_ticks(parameters),
-            attend=self._attend() if parameters.reference.kind == "verbs" else None,
+            operate=self._operate() if parameters.reference.kind == "verbs" else None,
             in_pieces=parameters.run.mode == "realtime",
         )
         """The life of the instrument."""
         self._streams = Streams(self, parameters, self.run.instrument.channels)
         self.run.warm_up()
-        self.step: Callable[[], bool] = self.run.step
-        """One look at the inbox or the clock; True if something was done."""
         self._telemetry = Telemetry(self, self.run)
         self._reporter = Reporter(self, self.run, self._link, self._peers, self._streams, parameters)
         self._clock_publisher = self.create_publisher(ClockMessage, topics.clock(self.get_namespace()), 1)
         self._faults = Faults(self, self.run, declared)
         self._control = Control(self, self.run, before_reset=self._faults.look)
         self._standard = Standard(self, self.run, self._control) if INSTALLED else None
-        if self.run.attendant is not None:
+        if self.run.operator is not None:
             from . import microscope
 
             self._microscope = microscope.Microscope(self, self.run, self._exchange, self._on_setting)
@@ -111,7 +109,7 @@ class SimNode(Node):
             Subscriptions(self).subscribe(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
         self._clock_at = 0.0
         self._tasks = PeriodicTasks(
-            PeriodicTask(self.run.ticker.end_block, _STATUS_PERIOD),
+            PeriodicTask(self.run.blocks.end_block, _STATUS_PERIOD),
             PeriodicTask(self._look_for_peers, _STATUS_PERIOD),
             PeriodicTask(self._faults.look, _STATUS_PERIOD),
             PeriodicTask(self._look_at_the_recorder, _STATUS_PERIOD),
@@ -129,10 +127,14 @@ class SimNode(Node):
 
     # What the run loop calls.
 
+    def step(self) -> bool:
+        """One look at the inbox or the clock; True if something was done."""
+        return self.run.step()
+
     def wait(self, timeout: float) -> None:
         """Sleep until a drive or a deadline, or for `timeout` seconds of wall time."""
         if not self.run.ticking:
-            while self.run.ticker.do_one():
+            while self.run.blocks.do_one():
                 pass
             self._streams.publish_all()
             time.sleep(timeout)
@@ -141,7 +143,7 @@ class SimNode(Node):
         else:
             left = deadline - time.monotonic()
             if left > _ROOM * self._period:
-                if self.run.ticker.do_one():
+                if self.run.blocks.do_one():
                     return
                 if self._streams.waiting:
                     self._streams.publish_one()
@@ -185,7 +187,6 @@ class SimNode(Node):
     # What the run calls.
 
     def _on_state(self) -> None:
-        self.step = self.run.step
         self._reporter.state_changed()
         self._control.state_changed()
         state = self.run.state
@@ -207,17 +208,17 @@ class SimNode(Node):
         self._faults.look()
         self._reporter.publish_score()
 
-    def _attend(self) -> "Attending":
+    def _operate(self) -> "Callable[[Instrument], Operator]":
         # Here: whoever orders no verbs need not wait for them to be imported.
-        from .microscope import attend
+        from .microscope import operator_of
 
-        return partial(attend, self._on_line)
+        return partial(operator_of, self._on_line)
 
     def _exchange(self, group: str, changes: dict[str, Any]) -> None:
         """Put in another sample or probe; raises ParameterError or VerbError."""
         from afm_model.microscope.local import exchanged
 
-        made = exchanged(self._declared.current, self.run.attendant.state, group, changes)
+        made = exchanged(self._declared.current, self.run.operator.state, group, changes)
         self._faults.look()
         self.run.exchange(made)
         self._declared.exchange(made)

@@ -8,7 +8,6 @@ from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
 from rclpy.node import Node
 
 from afm_model.core.errors import ParameterError, VerbError
-from afm_model.parts.stiffness import spring_constant
 from afm_model.run import Run
 from afm_node_common import topics
 
@@ -23,7 +22,7 @@ class Settings:
     ----------
     node : Node
     run : Run
-        With an attendant.
+        With an operator.
     exchange : Exchanging
     changed : callable
         changed(): something was set.
@@ -48,17 +47,17 @@ class Settings:
         return response
 
     def _set_setpoint(self, request: Any, response: Any) -> Any:
-        set_setpoint = self._run.attendant.set_setpoint
+        set_setpoint = self._run.operator.set_setpoint
         self._try(partial(set_setpoint, force=request.force, voltage=request.voltage), response)
         response.voltage, response.force = setpoint(self._run)
         return response
 
     def _set_gains(self, request: Any, response: Any) -> Any:
         given = [None if value < 0.0 else value for value in (request.proportional, request.integral)]
-        return self._try(partial(self._run.attendant.set_gains, *given), response)
+        return self._try(partial(self._run.operator.set_gains, *given), response)
 
     def _set_feedback(self, request: Any, response: Any) -> Any:
-        return self._try(partial(self._run.attendant.set_feedback, request.mode), response)
+        return self._try(partial(self._run.operator.set_feedback, request.mode), response)
 
     def _exchange_part(self, group: str, request: Any, response: Any) -> Any:
         def change() -> None:
@@ -69,9 +68,9 @@ class Settings:
 
 def setpoint(run: Run) -> tuple[float, float]:
     """In force now: [V], and as force of the cantilever [N]; NaN: not known."""
-    volts = float(run.attendant.state.setpoint)
+    volts = float(run.operator.state.setpoint)
     parameters = run.instrument.parameters
-    k = spring_constant(parameters) or float("nan")
+    k = parameters.plant.spring_constant(parameters) or float("nan")
     return volts, volts * parameters.detector.deflection_sensitivity * k
 
 

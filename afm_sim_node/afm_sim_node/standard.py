@@ -85,7 +85,7 @@ class Standard:
         run = self._run
         if run.state == State.PAUSED:
             return int(self._state.STATE_PAUSED)
-        if run.state in OVER or (run.state == State.WAITING and run.waits_for_play):
+        if run.state in OVER or (run.state == State.WAITING and run.held):
             return int(self._state.STATE_STOPPED)
         return int(self._state.STATE_PLAYING)
 

@@ -75,7 +75,7 @@ class Verbs:
     ----------
     node : Node
     run : Run
-        With an attendant; `verb_over` is to be called at the end of each verb.
+        With an operator; `verb_over` is to be called at the end of each verb.
     begun : callable
         begun(verb): a verb is about to begin.
     changed : callable
@@ -121,11 +121,11 @@ class Verbs:
         going = self._going
         if going is None or going.goal is None:
             return
-        feedback, progress = self._feedback[going.name], self._run.attendant.progress
+        feedback, progress = self._feedback[going.name], self._run.operator.progress
         # First: what is published now has not been acknowledged yet.
         if feedback.gone:
             self._log.warning(f"the client of {going.name} has gone: it is cancelled and the tip withdrawn")
-            self._run.attendant.cancel("cancelled, because its client has gone")
+            self._run.operator.cancel("cancelled, because its client has gone")
         told = type_of(going.name).Feedback(progress=float(progress.fraction), detail=progress.detail)
         feedback.publish(going.goal, told)
 
@@ -140,7 +140,7 @@ class Verbs:
     def _cancel(self, goal: ServerGoalHandle) -> CancelResponse:
         going = self._going
         if going is not None and going.goal is not None and going.goal.goal_id == goal.goal_id:
-            self._run.attendant.cancel("cancelled")
+            self._run.operator.cancel("cancelled")
         else:
             # It is over and has not been answered: cancelled is cancelled.
             self._withdraw()
@@ -158,7 +158,7 @@ class Verbs:
             self._answer(name, goal, result)
 
     def _begin(self, name: str, verb: Verb, goal: ServerGoalHandle | None, over: Callable[[Outcome], None]) -> None:
-        if objection := self._run.attendant.objection(verb):
+        if objection := self._run.operator.objection(verb):
             raise VerbError(objection)
         self._begun(verb)
         if goal is not None:
@@ -201,8 +201,8 @@ class Verbs:
 
     def _withdraw(self) -> None:
         """Take the tip away; not while another verb is being done."""
-        attendant = self._run.attendant
-        if not attendant.busy and attendant.state.near:
+        operator = self._run.operator
+        if not operator.busy and operator.state.near:
             try:
                 self._begin("Withdraw", Withdraw(), None, lambda outcome: None)
             except VerbError as error:

@@ -1,4 +1,4 @@
-"""A law of one's own, law.kind pd_law:PD: proportional-derivative tracking of x and y, tuned by scanner and period."""
+"""A law of your own, law.kind pd_law:PD: proportional-derivative tracking of x and y, tuned by scanner and period."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""A program of one's own: z goes to the sample until it pushes the cantilever, then the z loop follows its setpoint.
+"""A program of your own: z goes to the sample until it pushes the cantilever, then the z loop follows its setpoint.
 
 reference.kind: approach:APPROACH, with onboard.kind pi and plant.gap
 """

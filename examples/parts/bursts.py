@@ -1,4 +1,4 @@
-"""A fault of one's own, by seed, fault.kind bursts:BURSTS: bursts of noise on the deflection, drives that get lost."""
+"""A fault of your own, by seed, fault.kind bursts:BURSTS: bursts of noise on the deflection, drives that get lost."""
 
 from typing import Annotated
 

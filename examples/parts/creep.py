@@ -1,4 +1,4 @@
-"""A piezo of one's own: it creeps. After a step it goes on by `creep` of the step in every decade of time.
+"""A piezo of your own: it creeps. After a step it goes on by `creep` of the step in every decade of time.
 
 piezo.kind: creep:CREEP
 """

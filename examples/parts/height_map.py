@@ -1,4 +1,4 @@
-"""A sample of one's own from a height map, sample.kind height_map:HEIGHT_MAP. Cubic B-splines, periodic."""
+"""A sample of your own from a height map, sample.kind height_map:HEIGHT_MAP. Cubic B-splines, periodic."""
 
 from typing import Annotated
 

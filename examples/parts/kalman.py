@@ -1,4 +1,4 @@
-"""A law of one's own, law.kind kalman:KALMAN: Kalman filter on noisy position, PD with feedforward."""
+"""A law of your own, law.kind kalman:KALMAN: Kalman filter on noisy position, PD with feedforward."""
 
 import math
 from typing import Annotated

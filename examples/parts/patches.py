@@ -1,4 +1,4 @@
-"""A sample of one's own from a kernel: flat, with stripes of another material along y.
+"""A sample of your own from a kernel: flat, with stripes of another material along y.
 
 sample.kind: patches:PATCHES
 """

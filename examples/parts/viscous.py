@@ -1,4 +1,4 @@
-"""A plant of one's own, plant.kind viscous:VISCOUS: a scanner in a viscous film, the tip following the surface."""
+"""A plant of your own, plant.kind viscous:VISCOUS: a scanner in a viscous film, the tip following the surface."""
 
 import math
 from typing import Annotated

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model import InstrumentParameters, build, flatten
+from afm_model import InstrumentParameters, build, changed
 from afm_model.core.jit import kernel
 from afm_model.core.records import record_at, size
 from afm_model.instrument.block import Layout
@@ -44,7 +44,7 @@ class Bench:
     def rest(self, z_r: float) -> tuple[Any, float]:
         """State in static contact with the tip at z_r [z0], and the U_z that holds it."""
         height = {"reference.z_r": z_r * self.parameters.scales.z0}
-        parameters = build(InstrumentParameters, flatten(self.parameters) | height)
+        parameters = changed(self.parameters, height)
         block = self.block.copy()
         s = self.layout.record(block, "plant_state")
         plant: Any = self.layout.parts["plant"].part

@@ -13,7 +13,7 @@ from afm_model import (
     SimParameters,
     Simulation,
     build,
-    flatten,
+    changed,
     load_scenario,
     simulate,
 )
@@ -100,7 +100,7 @@ def test_law_told_resonances_one_or_two_percent_wrong_is_healed_by_the_file_of_a
     identified = load_scenario("closed_loop_predictive", overrides=tmp_path / "scanner.yaml")
     # Nothing known of surface and friction either; the second half of a period is scored.
     score = {"score.start": 0.5 * nominal.sim.run.duration}
-    sim = build(SimParameters, flatten(nominal.sim) | true | score)
+    sim = changed(nominal.sim, true | score)
     before, after = (max(simulate(sim, each.controller).score.max_percent[:2]) for each in (nominal, identified))
     assert before > 1.0
     # It is .02 with the resonances known to the last digit.

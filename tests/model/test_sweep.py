@@ -21,7 +21,7 @@ import pytest
 from afm_model import ParameterError, Scenario, SweepError, simulate, sweep
 from afm_model.core import kernel_cache
 from afm_model.law import TimingWarning
-from afm_model.parameters import ControllerParameters, SimParameters, build, flatten
+from afm_model.parameters import ControllerParameters, SimParameters, build, changed
 
 ROOT = Path(__file__).resolve().parents[2]
 SIM = {
@@ -174,7 +174,7 @@ def test_worker_with_other_sources_is_refused(cluster, monkeypatch):
 
 
 def test_scheduler_that_is_not_there_is_told(monkeypatch):
-    monkeypatch.setattr(sys.modules["afm_model.studies.sweep"], "_TIMEOUT", 0.2)
+    monkeypatch.setattr(sys.modules["afm_model.studies.scatter"], "_TIMEOUT", 0.2)
     with pytest.raises(SweepError, match=r"no Dask scheduler answers at tcp://127.0.0.1:1"):
         sweep(scenario(), {SEED: [1]}, scheduler="tcp://127.0.0.1:1", progress=False)
 
@@ -288,7 +288,7 @@ def test_laws_of_every_kind_are_swept_each_made_for_the_plant_of_its_set(cluster
     table = sweep(base, sets, scheduler=cluster, fingerprint=True, progress=False)
     assert table["error"].isna().all()
     for _, row in table[table[kind] != "sgn"].iterrows():
-        sim = build(SimParameters, flatten(base.sim) | {"plant.control_period": row[period]})
+        sim = changed(base.sim, {"plant.control_period": row[period]})
         own = {"law.kind": row[kind], "law.period": row[period]}
         assert row["trajectory_sha256"] == simulate(sim, build(ControllerParameters, own)).trajectory_sha256
 

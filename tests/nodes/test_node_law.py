@@ -15,7 +15,7 @@ from afm_model.core.errors import MalformedError
 from afm_model.core.records import size
 from afm_model.parts.signals import Measurement
 from afm_model.studies import CONDITIONS, Comparison, run_trial
-from afm_model.studies.conditions import Common
+from afm_model.studies.contender import Common
 
 MEASURED = np.zeros(size(Measurement))
 Answer = tuple[int, object]

@@ -50,8 +50,8 @@ class Served:
             assert self.client.execute(APPROACH).message == ""
 
     def wait_for_rest(self) -> None:
-        self.graph.spin_until(lambda: not self.simulator.run.attendant.busy)
-        assert not self.simulator.run.attendant.state.near
+        self.graph.spin_until(lambda: not self.simulator.run.operator.busy)
+        assert not self.simulator.run.operator.state.near
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_second_interrupt_leaves_a_paused_run_and_its_tip_is_withdrawn_behind_th
     with pytest.raises(KeyboardInterrupt) as raised:
         served.client.execute(ENDLESS, on_line=served.on_line)
     assert raised.type is KeyboardInterrupt
-    assert (served.simulator.run.state, served.simulator.run.attendant.busy) == (State.PAUSED, True)
+    assert (served.simulator.run.state, served.simulator.run.operator.busy) == (State.PAUSED, True)
     served.simulator.run.play()
     served.wait_for_rest()
 

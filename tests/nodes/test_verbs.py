@@ -143,11 +143,11 @@ def test_cancel_that_comes_when_the_last_line_is_measured_withdraws_the_tip(benc
     handle = bench.begin(SCAN)
     run = bench.simulator.run
     # Without the executor: the verb comes to its end, and nobody has been told.
-    while run.attendant.busy:
+    while run.operator.busy:
         bench.simulator.step()
     bench.graph.result(handle.cancel_goal_async())
     told = bench.end(handle)
-    bench.graph.spin_until(lambda: not run.attendant.busy)
+    bench.graph.spin_until(lambda: not run.operator.busy)
     # Either the cancel was first, or the result.
     if told.status == GoalStatus.STATUS_CANCELED:
         assert told.result.message == "Scan was cancelled at its end; the tip is withdrawn"
@@ -189,10 +189,10 @@ def test_force_curves_come_whole(bench: Bench) -> None:
 def test_client_that_is_killed_leaves_the_tip_withdrawn_and_is_told(bench: Bench, tmp_path: Path) -> None:
     bench.approach()
     with Command(sys.executable, Path(__file__).with_name("one_goal.py"), folder=tmp_path) as process:
-        process.wait_until(lambda: bench.simulator.run.attendant.busy, bench.graph)
+        process.wait_until(lambda: bench.simulator.run.operator.busy, bench.graph)
         bench.graph.spin_until(lambda: behind_the_first_lines(bench))
         # What is left running is killed with SIGKILL here.
-    bench.graph.spin_until(lambda: not bench.simulator.run.attendant.busy)
+    bench.graph.spin_until(lambda: not bench.simulator.run.operator.busy)
     assert not bench.near
     bench.graph.spin_until(lambda: bench.states[-1].doing == "")
     assert bench.states[-1].last == "Scan was cancelled, because its client has gone; the tip is withdrawn"

@@ -148,7 +148,7 @@ def test_cancel_on_the_way_leaves_the_tip_withdrawn_and_what_was_measured_is_kep
     heard: list[Any] = []
     instrument = bench.simulator.run.instrument
     begin = instrument.time
-    setpoint = bench.simulator.run.attendant.state.setpoint
+    setpoint = bench.simulator.run.operator.state.setpoint
     handle = bench.begin(verb, lambda message: heard.append(message.feedback))
     # Time for two curves, a line, some samples.
     bench.graph.spin_until(lambda: instrument.time > begin + 0.4 and len(heard) > 1)
@@ -158,7 +158,7 @@ def test_cancel_on_the_way_leaves_the_tip_withdrawn_and_what_was_measured_is_kep
     if isinstance(verb, ThermalTune | CalibrateLateral):
         # One number of all samples: of a part of them there is none.
         assert result is None
-        assert bench.simulator.run.attendant.state.setpoint == setpoint
+        assert bench.simulator.run.operator.state.setpoint == setpoint
     elif isinstance(result, Standing):
         assert result.time > begin + 0.4
     else:
@@ -190,7 +190,7 @@ def test_microscope_as_a_client_returns_the_bytes_of_the_one_in_this_process(ben
 
     def serve() -> None:
         bench.graph.spin()
-        while simulator.run.attendant.busy:
+        while simulator.run.operator.busy:
             bench.graph.spin()
 
     # Time begins anew with another sample, and with it the noise.

@@ -8,7 +8,7 @@ import yaml
 from afm_msgs.msg import InstrumentStatus
 from support import TIMEOUT, Graph, Observer, session
 
-from afm_model.parameters.shipped import scenario_file
+from afm_model.parameters.scenario_files import scenario_file
 from soak.sampling import Sample, sample
 
 _ENDLESS = 1e6

@@ -13,7 +13,7 @@ from afm_msgs.msg import InstrumentStatus
 from numpy.typing import NDArray
 from support import TIMEOUT, Command, Graph, executable, wait_for_the_end_of, wait_until
 
-from afm_model.parameters.shipped import scenario_file
+from afm_model.parameters.scenario_files import scenario_file
 from afm_node_common.shared_memory import File, unused, used_by
 from afm_recorder_node.reader import IncompleteRecording, Recording, read_recording
 from torture.listener import Listener

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model import ControllerParameters, Scenario, SimParameters, Simulation, build, flatten, load_scenario, simulate
+from afm_model import Scenario, Simulation, changed, load_scenario, simulate
 from afm_model.parameters import Value
 from afm_model.plant.physics import Microscope
 
@@ -72,8 +72,8 @@ class Runs:
             if self._duration is not None and self._duration < duration:
                 sim["run.duration"] = self._duration
             self._kept[key] = simulate(
-                build(SimParameters, flatten(scenario.sim) | sim),
-                build(ControllerParameters, flatten(scenario.controller) | law),
+                changed(scenario.sim, sim),
+                changed(scenario.controller, law),
             )
         return self._kept[key]
 

@@ -6,9 +6,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model import Instrument, SimParameters, build
+from afm_model import Instrument, SimParameters, changed
 from afm_model.core.errors import DivergenceError, DriveError
-from afm_model.core.schema import Value, flatten
+from afm_model.core.schema import Value
 
 from .log import Answer, Log, Phase, Sent
 
@@ -155,11 +155,11 @@ class Procedure:
             self.log.begun.remove(self._phase)
             return
         start = (self._instrument.ticks + 1) * self._parameters.plant.control_period
-        values: dict[str, Value] = flatten(self._parameters)
+        values: dict[str, Value] = {}
         for name, fields in _FAULTS.items():
             values |= {f"fault.{name}.{field}": value for field, value in fields.items()}
             values[f"fault.{name}.start"] = start
-        self._instrument.set_faults(build(SimParameters, values))
+        self._instrument.set_faults(changed(self._parameters, values))
         self._lockstep()
         self._instrument.set_faults(self._parameters)
 

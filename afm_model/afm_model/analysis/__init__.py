@@ -3,13 +3,11 @@
 Nothing here knows the simulated instrument: the functions take arrays from any microscope.
 """
 
-from .correlation import correlated_mean, correlation_length
 from .curves import CurveAnalysis, deflection_sensitivity, force_curve, tilted_stiffness
-from .estimate import Estimate
+from .estimate import Estimate, correlated_mean, correlation_length
 from .loops import FrictionLoop, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
-from .regions import Contrast, contrast, two_levels
-from .roughness import Roughness, roughness
+from .regions import Contrast, Roughness, contrast, roughness, two_levels
 from .steps import Edge, edges, step_height
 from .thermal import ThermalTune, spring_constant
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg

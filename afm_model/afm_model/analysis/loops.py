@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .correlation import correlated_mean
-from .estimate import Estimate, mean, straight_line
+from .estimate import Estimate, correlated_mean, mean, straight_line
 
 _Array = NDArray[np.float64]
 

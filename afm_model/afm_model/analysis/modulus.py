@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..contact.maugis import MODELS
-from .contact_curve import TABOR
-from .contact_problem import Problem, Solution
-from .correlation import binned, correlation_length
+from .contact_problem import TABOR, Problem, Solution
 from .curves import force_curve, in_contact
-from .estimate import Estimate
+from .estimate import Estimate, binned, correlation_length
 
 REACH = 0.165e-9
 """Range of the adhesive stress that is usually taken [m]."""

@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .correlation import correlation_length
-from .estimate import Estimate, mean
+from .estimate import Estimate, correlation_length, mean
 from .regions import two_levels
 
 _Array = NDArray[np.float64]

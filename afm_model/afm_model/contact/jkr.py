@@ -1,4 +1,4 @@
-r"""Johnson-Kendall-Roberts contact of a sphere of radius R_e, on its stable branch.
+"""Johnson-Kendall-Roberts contact of a sphere of radius R_e, on its stable branch.
 
 Everything is written in u = (a / a_0)^(1/2), where a is the contact radius and a_0 its value at zero load. Then
 
@@ -16,6 +16,7 @@ K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. Lond. A 324 (1971) 301, 
 """
 
 import math
+from typing import Any
 
 from ..core.jit import kernel
 
@@ -143,3 +144,19 @@ def hertz_radius(load: float, R_e: float, K: float) -> float:
     if load < 0.0:
         raise ValueError(f"load = {load:g} N pulls: without adhesion there is no contact")
     return (R_e * load / K) ** (1.0 / 3.0)
+
+
+@kernel
+def effective_radius_ratio(h: Any, r: float) -> float:
+    """R_e / R = 1 / (1 + kappa r), with kappa the signed mean curvature of the sample, docs/theory.md (17).
+
+    The curvature is taken in coordinates scaled by x_0 and z_0: positive on a hill (the contact is smaller), negative
+    in a valley (larger). Valid while 1 + kappa r > 0, checked when parameters are read.
+
+    Parameters
+    ----------
+    h : record of Surface
+    r : float [z0]
+        Radius of the tip.
+    """
+    return 1.0 / (1.0 + h.curvature * r)

@@ -7,12 +7,12 @@ of Hertz, joined with equal value and slope. Short of the contact the force is t
 """
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.jit import kernel
+from ..core.records import Block
 from .maugis import branch
 
 NODES = 1025
@@ -55,7 +55,7 @@ def _row(model: str, transition: float) -> NDArray[np.float64]:
 
 
 @kernel
-def look_up(d: float, row: float, t: Any, at: int, rows: int) -> tuple[float, float, float, float]:
+def look_up(d: float, row: float, t: Block, at: int, rows: int) -> tuple[float, float, float, float]:
     """Force, its slope dF/dd, contact radius and its slope at indentation d, in the units of `maugis`.
 
     Parameters
@@ -85,7 +85,7 @@ def look_up(d: float, row: float, t: Any, at: int, rows: int) -> tuple[float, fl
 
 
 @kernel
-def end_of_contact(row: float, t: Any, at: int, rows: int) -> float:
+def end_of_contact(row: float, t: Block, at: int, rows: int) -> float:
     """Indentation at which contact begins and ends, in the units of `maugis`; arguments as in `look_up`."""
     if rows == 1:
         return t[at]
@@ -95,7 +95,7 @@ def end_of_contact(row: float, t: Any, at: int, rows: int) -> float:
 
 
 @kernel
-def _in_row(beyond: float, d: float, t: Any, at: int) -> tuple[float, float, float, float]:
+def _in_row(beyond: float, d: float, t: Block, at: int) -> tuple[float, float, float, float]:
     if beyond <= 0.0:
         return t[at + 1], 0.0, 0.0, 0.0
     s = math.sqrt(beyond)

@@ -6,7 +6,7 @@ ROS parameter descriptors, scenario files, messages about bad values and the tab
 
 import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
@@ -166,6 +166,13 @@ def with_parts(model: type[G], values: Mapping[str, Value]) -> type[G]:
     return _with_groups(model, tuple(chosen.items())) if chosen else model
 
 
+def chosen_group(model: type[Group], name: str, values: Mapping[str, Value]) -> type[Group]:
+    """The group `name` of a model, of the part that `values` choose by its `kind`; raises as `with_parts`."""
+    group = with_parts(model, values).model_fields[name].annotation
+    assert isinstance(group, type) and issubclass(group, Group), name
+    return group
+
+
 def _entry_names(group: str, parameters: type[Group], values: Mapping[str, Value]) -> tuple[str, ...]:
     """Names that `values` give to entries of a group, sorted: in which order they stand in a file means nothing."""
     paths = (name.split(".") for name in values)
@@ -252,3 +259,26 @@ def flatten(values: Group, prefix: str = "") -> dict[str, Value]:
         else:
             flat[prefix + name] = value
     return flat
+
+
+def changed(parameters: G, news: Mapping[str, Value], anew: Collection[str] = ()) -> G:
+    """These parameters with some changed, by dotted names; where another part is chosen, without those it has not.
+
+    Parameters
+    ----------
+    parameters : Group
+    news : mapping
+    anew : collection of str
+        Groups of which nothing stays: what `news` does not give of them is its default.
+
+    Raises
+    ------
+    ParameterError
+        As `build`.
+    """
+    model = parameters.origin or type(parameters)
+    values = {name: value for name, value in flatten(parameters).items() if name.partition(".")[0] not in anew}
+    if any(name.endswith(".kind") for name in news):
+        known = _known(with_parts(model, {**values, **news}))
+        values = {name: value for name, value in values.items() if name in known}
+    return build(model, {**values, **news})  # type: ignore[return-value]  # as declared, with the groups of its parts

@@ -215,16 +215,6 @@ class Instrument:
         """
         self.orders.put_in_force(order, self.ticks)
 
-    def exchange(self, parameters: InstrumentParameters) -> None:
-        """Become the instrument of other parameters, at its start: another sample, another cantilever.
-
-        Raises
-        ------
-        ParameterError
-            As on making one; nothing has changed then.
-        """
-        vars(self).update(vars(Instrument(parameters, self._block_ticks, hashed=self._hashed)))
-
     def set_onboard(self, parameters: InstrumentParameters) -> None:
         """Change the loop inside from the next tick on: `parameters` differ from those of now by `onboard` alone.
 
@@ -235,6 +225,16 @@ class Instrument:
         """
         self.orders.set_onboard(parameters)
         self.parameters = parameters
+
+    @property
+    def recorded_ticks(self) -> int:
+        """Ticks in the block up to now."""
+        return self._row
+
+    @property
+    def block_end(self) -> int:
+        """Tick at which the block is full."""
+        return self.ticks - self._row + self._block_ticks
 
     @property
     def block_full(self) -> bool:

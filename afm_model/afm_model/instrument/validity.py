@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ..contact.surface import effective_radius_ratio
+from ..contact.jkr import effective_radius_ratio
 from ..core import registry
 from ..core.jit import kernel
 from ..core.records import Block

@@ -10,8 +10,8 @@ from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
 from .predictive import PREDICTIVE
+from .sampled import SampledLaw, TimingWarning, disagreements
 from .super_twisting import SUPER_TWISTING
-from .timing import SampledLaw, TimingWarning, disagreements
 
 register(*paper.PARTS, PID, IMPLICIT, SUPER_TWISTING, OBSERVER, PREDICTIVE, *paper_tracking.PARTS, CHIRP, OUTSIDE)
 

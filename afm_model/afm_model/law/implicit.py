@@ -12,8 +12,8 @@ from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import height, scanner
-from .feedback import FeedbackConstants, FeedbackLaw, FeedbackState, lateral_axes, pole
+from . import sampled
+from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole
 from .scanner import error_ahead, feed_forward, follow_flight, place_poles, reference_at, send
 
 
@@ -29,14 +29,14 @@ class ImplicitLaw(FeedbackLaw):
     )
 
 
-class Constants(FeedbackConstants):
+class Constants(SampledConstants):
     k_1: Vector
     k_2: Vector
     bound: float
     friction: float
 
 
-class State(FeedbackState):
+class State(SampledState):
     """Nothing more."""
 
 
@@ -52,8 +52,7 @@ def _values(parameters: Tree) -> Numbers:
     axes = lateral_axes(parameters, 1 + law.delay_ticks)
     K = [place_poles(axis, 0.0, pole(parameters, axis)) for axis in axes]
     return {
-        **scanner.scanner_values(parameters),
-        **height.height_values(parameters),
+        **sampled.sampled_values(parameters),
         "k_1": [*(k for k, _ in K), 0.0],
         "k_2": [*(k for _, k in K), 0.0],
         "bound": law.friction_bound / unit,
@@ -65,7 +64,7 @@ def _values(parameters: Tree) -> Numbers:
 def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     follow_flight(y, p, s)
-    height.control_height(y, u, p, s)
+    sampled.control_height(y, u, p, s)
     # Known friction, at the middle of the time in which this drive is in force.
     middle = p.ahead + 0.5 * p.hold
     _, v_x = reference_at(y, p, 0, middle)

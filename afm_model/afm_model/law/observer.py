@@ -12,8 +12,8 @@ from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import NonNegative, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import height, scanner
-from .feedback import FeedbackConstants, FeedbackLaw, FeedbackState, lateral_axes, pole, time_constant
+from . import sampled
+from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole, time_constant
 from .scanner import drive_between, error_ahead, feed_forward, follow_flight, place_poles, position, rate, send
 
 
@@ -28,15 +28,13 @@ class ObserverLaw(FeedbackLaw):
     )
 
 
-class Constants(FeedbackConstants):
+class Constants(SampledConstants):
     k_1: Vector
     k_2: Vector
     gain: float
 
 
-class State(FeedbackState):
-    """Nothing more."""
-
+class State(SampledState):
     before_1: Vector
     before_2: Vector
     load: Vector
@@ -48,8 +46,7 @@ def _values(parameters: Tree) -> Numbers:
     K = [place_poles(axis, pole, pole) for axis, pole in zip(axes, poles, strict=True)]
     average = parameters.scales.w0 * law.averaging_time or law.delay_ticks * time_constant(parameters)
     return {
-        **scanner.scanner_values(parameters),
-        **height.height_values(parameters),
+        **sampled.sampled_values(parameters),
         "k_1": [*(k for k, _ in K), 0.0],
         "k_2": [*(k for _, k in K), 0.0],
         "gain": -math.expm1(-axes[0].hold / average) if average > 0.0 else 1.0,
@@ -60,7 +57,7 @@ def _values(parameters: Tree) -> Numbers:
 def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     follow_flight(y, p, s)
-    height.control_height(y, u, p, s)
+    sampled.control_height(y, u, p, s)
     for axis in range(2):
         x, v = position(y, p, axis), rate(y, p, axis)
         if s.started != 0.0:

@@ -10,10 +10,9 @@ from pydantic import Field
 
 from ..core.jit import kernel
 from ..parts.part import Law, Numbers, Tree
-from . import height, paper, scanner
-from .feedback import FeedbackConstants, FeedbackState
+from . import paper, sampled, scanner
 from .paper import PaperLaw
-from .timing import SampledLaw
+from .sampled import SampledConstants, SampledLaw, SampledState
 
 
 class PaperTracking(PaperLaw, SampledLaw):
@@ -22,7 +21,7 @@ class PaperTracking(PaperLaw, SampledLaw):
     kind: str = Field("tanh_tracking", description="control law")
 
 
-class Constants(paper.Constants, FeedbackConstants):
+class Constants(paper.Constants, SampledConstants):
     """Cantilever, scales and volts mean the same to both."""
 
 
@@ -30,7 +29,7 @@ def _values(parameters: Tree) -> Numbers:
     kind = parameters.law.kind.removesuffix("_tracking")
     as_paper = parameters.model_copy(update={"law": parameters.law.model_copy(update={"kind": kind})})
     of_paper = paper.PARTS[paper.KINDS[kind]].values(as_paper)
-    return {**of_paper, **scanner.scanner_values(parameters), **height.height_values(parameters)}
+    return {**of_paper, **sampled.sampled_values(parameters)}
 
 
 @kernel
@@ -38,7 +37,7 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     paper.control(t, y, u, p, s)
     scanner.follow_flight(y, p, s)
-    height.control_height(y, u, p, s)
+    sampled.control_height(y, u, p, s)
     s.started = 1.0
 
 
@@ -47,7 +46,7 @@ PARTS = tuple(
         name=f"{kind}_tracking",
         parameters=PaperTracking,
         constants=Constants,
-        state=FeedbackState,
+        state=SampledState,
         values=_values,
         control=control,
         knowledge="positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction",

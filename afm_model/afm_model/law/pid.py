@@ -12,19 +12,9 @@ from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import Positive
 from ..parts.part import Law, Numbers, Tree
-from . import height, scanner
-from .height import HeightConstants, HeightState
-from .scanner import (
-    ScannerConstants,
-    ScannerState,
-    feed_forward,
-    follow_flight,
-    free_axes,
-    position,
-    reference_at,
-    send,
-)
-from .timing import SampledLaw
+from . import sampled
+from .sampled import SampledConstants, SampledLaw, SampledState
+from .scanner import feed_forward, follow_flight, free_axes, position, reference_at, send
 
 
 class PidLaw(SampledLaw):
@@ -54,7 +44,7 @@ class Gains(NamedTuple):
     a_2: float
 
 
-class Constants(ScannerConstants, HeightConstants):
+class Constants(SampledConstants):
     feedforward: float
     pid_z: float
     gain: Vector
@@ -67,7 +57,7 @@ class Constants(ScannerConstants, HeightConstants):
     a_2: Vector
 
 
-class State(ScannerState, HeightState):
+class State(SampledState):
     sum: Vector
     one: Vector
     two: Vector
@@ -117,7 +107,7 @@ def simc(eta: float, xi: float, hold: float, delay: float, slowness: float = 1.0
 
 def _values(parameters: Tree) -> Numbers:
     law = parameters.law
-    values = scanner.scanner_values(parameters) | height.height_values(parameters)
+    values = sampled.sampled_values(parameters)
     # Along z, what is faster than the cantilever's resonance is the contact ringing.
     slowest = (0.0, 0.0, 1.0 / values["eta_c"])
     axes = [
@@ -151,7 +141,7 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
         forward = feed_forward(y, p, axis) if p.feedforward != 0.0 else 0.0
         answer_error(now - position(y, p, axis), forward, u, p, s, axis)
     if p.pid_z == 0.0:
-        height.control_height(y, u, p, s)
+        sampled.control_height(y, u, p, s)
     else:
         if s.started == 0.0:
             s.sum[2] = y.drive[2] / p.volts[2]

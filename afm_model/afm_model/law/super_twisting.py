@@ -14,9 +14,9 @@ from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import height, scanner
-from .feedback import FeedbackConstants, FeedbackLaw, FeedbackState, lateral_axes, pole
+from . import sampled
 from .implicit import lateral_unit
+from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole
 from .scanner import Axis, feed_forward, follow_flight, place_poles, position, rate, reference_at, send
 
 K_1, K_2 = 1.5, 1.1
@@ -41,7 +41,7 @@ class SuperTwistingLaw(FeedbackLaw):
     )
 
 
-class Constants(FeedbackConstants):
+class Constants(SampledConstants):
     k_1: Vector
     k_2: Vector
     c_1: Vector
@@ -51,9 +51,7 @@ class Constants(FeedbackConstants):
     fastest: float
 
 
-class State(FeedbackState):
-    """Nothing more."""
-
+class State(SampledState):
     twist_x: float
     twist_y: float
 
@@ -82,8 +80,7 @@ def _values(parameters: Tree) -> Numbers:
         L = law.friction_bound / unit / (hold * (1 + law.delay_ticks))
     rows = {"k_1": [k for k, _ in K], "k_2": [k for _, k in K], "c_1": [c for c, _ in C], "c_2": [c for _, c in C]}
     return {
-        **scanner.scanner_values(parameters),
-        **height.height_values(parameters),
+        **sampled.sampled_values(parameters),
         **{name: [*values, 0.0] for name, values in rows.items()},
         "bound": law.friction_bound / unit,
         "root_L": math.sqrt(L),
@@ -106,7 +103,7 @@ def sliding(y: Any, p: Any, axis: int) -> tuple[float, float]:
 def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     follow_flight(y, p, s)
-    height.control_height(y, u, p, s)
+    sampled.control_height(y, u, p, s)
     s_x, u_x = sliding(y, p, 0)
     s_y, u_y = sliding(y, p, 1)
     # The continuous law is linear with the eigenvalues sqrt(L / |s|) (-_REAL +- i _IMAGINARY); implicitly, a pole p of

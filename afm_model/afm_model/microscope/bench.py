@@ -5,8 +5,7 @@ from typing import Any
 
 from ..analysis import tilted_stiffness
 from ..instrument import Instrument
-from ..parameters import build, flatten
-from ..parts.stiffness import spring_constant
+from ..parameters import changed
 from ..parts.timing import ticks_of
 from ..program.orders import Curve, quintic
 
@@ -42,12 +41,10 @@ class Bench:
             piezo.limit * getattr(piezo, f"sensitivity_{axis}") if piezo.limit > 0.0 else _TRAVEL for axis in "xy"
         )
         """Of the scanner to each side, along x and y [m]."""
-        numbers: Any = getattr(plant, "scanner_numbers", None)
-        self.resonance: float = (
-            min((numbers.f_x, numbers.f_y)) if numbers else min(parameters.scanner.f_x, parameters.scanner.f_y)
-        )
+        scanner: Any = plant.scanner_numbers or parameters.scanner
+        self.resonance: float = min(scanner.f_x, scanner.f_y)
         """Lower one of the scanner along x and y [Hz]."""
-        self.spring_constant = spring_constant(parameters)
+        self.spring_constant = plant.spring_constant(parameters)
         """Of the cantilever [N/m]; 0: not known."""
 
     @property
@@ -59,9 +56,9 @@ class Bench:
     def vertical_stiffness(self) -> float:
         """Spring constant for vertical forces [N/m]."""
         plant = self.parameters.plant
-        if not hasattr(plant, "cantilever_numbers"):
-            return self.spring_constant
         c = plant.cantilever_numbers
+        if c is None:
+            return self.spring_constant
         return tilted_stiffness(c.k, plant.tilt, c.tip_height + 0.5 * c.thickness, c.length)
 
     @property
@@ -72,9 +69,9 @@ class Bench:
         photodiode shows it, and moves its tip by F over `vertical_stiffness`.
         """
         plant, sensitivity = self.parameters.plant, float(self.parameters.detector.deflection_sensitivity)
-        if not hasattr(plant, "cantilever_numbers"):
-            return sensitivity
         c = plant.cantilever_numbers
+        if c is None:
+            return sensitivity
         arm = (c.tip_height + 0.5 * c.thickness) / c.length
         shown = math.cos(plant.tilt) - 2.0 * arm * math.sin(plant.tilt)
         return sensitivity * float(c.k) / (self.vertical_stiffness * shown)
@@ -82,11 +79,8 @@ class Bench:
     @property
     def resonance_band(self) -> tuple[float, float] | None:
         """Frequencies among which the first resonance of the cantilever is looked for, by its nominal one [Hz]."""
-        plant = self.parameters.plant
-        if not hasattr(plant, "cantilever_numbers"):
-            return None
-        f0 = plant.cantilever_numbers.f0
-        return f0 / _BAND, min(f0 * _BAND, 0.5 / self.sample_period)
+        c = self.parameters.plant.cantilever_numbers
+        return None if c is None else (c.f0 / _BAND, min(c.f0 * _BAND, 0.5 / self.sample_period))
 
     @property
     def setpoint(self) -> float:
@@ -149,10 +143,8 @@ class Bench:
         ParameterError
             If one is not allowed.
         """
-        parameters = self.parameters
         news = {f"onboard.{name}": value for name, value in changes.items()}
-        model = type(parameters).origin or type(parameters)
-        self.instrument.set_onboard(build(model, flatten(parameters) | news))
+        self.instrument.set_onboard(changed(self.parameters, news))
 
     def ticks(self, duration: float) -> int:
         """Control ticks that take this time [s] at least, one or more."""

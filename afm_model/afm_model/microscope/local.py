@@ -3,11 +3,14 @@
 from collections.abc import Mapping
 from typing import Any, Literal
 
-from ..core.errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
+from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
 from ..instrument import Instrument
 from ..instrument.controller import Controller
-from ..parameters import ControllerParameters, InstrumentParameters, build, flatten
+from ..parameters import ControllerParameters, InstrumentParameters, changed
+from ..run.engine import Engine
+from ..run.pacing import Compiled
+from ..run.state import State
 from .backend import OnLine, OnProgress
 from .interrupts import Interrupted, Interrupts
 from .jobs import Desk
@@ -48,16 +51,30 @@ class Local:
         block_ticks: int | None = None,
         hashed: bool = False,
     ) -> None:
-        self._given_ticks, self._hashed = block_ticks, hashed
-        self._controller = controller
-        self._begin(with_verbs(parameters))
+        parameters = with_verbs(parameters)
+        self._controller, self._given_ticks, self._hashed = controller, block_ticks, hashed
+        self._begin(parameters)
 
     def _begin(self, parameters: InstrumentParameters) -> None:
         per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
-        self._ticks = self._given_ticks or max(1, _BLOCK_SAMPLES // per_tick)
-        self.instrument = Instrument(parameters, self._ticks, hashed=self._hashed)
-        self.operator = Operator(self.instrument)
-        self._law = Controller(self._controller)
+        law = Controller(self._controller)
+        self._engine = Engine(
+            parameters,
+            lambda engine: Compiled(engine, law, by_clock=True),
+            block_ticks=self._given_ticks or max(1, _BLOCK_SAMPLES // per_tick),
+            operate=self._operate,
+            hashed=self._hashed,
+        )
+        self._engine.step()
+
+    def _operate(self, instrument: Instrument) -> Operator:
+        self.operator = Operator(instrument)
+        return self.operator
+
+    @property
+    def instrument(self) -> Instrument:
+        """Another one after `exchange`."""
+        return self._engine.instrument
 
     @property
     def state(self) -> Desk:
@@ -80,7 +97,7 @@ class Local:
         """
         operator = self.operator
         operator.on_line = on_line or ignore
-        operator.begin(verb)
+        self._engine.begin(verb)
         with Interrupts() as interrupts:
             try:
                 while operator.busy:
@@ -89,29 +106,29 @@ class Local:
                         on_progress(operator.progress)
                     if interrupts.there:
                         operator.cancel("interrupted")
-            except Exception as error:
-                self._break_off(error)
+            except Exception:
+                # The tip is withdrawn, where simulated time can go on.
+                operator.on_line = ignore
+                operator.cancel("stopped by an error")
+                while operator.busy:
+                    self.step()
                 raise
         if interrupts.there:
             raise Interrupted(operator.outcome())
         return operator.outcome()
 
-    def _break_off(self, error: Exception) -> None:
-        """Withdraw the tip after an error, where simulated time can go on."""
-        operator = self.operator
-        operator.on_line = ignore
-        if not isinstance(error, DivergenceError | DriveError | PartError):
-            operator.cancel("stopped by an error")
-            while operator.busy:
-                self.step()
-        operator.give_up(str(error))
-
     def step(self) -> None:
         """Go on to the end of a block, or of an order; for who does not want to wait for a whole verb."""
-        instrument = self.instrument
-        instrument.close_loop(self._law, self._ticks)
-        self.operator.take(instrument.take_block())
-        self.operator.look()
+        self._engine.step()
+        if self._engine.error is not None:
+            raise self._engine.error
+
+    def resume(self) -> None:
+        """See `Backend`."""
+        if self._engine.state != State.WITHDRAWN:
+            raise VerbError(f"the run is {self._engine.state.title}: there is nothing to resume")
+        if problem := self._engine.bring_back():
+            raise VerbError(problem)
 
     def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
         """See `Backend`."""
@@ -173,8 +190,5 @@ def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Val
         raise ParameterError(
             f"plant.{others[0]} is no property of a probe: it is chosen with the scenario, when the instrument starts"
         )
-    values = flatten(parameters)
-    if "kind" in changes:
-        values = {name: value for name, value in values.items() if not name.startswith(f"{group}.")}
-    model = type(parameters).origin or type(parameters)
-    return build(model, values | {f"{group}.{name}": value for name, value in changes.items()})
+    news = {f"{group}.{name}": value for name, value in changes.items()}
+    return changed(parameters, news, anew=(group,) if "kind" in changes else ())

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
-from ..parameters import ControllerParameters, SimParameters, build, flatten
+from ..parameters import ControllerParameters, SimParameters, build, changed
 from ..parameters.scenario import Scenario, load_scenario
 from . import verbs
 from .backend import Backend, OnLine, OnProgress
@@ -269,9 +269,5 @@ def _verb(kind: type[_V], fields: Mapping[str, Any]) -> _V:
 
 
 def _changed(parameters: SimParameters, changes: Mapping[str, Mapping[str, Value]]) -> SimParameters:
-    values = flatten(parameters)
-    for group, news in changes.items():
-        if "kind" in news:
-            values = {name: value for name, value in values.items() if not name.startswith(f"{group}.")}
-        values |= {f"{group}.{name}": value for name, value in news.items()}
-    return build(SimParameters, values)
+    news = {f"{group}.{name}": value for group, each in changes.items() for name, value in each.items()}
+    return changed(parameters, news, anew=[group for group, each in changes.items() if "kind" in each])

@@ -21,8 +21,8 @@ def notes(parameters: Any) -> dict[str, str]:
     plant, loop, detector = parameters.plant, parameters.onboard, parameters.detector
     scanner = f", scanner {plant.scanner}" if hasattr(plant, "scanner") else ""
     words = {"Microscope": f"virtual atomic force microscope, plant {plant.kind}{scanner}"}
-    if hasattr(plant, "cantilever_numbers"):
-        numbers = plant.cantilever_numbers
+    numbers = plant.cantilever_numbers
+    if numbers is not None:
         words["Cantilever"] = (
             f"{plant.lever}, k = {numbers.k:.6g} N/m, f0 = {text(numbers.f0, 'Hz')}, tip radius "
             f"{text(numbers.tip_radius, 'm')}"

@@ -5,7 +5,7 @@ from typing import TypeVar
 from ..core import registry
 from ..core.errors import ParameterError
 from ..core.schema import Value
-from ..parameters import InstrumentParameters, build, flatten
+from ..parameters import InstrumentParameters, changed
 
 P = TypeVar("P", bound=InstrumentParameters)
 CHANNELS = ("z_loop", "z_loop_error", "verb_number", "verb_step")
@@ -24,7 +24,6 @@ def with_verbs(parameters: P) -> P:
     ParameterError
         If the plant cannot leave the sample.
     """
-    values = flatten(parameters)
     plant, program = parameters.plant, parameters.reference
     if plant.kind == "paper" or not hasattr(plant, "gap"):
         raise ParameterError(
@@ -32,17 +31,17 @@ def with_verbs(parameters: P) -> P:
             f"lever or compliant"
         )
     news: dict[str, Value] = {"reference.kind": "verbs"}
+    anew = []
     if plant.gap == 0.0:
         news["plant.gap"] = GAP
     if program.kind != "verbs":
-        values = {name: value for name, value in values.items() if not name.startswith("reference.")}
+        anew.append("reference")
         news["reference.z_r"] = program.z_r
     if parameters.onboard.kind == "none":
-        values = {name: value for name, value in values.items() if not name.startswith("onboard.")}
+        anew.append("onboard")
         news["onboard.kind"] = "pi"
     given = [name.strip() for name in parameters.detector.channels.split(",") if name.strip()]
     known = {channel.name for channel in registry.find("onboard", str(news.get("onboard.kind", "pi"))).channels}
     wanted = [name for name in CHANNELS if name in known or name.startswith("verb")]
     news["detector.channels"] = ", ".join(dict.fromkeys([*given, *wanted]))
-    model = type(parameters).origin or type(parameters)
-    return build(model, values | news)  # type: ignore[return-value]  # its own model, with the groups of its parts
+    return changed(parameters, news, anew)

@@ -108,7 +108,7 @@ def _values(parameters: Tree) -> Numbers:
 
 def _check(parameters: Tree) -> None:
     loop = parameters.onboard
-    if loop.setpoint_force != 0.0 and not hasattr(parameters.plant, "cantilever_numbers"):
+    if loop.setpoint_force != 0.0 and parameters.plant.cantilever_numbers is None:
         raise ValueError(
             f"onboard.setpoint_force = {loop.setpoint_force:g} N is not allowed with plant.kind = "
             f"{parameters.plant.kind}: give onboard.setpoint_voltage"
@@ -122,10 +122,10 @@ def _begin(parameters: Tree, s: Any, drive: tuple[float, float, float]) -> None:
 
 def _warnings(parameters: Tree) -> list[str]:
     """A scanner's resonance lifts the gain of the loop by its quality factor."""
-    loop, plant = parameters.onboard, parameters.plant
-    if not hasattr(plant, "scanner_numbers"):
+    loop, scanner = parameters.onboard, parameters.plant.scanner_numbers
+    if scanner is None:
         return []
-    f, Q = plant.scanner_numbers.f_z, plant.scanner_numbers.Q
+    f, Q = scanner.f_z, scanner.Q
     most = parameters.detector.deflection_sensitivity * 2.0 * math.pi * f / Q
     if loop.integral_gain < most:
         return []

@@ -11,18 +11,16 @@ from ..core.schema import (
     Unit,
     Value,
     build,
+    changed,
     flatten,
     specifications,
     unknown_name_message,
 )
 from ..plant import stable_step
 from ..plant.physics import Cantilever, Contact, Microscope, Scales, Scanner, Units
-from .controller import ControllerParameters
-from .drift import Drift
-from .instrument import InstrumentParameters, Score
-from .microscope import SetupSection, resolved
-from .run import Run, SimParameters
-from .safety import Safety
+from .instrument_parameters import ControllerParameters, Drift, InstrumentParameters, Score
+from .microscope_parameters import SetupSection, resolved
+from .simulator_parameters import Run, Safety, SimParameters
 
 __all__ = [
     "Cantilever",
@@ -46,6 +44,7 @@ __all__ = [
     "Units",
     "Value",
     "build",
+    "changed",
     "flatten",
     "resolved",
     "specifications",

@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
-from ..core.schema import with_parts
-from ..law.timing import TIMING, SampledLaw
+from ..core.schema import chosen_group
+from ..law.sampled import TIMING, SampledLaw
 from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
-from .law_inside import timing_inside
-from .microscope import PREFIX
-from .shipped import scenario_file
-from .strict_yaml import YamlError, read_yaml
+from .microscope_parameters import PREFIX
+from .scenario_files import YamlError, read_yaml, scenario_file
+from .simulator_parameters import timing_inside
 
 
 class ScenarioError(ValueError):
@@ -158,8 +157,7 @@ def law_timing(values: Mapping[str, Value], sim: SimParameters) -> dict[str, Val
     ParameterError
         If there is no such law.
     """
-    law: Any = with_parts(ControllerParameters, values).model_fields["law"].annotation
-    if not issubclass(law, SampledLaw):
+    if not issubclass(chosen_group(ControllerParameters, "law", values), SampledLaw):
         return {}
     plant: dict[str, Value] = {"period": sim.plant.control_period, "delay_ticks": sim.plant.delay_ticks}
     return {f"law.{name}": plant[name] for name in TIMING if f"law.{name}" not in values}

@@ -3,7 +3,7 @@
 A part's own group is made from the one of its family: `class Creep(PiezoParameters): ...`.
 """
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field, model_validator
@@ -102,6 +102,24 @@ class PlantParameters(Group):
     def substeps(self) -> int:
         """Integration steps per control period."""
         return round(self.control_period / self.dt)
+
+    @property
+    def cantilever_numbers(self) -> Any:
+        """Numbers of a cantilever of the plant's own; None: it has none, what is known stands in `cantilever.*`."""
+        return None
+
+    @property
+    def scanner_numbers(self) -> Any:
+        """Numbers of a scanner of the plant's own; None: it has none, what is known stands in `scanner.*`."""
+        return None
+
+    def spring_constant(self, parameters: Any) -> float:
+        """Of the cantilever of an instrument with this plant [N/m]; 0: the plant tells none."""
+        return float(self.cantilever_numbers.k) if self.cantilever_numbers is not None else 0.0
+
+    def radius_of_tip(self, parameters: Any) -> float:
+        """Of the tip of an instrument with this plant [m]."""
+        return float(parameters.contact.R if self.cantilever_numbers is None else self.cantilever_numbers.tip_radius)
 
 
 class SampleParameters(Group):

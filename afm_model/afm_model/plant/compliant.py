@@ -12,9 +12,8 @@ Equations and scheme: docs/theory.md (22) to (24), (37) to (42).
 import math
 from typing import Any
 
-from ..contact.jkr import INDENTATION_FIXED_GRIPS, load_of_u, stiffness_of_u, u_of_indentation
-from ..contact.strength import bound_of_area
-from ..contact.surface import effective_radius_ratio
+from ..contact.friction import bound_of_area
+from ..contact.jkr import INDENTATION_FIXED_GRIPS, effective_radius_ratio, load_of_u, stiffness_of_u, u_of_indentation
 from ..core.jit import kernel
 from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree

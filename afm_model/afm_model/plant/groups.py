@@ -1,11 +1,13 @@
 """Parameters of the plants of this package."""
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import PlantParameters
+from .physics import Microscope
 
 
 class PlantGroup(PlantParameters):
@@ -23,3 +25,7 @@ class PlantGroup(PlantParameters):
         0.0,
         description="compliant plant only: distance from the sample at the start; 0: in static contact at the setpoint",
     )
+
+    def spring_constant(self, parameters: Microscope) -> float:
+        """That of `cantilever.*` [N/m]."""
+        return parameters.cantilever.m_c * (2.0 * math.pi * parameters.cantilever.f_c) ** 2

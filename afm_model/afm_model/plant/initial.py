@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..contact.strength import bound_of_load
+from ..contact.friction import bound_of_load
 from ..core.errors import ParameterError
 from ..parts.dispatch import surface
 from ..parts.part import Tree

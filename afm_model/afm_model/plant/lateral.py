@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..contact.disc import friction_impulse
+from ..contact.friction import friction_impulse
 from ..core.jit import kernel
 
 

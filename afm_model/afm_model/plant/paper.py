@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.strength import bound_of_load
-from ..contact.surface import effective_radius_ratio
+from ..contact.friction import bound_of_load
+from ..contact.jkr import effective_radius_ratio
 from ..core.jit import kernel
 from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree

@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from ..contact.jkr import indentation_of_u, u_of_load
-from ..contact.surface import effective_radius_ratio
+from ..contact.jkr import effective_radius_ratio, indentation_of_u, u_of_load
 from ..core.jit import kernel
 from ..parts.dispatch import surface
 

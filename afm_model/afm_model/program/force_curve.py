@@ -18,7 +18,6 @@ from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import OPEN
-from ..parts.stiffness import spring_constant
 
 LIFT, SETTLE, APPROACH, DWELL, RETRACT, DONE = range(6)
 """Phases, as the channel `curve_phase` tells them."""
@@ -94,7 +93,8 @@ def _values(parameters: Tree) -> Numbers:
     curve = parameters.reference
     trigger = curve.trigger_voltage
     if curve.trigger_force > 0.0:
-        trigger = curve.trigger_force / spring_constant(parameters) / parameters.detector.deflection_sensitivity
+        k = parameters.plant.spring_constant(parameters)
+        trigger = curve.trigger_force / k / parameters.detector.deflection_sensitivity
     return {name: getattr(curve, name) for name in Constants.names if name != "trigger"} | {"trigger": trigger}
 
 
@@ -109,7 +109,7 @@ def _check(parameters: Tree) -> None:
             "reference.kind = force_curve is not allowed with plant.kind = paper, whose tip cannot leave the sample: "
             "take plant.kind = lever or compliant"
         )
-    if curve.trigger_force > 0.0 and spring_constant(parameters) == 0.0:
+    if curve.trigger_force > 0.0 and plant.spring_constant(parameters) == 0.0:
         raise ValueError(
             f"reference.trigger_force = {curve.trigger_force:g} N is not allowed with plant.kind = {plant.kind}, which "
             f"tells no spring constant: give reference.trigger_voltage"

@@ -1,14 +1,15 @@
 """A run of the instrument: states, lockstep and realtime, watchdog, counts. Needs no ROS, no sleep, no real clock."""
 
 from .counts import Counts, Snapshot
+from .engine import Engine, Operator
 from .latency import Latency
 from .link import Link
 from .listeners import Listeners
 from .replay import Replay, recorded_parameters
 from .run import Run
-from .simulated import RealtimeSimulation, SimulatedLink, VirtualClock, simulate_realtime
+from .simulated import RealtimeSimulation, SimulatedLink, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
-from .timing import Delays
+from .timing import Delays, VirtualClock
 from .verdict import retracted_fraction, shortfall, verdict, warnings
 
 __all__ = [
@@ -18,9 +19,11 @@ __all__ = [
     "Cause",
     "Counts",
     "Delays",
+    "Engine",
     "Latency",
     "Link",
     "Listeners",
+    "Operator",
     "RealtimeSimulation",
     "Replay",
     "Run",

@@ -1,6 +1,6 @@
 """What stands between a run and the controller that answers it."""
 
-from abc import ABC, abstractmethod
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,12 @@ from ..parts.command import Command
 _Array = NDArray[np.float64]
 
 
-class Link(ABC):
-    """Carries measurements to a controller and drives back. Nothing here waits."""
+class Link:
+    """Carries measurements to a controller and drives back. Nothing here waits. This one leads to nobody."""
 
-    @abstractmethod
     def publish(self, sequence: int, measurement: _Array) -> None:
         """Send the measurement of tick `sequence`; the array is overwritten by the next tick."""
 
-    @abstractmethod
     def take(self) -> tuple[int, _Array | Command | DriveError] | None:
         """The oldest drive not yet taken: sequence of the measurement it answers, voltages (3,) [V] or Command.
 
@@ -33,10 +31,11 @@ class Link(ABC):
         MalformedError
             If what came cannot be read. It is taken then: the next call goes on behind it.
         """
+        return None
 
-    @abstractmethod
     def arrived(self) -> float:
         """When the drive taken last arrived, by the clock of the run [s]."""
+        return math.nan
 
     def ready(self) -> bool:
         """Whether everybody is there who must be before the run starts."""

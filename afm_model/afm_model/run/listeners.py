@@ -16,12 +16,14 @@ def _ignore(*_: object) -> None:
 
 @dataclass(frozen=True)
 class Listeners:
-    """Who is told what. They are called by `Run` between two ticks."""
+    """Who is told what. They are called by `Engine` between two ticks."""
 
     changed: Callable[[], None] = _ignore
     """changed(): the state or its detail has changed."""
-    block: Callable[[Block, NDArray[np.float32]], None] = _ignore
-    """block(block, round_trips): recorded ticks, and the round trips of them [s]; blocks join without a gap."""
+    block: Callable[[Block, NDArray[np.float32]], None] | None = None
+    """block(block, round_trips): recorded ticks, and the round trips of them [s]; blocks join without a gap. None:
+    nobody wants them.
+    """
     ended: Callable[[], None] = _ignore
     """ended(): the duration is over, every block has been handed on; the state becomes FINISHED next."""
     verb_over: Callable[[Any], None] = _ignore

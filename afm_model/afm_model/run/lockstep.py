@@ -2,8 +2,10 @@
 
 import math
 
-from ..core.errors import DivergenceError, DriveError, MalformedError, PartError
-from .course import Course, Pacing
+from ..core.errors import DriveError, MalformedError
+from ..parameters import SimParameters
+from .engine import Engine
+from .pacing import Peered
 from .state import Cause
 
 _RESEND_PERIOD = 1.0
@@ -12,15 +14,13 @@ _NAMED = 4
 """Wrong sequences that are named in a sentence at most."""
 
 
-class Lockstep(Pacing):
+class Lockstep(Peered):
     """Publish measurement k, wait for the drive that answers k, tick. No delay in simulated time, at any speed."""
 
-    def __init__(self, course: Course) -> None:
-        self._course = course
-        self._instrument = course.instrument
-        # Bound once: at this rate every look-up is felt.
-        self._take, self._publish = course.link.take, course.link.publish
-        self._tick, self._clock = course.ticker.tick, course.clock
+    def __init__(self, engine: Engine, parameters: SimParameters) -> None:
+        super().__init__(engine, parameters)
+        # Looked up once: at this rate every look-up is felt.
+        self._take, self._publish, self._clock = engine.link.take, engine.link.publish, engine.clock
         self._sent_at = self._asked_at = 0.0
         self._stalled = False
         self._wrong: list[int] = []
@@ -29,9 +29,7 @@ class Lockstep(Pacing):
 
     def start(self) -> None:
         """Ask for the first drive."""
-        # What is still there answers the run before.
-        while self._course.take() is not None:
-            pass
+        super().start()
         self._wrong.clear()
         self._unread_at = -1
         self.resume()
@@ -41,69 +39,45 @@ class Lockstep(Pacing):
         """Go on after a pause; an answer that came meanwhile has not been taken yet."""
         self._stalled = False
         # The first answer also takes as long as the nodes need to find each other, one after a pause the pause.
-        self._course.ticker.doubt_next()
+        self._engine.blocks.doubt_next()
         self._sent_at = self._asked_at = self._clock()
 
-    def adapt(self) -> None:
-        """Nothing depends on what may change while running."""
+    def adapt(self, parameters: SimParameters) -> None:
+        """Follow a change of the timeout."""
+        self._parameters = parameters
 
-    @property
-    def deadline(self) -> float | None:
-        """None: there is something to do when a drive arrives."""
-        return None
-
-    def step(self) -> bool:
+    def next(self) -> int | None:
         """Take one answer if there is one."""
-        if self._instrument.unasked:
-            return self._go_on()
+        instrument = self._instrument
+        if instrument.unasked:
+            # The measurement got lost by a fault: the drive before goes on.
+            self.drive, self.round_trip = None, math.nan
+            return 1
         try:
             taken = self._take()
         except MalformedError as error:
-            self._course.drop(error)
-            self._unread_at = self._instrument.ticks
+            self._drop(error)
+            self._unread_at = instrument.ticks
             self._look_at_the_clock()
-            return True
+            return 0
         if taken is None:
             self._look_at_the_clock()
-            return False
+            return None
         sequence, drive = taken
-        instrument = self._instrument
         if sequence != instrument.ticks:
             self._note_wrong(sequence)
             self._look_at_the_clock()
-            return True
+            return 0
         if self._stalled:
             self._stalled = False
-            self._course.go_on(Cause.ANSWERED)
-        try:
-            if isinstance(drive, DriveError):
-                raise drive
-            going_on = self._tick(drive, self._clock() - self._sent_at)
-        except DriveError as error:
-            self._course.refuse(str(error), sequence)
-            self._course.fail(self._course.refusal)
-            return True
-        except (DivergenceError, PartError) as error:
-            self._course.fail(str(error))
-            return True
-        self._conclude(going_on)
-        return True
+            self._engine.go_on(Cause.ANSWERED)
+        if isinstance(drive, DriveError):
+            raise drive
+        self.drive, self.round_trip = drive, self._clock() - self._sent_at
+        return 1
 
-    def _go_on(self) -> bool:
-        """A tick whose measurement got lost by a fault: the drive before goes on."""
-        try:
-            going_on = self._tick(None, math.nan)
-        except (DivergenceError, PartError) as error:
-            self._course.fail(str(error))
-        else:
-            self._conclude(going_on)
-        return True
-
-    def _conclude(self, going_on: bool) -> None:
-        """Ask for the next drive, or end."""
-        if not going_on:
-            self._course.finish()
-            return
+    def made(self) -> None:
+        """Ask for the next drive."""
         instrument = self._instrument
         self._sent_at = self._asked_at = self._clock()
         if not instrument.unasked:
@@ -111,7 +85,7 @@ class Lockstep(Pacing):
 
     def _note_wrong(self, sequence: int) -> None:
         """Count a drive that does not answer the measurement waiting."""
-        ticks, counts = self._instrument.ticks, self._course.counts
+        ticks, counts = self._instrument.ticks, self._engine.counts
         if sequence < ticks:
             # The second answer to a measurement that was sent twice, or of a controller that lags behind.
             counts.drives_outdated += 1
@@ -124,28 +98,28 @@ class Lockstep(Pacing):
             self._wrong = [*self._wrong, sequence][-_NAMED:]
 
     def _look_at_the_clock(self) -> None:
-        course = self._course
+        engine = self._engine
         now = self._clock()
         if now - self._asked_at > _RESEND_PERIOD:
             # The very first one may have gone out before the controller's side had matched: nothing is lost then.
             if self._instrument.ticks > 0 and self._asked_at == self._sent_at:
-                course.counts.drives_lost += 1
+                engine.counts.drives_lost += 1
             self._asked_at = now
-            course.ticker.doubt_next()  # nobody knows which of the two will have been answered
+            engine.blocks.doubt_next()  # nobody knows which of the two will have been answered
             self._publish(self._instrument.ticks, self._instrument.measurement)
             if self._stalled:
-                course.life.tell(self._complaint())
-        if not self._stalled and now - self._sent_at > course.parameters.run.lockstep_timeout:
+                engine.life.tell(self._complaint())
+        if not self._stalled and now - self._sent_at > self._parameters.run.lockstep_timeout:
             self._stalled = True
-            course.life.go(Cause.UNANSWERED, self._complaint())
+            engine.life.go(Cause.UNANSWERED, self._complaint())
 
     def _complaint(self) -> str:
         """What the controller does in place of answering."""
-        ticks, timeout = self._instrument.ticks, self._course.parameters.run.lockstep_timeout
-        name, limit = self._course.controller, f"{timeout:g} s (run.lockstep_timeout)"
+        ticks, timeout = self._instrument.ticks, self._parameters.run.lockstep_timeout
+        name, limit = self._controller, f"{timeout:g} s (run.lockstep_timeout)"
         if self._wrong and self._wrong_at == ticks:
             sequences = ", ".join(map(str, self._wrong))
             return f"{name} sends drives with sequence {sequences}; measurement {ticks} has been waiting for {limit}"
         if self._unread_at == ticks:
-            return f"no drive but {self._course.unreadable}; measurement {ticks} has been waiting for {limit}"
+            return f"no drive but {self._engine.unreadable}; measurement {ticks} has been waiting for {limit}"
         return f"{name} has not answered measurement {ticks} within {limit}; still waiting"

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..core.errors import ParameterError
 from ..core.schema import Value, flatten
 from ..fault import Schedule, faults_of
-from ..parameters import SimParameters, build
+from ..parameters import Safety, SimParameters, build
 from ..parts.command import Command
 from ..parts.signals import LONGEST_HORIZON
 
@@ -127,6 +127,8 @@ class Replay:
 
 def replayed(parameters: SimParameters) -> SimParameters:
     """Parameters with which the drives of a run made with `parameters` give its trajectory again."""
+    # Where a limit has acted, the drives are those of the instrument already.
+    parameters = parameters.model_copy(update={"safety": Safety()})
     if not isinstance(parameters.fault, Schedule):
         return parameters
     left_out = tuple(f"fault.{name}." for name, fault in faults_of(parameters).items() if not fault.of_the_sample)

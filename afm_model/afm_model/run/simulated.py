@@ -20,8 +20,7 @@ from .latency import Latency
 from .link import Link
 from .listeners import Listeners
 from .run import Run
-from .state import State
-from .timing import Delays
+from .timing import Delays, VirtualClock
 
 _Array = NDArray[np.float64]
 _BLOCK_SAMPLES = 65536
@@ -46,17 +45,6 @@ def ticks_of_a_block(parameters: SimParameters) -> int:
     """Control ticks in a block of a run that is kept: as many as make a handy number of samples."""
     samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
     return max(1, min(ticks_to_simulate(parameters), _BLOCK_SAMPLES // samples_per_tick))
-
-
-class VirtualClock:
-    """A clock that stands still until it is set."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-
-    def __call__(self) -> float:
-        """The time [s]."""
-        return self.now
 
 
 class SimulatedLink(Link):
@@ -167,8 +155,10 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
         clock.now = deadline
         run.step()
     snapshot = run.snapshot()
-    if snapshot.state == State.FAULT:
-        raise DivergenceError(snapshot.detail)
+    if isinstance(run.error, DivergenceError):
+        raise DivergenceError(snapshot.detail) from run.error
+    if run.error is not None:
+        raise run.error
     return RealtimeSimulation(
         parameters=parameters,
         blocks=blocks,

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,26 @@ from ..instrument.validity import doubts
 from ..law import TimingWarning, disagreements
 from ..parameters import ControllerParameters, SimParameters
 from ..parts.part import Channel
+from .engine import Engine
+from .listeners import Listeners
+from .pacing import Asked, Compiled, Pacing
 from .plotting import Curves, plot
 from .replay import Replay, replayed
 from .simulated import Law, ticks_of_a_block, ticks_to_simulate
+from .state import OVER, State
 
 if TYPE_CHECKING:
     from .plotting import Figure
 
 _Array = NDArray[np.float64]
+
+
+class RunEvent(NamedTuple):
+    """The drive has changed hands, because a limit was passed (`safety.*`) or it was given back."""
+
+    time: float  # [s]
+    state: State
+    sentence: str
 
 
 @dataclass(frozen=True)
@@ -38,6 +50,7 @@ class Simulation:
     channels: tuple[Channel, ...]
     score: ScoreSummary
     doubts: list[str]  # why the score may not be true, a sentence each
+    events: list[RunEvent]  # what its own limits have done
     trajectory_sha256: str
 
     @property
@@ -151,7 +164,8 @@ def simulate(
     for sentence in disagreements(law.law, parameters.plant) if law is not None else []:
         warnings.warn(sentence, TimingWarning, stacklevel=2)
     blocks: list[Block] = []
-    instrument = run(parameters, controller, blocks.append, progress=progress)
+    events: list[RunEvent] = []
+    instrument = run(parameters, controller, blocks.append, progress=progress, told=events.append)
     samples = np.concatenate([block.samples for block in blocks], axis=1)
     measurements = np.concatenate([block.measurements for block in blocks]).view(np.recarray)
     return Simulation(
@@ -164,7 +178,8 @@ def simulate(
         samples=samples,
         channels=instrument.channels,
         score=instrument.score(),
-        doubts=doubts(parameters, instrument.score(), law),
+        doubts=[*doubts(parameters, instrument.score(), law), *_withdrawn(instrument, events)],
+        events=events,
         trajectory_sha256=instrument.trajectory_sha256(),
     )
 
@@ -175,6 +190,7 @@ def run(
     take: Callable[[Block], object] | None = None,
     *,
     progress: Callable[[int, int], None] | None = None,
+    told: Callable[[RunEvent], object] | None = None,
     block_ticks: int | None = None,
     hashed: bool = True,
 ) -> Instrument:
@@ -186,6 +202,8 @@ def run(
         As in `simulate`.
     take : callable, optional
         Called with every block; without it nothing is recorded.
+    told : callable, optional
+        Called with what the instrument's own limits do, see `Simulation.events`.
     block_ticks : int, optional
         Control ticks in a block.
     hashed : bool
@@ -200,27 +218,49 @@ def run(
     if isinstance(controller, Replay):
         parameters = replayed(parameters)
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
-    # A law of ours is compiled, or called from compiled code; whoever answers otherwise is asked tick by tick.
-    compiled = isinstance(law, Controller) and type(law).answer is Controller.answer
-    if hasattr(law, "reset"):
-        law.reset()
-    instrument = Instrument(parameters, block_ticks or ticks_of_a_block(parameters), hashed=hashed)
-    while instrument.ticks < total:
-        if compiled:
-            assert isinstance(law, Controller)
-            instrument.close_loop(law, total - instrument.ticks)
-        elif instrument.unasked:
-            instrument.tick(None)
-        else:
-            instrument.tick(law.answer(instrument.measurement))
-        if instrument.block_full or instrument.ticks == total:
-            if take is None:
-                instrument.skip_block()
-            else:
-                take(instrument.take_block())
-            if progress is not None:
-                progress(instrument.ticks, total)
-    return instrument
+
+    def pacing(engine: Engine) -> Pacing:
+        # A law of ours is compiled, or called from compiled code; whoever answers otherwise is asked tick by tick.
+        if isinstance(law, Controller) and type(law).answer is Controller.answer:
+            return Compiled(engine, law)
+        return Asked(engine, law)
+
+    def on_block(block: Block, round_trips: object) -> None:
+        if take is not None:
+            take(block)
+        if progress is not None:
+            progress(engine.instrument.ticks, total)
+
+    def on_change() -> None:
+        if told is not None and engine.instrument.ticks and engine.state not in OVER:
+            sentence = engine.life.detail or "the controller has the drive again"
+            told(RunEvent(engine.instrument.time, engine.state, sentence))
+
+    heard = None if take is None and progress is None else on_block
+    engine = Engine(
+        parameters,
+        pacing,
+        total,
+        listeners=Listeners(changed=on_change, block=heard),
+        block_ticks=block_ticks or ticks_of_a_block(parameters),
+        hashed=hashed,
+    )
+    while engine.state not in OVER:
+        engine.step()
+    if engine.error is not None:
+        raise engine.error
+    return engine.instrument
+
+
+def _withdrawn(instrument: Instrument, events: list[RunEvent]) -> list[str]:
+    """What the limits of the instrument make of its score."""
+    scored, ticks = instrument.guard.counts()["scored_ticks_withdrawn"], instrument.score().ticks
+    if not (scored and ticks):
+        return []
+    first = events[0]
+    return [
+        f"at {first.time:.6g} s {first.sentence}; the instrument had the drive in {scored:g} of {ticks:g} scored ticks"
+    ]
 
 
 def _parameters_of(controller: ControllerParameters | Law) -> ControllerParameters | None:

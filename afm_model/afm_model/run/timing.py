@@ -55,6 +55,17 @@ class Histogram:
         return self.percentiles(50.0, 99.0, 99.9, 100.0)
 
 
+class VirtualClock:
+    """A clock that stands still until it is set."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        """The time [s]."""
+        return self.now
+
+
 class Stopwatch:
     """Time spent running by `clock`, pauses left out [s]."""
 

@@ -16,7 +16,6 @@ from ..core.records import Record
 from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
-from .tip import tip_radius
 
 
 class Grating(SampleParameters):
@@ -49,7 +48,7 @@ class Constants(Record):
 
 def _values(parameters: Tree) -> Numbers:
     sample, scales = parameters.sample, parameters.scales
-    R = tip_radius(parameters)
+    R = parameters.plant.radius_of_tip(parameters)
     inner, outer = sample.edge_radius - R, sample.edge_radius + R
     half = math.tan(0.5 * sample.angle)
     corner = 0.5 * (sample.pitch - sample.top) - R * half
@@ -71,7 +70,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 def _check(parameters: Tree) -> None:
-    sample, R = parameters.sample, tip_radius(parameters)
+    sample, R = parameters.sample, parameters.plant.radius_of_tip(parameters)
     if sample.edge_radius <= R:
         x = 0.5 * (sample.pitch - sample.top) - sample.step / math.tan(sample.angle)
         raise ValueError(

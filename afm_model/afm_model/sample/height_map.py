@@ -12,7 +12,6 @@ from ..parts.groups import SampleParameters
 from ..parts.part import Tree
 from .map_files import read_field
 from .mapped import Relief, Scales, map_sample, relief
-from .tip import tip_radius
 
 
 class HeightMap(SampleParameters):
@@ -39,7 +38,7 @@ def _of(parameters: Tree) -> Relief:
     if missing := [path for path in files if path and not Path(path).is_file()]:
         raise ValueError(f"sample.kind = map: there is no file {missing[0]}")
     changed = tuple(Path(path).stat().st_mtime_ns if path else 0 for path in files)
-    return _made(sample, tip_radius(parameters), scales.x0, scales.z0, changed)
+    return _made(sample, parameters.plant.radius_of_tip(parameters), scales.x0, scales.z0, changed)
 
 
 @lru_cache(maxsize=4)

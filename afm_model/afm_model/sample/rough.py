@@ -12,7 +12,6 @@ from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Tree
 from .mapped import Relief, Scales, map_sample, relief
-from .tip import tip_radius
 
 
 class Rough(SampleParameters):
@@ -43,7 +42,7 @@ def heights(sample: Rough) -> NDArray[np.float64]:
 
 def _of(parameters: Tree) -> Relief:
     scales = parameters.scales
-    return _made(parameters.sample, tip_radius(parameters), scales.x0, scales.z0)
+    return _made(parameters.sample, parameters.plant.radius_of_tip(parameters), scales.x0, scales.z0)
 
 
 @lru_cache(maxsize=4)

@@ -2,8 +2,7 @@
 
 from .compare import compare
 from .comparison import RANKED, UNDER, Comparison
-from .conditions import CONDITIONS, NOISE
-from .contender import Contender, contender
+from .contender import CONDITIONS, NOISE, Contender, contender
 from .trial import run_trial
 
 __all__ = ["CONDITIONS", "NOISE", "RANKED", "UNDER", "Comparison", "Contender", "compare", "contender", "run_trial"]

@@ -6,7 +6,8 @@ from ..core.errors import ParameterError, PartError
 from ..core.registry import find
 from ..law import PaperLaw, disagreements
 from ..parameters import ControllerParameters, SimParameters
-from .linear import LinearError, inside_drives_z, is_stable, largest, linearise
+from .linear import inside_drives_z, is_stable, largest, linearise
+from .linear_model import LinearError
 
 _MOST_PERIODS = 64
 """Fractions of the control period that are tried for a limit."""
@@ -25,11 +26,6 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
 
     Of the loop: what the law itself tells of its rate; whether it is made for this period and delay; whether the
     linearised loop is stable, and up to which period or delay it would be.
-
-    Parameters
-    ----------
-    sim : SimParameters
-    controller : ControllerParameters
     """
     plant = sim.plant
     told = implausible(sim)

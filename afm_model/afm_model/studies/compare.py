@@ -2,18 +2,16 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
-from ..core.progress import reporting
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
-from .conditions import CONDITIONS, Common, instrument_under, law_under
-from .contender import Contender, contender
-from .sweep import require_scattering, scattered
+from .contender import CONDITIONS, Common, Contender, contender, instrument_under, law_under
+from .scatter import Row, Set, require_scattering, run_sets
 from .trial import NUMBERS, run_trial
 
 
@@ -84,48 +82,38 @@ def compare(
             f"cycles = {cycles:g} is not allowed: it must be > 0.5, the first half period is not scored"
         )
     grid = list(itertools.product(periods, delay_ticks, noise, friction, references))
-    rows: list[dict[str, Any]] = []
-    jobs: list[tuple[int, Any]] = []
-    elsewhere: list[tuple[int, Any]] = []
+    rows: list[Row] = []
+    sets: list[Set | str] = []
+    alone: list[int] = []
     for law in contenders:
         linearised = set()
         for values in grid:
             conditions = dict(zip(CONDITIONS, values, strict=True))
+            rows.append({"law": law.label, **conditions})
             # The instrument must allow what is asked of it; a law may refuse its rate, which is a result.
             sim = instrument_under(common, conditions)
+            # The margin is that of what the law is told: nominal friction, no noise. It is found once.
+            told = instrument_under(common, conditions | {"noise": 0.0, "friction": 1.0})
+            if law.start is not None:
+                alone.append(len(sets))
+                sets.append((sim, None, law.kind, None, partial(law.start, told)))
+                continue
             try:
                 controller = law_under(common, law, conditions) if law.is_part else None
             except ParameterError as error:
-                rows.append({"law": law.label, **conditions, "error": str(error)})
+                sets.append(str(error))
                 continue
-            # The margin is that of what the law is told: nominal friction, no noise. It is found once.
-            timing = values[:2]
-            told = instrument_under(common, conditions | {"noise": 0.0, "friction": 1.0})
-            if law.start is not None:
-                elsewhere.append((len(rows), (sim, None, law.kind, None, partial(law.start, told))))
-                rows.append({"law": law.label, **conditions})
-                continue
-            jobs.append((len(rows), (sim, controller, law.kind, None if timing in linearised else told)))
-            linearised.add(timing)
-            rows.append({"law": law.label, **conditions})
-    with reporting(progress, "comparing") as report:
-        done = len(rows) - len(jobs) - len(elsewhere)
-        report(done, len(rows))
-        for number, results in itertools.chain(scattered(run_trial, jobs, scheduler, workers), _one_by_one(elsewhere)):
-            rows[number] |= results
-            done += 1
-            report(done, len(rows))
+            sets.append((sim, controller, law.kind, None if values[:2] in linearised else told))
+            linearised.add(values[:2])
+    results = run_sets(
+        run_trial, sets, "comparing", alone=alone, scheduler=scheduler, workers=workers, progress=progress
+    )
+    rows = [row | result for row, result in zip(rows, results, strict=True)]
     margins = {(row["law"], *_timing(row)): row["margin"] for row in rows if "margin" in row}
     for row in rows:
         row["margin"] = margins.get((row["law"], *_timing(row)), math.nan)
     table = pandas.DataFrame(rows, columns=["law", *CONDITIONS, *NUMBERS, "trajectory_sha256", "error"])
     return Comparison(table.astype(dict.fromkeys(NUMBERS, "float64")), contenders, common)
-
-
-def _one_by_one(jobs: Sequence[tuple[int, Any]]) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Number and row of each, run here."""
-    for number, job in jobs:
-        yield number, run_trial(*job)
 
 
 def _timing(row: Mapping[str, Any]) -> tuple[Any, Any]:

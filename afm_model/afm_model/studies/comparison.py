@@ -11,8 +11,7 @@ import numpy as np
 
 from ..core.errors import ParameterError
 from ..parameters import ControllerParameters, SimParameters, build, flatten
-from .conditions import CONDITIONS, Common, instrument_under, law_under
-from .contender import Contender
+from .contender import CONDITIONS, Common, Contender, instrument_under, law_under
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,5 +123,5 @@ class Comparison:
         return {"/**/afm_sim_node": instrument, "/**/afm_controller_node": given}
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     return value.item() if isinstance(value, np.generic) else value

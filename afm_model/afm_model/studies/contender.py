@@ -1,8 +1,12 @@
-"""Laws that take part in a comparison: parts by their kind, objects that answer measurements, laws elsewhere."""
+"""Laws that take part in a comparison, and under what: rate, delay, noise, friction, reference, what each law is told.
+
+A law is a part by its kind, an object that answers measurements, or one that runs elsewhere.
+"""
 
 import importlib
+import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +14,14 @@ from typing import Any
 from ..core.errors import ParameterError
 from ..core.registry import find, names
 from ..law import PaperLaw
-from ..parameters import ControllerParameters, SimParameters, Value, build
+from ..parameters import ControllerParameters, SimParameters, Value, build, changed
+from ..parameters.scenario import Scenario, law_timing
+
+CONDITIONS = ("period", "delay_ticks", "noise", "friction", "reference")
+"""What varies besides the law: control period [s], delay, noise, true over nominal friction, reference."""
+NOISE: dict[str, float] = {"detector.noise": 1e-3, "detector.position_noise": 5e-11}
+"""Noise of level 1: photodetector [V], position sensors [m]; with any noise the ADC has 16 bits."""
+
 
 _OF_THE_PAPER = "positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction"
 """Knowledge of the paper's laws."""
@@ -113,3 +124,59 @@ def load_law(kind: str) -> Any:
             f"(SimParameters) and makes an object with answer(measurement)"
         )
     return found
+
+
+@dataclass(frozen=True)
+class Common:
+    """What all runs of a comparison have in common."""
+
+    scenario: Scenario
+    cycles: float  # length of a run in periods of the reference
+
+
+def instrument_under(common: Common, conditions: Mapping[str, Any]) -> SimParameters:
+    """The instrument under some conditions.
+
+    Raises
+    ------
+    ParameterError
+        If a condition is not allowed.
+    """
+    shape, _, omega = str(conditions["reference"]).partition(" ")
+    try:
+        speed = float(omega)
+        cycle = 2.0 * math.pi / speed
+    except (ValueError, ZeroDivisionError):
+        raise ParameterError(
+            f"reference {conditions['reference']} is not allowed: it must be a shape and an angular frequency > 0 in "
+            f"rad/s, such as sine 50"
+        ) from None
+    level = float(conditions["noise"])
+    news: dict[str, Value] = {
+        "plant.control_period": conditions["period"],
+        "plant.delay_ticks": conditions["delay_ticks"],
+        "contact.tau": common.scenario.sim.contact.tau * conditions["friction"],
+        "reference.shape_x": shape,
+        "reference.shape_y": shape,
+        "reference.omega_x": speed,
+        "reference.omega_y": speed,
+        "run.duration": common.cycles * cycle,
+        "score.start": 0.5 * cycle,
+    }
+    if level != 0.0:
+        news |= {name: level * value for name, value in NOISE.items()} | {"detector.adc_bits": 16}
+    return changed(common.scenario.sim, news)
+
+
+def law_under(common: Common, law: Contender, conditions: Mapping[str, Any]) -> ControllerParameters:
+    """A law under some conditions: told period and delay if it asks for them, and nothing of noise and true friction.
+
+    Raises
+    ------
+    ParameterError
+        If the law refuses its rate.
+    """
+    own: dict[str, Value] = {"law.kind": law.kind, **{f"law.{name}": value for name, value in law.values.items()}}
+    timing = law_timing(own, instrument_under(common, conditions))
+    same = common.scenario.controller.law.kind == law.kind
+    return changed(common.scenario.controller, timing | own, anew=() if same else ("law",))

@@ -13,7 +13,8 @@ from ..instrument import Block
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
 from .contender import load_law
-from .linear import LinearError, linearise, nominal_friction
+from .linear import linearise
+from .linear_model import LinearError, nominal_friction
 
 _Array = NDArray[np.float64]
 NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact", "margin", "z_rms")

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from afm_model.contact.disc import SLIP, STICK, friction_impulse, project_disc
+from afm_model.contact.friction import SLIP, STICK, friction_impulse, project_disc
 
 numbers = st.floats(-1e3, 1e3)
 radii = st.floats(0.0, 1e3)

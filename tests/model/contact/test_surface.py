@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afm_model.contact.surface import effective_radius_ratio
+from afm_model.contact.jkr import effective_radius_ratio
 from afm_model.parts.signals import Surface
 from afm_model.sample import paper
 

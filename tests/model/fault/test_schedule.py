@@ -21,7 +21,7 @@ from afm_model.fault import acted, active, events, faults_of, table
 from afm_model.fault.chance import normal, uniform
 from afm_model.fault.entry import KINDS, SENSORS, Entry, problem
 from afm_model.instrument import faults as faults_of_instrument
-from afm_model.parameters.run import SimParameters as Parameters
+from afm_model.parameters.simulator_parameters import SimParameters as Parameters
 from afm_model.parts.signals import Measurement
 from afm_model.run import Replay, recorded_parameters
 

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from afm_model import ControllerParameters, build
-from afm_model.law.predictive.constants import Constants, values
 from afm_model.law.predictive.estimate import VALUE
 from afm_model.law.predictive.joint import (
     ACROSS,
     ALONG,
     RATIO,
     SPEED,
-    correct,
+    correct_scanner,
     see_ratio,
     spread,
     take_ratio_seen,
     turn_to,
-    weigh,
 )
-from afm_model.law.predictive.plant import look, nominal_bound
-from afm_model.law.predictive.state import State, start
+from afm_model.law.predictive.kalman import weigh
+from afm_model.law.predictive.nominal_plant import look, nominal_bound
+from afm_model.law.predictive.predictive_constants import Constants, values
+from afm_model.law.predictive.predictive_state import State, start
 
 from ..tables import record_of
 
@@ -32,7 +32,7 @@ def records():
     parameters = build(ControllerParameters, told)
     p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
     s.V_X, s.v[0] = 0.1, 0.1
-    s.row[RATIO] = 1.0
+    s.weights[RATIO] = 1.0
     return p, s
 
 
@@ -69,11 +69,10 @@ def test_of_what_rests_nothing_but_the_ratio_grows_uncertain(rng):
 def test_a_measurement_corrects_as_the_kalman_filter_says(rng):
     _, s = records()
     P, H, noise, innovation = covariance(rng), rng.normal(size=4), 0.3, 0.7
-    s.joint[:], s.row[:] = P, H
+    s.joint[:], s.weights[:4] = P, H
     s.heading[:] = 0.6, 0.8
     s.X, s.Y, s.V_X, s.V_Y, ratio = 1.0, 2.0, 0.3, 0.4, s.ratio[VALUE]
-    total = weigh(noise, s)
-    correct(innovation, total, s)
+    correct_scanner(innovation, weigh(s.joint, s.weights, s.gains) + noise, s)
     gain = P @ H / (H @ P @ H + noise)
     assert s.joint == pytest.approx(P - np.outer(gain, H @ P), rel=1e-9, abs=1e-12)
     change = gain * innovation
@@ -120,8 +119,8 @@ def test_the_force_tells_of_the_place_as_differences_of_the_bound_and_of_the_bal
     for state, way in ((ALONG, t), (ACROSS, n)):
         expected = (seen(believed + 1e-4 * way, believed) - seen(believed - 1e-4 * way, believed)) / 2e-4
         # A forward difference over 0.01 x0.
-        assert s.row[state] == pytest.approx(expected, abs=1e-4)
-    assert (s.row[SPEED], s.row[RATIO]) == (0.0, 1.0)
+        assert s.weights[state] == pytest.approx(expected, abs=1e-4)
+    assert (s.weights[SPEED], s.weights[RATIO]) == (0.0, 1.0)
 
 
 def test_friction_that_holds_more_than_is_believed_raises_the_bound_at_once_even_at_rest():

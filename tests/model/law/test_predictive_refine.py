@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from afm_model import ControllerParameters, build
-from afm_model.law.predictive.ask import ask
-from afm_model.law.predictive.constants import Constants, values
-from afm_model.law.predictive.decide import decide
-from afm_model.law.predictive.refine import left_by, refine
-from afm_model.law.predictive.state import State, start
+from afm_model.law.predictive.asked import ask
+from afm_model.law.predictive.decide import decide, left_by, refine
+from afm_model.law.predictive.predictive_constants import Constants, values
+from afm_model.law.predictive.predictive_state import State, start
 
 from ..tables import record_of
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, build
-from afm_model.law.predictive.constants import Constants, values
-from afm_model.law.predictive.state import State, start
-from afm_model.law.predictive.uncertainty import AT_X, AT_Y, RATIO, SPEED, begin_together, carry, take
+from afm_model.law.predictive.predictive_constants import Constants, values
+from afm_model.law.predictive.predictive_state import State, start
+from afm_model.law.predictive.together import AT_X, AT_Y, RATIO, SPEED, begin_together, carry, take
 
 from ..tables import record_of
 from .test_predictive import NOISE, NOTHING, PERIOD, error, parameters, run, smoothness

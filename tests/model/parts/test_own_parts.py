@@ -26,7 +26,7 @@ from afm_model import (
 from afm_model.core import registry
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
-LIMIT = 60
+LIMIT = 70
 """Lines that an own part may take."""
 SHORT = {"run.duration": 2e-3, "score.start": 0.0}
 IN_PYTHON = """
@@ -311,6 +311,30 @@ def test_a_program_approaches_until_the_tip_touches_and_hands_z_to_the_loop(own)
     assert np.abs(np.diff(done.channel("z_loop"))).max() < 20e-12
     assert done.channel("truth/contact")[at]
     assert done.deflection[-1] == pytest.approx(10e-9, rel=0.03)
+
+
+def test_a_lock_in_detector_reads_amplitude_and_phase_of_the_deflection(own):
+    values = {
+        "detector.kind": "own_parts.lock_in:LOCK_IN",
+        "detector.frequency": 1e3,
+        "detector.time_constant": 5e-4,
+        "detector.channels": "lock_in_amplitude, lock_in_phase",
+        "detector.sample_period": 1e-5,
+        "plant.control_period": 1e-5,
+        "sample.kind": "flat",
+    }
+    scope = Instrument(build(SimParameters, values), 2000)
+    rest, angle = scope.drive.copy(), 2.0 * np.pi * 1e3 * 1e-5 * np.arange(2000)
+    for each in angle:
+        scope.tick(np.add(rest, (0.0, 0.0, 0.5 * np.cos(each))))
+    samples = dict(zip((channel.name for channel in scope.channels), scope.take_block().samples, strict=True))
+    # Ten whole periods, after ten time constants: the Fourier component of the recorded deflection.
+    settled = slice(1000, 2000)
+    deflection = samples["deflection"][settled] * scope.parameters.detector.deflection_sensitivity
+    expected = 2.0 * np.mean(deflection * np.exp(-1j * angle[settled]))
+    found = np.mean(samples["lock_in_amplitude"] * np.exp(1j * samples["lock_in_phase"]), where=np.arange(2000) >= 1000)
+    assert abs(expected) == pytest.approx(0.5 * 20e-9, rel=0.1)
+    assert abs(found / expected - 1.0) < 0.02
 
 
 def test_a_channel_of_an_own_part_is_sampled_by_name(own):

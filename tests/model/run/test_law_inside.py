@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from afm_model import ControllerParameters, ParameterError, SimParameters, build, flatten, simulate
+from afm_model import ControllerParameters, ParameterError, SimParameters, build, changed, simulate
 from afm_model.parameters.scenario import ScenarioError, load_scenario
 from afm_model.run import Listeners, Run, State
 
@@ -134,7 +134,7 @@ def test_other_gains_are_in_force_from_the_next_piece_on() -> None:
     alone.run.step_by(100)
     while alone.run.stepping:
         alone.run.step()
-    alone.run.adapt(build(SimParameters, flatten(alone.bench.parameters) | {"law.M_x": 0.0}))
+    alone.run.adapt(changed(alone.bench.parameters, {"law.M_x": 0.0}))
     alone.run.play()
     assert alone.to_the_end() != in_process("tanh")
 

@@ -8,8 +8,8 @@ import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
 from afm_model.parts import Law, LawParameters, Record, kernel
-from afm_model.studies.linear import LinearError, at_timing, is_stable, largest, linearise
-from afm_model.studies.linear.plant import plant_matrices
+from afm_model.studies.linear import at_timing, is_stable, largest, linearise
+from afm_model.studies.linear_model import LinearError, plant_matrices
 
 
 def timed(kind: str, period: float, delay: int = 0, sim: dict[str, object] | None = None, **law: object):

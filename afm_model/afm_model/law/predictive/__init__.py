@@ -1,11 +1,10 @@
 """Friction-predicting control, docs/laws.md: a law that knows that friction sticks, and acts before it does."""
 
 from ...parts.part import Law
-from .constants import Constants, values
 from .control import control
-from .limits import check, warnings
-from .parameters import PredictiveLaw
-from .state import State, start
+from .predictive_constants import Constants, values
+from .predictive_law import PredictiveLaw, check, warnings
+from .predictive_state import State, start
 
 PREDICTIVE = Law(
     name="predictive",

@@ -4,9 +4,9 @@ import math
 from typing import Any
 
 from ...core.jit import kernel, routine
-from .constants import KNOWN
 from .map import raise_map
-from .plant import beyond, look, nominal_bound
+from .nominal_plant import beyond, look, nominal_bound
+from .predictive_constants import KNOWN
 
 ROUGH = 0.35
 """Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""

@@ -11,12 +11,10 @@ import math
 from typing import Any
 
 from ...core.jit import kernel, routine
-from .constants import ANSWERS
-from .copy_of_plant import run_copy
-from .covariance import carry_covariance
 from .estimate import MEAN, VALUE
-from .load import take_load
-from .plant import look, nominal_bound
+from .kalman import carry_covariance, correct, weigh
+from .nominal_plant import look, nominal_bound, run_copy, take_load
+from .predictive_constants import ANSWERS
 
 ALONG, SPEED, ACROSS, RATIO = range(4)
 """States of the filter: position and speed along the motion, position across it, ratio."""
@@ -37,11 +35,11 @@ def turn_to(t_x: float, t_y: float, s: Any) -> None:
     """Take the covariance along and across another direction. A speed is one along the motion."""
     cos = s.heading[0] * t_x + s.heading[1] * t_y
     sin = s.heading[0] * t_y - s.heading[1] * t_x
-    s.transition[:] = 0.0
-    s.transition[ALONG, ALONG], s.transition[ALONG, ACROSS] = cos, sin
-    s.transition[ACROSS, ALONG], s.transition[ACROSS, ACROSS] = -sin, cos
-    s.transition[SPEED, SPEED], s.transition[RATIO, RATIO] = cos, 1.0
-    carry_covariance(s.joint, s.transition, s.product)
+    s.carried[:] = 0.0
+    s.carried[ALONG, ALONG], s.carried[ALONG, ACROSS] = cos, sin
+    s.carried[ACROSS, ALONG], s.carried[ACROSS, ACROSS] = -sin, cos
+    s.carried[SPEED, SPEED], s.carried[RATIO, RATIO] = cos, 1.0
+    carry_covariance(s.joint, s.carried, s.half)
     s.heading[0], s.heading[1] = t_x, t_y
 
 
@@ -57,15 +55,15 @@ def rest(s: Any) -> None:
 def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
     """Carry the covariance through a control period in which the copy has moved, or has not."""
     if moved:
-        s.transition[:] = 0.0
+        s.carried[:] = 0.0
         for i in range(2):
-            s.transition[i, ALONG], s.transition[i, SPEED] = p.free[i, 0], p.free[i, 1]
-            s.transition[i, RATIO] = -p.of_drive[i] * nominal
-        s.transition[ACROSS, ACROSS] = s.transition[RATIO, RATIO] = 1.0
-        carry_covariance(s.joint, s.transition, s.product)
+            s.carried[i, ALONG], s.carried[i, SPEED] = p.free[i, 0], p.free[i, 1]
+            s.carried[i, RATIO] = -p.of_drive[i] * nominal
+        s.carried[ACROSS, ACROSS] = s.carried[RATIO, RATIO] = 1.0
+        carry_covariance(s.joint, s.carried, s.half)
         for i in range(2):
             for j in range(2):
-                s.joint[i, j] += p.uneven * p.uneven * s.transition[i, RATIO] * s.transition[j, RATIO]
+                s.joint[i, j] += p.uneven * p.uneven * s.carried[i, RATIO] * s.carried[j, RATIO]
         s.joint[ACROSS, ACROSS] += p.astray * p.astray
     s.joint[RATIO, RATIO] += p.wander * p.wander
     rest(s)
@@ -91,41 +89,26 @@ def doubt(miss: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def weigh(noise: float, s: Any) -> float:
-    """Make the gain of a measurement of the states by the row `s.row` with the variance `noise`; its own variance."""
-    total = noise
-    for i in range(4):
-        s.joint_gains[i] = 0.0
-        for j in range(4):
-            s.joint_gains[i] += s.joint[i, j] * s.row[j]
-        total += s.row[i] * s.joint_gains[i]
-    for i in range(4):
-        s.joint_gains[i] /= total
-    return total
-
-
-@kernel
-def correct(innovation: float, total: float, s: Any) -> None:
-    """Correct scanner, ratio and covariance by the gain made: by an innovation of the variance `total`."""
-    for i in range(4):
-        for j in range(4):
-            s.joint[i, j] -= s.joint_gains[i] * s.joint_gains[j] * total
+def correct_scanner(innovation: float, total: float, s: Any) -> None:
+    """Correct scanner, ratio and covariance by the measurement last weighed; `total`: variance of its innovation."""
+    s.change[:] = 0.0
+    correct(s.joint, s.change, s.gains, innovation, total)
     t_x, t_y = s.heading[0], s.heading[1]
-    s.X += (s.joint_gains[ALONG] * t_x - s.joint_gains[ACROSS] * t_y) * innovation
-    s.Y += (s.joint_gains[ALONG] * t_y + s.joint_gains[ACROSS] * t_x) * innovation
-    s.V_X += s.joint_gains[SPEED] * t_x * innovation
-    s.V_Y += s.joint_gains[SPEED] * t_y * innovation
-    s.ratio[VALUE] += s.joint_gains[RATIO] * innovation
+    s.X += s.change[ALONG] * t_x - s.change[ACROSS] * t_y
+    s.Y += s.change[ALONG] * t_y + s.change[ACROSS] * t_x
+    s.V_X += s.change[SPEED] * t_x
+    s.V_Y += s.change[SPEED] * t_y
+    s.ratio[VALUE] += s.change[RATIO]
     s.ratio[MEAN] = s.ratio[VALUE]
 
 
 @kernel
 def take_position(state: int, innovation: float, p: Any, s: Any) -> None:
     """Correct by a position along or across the motion."""
-    s.row[:] = 0.0
-    s.row[state] = 1.0
-    total = weigh(p.position_noise * p.position_noise, s)
-    correct(innovation, total, s)
+    s.weights[:] = 0.0
+    s.weights[state] = 1.0
+    total = weigh(s.joint, s.weights, s.gains) + p.position_noise * p.position_noise
+    correct_scanner(innovation, total, s)
 
 
 @kernel
@@ -141,15 +124,15 @@ def see_ratio(nominal: float, balance: float, p: Any, s: Any) -> None:
     slope_y = (nominal_bound(s.load, p, s) / nominal - 1.0) / _NEAR
     k_x, k_y = p.stiffness[0] / balance, p.stiffness[1] / balance
     ratio = s.ratio[VALUE]
-    s.row[ALONG] = ratio * (slope_x * t_x + slope_y * t_y - t_y * t_y * (k_x - k_y))
-    s.row[SPEED] = 0.0
-    s.row[ACROSS] = ratio * (slope_y * t_x - slope_x * t_y + t_y / t_x * (k_y * t_x * t_x + k_x * t_y * t_y))
-    s.row[RATIO] = 1.0
+    s.weights[ALONG] = ratio * (slope_x * t_x + slope_y * t_y - t_y * t_y * (k_x - k_y))
+    s.weights[SPEED] = 0.0
+    s.weights[ACROSS] = ratio * (slope_y * t_x - slope_x * t_y + t_y / t_x * (k_y * t_x * t_x + k_x * t_y * t_y))
+    s.weights[RATIO] = 1.0
 
 
 @kernel
 def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) -> None:
-    """Correct by the ratio that is seen in the lateral force, with the variance `noise`, by the row `s.row`.
+    """Correct by the ratio that is seen in the lateral force, with the variance `noise`, by the row `s.weights`.
 
     It is never more than that of the bound. Less tells something while the tip slips only. As that is estimated, the
     ratio falls no faster than the steepest slope of the surface lets it, or by what explains that the tip went further
@@ -164,7 +147,7 @@ def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) ->
     innovation = seen - s.ratio[VALUE]
     if innovation < 0.0 and fall == 0.0:
         return
-    total = weigh(noise, s)
+    total = weigh(s.joint, s.weights, s.gains) + noise
     if innovation * innovation > _SURE * _SURE * total:
         calm = s.calm
         s.calm = 0.0
@@ -173,12 +156,12 @@ def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) ->
             return
         wrong = innovation if innovation > 0.0 else min(-innovation, fall)
         s.joint[RATIO, RATIO] += wrong * wrong
-        total = weigh(noise, s)
+        total = weigh(s.joint, s.weights, s.gains) + noise
     else:
         s.calm += 1.0
-    if s.joint_gains[RATIO] * innovation < -fall:
-        innovation = -fall / s.joint_gains[RATIO]
-    correct(innovation, total, s)
+    if s.gains[RATIO] / total * innovation < -fall:
+        innovation = -fall * total / s.gains[RATIO]
+    correct_scanner(innovation, total, s)
 
 
 @routine

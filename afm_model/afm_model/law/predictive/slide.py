@@ -10,9 +10,8 @@ import math
 from typing import Any
 
 from ...core.jit import kernel
-from .copy_of_plant import run_copy
 from .estimate import MEAN, OF_VALUE
-from .plant import look, nominal_bound
+from .nominal_plant import look, nominal_bound, run_copy
 
 _SURE = 3.0
 """Standard deviations beyond which a difference is not noise."""

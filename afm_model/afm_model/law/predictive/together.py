@@ -10,10 +10,77 @@ import math
 from typing import Any
 
 from ...core.jit import kernel
-from .copy_of_plant import run_copy
-from .estimate import GONE, MEAN, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
-from .plant import look, nominal_bound
-from .uncertainty import AT_X, AT_Y, RATIO, SLOPE, SPEED, carry, creep, take, update, weigh
+from .estimate import GONE, MEAN, ROUGH, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
+from .kalman import carry_covariance, correct, weigh
+from .nominal_plant import look, nominal_bound, run_copy
+from .predictive_constants import FLOOR
+
+AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
+"""What is estimated: position, speed along the balance of forces, ratio of friction and its slope along the way."""
+
+
+@kernel
+def begin_together(p: Any, s: Any) -> None:
+    """At rest, at the first measured position; friction may be anything."""
+    for i in range(5):
+        for j in range(5):
+            s.uncertainty[i, j] = 0.0
+    s.uncertainty[AT_X, AT_X] = s.uncertainty[AT_Y, AT_Y] = p.position_noise * p.position_noise
+    s.uncertainty[RATIO, RATIO] = 1.0
+    s.uncertainty[SLOPE, SLOPE] = (p.ripple * p.wave_number) ** 2
+
+
+@kernel
+def carry(way: float, t_x: float, t_y: float, nominal: float, p: Any, s: Any) -> None:
+    """Carry the covariance through a control period in which the scanner goes so far along t."""
+    F = s.carried
+    a, b, c, d = p.free[0, 0], p.free[0, 1], p.free[1, 0], p.free[1, 1]
+    e, f = -p.of_drive[0] * nominal, -p.of_drive[1] * nominal
+    for i in range(5):
+        for j in range(5):
+            F[i, j] = 1.0 if i == j else 0.0
+    F[AT_X, AT_X], F[AT_X, AT_Y] = a * t_x * t_x + t_y * t_y, (a - 1.0) * t_x * t_y
+    F[AT_Y, AT_X], F[AT_Y, AT_Y] = (a - 1.0) * t_x * t_y, a * t_y * t_y + t_x * t_x
+    F[AT_X, SPEED], F[AT_X, RATIO], F[AT_X, SLOPE] = t_x * b, t_x * e, t_x * e * 0.5 * way
+    F[AT_Y, SPEED], F[AT_Y, RATIO], F[AT_Y, SLOPE] = t_y * b, t_y * e, t_y * e * 0.5 * way
+    F[SPEED, AT_X], F[SPEED, AT_Y], F[SPEED, SPEED] = c * t_x, c * t_y, d
+    F[SPEED, RATIO], F[SPEED, SLOPE] = f, f * 0.5 * way
+    F[RATIO, SLOPE] = way
+    carry_covariance(s.uncertainty, F, s.half)
+    # What counts is the largest error: the largest second derivative of a wave, not its rms one.
+    bend = bend_of(way, t_x, t_y, p.ripple / ROUGH, p)
+    s.uncertainty[RATIO, RATIO] += 0.25 * bend * bend * way * way
+    s.uncertainty[RATIO, SLOPE] += 0.5 * bend * bend * way
+    s.uncertainty[SLOPE, RATIO] += 0.5 * bend * bend * way
+    s.uncertainty[SLOPE, SLOPE] += bend * bend
+    # Its load is not quite static.
+    s.uncertainty[RATIO, RATIO] += FLOOR * FLOOR * p.hold
+    # Nothing moves it across but what turns b.
+    across = (p.L[0, 0] * p.position_noise) ** 2 / (1.0 - p.L[0, 0])
+    s.uncertainty[AT_X, AT_X] += across * t_y * t_y
+    s.uncertainty[AT_Y, AT_Y] += across * t_x * t_x
+    s.uncertainty[AT_X, AT_Y] -= across * t_x * t_y
+    s.uncertainty[AT_Y, AT_X] -= across * t_x * t_y
+
+
+@kernel
+def take(i: int, innovation: float, noise: float, s: Any) -> None:
+    """Kalman update by a measurement of component i, which is off by `innovation` from what was predicted."""
+    for j in range(5):
+        s.weights[j] = 1.0 if j == i else 0.0
+    variance = weigh(s.uncertainty, s.weights, s.gains) + noise * noise
+    # What it still differs by after the measurements before.
+    correct(s.uncertainty, s.change, s.gains, innovation - s.change[i], variance)
+
+
+@kernel
+def creep(way: float, t_x: float, t_y: float, s: Any) -> None:
+    """It may have moved so far along t."""
+    s.uncertainty[AT_X, AT_X] += way * way * t_x * t_x
+    s.uncertainty[AT_X, AT_Y] += way * way * t_x * t_y
+    s.uncertainty[AT_Y, AT_X] += way * way * t_x * t_y
+    s.uncertainty[AT_Y, AT_Y] += way * way * t_y * t_y
+
 
 _SURE = 3.0
 """Standard deviations beyond which a difference is not noise."""
@@ -35,7 +102,7 @@ def slips(
 ) -> tuple[bool, float, float]:
     """Whether the tip slips at the measurement; how far the force is from what it is then, and that one's variance.
 
-    The weights of the force are ready for `update`.
+    The weights of the force are ready for `correct`.
     """
     # At rest the force is b_x.
     resting = force - b_x + p.stiffness[0] * s.change[AT_X]
@@ -52,7 +119,7 @@ def slips(
     step_x, step_y = s.X - s.at_x, s.Y - s.at_y
     way = math.sqrt(step_x * step_x + step_y * step_y)
     noise = max(p.force_noise, min(bend_of(way, t_x, t_y, p.ripple, p) * way / _INDEX, p.ripple) * nominal)
-    of_slipping = weigh(s) + noise * noise
+    of_slipping = weigh(s.uncertainty, s.weights, s.gains) + noise * noise
     v, of_v = speed + s.change[SPEED], s.uncertainty[SPEED, SPEED]
     gain = s.gains[SPEED] / of_slipping
     # It does not slip backwards; it rests only where friction has stopped it, and friction is then below its bound.
@@ -129,7 +196,7 @@ def correct_together(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> Non
     along_t = force if t_x > 0.0 else -force
     s.grip = 0.0
     if slipping:
-        update(differs, variance, s)
+        correct(s.uncertainty, s.change, s.gains, differs, variance)
         speed = max(speed + s.change[SPEED], 0.0)
         if abs(t_x) > _TELLS:
             s.grip = max(force / t_x, 0.0)

@@ -1,21 +1,53 @@
-"""All parameters of the virtual instrument: the microscope, its parts, what is scored."""
+"""All parameters of the virtual instrument, and of a controller: the law, and what it believes of the microscope."""
 
 from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from ..core import registry
-from ..core.schema import Group, Unit, flatten, specifications
+from ..core.schema import Group, NonNegative, Positive, Unit, flatten, specifications
 from ..detector import Photodiode
 from ..fault import Schedule
+from ..law import PaperLaw
 from ..onboard import OnboardParameters
 from ..parts.timing import ticks_of
 from ..piezo import PiezoParameters
 from ..plant import PlantGroup
-from ..plant.physics import Microscope
+from ..plant.physics import Cantilever, Contact, Microscope, Scales, Scanner
 from ..program import Reference
 from ..sample import PaperSample
-from .drift import Drift
+
+_Rate = Annotated[float, Unit("m/s")]
+
+
+class Drift(Group):
+    """Thermal drift of the sample against the holder of the tip, which no position sensor sees. Off by default."""
+
+    rate_x: _Rate = Field(0.0, description="velocity of the sample along x at the start")
+    rate_y: _Rate = Field(0.0, description="velocity of the sample along y at the start")
+    rate_z: _Rate = Field(0.0, description="velocity of the sample along z at the start, positive towards the tip")
+    decay_time: Annotated[NonNegative, Unit("s")] = Field(
+        0.0, description="these velocities fall by exp(-t / decay_time), as after warming up; 0: they stay"
+    )
+    wander: Annotated[NonNegative, Unit("m/s")] = Field(
+        0.0, description="rms of a random part of the velocity, along each axis by itself"
+    )
+    wander_time: Annotated[Positive, Unit("s")] = Field(60.0, description="correlation time of the random part")
+
+    @property
+    def on(self) -> bool:
+        """Whether anything drifts."""
+        return any((self.rate_x, self.rate_y, self.rate_z, self.wander))
+
+    def warnings(self) -> list[str]:
+        """What is implausible, a sentence each."""
+        given = {name: getattr(self, name) for name in ("rate_x", "rate_y", "rate_z", "wander")}
+        return [
+            f"drift.{name} = {value:g} m/s is implausible: microscopes drift by 1e-12 to 1e-9 m/s"
+            for name, value in given.items()
+            if abs(value) > 1e-8
+        ]
+
 
 MAX_STEPS = 10_000_000
 """Integration steps in a control tick at most: a second or two of computing, in which nothing else is done."""
@@ -108,3 +140,20 @@ def _require_few(what: str, most: int, control_period: float, of_name: str, of: 
             f"{of_name} = {of:g} s is not allowed with plant.control_period = {control_period:g} s: a control tick "
             f"would have {ratio:.3g} {what}, and {most} are the most"
         )
+
+
+class ControllerParameters(Group):
+    """The law and what the controller believes of the microscope."""
+
+    law: PaperLaw = PaperLaw()
+    scanner: Scanner = Scanner()
+    cantilever: Cantilever = Cantilever()
+    scales: Scales = Scales()
+    piezo: PiezoParameters = PiezoParameters()
+    contact: Contact = Contact()
+    sample: PaperSample = PaperSample()
+
+    @model_validator(mode="after")
+    def _law_allows(self) -> "ControllerParameters":
+        registry.find("law", self.law.kind).check(self)
+        return self

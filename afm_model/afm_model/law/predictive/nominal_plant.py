@@ -1,13 +1,15 @@
-"""The nominal plant: what a drive does to the scanner, set-valued friction included."""
+"""The nominal plant: what a drive does to the scanner, set-valued friction included; a copy of it that runs along from
+measurement to measurement; the load on the tip, from the deflection.
+"""
 
 import math
 from typing import Any
 
-from ...contact.disc import friction_impulse
+from ...contact.friction import friction_impulse
 from ...core.jit import kernel, routine
 from ...sample.paper import surface
-from .constants import KNOWN, LEARNED
 from .map import read_map
+from .predictive_constants import ANSWERS, KNOWN, LEARNED, SLOTS
 
 REACH = 0.7
 """Phase of the shortest wave up to which a slope is continued."""
@@ -78,3 +80,32 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Any, s: An
 def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
     """Move the scanner on by a slot under a constant drive."""
     move(u_x, u_y, u_z, p.dt, p.steps, p, s)
+
+
+@kernel
+def take_load(y: Any, p: Any, s: Any) -> None:
+    """Put height of and load on the tip at a measurement into the state, with the scanner as it is there."""
+    s.Q = p.a + y.deflection / p.z0
+    s.load = p.w + p.eta_c2 * (s.Q - p.a)
+    # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
+    # after a correction.
+    held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
+    rise = y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
+    phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
+    follows = p.height * phase_rate * phase_rate
+    s.rise = rise - min(max(rise, -follows), follows)
+    s.load += s.rise
+
+
+@kernel
+def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
+    """Move the copy of the plant from the last measurement to measurement k, under the drives that were in force."""
+    kept = max(y.drive_sequence, 0) % ANSWERS
+    known = y.drive_sequence >= 0 and s.answered[kept] == y.drive_sequence
+    for ahead in range(min(max(k - s.last, 1), SLOTS)):
+        for j in range(p.slots):
+            x, y_, z = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1], y.drive[2] / p.volts[2]
+            if known:
+                at = max(0, min((s.last + ahead - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
+                x, y_, z = s.sent[kept, at, 0], s.sent[kept, at, 1], s.sent[kept, at, 2]
+            predict(x, y_, z, p, s)

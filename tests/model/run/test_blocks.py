@@ -12,7 +12,7 @@ def ticked(ticks: int, *, in_pieces: bool, pieces_a_tick: int = 0, block_ticks: 
     for k in range(1, ticks + 1):
         assert bench.at(k)
         for _ in range(pieces_a_tick):
-            bench.run.ticker.do_one()
+            bench.run.blocks.do_one()
     assert bench.ticks == ticks
     return bench
 
@@ -21,7 +21,7 @@ def test_block_that_is_full_is_handed_on_by_pieces_of_work_and_not_by_the_tick()
     bench = ticked(8, in_pieces=True)
     assert bench.blocks == []
     done = 0
-    while bench.run.ticker.do_one():
+    while bench.run.blocks.do_one():
         done += 1
     assert done > 2
     assert [(block.first_tick, len(block.drives)) for block in bench.blocks] == [(0, 4), (4, 4)]

@@ -1,18 +1,32 @@
-"""Isotropic dry friction as a set-valued law, in impulse form.
-
-Slipping, friction has size f and opposes the velocity. At rest it takes whatever value in the disc of radius f holds
-the scanner still. Over a step of length h this is a projection on the disc of radius h f: rest is exact, not a creep.
-Equations: docs/theory.md (15), (39), (40).
-
-References
-----------
-V. Acary, B. Brogliato, Numerical Methods for Nonsmooth Dynamical Systems, Springer 2008,
-doi:10.1007/978-3-540-75392-6.
-"""
+"""Friction of the contact: its largest value, and the impulse that stays within its disc."""
 
 import math
 
 from ..core.jit import kernel
+
+_AREA = 4.0 ** (2.0 / 3.0)
+"""Contact area at zero load over that at pull-off."""
+
+
+@kernel
+def bound_of_area(f_s: float, rho: float, rho_third: float, u: float) -> float:
+    """F_max at u = (a / a_0)^(1/2), docs/theory.md (14).
+
+    f_s is that at pull-off on a flat sample, rho the effective radius ratio.
+    """
+    u2 = u * u
+    return f_s * _AREA * rho * rho_third * u2 * u2
+
+
+@kernel
+def bound_of_load(f_s: float, rho: float, load_ratio: float) -> float:
+    """F_max = f_s (rho (1 + sqrt(1 + N/|L_s|)))^(4/3), docs/theory.md (13).
+
+    load_ratio is that of the load N to the pull-off load |L_s| at this radius.
+    """
+    root = math.sqrt(max(1.0 + load_ratio, 0.0))
+    return f_s * (rho * (1.0 + root)) ** (4.0 / 3.0)
+
 
 STICK = True
 SLIP = False

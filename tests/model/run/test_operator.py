@@ -45,7 +45,7 @@ class Bench:
         self.outcomes: list[Outcome] = []
         self.link = HandLink(self)  # type: ignore[arg-type]
         told = Listeners(verb_over=self.outcomes.append)
-        self.run = Run(self.parameters, self.link, lambda: self.now, told, attend=Operator)
+        self.run = Run(self.parameters, self.link, lambda: self.now, told, operate=Operator)
         self.law: Controller | None = None
         self.run.step()
 
@@ -152,15 +152,15 @@ def test_cancelled_scan_keeps_its_lines_and_leaves_the_tip_withdrawn() -> None:
     bench = Bench()
     bench.do(APPROACH)
     bench.run.begin(Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=1000, line_rate=20.0))
-    while bench.run.attendant.progress.detail != "line 3 of 1000":
+    while bench.run.operator.progress.detail != "line 3 of 1000":
         bench.step()
-    bench.run.attendant.cancel("cancelled")
+    bench.run.operator.cancel("cancelled")
     outcome = bench.wait(1)
     assert (outcome.status, outcome.message) == (CANCELLED, "Scan was cancelled; the tip is withdrawn")
     assert outcome.result.lines_done >= 2
     assert np.isfinite(outcome.result.data["height", "trace"][:2]).all()
     assert not bench.run.instrument.in_contact
-    assert not bench.run.attendant.state.near
+    assert not bench.run.operator.state.near
 
 
 def test_limit_that_withdraws_the_sample_stops_the_verb_and_resume_gives_the_verbs_back() -> None:

@@ -1,15 +1,45 @@
-"""The one reader of scenario files: the part of YAML that every reader takes for the same thing.
+"""The scenarios that come with this package, by name, and the one reader of scenario files.
 
-The nodes read their parameters by another YAML library than Python's. The two differ in what `1:30`, `0b11` and `010`
-are, and in which of two equal keys counts; so what is ambiguous is text here, or refused.
+It reads the part of YAML that every reader takes for the same thing. The nodes read their parameters by another YAML
+library than that of Python. The two differ in what `1:30`, `0b11` and `010` are, and in which of two equal keys counts;
+so what is ambiguous is text here, or refused.
 """
 
+import os
 import re
 from collections.abc import Hashable
 from pathlib import Path
 from typing import Any, ClassVar
 
 import yaml
+
+_FOLDER = Path(__file__).parents[1] / "scenarios"
+
+
+def scenario_names() -> list[str]:
+    """Names of the scenarios that come with this package; `load_scenario` takes each in place of a file."""
+    return sorted(file.stem for file in _FOLDER.glob("*.yaml"))
+
+
+def scenario_file(name: str | os.PathLike[str]) -> Path:
+    """The file of a scenario.
+
+    Parameters
+    ----------
+    name : str or path
+        One of `scenario_names`, or a file. A file that exists counts before a name.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is none; the message is a sentence that lists the names.
+    """
+    if Path(name).is_file():
+        return Path(name)
+    if os.fspath(name) in scenario_names():
+        return _FOLDER / f"{os.fspath(name)}.yaml"
+    raise FileNotFoundError(f"unknown scenario {name}: it must be one of {', '.join(scenario_names())}, or a file")
+
 
 SIZE_LIMIT = 65_536
 """Bytes of a file."""

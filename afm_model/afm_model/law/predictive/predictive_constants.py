@@ -5,8 +5,8 @@ from typing import Annotated
 
 import numpy as np
 
+from ...contact.friction import bound_of_load
 from ...contact.jkr import indentation_of_u, radius_at_zero_load, u_of_load
-from ...contact.strength import bound_of_load
 from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from ...parts.signals import LONGEST_HORIZON

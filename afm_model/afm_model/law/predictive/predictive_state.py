@@ -6,10 +6,10 @@ import numpy as np
 
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
-from .constants import ANSWERS, INTERVALS, SLOTS
 from .estimate import MEAN, VALUE
 from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
+from .predictive_constants import ANSWERS, INTERVALS, SLOTS
 
 
 class State(Record):
@@ -25,13 +25,8 @@ class State(Record):
     joint: Annotated[Array, (4, 4)]  # covariance of the states of afm_model.law.predictive.joint
     heading: Annotated[Array, (2,)]  # direction of the motion there
     calm: float  # forces in succession that were as expected
-    transition: Annotated[Array, (4, 4)]  # of that filter, and numbers between two steps
-    product: Annotated[Array, (4, 4)]
-    row: Annotated[Array, (4,)]
-    joint_gains: Annotated[Array, (4,)]
-    # Covariance of what one filter estimates, and what its update needs: the file of that name.
-    uncertainty: Annotated[Array, (5, 5)]
-    carried: Annotated[Array, (5, 5)]
+    uncertainty: Annotated[Array, (5, 5)]  # covariance of what one filter estimates: afm_model.law.predictive.together
+    carried: Annotated[Array, (5, 5)]  # what a Kalman filter needs between two steps
     half: Annotated[Array, (5, 5)]
     held: Annotated[Array, (5, 5)]
     gains: Annotated[Array, (5,)]
@@ -69,13 +64,13 @@ class State(Record):
     reserved: Annotated[Array, (6,)]
     kept: Annotated[Array, (SLOTS, 3)]
     # The line: a place on it, its direction, distance of the nodes, part of it visited.
-    line_x: Annotated[float, "nodes"]
-    line_y: Annotated[float, "nodes"]
-    line_tx: Annotated[float, "nodes"]
-    line_ty: Annotated[float, "nodes"]
-    pitch: Annotated[float, "nodes"]
-    least: Annotated[float, "nodes"]
-    most: Annotated[float, "nodes"]
+    line_x: float
+    line_y: float
+    line_tx: float
+    line_ty: float
+    pitch: float
+    least: float
+    most: float
     way: float  # gone on it
     written: float
     gripped: float

@@ -11,13 +11,12 @@ from typing import Annotated, Any
 from pydantic import Field, create_model, model_validator
 
 from ..core.errors import ParameterError
-from ..core.schema import Group, Unit, Value, build, with_parts
+from ..core.schema import Group, Unit, Value, build, chosen_group
 from ..detector import Photodiode
-from ..law.timing import SampledLaw
+from ..law.sampled import SampledLaw
 from ..piezo import PiezoParameters
 from ..plant.lever_parameters import LeverGroup
-from .controller import ControllerParameters
-from .instrument import InstrumentParameters
+from .instrument_parameters import ControllerParameters, InstrumentParameters
 
 PREFIX = "microscope."
 _RUN = ("kind", "seed", "dt", "modes", "gap")
@@ -55,7 +54,7 @@ def _fields() -> dict[str, Any]:
     return fields
 
 
-Setup: Any = create_model("Setup", __base__=_Setpoint, __module__=__name__, **_fields())
+Setup: type[_Setpoint] = create_model("Setup", __base__=_Setpoint, __module__=__name__, **_fields())
 """What can be said: cantilever, scanner, materials and timing of the plant `lever`, sensitivities, setpoint."""
 
 
@@ -86,7 +85,7 @@ def resolved(model: type[Group], values: Mapping[str, Any]) -> dict[str, Any]:
     given = {name.removeprefix(PREFIX): value for name, value in values.items() if name.startswith(PREFIX)}
     if not given:
         return own
-    setup: Any = build(SetupSection, {PREFIX + name: value for name, value in given.items()}).microscope
+    setup: _Setpoint = build(SetupSection, {PREFIX + name: value for name, value in given.items()}).microscope
     if issubclass(model, InstrumentParameters):
         return own | _of_simulator(setup, given, own)
     if issubclass(model, ControllerParameters):
@@ -94,7 +93,7 @@ def resolved(model: type[Group], values: Mapping[str, Any]) -> dict[str, Any]:
     return own
 
 
-def _of_simulator(setup: Any, given: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
+def _of_simulator(setup: _Setpoint, given: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
     if own.get("plant.kind", "lever") != "lever":
         raise ParameterError(
             f"plant.kind = {own['plant.kind']} is not allowed with microscope.*, which is a microscope with "
@@ -110,13 +109,13 @@ def _of_simulator(setup: Any, given: Mapping[str, Value], own: Mapping[str, Valu
         # With a loop inside the start may be elsewhere.
         if not (has_loop and "reference.z_r" in own):
             k = _lever(setup).cantilever_numbers.k
-            news["reference.z_r"] = force / k if force else voltage * setup.deflection_sensitivity
+            news["reference.z_r"] = force / k if force else voltage * setup.model_dump()["deflection_sensitivity"]
     for name in news.keys() & own.keys() - {"plant.kind"}:
         raise ParameterError(f"{name} is given twice: by itself, and by microscope.*, which says it for all nodes")
     return news
 
 
-def known_of(lever: Any, piezo: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
+def known_of(lever: LeverGroup, piezo: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
     """What a law may know of the microscope, in the words of the controller's parameters.
 
     Parameters
@@ -140,11 +139,10 @@ def known_of(lever: Any, piezo: Mapping[str, Value], own: Mapping[str, Value]) -
         "contact.work_of_adhesion": pair.work_of_adhesion,
         "contact.R": c.tip_radius,
     }
-    law: Any = with_parts(ControllerParameters, own).model_fields["law"].annotation
-    if issubclass(law, SampledLaw):
+    if issubclass(chosen_group(ControllerParameters, "law", own), SampledLaw):
         news |= {"law.period": lever.control_period, "law.delay_ticks": lever.delay_ticks}
     return news
 
 
-def _lever(setup: Any) -> LeverGroup:
+def _lever(setup: _Setpoint) -> LeverGroup:
     return LeverGroup(**{name: getattr(setup, name) for name in _OF_PLANT})

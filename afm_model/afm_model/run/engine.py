@@ -1,0 +1,346 @@
+"""The one loop: ticks are made here, and here it is looked at what came of them, whoever paces and drives them."""
+
+import math
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from ..core.errors import DivergenceError, DriveError, PartError, VerbError
+from ..instrument import Block, Instrument
+from ..parameters import InstrumentParameters
+from .blocks import Blocks
+from .counts import Counts
+from .link import Link
+from .listeners import Listeners
+from .pacing import Pacing
+from .state import BACK, EVENTS, OVER, PHASES, REASONS, TICKING, Cause, Life, State
+from .timing import Stopwatch, VirtualClock
+
+_TAKEN_AWAY = (State.WITHDRAWN, State.RETRACTED)
+"""The instrument has taken z away: what is being done cannot go on."""
+
+
+class Operator(Protocol):
+    """Does what an instrument is asked for, order by order: `afm_model.microscope.operator.Operator` is one."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether something is being done."""
+        ...
+
+    def begin(self, verb: Any) -> None:
+        """Begin something; raises VerbError."""
+        ...
+
+    def look(self) -> None:
+        """Go on if the order in force is done."""
+        ...
+
+    def take(self, block: Block) -> None:
+        """A recorded block, each in order."""
+        ...
+
+    def cancel(self, reason: str) -> None:
+        """Bring what is being done to a safe end."""
+        ...
+
+    def give_up(self, reason: str) -> None:
+        """End what is being done here and now: simulated time does not go on."""
+        ...
+
+    def outcome(self) -> Any:
+        """How the last thing that was done has ended."""
+        ...
+
+
+class Engine:
+    """An instrument that runs.
+
+    Call `step` again and again; it never waits.
+
+    Parameters
+    ----------
+    parameters : InstrumentParameters
+    pacing : callable
+        Makes the pacing of an engine whose instrument is there.
+    total_ticks : int
+        Ticks of the whole run; 0: endless.
+    link : Link, optional
+        To who answers.
+    clock : callable, optional
+        Steady wall time [s]; any origin.
+    listeners : Listeners, optional
+    block_ticks : int
+        Control ticks in a block.
+    operate : callable, optional
+        Makes who orders verbs of an instrument that is at its start. Simulated time then stands still while none is
+        done, unless it goes by the clock.
+    in_pieces, hashed : bool
+        As of `Blocks` and `Instrument`.
+
+    Raises
+    ------
+    ParameterError
+        As `Instrument` does.
+    """
+
+    def __init__(
+        self,
+        parameters: InstrumentParameters,
+        pacing: Callable[["Engine"], Pacing],
+        total_ticks: int = 0,
+        *,
+        link: Link | None = None,
+        clock: Callable[[], float] | None = None,
+        listeners: Listeners | None = None,
+        block_ticks: int = 500,
+        operate: Callable[[Instrument], Operator] | None = None,
+        in_pieces: bool = False,
+        hashed: bool = True,
+    ) -> None:
+        self.link = link or Link()
+        self.clock = clock or VirtualClock()
+        self.counts = Counts()
+        self.refusal = ""
+        """The sentence about the drive refused last."""
+        self.unreadable = ""
+        """A clause about the drive that could not be read last."""
+        self.error: Exception | None = None
+        """What has ended the run."""
+        self.held = False
+        """Whether a run that has not started does not start."""
+        self.ticking = False
+        """Whether the run goes on, or would with the next drive."""
+        self._stop_at: int | None = None  # tick at which the run pauses by itself
+        self._listeners = listeners or Listeners()
+        self._operate, self._total_ticks = operate, total_ticks
+        self.watch = Stopwatch(self.clock)
+        self.life = Life(self._on_change)
+        self.instrument = Instrument(parameters, block_ticks, hashed=hashed)
+        """To read from; it is ticked here. Another one after `exchange`."""
+        heard = operate is not None or self._listeners.block is not None
+        self.blocks = Blocks(self.instrument, self._on_block if heard else None, in_pieces=in_pieces)
+        # An `Operator`, and more than that for who has made it.
+        self.operator: Any = operate(self.instrument) if operate is not None else None
+        """Who orders verbs; another one after a reset. None: nobody does."""
+        self.pacing = pacing(self)
+        self._find_look()
+
+    @property
+    def state(self) -> State:
+        """Where the run stands."""
+        return self.life.state
+
+    @property
+    def phase(self) -> State:
+        """Who has the drive while simulated time goes on."""
+        return PHASES[self.instrument.guard.phase]
+
+    @property
+    def reason(self) -> str:
+        """Why the controller's drive is not in force, in two words; empty if it is."""
+        return REASONS.get(EVENTS.get(self.instrument.guard.limit, self.state), "")
+
+    @property
+    def idle(self) -> bool:
+        """Whether simulated time stands still until something is ordered."""
+        return self.operator is not None and not self.pacing.by_clock and not self.operator.busy
+
+    def step(self) -> bool:
+        """Make the ticks that are due; True if something was done."""
+        if not self.ticking:
+            return self.life.state == State.WAITING and self._start_when_ready()
+        if self.operator is not None and self.idle:
+            self.watch.stop()
+            return False
+        pacing, instrument = self.pacing, self.instrument
+        try:
+            ticks = pacing.next()
+            if not ticks:
+                return ticks is not None
+            if pacing.law is None:
+                self.blocks.round_trips.append(pacing.round_trip)
+                stopped = instrument.tick(pacing.drive, pacing.sequence)
+            else:
+                stopped = instrument.close_loop(pacing.law, min(ticks, self._look_at - instrument.ticks))
+        except DriveError as error:
+            self.refuse(str(error), instrument.ticks)
+            self.fail(self.refusal, error)
+            return True
+        except (DivergenceError, PartError) as error:
+            self.fail(pacing.explain(error), error)
+            return True
+        if stopped or instrument.ticks >= self._look_at:
+            self._look()
+        else:
+            pacing.made()
+        return True
+
+    def stop_at(self, tick: int | None) -> None:
+        """Pause by itself behind this tick; None: do not."""
+        self._stop_at = tick
+        self._find_look()
+
+    @property
+    def stepping(self) -> bool:
+        """Whether it is on the way to such a tick."""
+        return self._stop_at is not None
+
+    @property
+    def steps_left(self) -> int:
+        """Ticks up to there."""
+        return 0 if self._stop_at is None else self._stop_at - self.instrument.ticks
+
+    def _look(self) -> None:
+        """What came of the ticks: a full block, a limit, an order that is done, the end."""
+        instrument = self.instrument
+        if instrument.block_full:
+            self.blocks.end_block()
+        self.follow_limits()
+        if self.operator is not None:
+            self._look_at_orders(self.operator)
+        if instrument.ticks == self._total_ticks:
+            self._finish()
+            return
+        self.pacing.made()
+        if instrument.ticks == self._stop_at:
+            self._stop_at = None
+            self.life.go(Cause.PAUSE)
+        self._find_look()
+
+    def _find_look(self) -> None:
+        """The next tick behind which there is something to look at, whatever comes of those before."""
+        ends = (self.instrument.block_end, self._total_ticks or math.inf, self._stop_at or math.inf)
+        self._look_at = int(min(ends))
+
+    def follow_limits(self) -> None:
+        """Tell of the instrument's drive, if it has changed hands."""
+        guard, life, phase = self.instrument.guard, self.life, self.phase
+        if phase == life.state or guard.event not in EVENTS:
+            return
+        cause = EVENTS[guard.event]
+        if phase == State.WITHDRAWN:
+            life.go(cause, f"{guard.clause(guard.event)}: the sample is withdrawn")
+        elif phase == State.APPROACHING:
+            life.go(cause, f"the sample is brought back to the tip (after: {self.reason})")
+        else:
+            life.go(cause, "the tip is withdrawn" if cause == Cause.RESUME else "")
+            if cause == Cause.RESUME:
+                life.go(Cause.APPROACHED)
+
+    def _look_at_orders(self, operator: Operator) -> None:
+        """Go on with the next order if one is done: between two ticks."""
+        if operator.busy and self.instrument.orders.done:
+            # What is next may depend on what was measured up to here.
+            self.blocks.flush()
+            operator.look()
+            if not operator.busy:
+                self._listeners.verb_over(operator.outcome())
+
+    def begin(self, verb: Any) -> None:
+        """Begin a verb between two ticks; `Listeners.verb_over` tells its end.
+
+        Raises
+        ------
+        VerbError
+            If it cannot be begun.
+        """
+        state, operator = self.state, self.operator
+        if operator is None:
+            raise VerbError("this instrument takes no orders: start it with reference.kind = verbs")
+        if state in OVER:
+            raise VerbError(f"the run is {state.title}: call reset first")
+        if state in (*_TAKEN_AWAY, State.APPROACHING):
+            raise VerbError(f"the run is {state.title}: {self.life.detail}")
+        operator.begin(verb)
+        if not operator.busy:
+            # What needs no time, such as a move to where the scanner stands.
+            self._listeners.verb_over(operator.outcome())
+        if self.ticking and not self.pacing.by_clock:
+            self.pacing.resume()
+            self.watch.start()
+
+    def bring_back(self) -> str:
+        """Bring a withdrawn sample back to the tip; why not, or an empty string: not while a limit is still passed."""
+        problem = self.instrument.guard.bring_back()
+        self.follow_limits()
+        return problem
+
+    def go_on(self, cause: Cause) -> None:
+        """Let simulated time go on that stood still: as what the run was before."""
+        if self.phase in BACK:
+            back, what = BACK[self.phase]
+            self.life.go(back, f"{what} (after: {self.reason})")
+        else:
+            self.life.go(cause)
+
+    def refuse(self, problem: str, sequence: int) -> None:
+        """Count a drive that was refused, with a sentence about it."""
+        self.counts.drives_refused += 1
+        self.refusal = f"{problem} (answer to measurement {sequence} from {self.link.controller or 'an unknown node'})"
+
+    def fail(self, sentence: str, error: Exception | None = None) -> None:
+        """End a run that has started: what it brings cannot be trusted any more."""
+        if self.state == State.WAITING or self.state in OVER:
+            return
+        self.error = error
+        self.blocks.flush()
+        self.life.go(Cause.ERROR, sentence)
+
+    def reset(self) -> None:
+        """Go back to the start: same state, same random numbers. Whatever was recorded is handed on before."""
+        self.blocks.flush()
+        self.instrument.reset()
+        self.blocks.reset()
+        if self.operator is not None and self._operate is not None:
+            self._give_up("the run was reset")
+            self.operator = self._operate(self.instrument)
+        self.counts, self.refusal, self.unreadable, self.error = Counts(), "", "", None
+        self._stop_at = None
+        self._find_look()
+        self.watch = Stopwatch(self.clock)
+        self.life.go(Cause.RESET)
+
+    def _start_when_ready(self) -> bool:
+        if self.held or not self.link.ready():
+            return False
+        if reason := self.link.objection():
+            self.life.tell(reason)
+            return False
+        self.life.go(Cause.START)
+        self.pacing.start()
+        return True
+
+    def _finish(self) -> None:
+        if reason := self.link.objection():
+            self.fail(reason)
+            return
+        self.watch.stop()
+        self.blocks.flush()
+        self._listeners.ended()
+        self.life.go(Cause.END)
+
+    def _on_change(self) -> None:
+        state = self.life.state
+        self.ticking = state in TICKING
+        if self.ticking:
+            self.watch.start()
+        else:
+            self.watch.stop()
+        if state in OVER:
+            self._stop_at = None
+            self._give_up(self.life.detail or f"the run is {state.title}")
+        elif state in _TAKEN_AWAY and self.operator is not None and self.operator.busy:
+            self.operator.cancel(f"stopped ({self.life.detail})")
+        self._listeners.changed()
+
+    def _give_up(self, why: str) -> None:
+        """End what is being done: the run cannot go on with it."""
+        if self.operator is not None and self.operator.busy:
+            self.operator.give_up(why)
+            self._listeners.verb_over(self.operator.outcome())
+
+    def _on_block(self, block: Block, round_trips: Any) -> None:
+        if self.operator is not None:
+            self.operator.take(block)
+        if self._listeners.block is not None:
+            self._listeners.block(block, round_trips)

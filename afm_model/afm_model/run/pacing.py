@@ -1,0 +1,132 @@
+"""How simulated time goes on: how many ticks now, and with which drive. What becomes of them is the engine's."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import DivergenceError, DriveError, MalformedError, PartError
+from ..instrument.controller import Controller
+from ..parameters import SimParameters
+from ..parts.command import Command
+
+if TYPE_CHECKING:
+    from .engine import Engine
+
+_Array = NDArray[np.float64]
+
+
+class Pacing:
+    """One of the ways in which simulated time goes on. The engine alone calls its methods.
+
+    Parameters
+    ----------
+    engine : Engine
+    """
+
+    law: Controller | None = None
+    """Closes the loop, many ticks in one compiled piece; None: one tick is made with `drive`."""
+    drive: _Array | Command | None = None
+    """[V]; None: the one before goes on."""
+    sequence: int | None = None
+    """Measurement that it answers; None: that of this tick."""
+    round_trip = math.nan
+    """Wall time from the measurement to the drive [s]."""
+    deadline: float | None = None
+    """When there will be something to do [s]; None: when a drive arrives, or always."""
+    by_clock = False
+    """Whether simulated time goes on whether or not there is something to do."""
+
+    def __init__(self, engine: "Engine") -> None:
+        self._engine, self._instrument = engine, engine.instrument
+
+    def start(self) -> None:
+        """Begin with tick 0."""
+        self.resume()
+
+    def resume(self) -> None:
+        """Go on after a pause."""
+
+    def adapt(self, parameters: SimParameters) -> None:
+        """Follow a change of the parameters."""
+
+    def next(self) -> int | None:
+        """How many ticks are to be made now. 0: something else was done; None: there was nothing to do. Never waits."""
+        raise NotImplementedError
+
+    def made(self) -> None:
+        """They are made, and the run goes on."""
+
+    def explain(self, error: DivergenceError | PartError) -> str:
+        """Why the run ends, in one sentence."""
+        return str(error)
+
+
+class Compiled(Pacing):
+    """As fast as it goes, with a law in the same compiled loop: to the end of a block each time."""
+
+    def __init__(self, engine: "Engine", law: Controller, *, by_clock: bool = False) -> None:
+        super().__init__(engine)
+        self.law: Controller = law
+        self.by_clock = by_clock
+
+    def start(self) -> None:
+        """With a law that has seen nothing."""
+        self.law.reset()
+        self.resume()
+
+    def next(self) -> int | None:
+        """Always more than a block holds."""
+        return 2**62
+
+
+class Asked(Pacing):
+    """As fast as it goes, with a law that is an object with `answer`."""
+
+    def __init__(self, engine: "Engine", law: Any) -> None:
+        super().__init__(engine)
+        self._law = law
+
+    def start(self) -> None:
+        """Reset the law, if it can be."""
+        if hasattr(self._law, "reset"):
+            self._law.reset()
+
+    def next(self) -> int | None:
+        """One, with its answer."""
+        instrument = self._instrument
+        self.drive = None if instrument.unasked else self._law.answer(instrument.measurement)
+        return 1
+
+
+class Peered(Pacing):
+    """With somebody at the other end of a link who answers."""
+
+    def __init__(self, engine: "Engine", parameters: SimParameters) -> None:
+        super().__init__(engine)
+        self._parameters = parameters
+
+    def start(self) -> None:
+        """Nothing of the run before counts."""
+        while self._take_readable() is not None:
+            pass
+
+    def _take_readable(self) -> tuple[int, _Array | Command | DriveError] | None:
+        """The oldest drive not yet taken, as `Link.take`; what cannot be read is dropped on the way."""
+        while True:
+            try:
+                return self._engine.link.take()
+            except MalformedError as error:
+                self._drop(error)
+
+    def _drop(self, error: MalformedError) -> None:
+        """Count a drive that could not be read, with a clause about it."""
+        engine = self._engine
+        engine.counts.drives_malformed += 1
+        engine.unreadable = f"{error} from {engine.link.controller or 'an unknown node'}"
+
+    @property
+    def _controller(self) -> str:
+        """Name of the controller for a sentence."""
+        return self._engine.link.controller or "the controller"

@@ -1,0 +1,202 @@
+"""Many runs over all cores, or a cluster: the engine behind `sweep` and `compare`.
+
+The work is handed out by Dask, which is imported only when a study starts, like pandas.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from types import ModuleType
+from typing import Any
+
+from ..core import kernel_cache
+from ..core.errors import ParameterError
+from ..core.progress import reporting
+from ..instrument import Instrument
+from ..instrument.controller import Controller
+from ..parameters import ControllerParameters, SimParameters
+from ..run.simulated import ticks_to_simulate
+
+Row = dict[str, Any]
+"""Results of a run by the names of their columns."""
+Set = tuple[Any, ...]
+"""What a run is made of; its SimParameters stand first."""
+
+_TASK_STEPS = 1_000_000
+"""Integration steps handed to a worker at once, about a second: what Dask needs for it is below a percent."""
+_TIMEOUT = 10.0
+"""For the scheduler and its first worker to answer [s]."""
+_UNGUARDED = 'in a script, sweep must be called under if __name__ == "__main__":'
+
+
+class SweepError(RuntimeError):
+    """A sweep cannot run here: a package, the scheduler or its workers are missing; the message is one sentence."""
+
+
+def require_scattering(scheduler: str | None, workers: int | None) -> ModuleType:
+    """The package pandas, if many instruments can be run here.
+
+    Raises
+    ------
+    SweepError, ParameterError
+        As `sweep`.
+    """
+    try:
+        import distributed  # noqa: F401
+        import pandas
+    except ImportError as error:
+        raise SweepError(
+            f"a sweep needs dask, distributed and pandas ({error}): pip install dask distributed pandas"
+        ) from None
+    if getattr(multiprocessing.current_process(), "_inheriting", False):
+        # A worker reads the script that started it; this call is not its business.
+        raise SweepError(_UNGUARDED)
+    if workers is not None and (workers < 1 or scheduler is not None):
+        raise ParameterError(f"workers = {workers} is not allowed: it must be >= 1, and not given with a scheduler")
+    return pandas
+
+
+def run_sets(
+    run_one: Callable[..., Row],
+    sets: Sequence[Set | str],
+    what: str,
+    *,
+    alone: Sequence[int] = (),
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: bool | Callable[[int, int], None] = True,
+) -> list[Row]:
+    """Run many sets of parameters over processes; a row for each, in order, whatever the number of workers.
+
+    Parameters
+    ----------
+    run_one : callable
+        Called with the items of a set in a worker, where it must be importable; it returns the row.
+    sets : sequence of tuple or str
+        A tuple begins with its SimParameters. Text is the sentence why a set was refused: that is its row.
+    what : str
+        What the progress bar is headed by.
+    alone : sequence of int
+        Numbers of the sets that run in this process, one at a time, after the others.
+    scheduler, workers, progress
+        As in `afm_model.sweep`.
+    """
+    rows: list[Row] = [{"error": each} if isinstance(each, str) else {} for each in sets]
+    run = [(number, each) for number, each in enumerate(sets) if not isinstance(each, str)]
+    far = [each for each in run if each[0] not in alone]
+    here = ((number, run_one(*each)) for number, each in run if number in alone)
+    with reporting(progress, what) as report:
+        done = len(sets) - len(run)
+        report(done, len(sets))
+        for number, row in itertools.chain(_scattered(run_one, far, scheduler, workers), here):
+            rows[number] = row
+            done += 1
+            report(done, len(sets))
+    return rows
+
+
+def _scattered(
+    run_one: Callable[..., Row], sets: Sequence[tuple[int, Set]], scheduler: str | None, workers: int | None
+) -> Iterator[tuple[int, Row]]:
+    """Numbers and rows of the sets, as they are done."""
+    import distributed
+
+    if not sets:
+        return
+    with _client(distributed, scheduler, workers) as (client, processors):
+        tasks = _tasks(sets, processors)
+        yield from _results(distributed, client, tasks, run_one)
+
+
+def _tasks(sets: Sequence[tuple[int, Set]], processors: int) -> list[list[tuple[int, Set]]]:
+    """Sets in portions of similar work: large enough for Dask's share to vanish, small enough to end together."""
+    steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, *_) in sets]
+    portion = min(_TASK_STEPS, sum(steps) / (8 * processors))
+    tasks: list[list[tuple[int, Set]]] = []
+    filled = portion
+    for each, work in zip(sets, steps, strict=True):
+        if filled >= portion:
+            tasks.append([])
+            filled = 0
+        tasks[-1].append(each)
+        filled += work
+    return tasks
+
+
+def _results(
+    distributed: ModuleType, client: Any, tasks: Sequence[Sequence[tuple[int, Set]]], run_one: Callable[..., Row]
+) -> Iterator[tuple[int, Row]]:
+    import dask
+
+    # A set is a kilobyte; that many of them are large is no surprise.
+    with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
+        sources = kernel_cache.fingerprint(__name__, __file__)
+        futures = client.map(_run_task, tasks, run_one=run_one, sources=sources, pure=False)
+    for future in distributed.as_completed(futures, loop=client.loop):
+        try:
+            yield from future.result()
+        except ImportError as error:
+            raise SweepError(f"a worker cannot import afm_model: {error}") from None
+
+
+@contextmanager
+def _client(distributed: ModuleType, scheduler: str | None, workers: int | None) -> Iterator[tuple[Any, int]]:
+    """A client of the scheduler at an address, or of a cluster of our own that ends with it; its processors."""
+    if scheduler is not None:
+        try:
+            client = distributed.Client(scheduler, timeout=_TIMEOUT, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise SweepError(f"no Dask scheduler answers at {scheduler}: {error}") from None
+        # Futures are released with the client: an interrupted sweep leaves no work behind.
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=_TIMEOUT)
+            except TimeoutError:
+                raise SweepError(f"the Dask scheduler at {scheduler} has no worker") from None
+            yield client, sum(client.nthreads().values())
+        return
+    processors = workers or len(os.sched_getaffinity(0))
+    # Compiled once, here; the workers find it in the cache.
+    Instrument(SimParameters(), 1).close_loop(Controller(ControllerParameters()), 1)
+    with _interrupt_held():
+        try:
+            cluster = distributed.LocalCluster(
+                n_workers=processors,
+                threads_per_worker=1,
+                processes=True,
+                # Without an address it would still serve at 8787, and complain where that is taken.
+                dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
+                memory_limit=0,
+                silence_logs=logging.CRITICAL,
+            )
+        except RuntimeError as error:
+            raise SweepError(f"no worker process could be started ({error}): {_UNGUARDED}") from None
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        yield client, processors
+
+
+@contextmanager
+def _interrupt_held() -> Iterator[None]:
+    """Processes started here do not see Ctrl-C, which a terminal sends to all: the sweep ends them itself."""
+    # The tracker would let the signal through again in the thread that starts the processes.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _run_task(sets: Sequence[tuple[int, Set]], run_one: Callable[..., Row], sources: str) -> list[tuple[int, Row]]:
+    """Task of a worker: run some sets, one after the other."""
+    if sources != kernel_cache.fingerprint(__name__, __file__):
+        raise SweepError("a worker has other sources of afm_model, or another numba, than the process that sweeps")
+    return [(number, run_one(*each)) for number, each in sets]
