@@ -3,19 +3,19 @@
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
 from action_msgs.msg import GoalStatus
-from afm_msgs.msg import Microscope, ScanLine
+from afm_msgs.msg import MicroscopeStatus, ScanLine
 from quick_lever import INSTRUMENT, LAW
 from rclpy.action import ActionClient
 from support import Graph, Observer
 
 from afm_model import SimParameters, build
+from afm_model.microscope.image import Image
 from afm_model.microscope.local import Local
-from afm_model.microscope.results import Image, Line
-from afm_model.microscope.verbs import Approach, Scan, Verb
+from afm_model.microscope.verb import Verb
+from afm_model.microscope.verbs import Approach, Scan
 from afm_node_common import topics
-from afm_node_common.verbs import TOPICS, goal_of, type_of
+from afm_node_common.verb_codec import ACTIONS, action_of, goal_of, line_of
 from afm_sim_node.node import SimNode
 
 APPROACH = Approach(rate=10e-6, range=2e-6, settle=2e-3)
@@ -33,7 +33,7 @@ class Bench:
         self.lines: list[Any] = []
         self.states: list[Any] = []
         self.client.create_subscription(ScanLine, topics.SCAN_LINE, self.lines.append, topics.SCAN_LINE_QOS)
-        self.client.create_subscription(Microscope, topics.MICROSCOPE, self.states.append, topics.LATCHED_QOS)
+        self.client.create_subscription(MicroscopeStatus, topics.MICROSCOPE, self.states.append, topics.LATCHED_QOS)
         self.actions: dict[str, ActionClient] = {}
 
     @property
@@ -43,7 +43,7 @@ class Bench:
 
     def action(self, name: str) -> ActionClient:
         if name not in self.actions:
-            self.actions[name] = ActionClient(self.client, type_of(name), TOPICS[name])
+            self.actions[name] = ActionClient(self.client, ACTIONS[name], name)
         self.graph.spin_until(self.actions[name].server_is_ready)
         return self.actions[name]
 
@@ -54,7 +54,7 @@ class Bench:
         return handle
 
     def begin(self, verb: Verb, feedback: Callable[[Any], object] | None = None) -> Any:
-        return self.ask(type(verb).__name__, goal_of(verb), feedback)
+        return self.ask(action_of(verb), goal_of(verb), feedback)
 
     def end(self, handle: Any) -> Any:
         return self.graph.result(handle.get_result_async())
@@ -82,8 +82,7 @@ class Bench:
         lines = [line for line in self.lines if line.scan == number]
         image = Image.empty(scan, dict(zip(lines[0].channels, lines[0].units, strict=True)))
         for line in lines:
-            values = np.array(line.data).reshape(len(line.channels), scan.pixels)
-            image.put(Line(line.index, line.direction, line.time, dict(zip(line.channels, values, strict=True))))
+            image.put(line_of(line))
             assert line.row == image.row(line.index)
         return image
 

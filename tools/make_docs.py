@@ -26,7 +26,7 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py", "cpp_controller/src/cpp_controller.cpp")
-EXAMPLES = ("kalman", "patches", "height_map", "creep", "lock_in", "viscous", "bursts", "approach")
+EXAMPLES = ("kalman", "patches", "height_map", "creep", "lock_in", "viscous", "bursts", "approach", "lift", "integral")
 
 
 def parameters() -> str:

@@ -38,7 +38,7 @@ KNOWLEDGE: tuple[tuple[str, dict[str, Any], float], ...] = (
     ("surface and friction known", {**KNOWN, "law.friction": "nominal"}, 0.5),
     ("surface known, friction 20 % low", {**KNOWN, "contact.tau": 0.8 * TAU}, 0.5),
     ("surface known, friction 20 % high", {**KNOWN, "contact.tau": 1.2 * TAU}, 0.5),
-    ("nothing known", {"contact.tau": 0.8 * TAU}, 0.5),
+    ("no knowledge", {"contact.tau": 0.8 * TAU}, 0.5),
     ("learned, third period", {"law.surface": "learned", "contact.tau": 0.8 * TAU}, 2.0),
     ("learned, sixth period", {"law.surface": "learned", "contact.tau": 0.8 * TAU}, 5.0),
 )
@@ -143,11 +143,11 @@ def cost() -> list[str]:
     """Time of an answer, the best of some stretches [us]."""
     rows = []
     for told, period, delay, law in (
-        ("50 us + 1, nothing known", 5e-5, 1, {}),
-        ("50 us + 6, nothing known", 5e-5, 6, {}),
+        ("50 us + 1, no knowledge", 5e-5, 1, {}),
+        ("50 us + 6, no knowledge", 5e-5, 6, {}),
         ("50 us + 1, learned", 5e-5, 1, {"law.surface": "learned"}),
-        ("200 us + 1, nothing known", 2e-4, 1, {}),
-        ("1 ms + 1, nothing known", 1e-3, 1, {}),
+        ("200 us + 1, no knowledge", 2e-4, 1, {}),
+        ("1 ms + 1, no knowledge", 1e-3, 1, {}),
         ("1 ms + 1, packet of 40", 1e-3, 1, PACKET),
     ):
         sim, controller = parameters(period, delay, law, {}, 0.5)

@@ -10,8 +10,7 @@ from types import TracebackType
 from typing import Any, Literal
 
 from action_msgs.msg import GoalStatus
-from afm_msgs.msg import Microscope as MicroscopeMessage
-from afm_msgs.msg import ScanLine
+from afm_msgs.msg import MicroscopeStatus, ScanLine
 from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
 from rclpy import init
 from rclpy.action import ActionClient
@@ -23,13 +22,14 @@ from rclpy.signals import SignalHandlerOptions
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.core.schema import Value
 from afm_model.microscope.backend import OnLine, OnProgress
+from afm_model.microscope.image import Image
 from afm_model.microscope.interrupts import Interrupted, Interrupts
-from afm_model.microscope.jobs import Desk
-from afm_model.microscope.results import COMPLETE, FAILED, Image, Outcome, Progress
-from afm_model.microscope.verbs import Scan, Verb, Withdraw
+from afm_model.microscope.results import COMPLETE, FAILED, MicroscopeState, Outcome, Progress
+from afm_model.microscope.verb import Verb
+from afm_model.microscope.verbs import Scan, Withdraw
 from afm_node_common import topics
 from afm_node_common.shared_memory import shared_memory_cleanup
-from afm_node_common.verbs import TOPICS, goal_of, outcome_of, type_of
+from afm_node_common.verb_codec import ACTIONS, action_of, goal_of, outcome_of
 
 from .arriving import Arriving
 
@@ -87,10 +87,10 @@ class Remote:
         self._executor.add_node(self._node)
         self._actions: dict[str, ActionClient] = {}
         self._services: dict[str, Any] = {}
-        self._told: MicroscopeMessage | None = None
+        self._told: MicroscopeStatus | None = None
         self._news = 0
         self._lines: Arriving | None = None
-        self._node.create_subscription(MicroscopeMessage, topics.MICROSCOPE, self._on_told, topics.LATCHED_QOS)
+        self._node.create_subscription(MicroscopeStatus, topics.MICROSCOPE, self._on_told, topics.LATCHED_QOS)
         self._node.create_subscription(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
         try:
             found = self._spin_until(lambda: self._told is not None, patience)
@@ -116,12 +116,12 @@ class Remote:
     # What Backend asks for.
 
     @property
-    def state(self) -> Desk:
+    def state(self) -> MicroscopeState:
         """See `Backend`: as it was told last."""
         self._spin_until(lambda: True, 0.0)
         told = self._told
         assert told is not None
-        return Desk(
+        return MicroscopeState(
             approached=told.approached,
             feedback=told.feedback,
             setpoint=told.setpoint_voltage,
@@ -149,7 +149,8 @@ class Remote:
             If the microscope does not answer, or has ended.
         """
         name = type(verb).__name__
-        client = self._action(name)
+        action = action_of(verb)
+        client = self._action(action)
         self._lines = Arriving(verb, self._time, on_line) if isinstance(verb, Scan) else None
         news, self._cancel, self.outcome = self._news, False, None
         there = partial(self._serves, client.server_is_ready, self._publishers())
@@ -163,7 +164,7 @@ class Remote:
             self._wait(sent.done, name, there)
             goal = sent.result()
             if not goal.accepted:
-                raise VerbError(f"{name} was refused without a sentence: another program serves {TOPICS[name]}")
+                raise VerbError(f"{name} was refused without a sentence: another program serves {action}")
             ended = goal.get_result_async()
             cancelled_at = math.inf
 
@@ -253,7 +254,7 @@ class Remote:
         stamp = self._told.header.stamp
         return float(stamp.sec + stamp.nanosec * 1e-9)
 
-    def _on_told(self, message: MicroscopeMessage) -> None:
+    def _on_told(self, message: MicroscopeStatus) -> None:
         self._told = message
         self._news += 1
 
@@ -299,9 +300,9 @@ class Remote:
 
     def _action(self, name: str) -> ActionClient:
         if name not in self._actions:
-            self._actions[name] = ActionClient(self._node, type_of(name), TOPICS[name])
+            self._actions[name] = ActionClient(self._node, ACTIONS[name], name)
         if not self._spin_until(self._actions[name].server_is_ready, PATIENCE):
-            raise VerbError(f"the microscope does not serve {TOPICS[name]} (waited {PATIENCE:g} s)")
+            raise VerbError(f"the microscope does not serve {name} (waited {PATIENCE:g} s)")
         return self._actions[name]
 
     def _call(self, kind: Any, topic: str, **values: Any) -> None:
@@ -340,7 +341,7 @@ class Remote:
         image = lines.image
         if image is not None:
             image.lines_done = result.lines_done
-            image.complete = not missing and result.lines_done == lines.scan.lines
+            image.complete = not missing and result.lines_done == image.scan.lines
         return image, missing
 
     def _destroy(self) -> None:

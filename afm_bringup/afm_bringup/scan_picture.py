@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from afm_model.files.layers import layers
 from afm_model.files.picture import draw
-from afm_model.microscope.results import Image
+from afm_model.microscope.image import Image
 
 _SIZE = (9.0, 4.4)
 

@@ -15,9 +15,11 @@ from rich.table import Table
 
 from afm_model import Scenario
 from afm_model.core.errors import ParameterError, VerbError
-from afm_model.microscope.results import COMPLETE, Image, Outcome
+from afm_model.microscope.image import Image
+from afm_model.microscope.results import COMPLETE, Outcome
 from afm_model.microscope.results import Progress as Told
-from afm_model.microscope.verbs import Approach, Scan, Verb, Withdraw
+from afm_model.microscope.verb import Verb
+from afm_model.microscope.verbs import Approach, Scan, Withdraw
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 

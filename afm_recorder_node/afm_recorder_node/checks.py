@@ -4,16 +4,16 @@ import math
 import re
 from collections.abc import Sized
 
-import numpy as np
 from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
 from afm_msgs.msg import ScanLine as ScanLineMessage
 from std_msgs.msg import Header
 
 from afm_model.core.errors import ParameterError
 from afm_model.core.schema import build
-from afm_model.microscope.results import DIRECTIONS, Line
+from afm_model.microscope.image import DIRECTIONS
 from afm_model.microscope.verbs import Scan
 from afm_node_common.subscriptions import InvalidMessage
+from afm_node_common.verb_codec import FRAME, line_of
 
 from .scan_lines import ScanLine
 
@@ -84,7 +84,7 @@ def scan_line(message: ScanLineMessage) -> ScanLine:
     try:
         scan = build(
             Scan,
-            {name: getattr(message, name) for name in _FRAME}
+            {name: getattr(message, name) for name in (*FRAME, "size_y")}
             | {"direction": "up" if message.up else "down", "channels": ", ".join(names)},
         )
     except ParameterError as error:
@@ -99,16 +99,7 @@ def scan_line(message: ScanLineMessage) -> ScanLine:
     stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
     if not abs(message.time - stamp) <= 1e-6:
         raise InvalidMessage(f"time {message.time:g} s with a stamp of {stamp:g} s: it must be the same")
-    values = np.frombuffer(message.data).reshape(count, -1)
-    line = Line(message.index, message.direction, message.time, dict(zip(names, values, strict=True)))
-    return ScanLine(message.scan, scan, line, dict(zip(names, message.units, strict=True)))
-
-
-_FRAME = (
-    *("centre_x", "centre_y", "size_x", "size_y", "angle"),
-    *("pixels", "lines", "line_rate", "overscan", "speed", "slow_axis"),
-)
-"""Fields of ScanLine that are those of a scan."""
+    return ScanLine(message.scan, scan, line_of(message), dict(zip(names, message.units, strict=True)))
 
 
 def _block(header: Header, name: str, first: int, period: float, count: int) -> None:

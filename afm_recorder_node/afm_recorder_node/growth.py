@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from afm_model.microscope.results import DIRECTIONS, RETRACE, Image
+from afm_model.microscope.image import DIRECTIONS, RETRACE, Image
 
 from .layout import plotted
 from .pictures import picture_of

@@ -5,7 +5,7 @@ from typing import Literal
 
 import rerun.blueprint as rrb
 
-from afm_model.microscope.results import RETRACE, TRACE
+from afm_model.microscope.image import RETRACE, TRACE
 
 SCANS = "/scan"
 """Below it an image that grows for each channel and direction, and what is made of both directions."""

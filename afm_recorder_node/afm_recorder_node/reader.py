@@ -19,7 +19,7 @@ import pyarrow as pa
 import yaml
 from numpy.typing import NDArray
 
-from afm_model.microscope.results import Image
+from afm_model.microscope.image import Image
 
 from . import layout, pictures
 from .complete import chunks, series

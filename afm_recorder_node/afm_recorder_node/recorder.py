@@ -164,9 +164,9 @@ class Recorder:
             self._held_lines.append(line)
             return
         known = last is not None and last.number == line.number
-        expected = last.place + 1 if last is not None and known else 0
+        expected = last.line.number + 1 if last is not None and known else 0
         self._lines += 1
-        self._lines_lost += max(line.place - expected, 0)
+        self._lines_lost += max(line.line.number - expected, 0)
         self._last_line = line
         self._writer.line(line)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import rerun as rr
 
-from afm_model.microscope.results import DIRECTIONS, RETRACE, TRACE, Image, Line
+from afm_model.microscope.image import Image, Line
 from afm_model.microscope.verbs import Scan
 
 from .layout import TIMELINE
@@ -31,11 +31,6 @@ class ScanLine:
     def time_ns(self) -> int:
         """Simulated time at which its first pixel began [ns]."""
         return round(self.line.time * 1e9)
-
-    @property
-    def place(self) -> int:
-        """Number among all lines of the scan, trace and retrace, from 0."""
-        return 2 * self.line.index + (self.line.direction == RETRACE)
 
 
 def send(stream: rr.RecordingStream, line: ScanLine) -> None:
@@ -63,26 +58,12 @@ def send(stream: rr.RecordingStream, line: ScanLine) -> None:
 def images(batches: Iterable[pa.RecordBatch]) -> dict[int, Image]:
     """Images by the number of the scan, whole or as far as they came, from rows that `send` has written."""
     made: dict[int, Image] = {}
-    traces: dict[int, dict[int, float]] = {}
-    seen: dict[int, set[int]] = {}
-    for line in sorted(_lines(batches), key=lambda line: (line.number, line.place)):
-        image = made.get(line.number)
-        if image is None:
-            image = made[line.number] = Image.empty(line.scan, line.units)
-            traces[line.number], seen[line.number] = {}, set()
-        image.put(line.line)
-        seen[line.number].add(line.place)
-        if line.line.direction == TRACE:
-            traces[line.number][line.line.index] = line.line.time
-    for number, image in made.items():
-        starts = traces[number]
-        if starts:
-            first, last = min(starts), max(starts)
-            # Lines are equally long: from one and another the rate, and the start of one that was not recorded.
-            duration = (starts[last] - starts[first]) / (last - first) if last > first else 0.0
-            image.line_rate = 1.0 / duration if duration > 0.0 else image.scan.line_rate
-            image.start = starts[first] - first * duration
-        image.complete = len(seen[number]) == len(DIRECTIONS) * image.scan.lines
+    for line in sorted(_lines(batches), key=lambda line: (line.number, line.line.number)):
+        if line.number not in made:
+            made[line.number] = Image.empty(line.scan, line.units)
+        made[line.number].put(line.line)
+    for image in made.values():
+        image.date()
     return made
 
 

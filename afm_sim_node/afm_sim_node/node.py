@@ -32,10 +32,11 @@ from .streams import Streams, clock_bytes
 from .telemetry import Telemetry
 
 if TYPE_CHECKING:
+    from afm_model.microscope.image import Line
     from afm_model.microscope.operator import Operator
-    from afm_model.microscope.results import Line, Outcome
+    from afm_model.microscope.results import Outcome
 
-    from .microscope import Microscope
+    from .microscope_server import MicroscopeServer
 
 TUNABLE = ("run.real_time_factor", "run.lockstep_timeout", "run.watchdog_timeout", "run.telemetry_rate", "law.")
 """What may change while the instrument runs; of the law one that is inside."""
@@ -81,7 +82,7 @@ class SimNode(Node):
         self._peers = Peers(self, law_inside=inside)
         make_link = InsideLink if inside else TopicLink
         self._link = make_link(self, parameters, self._peers, recorders=lambda: self._streams.subscribers)
-        self._microscope: Microscope | None = None
+        self._microscope: MicroscopeServer | None = None
         self.run = Run(
             parameters,
             self._link,
@@ -101,9 +102,9 @@ class SimNode(Node):
         self._control = Control(self, self.run, before_reset=self._faults.look)
         self._standard = Standard(self, self.run, self._control) if INSTALLED else None
         if self.run.operator is not None:
-            from . import microscope
+            from . import microscope_server
 
-            self._microscope = microscope.Microscope(self, self.run, self._exchange, self._on_setting)
+            self._microscope = microscope_server.MicroscopeServer(self, self.run, self._exchange, self._on_setting)
         self._recorder_problem = ""
         if parameters.safety.unrecorded:
             Subscriptions(self).subscribe(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
@@ -210,7 +211,7 @@ class SimNode(Node):
 
     def _operate(self) -> "Callable[[Instrument], Operator]":
         # Here: whoever orders no verbs need not wait for them to be imported.
-        from .microscope import operator_of
+        from .microscope_server import operator_of
 
         return partial(operator_of, self._on_line)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from afm_msgs.msg import Microscope, ScanLine
+from afm_msgs.msg import MicroscopeStatus, ScanLine
 from machine import cpu_seconds, executable, running
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
@@ -15,11 +15,12 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 
 from afm_model import load_scenario
+from afm_model.microscope.image import DIRECTIONS
 from afm_model.microscope.local import Local
-from afm_model.microscope.results import DIRECTIONS
-from afm_model.microscope.verbs import Approach, MoveTo, Scan, Verb
+from afm_model.microscope.verb import Verb
+from afm_model.microscope.verbs import Approach, MoveTo, Scan
 from afm_node_common import topics
-from afm_node_common.verbs import TOPICS, goal_of, type_of
+from afm_node_common.verb_codec import ACTIONS, goal_of
 
 SCENARIO = "two_materials"
 CHANNELS = ("height", "error", "lateral")
@@ -36,14 +37,13 @@ class Client:
         self.lines: list[bytes] = []
         self.images = 0
         node.create_subscription(ScanLine, topics.SCAN_LINE, self.lines.append, topics.SCAN_LINE_QOS, raw=True)
-        node.create_subscription(Microscope, topics.MICROSCOPE, lambda message: None, topics.LATCHED_QOS)
+        node.create_subscription(MicroscopeStatus, topics.MICROSCOPE, lambda message: None, topics.LATCHED_QOS)
         for name in CHANNELS:
             for way in DIRECTIONS:
                 topic = f"{topics.IMAGE}/{name}_{way}"
                 node.create_subscription(Image, topic, self._on_image, topics.LATCHED_QOS, raw=True)
         self.actions = {
-            name: ActionClient(node, type_of(name), TOPICS[name])
-            for name in (Approach.__name__, MoveTo.__name__, Scan.__name__)
+            name: ActionClient(node, ACTIONS[name], name) for name in (Approach.name, MoveTo.name, Scan.name)
         }
 
     def _on_image(self, data: bytes) -> None:
@@ -58,7 +58,7 @@ class Client:
 
     def do(self, verb: Verb) -> Any:
         """Result of a verb."""
-        client = self.actions[type(verb).__name__]
+        client = self.actions[verb.name]
         self.spin_until(client.server_is_ready)
         goal = client.send_goal_async(goal_of(verb), feedback_callback=lambda message: None)
         self.spin_until(goal.done)

@@ -241,15 +241,15 @@ def test_every_module_of_the_physics_cites_its_equations():
     [
         (1, "contact/jkr.py", "def contact_radius"),
         (11, "contact/jkr.py", "def u_of_indentation"),
-        (13, "contact/strength.py", "def bound_of_load"),
-        (14, "contact/strength.py", "def bound_of_area"),
-        (17, "contact/surface.py", "def effective_radius_ratio"),
+        (13, "contact/friction.py", "def bound_of_load"),
+        (14, "contact/friction.py", "def bound_of_area"),
+        (17, "contact/jkr.py", "def effective_radius_ratio"),
         (21, "plant/statics.py", "def place_sample"),
         (25, "plant/paper.py", "def _kick_tip"),
         (27, "plant/statics.py", "def static_load"),
         (30, "law/lyapunov.py", "def lyapunov_matrix"),
         (35, "law/lyapunov.py", "def ultimate_bound"),
-        (39, "contact/disc.py", "def friction_impulse"),
+        (39, "contact/friction.py", "def friction_impulse"),
     ],
 )
 def test_functions_cite_the_equation_they_are(equation, module, name):

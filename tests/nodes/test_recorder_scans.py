@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import rerun.blueprint as rrb
 
-from afm_model.microscope.results import DIRECTIONS, RETRACE, Image, Line
+from afm_model.microscope.image import DIRECTIONS, RETRACE, Image, Line
 from afm_model.microscope.verbs import Scan
 from afm_recorder_node import layout
 from afm_recorder_node.complete import chunks

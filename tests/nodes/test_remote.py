@@ -13,7 +13,8 @@ from verbs_bench import APPROACH, ENDLESS
 from afm_bringup import remote
 from afm_bringup.remote import Remote
 from afm_model.core.errors import VerbError
-from afm_model.microscope.results import FAILED, Line
+from afm_model.microscope.image import Line
+from afm_model.microscope.results import FAILED
 from afm_model.run import State
 from afm_sim_node.node import SimNode
 

@@ -15,10 +15,11 @@ from sensor_msgs.msg import Image as ImageMessage
 from support import Command, Graph, ros_arguments
 from verbs_bench import APPROACH, ENDLESS, SCAN, Bench, assert_same, scan_in_process
 
-from afm_model.microscope.results import DIRECTIONS, Image
-from afm_model.microscope.verbs import VERBS, ForceCurve, MoveTo, ScanPath, Withdraw
+from afm_model.microscope.image import DIRECTIONS, Image
+from afm_model.microscope.verb import all_verbs
+from afm_model.microscope.verbs import ForceCurve, MoveTo, ScanPath, Withdraw
 from afm_node_common import topics
-from afm_node_common.verbs import goal_of, outcome_of, type_of, verb_of
+from afm_node_common.verb_codec import ACTIONS, goal_of, outcome_of, verb_of
 from afm_recorder_node.checks import scan_line
 
 
@@ -60,15 +61,15 @@ def test_bytes_of_a_scan_over_topics_are_those_in_process(bench: Bench, in_proce
 @pytest.mark.parametrize(
     ("name", "values", "sentence"),
     [
-        ("Scan", {"size_x": 1.0}, "outside the travel of the scanner"),
-        ("Scan", {"lines": 0}, "lines = 0 is not allowed: it must be a whole number >= 1"),
-        ("Scan", {"line_rate": 1e-308}, "line_rate = 1e-308 Hz is not allowed: it must be > 5e-07 Hz"),
-        ("FrictionLoop", {"count": 100_000}, "count = 100000 is not allowed: it must be"),
-        ("Scan", {"line_rate": 1e6}, "with pixels = 128: a pixel would be less than a sample"),
-        ("Scan", {"direction": "sideways"}, "direction = sideways is not allowed: it must be one of up, down"),
-        ("MoveTo", {"x": 1.0}, "x = 1 m is outside the travel of the scanner"),
-        ("ScanPath", {"x": [0.0, float("nan")], "y": [0.0, 0.0]}, r"x\[1\] = nan m is not allowed"),
-        ("Approach", {}, "the tip is on the sample already"),
+        ("scan", {"size_x": 1.0}, "outside the travel of the scanner"),
+        ("scan", {"lines": 0}, "lines = 0 is not allowed: it must be a whole number >= 1"),
+        ("scan", {"line_rate": 1e-308}, "line_rate = 1e-308 Hz is not allowed: it must be > 5e-07 Hz"),
+        ("friction_loop", {"count": 100_000}, "count = 100000 is not allowed: it must be"),
+        ("scan", {"line_rate": 1e6}, "with pixels = 128: a pixel would be less than a sample"),
+        ("scan", {"direction": "sideways"}, "direction = sideways is not allowed: it must be one of up, down"),
+        ("move_to", {"x": 1.0}, "x = 1 m is outside the travel of the scanner"),
+        ("scan_path", {"x": [0.0, float("nan")], "y": [0.0, 0.0]}, r"x\[1\] = nan m is not allowed"),
+        ("approach", {}, "the tip is on the sample already"),
     ],
 )
 def test_goal_that_cannot_be_is_aborted_in_a_sentence(
@@ -76,7 +77,7 @@ def test_goal_that_cannot_be_is_aborted_in_a_sentence(
 ) -> None:
     bench.approach()
     ticks = bench.simulator.run.instrument.ticks
-    told = bench.end(bench.ask(name, type_of(name).Goal(**values)))
+    told = bench.end(bench.ask(name, ACTIONS[name].Goal(**values)))
     assert (told.status, told.result.success) == (GoalStatus.STATUS_ABORTED, False)
     assert re.search(sentence, told.result.message), told.result.message
     assert bench.simulator.run.instrument.ticks == ticks
@@ -216,10 +217,10 @@ def test_another_sample_begins_anew_with_the_tip_withdrawn_only(bench: Bench) ->
 
 
 def test_goals_say_what_verbs_say_in_every_field() -> None:
-    for name, verb in VERBS.items():
-        goal = type_of(name).Goal()
+    for name, verb in all_verbs().items():
+        goal = ACTIONS[name].Goal()
         assert set(goal.get_fields_and_field_types()) == set(verb.model_fields), name
         assert verb_of(name, goal) == verb(), name
         assert verb_of(name, goal_of(verb())) == verb(), name
     path = ScanPath(x=(0.0, 1e-9), y=(0.0, 2e-9))
-    assert verb_of("ScanPath", goal_of(path)) == path
+    assert verb_of("scan_path", goal_of(path)) == path

@@ -14,7 +14,8 @@ from afm_bringup.remote import Remote
 from afm_model import SimParameters, build
 from afm_model.microscope import Microscope
 from afm_model.microscope.local import Local
-from afm_model.microscope.results import Calibration, Loop, Outcome, PathRecord, Standing
+from afm_model.microscope.results import Calibration, Outcome, Standing
+from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import (
     Approach,
     CalibrateLateral,
@@ -24,10 +25,11 @@ from afm_model.microscope.verbs import (
     MoveTo,
     ScanPath,
     ThermalTune,
-    Verb,
     Withdraw,
 )
-from afm_node_common.verbs import outcome_of
+from afm_model.microscope.verbs.friction_loop import Loop
+from afm_model.microscope.verbs.scan_path import PathRecord
+from afm_node_common.verb_codec import outcome_of
 
 PARAMETERS = {name: value for name, value in INSTRUMENT.items() if not name.startswith("sample.")} | LAW
 PARAMETERS |= {f"sample.{name}": value for name, value in WEDGE.items()}

@@ -81,7 +81,7 @@ class Specification:
             return "one of " + ", ".join(self.choices)
         if self.kind is bool:
             return "true or false"
-        noun = {float: "a finite number", int: "a whole number", str: "text"}[self.kind]
+        noun = {float: "a finite number", int: "a whole number", str: "text"}.get(self.kind, "numbers")
         bounds = []
         if self.lower is not None:
             bounds.append(f"{'>' if self.lower_open else '>='} {self.lower:g}")

@@ -4,7 +4,7 @@ from ..core.registry import register
 from ..parts.groups import FaultParameters
 from .entry import KINDS, LATENCY_TICKS, NEVER, TARGETS, Entry
 from .events import acted, active, events
-from .memory import SENSED, Constants, Memory
+from .memory import SENSED, Constants, Memory, OnTheirWay
 from .none import NONE
 from .schedule import SCHEDULED, Schedule, faults_of, table
 
@@ -22,6 +22,7 @@ __all__ = [
     "Entry",
     "FaultParameters",
     "Memory",
+    "OnTheirWay",
     "Schedule",
     "acted",
     "active",

@@ -14,7 +14,6 @@ MOST = 16
 """Faults at a time at most: those that are over, and those that have not begun, take no place."""
 SLOTS = LATENCY_TICKS + 1
 """Messages of each direction that may be on their way."""
-COMMAND_SIZE = size(PiezoDrive)
 SENSED = place(Measurement, "reference_position")
 """Numbers at the begin of a measurement that sensors have told."""
 
@@ -47,7 +46,13 @@ class Memory(Record):
     passed_voltage: Annotated[Vector, "V"]  # and its drive
     begun: Annotated[Integers, (MOST,)]  # of each fault: whether `held` has been taken
     held: Annotated[Array, (MOST,)]  # value of a stuck signal
+    messages: int  # address of the record OnTheirWay
+
+
+class OnTheirWay(Record):
+    """Messages on their way, 3.2 MB: kept beside the block, once there is a fault of messages."""
+
     shown_at: Annotated[Integers, (SLOTS,)]  # tick at which sensor values arrive, by slot
     arrives_at: Annotated[Integers, (SLOTS,)]  # the same of a command; negative: it is lost, or there was none
     sensed: Annotated[Array, (SLOTS, SENSED)]  # sensor values, by slot
-    commands: Annotated[Array, (SLOTS, COMMAND_SIZE)]  # commands, by slot
+    commands: Annotated[Array, (SLOTS, size(PiezoDrive))]  # commands, by slot

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..microscope.results import Curve
-from ..microscope.unlabelled import as_curves
+from ..microscope.verbs.force_curve import Curve, as_curves
 from ..program.force_curve import APPROACH, RETRACT
 from .writing import replacing
 

@@ -3,7 +3,7 @@
 import math
 
 from ..core.prefix import text
-from ..microscope.results import Image
+from ..microscope.image import Image
 
 
 def description(image: Image) -> dict[str, str]:

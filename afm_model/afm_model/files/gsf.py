@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..microscope.results import Image
-from ..microscope.unlabelled import as_image
+from ..microscope.image import Image, as_image
 from .describing import description
 from .layers import layer
 from .writing import replacing

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..microscope.results import Image
-from ..microscope.unlabelled import as_image
+from ..microscope.image import Image, as_image
 from .describing import description
 from .layers import Layer, layers
 from .writing import replacing

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..microscope.results import DIRECTIONS, TRACE, Image
-from ..microscope.unlabelled import as_image
+from ..microscope.image import DIRECTIONS, TRACE, Image, as_image
 
 if TYPE_CHECKING:
     import xarray

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.prefix import prefixed, text
-from ..microscope.results import Image
-from ..microscope.unlabelled import as_image
+from ..microscope.image import Image, as_image
 from . import level
 from .layers import Layer, layer, layers
 from .writing import checked, replacing

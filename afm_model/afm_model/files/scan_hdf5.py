@@ -19,8 +19,7 @@ import numpy as np
 
 from ..core.errors import ParameterError, ResultFileError
 from ..core.schema import build
-from ..microscope.results import DIRECTIONS, RETRACE, Image, Line
-from ..microscope.unlabelled import as_image
+from ..microscope.image import DIRECTIONS, RETRACE, Image, Line, as_image
 from ..microscope.verbs import Scan
 from .disk import Disk
 from .writing import checked, reason
@@ -192,10 +191,9 @@ class ScanFile:
 
 
 def _units(path: Path, scan: Scan) -> dict[str, str]:
-    names = [name for name in map(str.strip, scan.channels.split(",")) if name]
-    if unknown := [name for name in names if name not in _UNITS]:
+    if unknown := [name for name in scan.channel_names if name not in _UNITS]:
         raise ValueError(f"{path} is not written: the unit of the channel {unknown[0]} is not known; give units")
-    return {name: _UNITS[name] for name in names}
+    return {name: _UNITS[name] for name in scan.channel_names}
 
 
 def _place(channel: str, direction: str) -> str:

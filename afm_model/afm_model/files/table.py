@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.prefix import prefixed
-from ..microscope.results import Image
-from ..microscope.unlabelled import as_image
+from ..microscope.image import Image, as_image
 from . import level
 from .describing import description
 from .layers import Layer, layers

@@ -41,7 +41,7 @@ class LoopState(Record):
     clipped: int  # updates of the drive since the start that were beyond its range
     steep: int  # that were steeper than the slew limit
     in_force: int  # measurement that the drive in force answers
-    received: int  # where the command stands that has arrived last
+    received: int  # address of the command that has arrived last
     score_tick: int  # first tick that is scored
     control_period: Annotated[float, "s"]
     dac_period: Annotated[float, "s"]
@@ -86,7 +86,7 @@ class Layout:
         for name in ("applied", "regulated", "effective"):
             self._add(name, Drive)
         self._add("commanded", PiezoDrive)
-        self._add("received", PiezoDrive)
+        self.places["received"] = 0
         self._add("asked", Setpoint)
         self._add("asked_next", Setpoint)
         self._add("truth", Truth)

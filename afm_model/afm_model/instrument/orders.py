@@ -51,7 +51,8 @@ class Orders:
             )
         constants = self._layout.record(self._block, "program_constants")
         state = self._layout.record(self._block, "program_state")
-        self._order(order, tick, self._parameters, constants, state)
+        # What p points to must stay where it is.
+        self._kept = self._order(order, tick, self._parameters, constants, state)
         self._loop.halt = self._layout.place("program_state.done")
 
     @property

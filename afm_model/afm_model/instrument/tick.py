@@ -30,7 +30,7 @@ from ..parts.header import BlockHeader, LawHeader
 from ..parts.signals import GIVEN, Delivery, Detection, Displacement, Drive, Measurement, PiezoDrive, Setpoint, Truth
 from .block import LoopState
 from .drift import DriftConstants, DriftState, drift, wander
-from .drive import allowed, due, put_in_force
+from .drive import allowed, command_at, due, put_in_force
 from .limits import RUNNING, GuardState, LimitConstants, has_z, take_drive, watch_limits
 from .score import ScoreSums, count_step
 from .sensors import SensorConstants, SensorState, sense, tell_sensors
@@ -68,7 +68,7 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
     for axis in range(3):
         y.drive[axis] = a.voltage[axis]
     y.drive_sequence = c.in_force
-    y.newest_drive_sequence = record_at(m, c.received, PiezoDrive).sequence
+    y.newest_drive_sequence = command_at(c.received).sequence
     r = record_at(m, g.asked, Setpoint)
     for axis in range(3):
         y.reference_position[axis] = r.position[axis]
@@ -137,9 +137,9 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     on_sample(c.k, record_at(m, g.displacement, Displacement), m)
     if g.fault_on_command != 0:
         c.received = g.received
-        on_command(c.k, record_at(m, g.commanded, PiezoDrive), record_at(m, g.received, PiezoDrive), m)
+        on_command(c.k, record_at(m, g.commanded, PiezoDrive), command_at(g.received), m)
     command = due(m)
-    c.in_force = record_at(m, command, PiezoDrive).sequence
+    c.in_force = command_at(command).sequence
     put_in_force(m, command, 0.0, faults)
     guard = record_at(m, g.guard, GuardState)
     z_given = record_at(m, g.limits, LimitConstants).z_inside != 0.0 and has_z(guard)

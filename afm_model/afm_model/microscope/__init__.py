@@ -4,16 +4,17 @@
 runs.
 """
 
+from .arrays import Arrays, Variable, to_xarray, variable
 from .backend import Backend
-from .jobs import Desk
-from .labelled import labelled
+from .execution import Execution, Task
+from .image import Image, Line
 from .local import Local
 from .microscope import Microscope
 from .operator import Operator
 from .prepare import with_verbs
-from .results import Calibration, Curve, Image, Line, Loop, Outcome, PathRecord, Progress, Record, Standing
+from .results import Calibration, MicroscopeState, Outcome, Progress, Record, Standing
+from .verb import Verb, all_verbs
 from .verbs import (
-    VERBS,
     Approach,
     CalibrateLateral,
     CalibrateSensitivity,
@@ -23,26 +24,31 @@ from .verbs import (
     Scan,
     ScanPath,
     ThermalTune,
-    Verb,
     Withdraw,
 )
+from .verbs.force_curve import Curve
+from .verbs.friction_loop import Loop
+from .verbs.scan_path import PathRecord
+from .view import InstrumentView
 
 __all__ = [
-    "VERBS",
     "Approach",
+    "Arrays",
     "Backend",
     "CalibrateLateral",
     "CalibrateSensitivity",
     "Calibration",
     "Curve",
-    "Desk",
+    "Execution",
     "ForceCurve",
     "FrictionLoop",
     "Image",
+    "InstrumentView",
     "Line",
     "Local",
     "Loop",
     "Microscope",
+    "MicroscopeState",
     "MoveTo",
     "Operator",
     "Outcome",
@@ -52,9 +58,13 @@ __all__ = [
     "Scan",
     "ScanPath",
     "Standing",
+    "Task",
     "ThermalTune",
+    "Variable",
     "Verb",
     "Withdraw",
-    "labelled",
+    "all_verbs",
+    "to_xarray",
+    "variable",
     "with_verbs",
 ]

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Literal, Protocol
 
 from ..core.schema import Value
-from .jobs import Desk
-from .results import Line, Outcome, Progress
-from .verbs import Verb
+from .image import Line
+from .results import MicroscopeState, Outcome, Progress
+from .verb import Verb
 
 OnProgress = Callable[[Progress], None]
 OnLine = Callable[[Line], None]
@@ -36,7 +36,7 @@ class Backend(Protocol):
         ...
 
     @property
-    def state(self) -> Desk:
+    def state(self) -> MicroscopeState:
         """Where the microscope stands."""
         ...
 

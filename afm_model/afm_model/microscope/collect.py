@@ -1,6 +1,6 @@
 """From recorded blocks to means over pixels: by sample number, the same bytes however the blocks are cut."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from ..core.jit import kernel
 from ..instrument import Block, Instrument
-from .results import RETRACE, TRACE, Line, Record
+from .image import RETRACE, TRACE, Line
+from .plan import LinePlan
+from .results import Record
 
 _Array = NDArray[np.float64]
 
@@ -85,29 +87,42 @@ def accumulate(values: Any, begin: int, end: int, per: int, sums: Any, count: in
 
 
 class Collector:
-    """Takes samples from number `first` on, until `end` is set.
+    """Takes samples from when it is started on, until it is stopped.
 
     Parameters
     ----------
     instrument : Instrument
     names : sequence of str
         What is collected; see `signals`.
-    first : int
-        Number of the first sample.
+    skip : int
+        Samples behind the start that are not taken.
+    count : int, optional
+        Samples that are taken at most.
     """
 
-    def __init__(self, instrument: Instrument, names: Sequence[str], first: int) -> None:
+    def __init__(self, instrument: Instrument, names: Sequence[str], skip: int = 0, count: int | None = None) -> None:
         self.signals = signals(instrument, names)
         self.sample_period = instrument.parameters.detector.sample_period
-        self.first = self.taken = first
-        self.end: int | None = None
+        self.first = self.taken = 0
+        """Number of its first sample, and of the one behind its last."""
+        self._skip, self._count = skip, count
+        self._end: int | None = 0
         self._per_tick = instrument.samples_per_tick
         self._factors = np.array([signal.factor for signal in self.signals.values()])[:, None]
 
+    def start(self, sample: int) -> None:
+        """Begin `skip` samples behind this one."""
+        self.first = self.taken = sample + self._skip
+        self._end = None if self._count is None else self.first + self._count
+
+    def stop(self, sample: int) -> None:
+        """Take no more from this sample on."""
+        self._end = sample if self._end is None else min(self._end, sample)
+
     @property
     def over(self) -> bool:
-        """Whether all samples are there."""
-        return self.end is not None and self.taken >= self.end
+        """Whether all samples of `count` are there."""
+        return self._count is not None and self.taken - self.first >= self._count
 
     @property
     def units(self) -> dict[str, str]:
@@ -118,7 +133,7 @@ class Collector:
         """Take what a block has of it."""
         count = block.samples.shape[1]
         begin = max(self.taken - block.first_sample, 0)
-        end = count if self.end is None else min(self.end - block.first_sample, count)
+        end = count if self._end is None else min(self._end - block.first_sample, count)
         if end <= begin:
             return
         values = np.empty((len(self.signals), end - begin))
@@ -141,15 +156,17 @@ class Collector:
 class RecordCollector(Collector):
     """Means of `per` samples, one after the other; what is left at the end is no mean and not kept."""
 
-    def __init__(self, instrument: Instrument, names: Sequence[str], first: int, per: int) -> None:
-        super().__init__(instrument, names, first)
+    def __init__(
+        self, instrument: Instrument, names: Sequence[str], per: int, skip: int = 0, count: int | None = None
+    ) -> None:
+        super().__init__(instrument, names, skip, count)
         self._per = per
-        self._sums, self._count = np.zeros(len(self.signals)), 0
+        self._sums, self._count_in = np.zeros(len(self.signals)), 0
         self._parts: list[_Array] = []
 
     def _add(self, values: _Array, at: int) -> None:
-        out = np.empty((len(values), (self._count + values.shape[1]) // self._per))
-        self._count = accumulate(values, 0, values.shape[1], self._per, self._sums, self._count, out)
+        out = np.empty((len(values), (self._count_in + values.shape[1]) // self._per))
+        self._count_in = accumulate(values, 0, values.shape[1], self._per, self._sums, self._count_in, out)
         self._parts.append(out * self._factors)
 
     def record(self) -> Record:
@@ -165,32 +182,22 @@ class LineCollector(Collector):
 
     Parameters
     ----------
-    instrument, names, first
-        As of Collector; `first` is the first sample of the lead-in.
-    pixels, per_pixel : int
-        Of a line; samples of a pixel.
-    turn : int
-        Samples of a turn.
-    lines : int
+    instrument, names
+        As of Collector; it is started with the lead-in.
+    plan : LinePlan
     put : callable
         Called with every line.
     """
 
     def __init__(
-        self,
-        instrument: Instrument,
-        names: Sequence[str],
-        first: int,
-        shape: Mapping[str, int],
-        put: Callable[[Line], None],
+        self, instrument: Instrument, names: Sequence[str], plan: LinePlan, put: Callable[[Line], None]
     ) -> None:
-        super().__init__(instrument, names, first)
-        self._pixels, self._per = shape["pixels"], shape["per_pixel"]
-        self._turn, self._lines = shape["turn"], shape["lines"]
-        self._image = self._pixels * self._per
+        super().__init__(instrument, names)
+        self._pixels, self._per = plan.pixels, plan.per_pixel
+        self._turn, self._lines, self._image = plan.motion.turn, plan.motion.lines, plan.motion.image
         self._put = put
         self._pixel_values = np.empty((len(self.signals), self._pixels))
-        self._sums, self._count = np.zeros(len(self.signals)), 0
+        self._sums, self._count_in = np.zeros(len(self.signals)), 0
 
     @property
     def line(self) -> int:
@@ -208,8 +215,8 @@ class LineCollector(Collector):
                 continue
             end = min(count, done + self._image - late)
             pixel = late // self._per
-            self._count = accumulate(
-                values, done, end, self._per, self._sums, self._count, self._pixel_values[:, pixel:]
+            self._count_in = accumulate(
+                values, done, end, self._per, self._sums, self._count_in, self._pixel_values[:, pixel:]
             )
             if late + end - done == self._image:
                 self._hand_on(number)

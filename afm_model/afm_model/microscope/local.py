@@ -13,11 +13,11 @@ from ..run.pacing import Compiled
 from ..run.state import State
 from .backend import OnLine, OnProgress
 from .interrupts import Interrupted, Interrupts
-from .jobs import Desk
 from .operator import Operator, ignore
 from .prepare import with_verbs
-from .results import Outcome
-from .verbs import Verb, Withdraw
+from .results import MicroscopeState, Outcome
+from .verb import Verb
+from .verbs import Withdraw
 
 _BLOCK_SAMPLES = 20_000
 """Samples of a block: some hundred milliseconds of computing between two looks."""
@@ -77,7 +77,7 @@ class Local:
         return self._engine.instrument
 
     @property
-    def state(self) -> Desk:
+    def state(self) -> MicroscopeState:
         """See `Backend`."""
         return self.operator.state
 
@@ -164,13 +164,13 @@ _OF_THE_LOOP = ("control_period", "delay_ticks", "seed")
 """Parameters of the group `plant` that belong to the control loop and to the run."""
 
 
-def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Value]) -> Any:
+def exchanged(parameters: Any, state: MicroscopeState, group: str, changes: Mapping[str, Value]) -> Any:
     """Parameters with another sample or probe.
 
     Parameters
     ----------
     parameters : InstrumentParameters
-    desk : Desk
+    state : MicroscopeState
     group : str
         sample, plant, detector or piezo.
     changes : mapping
@@ -184,7 +184,7 @@ def exchanged(parameters: Any, desk: Desk, group: str, changes: Mapping[str, Val
         If a name or value is not allowed.
     """
     what = "probe" if group == "plant" else group
-    if desk.near or desk.doing:
+    if state.near or state.doing:
         raise VerbError(f"another {what} is not allowed while the tip may touch the sample: withdraw it first")
     if group == "plant" and (others := [name for name in _OF_THE_LOOP if name in changes]):
         raise ParameterError(

@@ -5,36 +5,33 @@
         image = microscope.scan(size_x=1e-6, pixels=128, lines=128, line_rate=2.0)
         curve = microscope.get_spectrum(x=100e-9, y=0.0, trigger_force=20e-9)
 
-Every word takes the fields of its verb (`afm_model.microscope.verbs`), in SI units, waits for the end, and returns
-labelled arrays of xarray.
+Every verb is a word (`afm_model.microscope.verbs`, or one that an installed package offers): it takes the fields of the
+verb, in SI units, waits for the end, and returns labelled arrays of xarray. A few words more are made of them.
 """
 
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
+from functools import partial
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
-from ..parameters import ControllerParameters, SimParameters, build, changed
+from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario, load_scenario
-from . import verbs
+from .arrays import to_xarray
 from .backend import Backend, OnLine, OnProgress
 from .interrupts import Interrupted
-from .jobs import Desk
-from .labelled import labelled
 from .local import Local
-from .results import COMPLETE, Outcome, Standing
-from .verbs import Verb
+from .results import COMPLETE, MicroscopeState, Outcome
+from .verb import Verb, all_verbs, find
 
 if TYPE_CHECKING:
     import xarray
-
-_V = TypeVar("_V", bound=Verb)
 
 
 class Microscope:
@@ -102,17 +99,24 @@ class Microscope:
         self.backend.close()
 
     @property
-    def state(self) -> Desk:
+    def state(self) -> MicroscopeState:
         """Where it stands: approached, feedback, setpoint [V], gains, place [m]."""
         return self.backend.state
 
-    def do(self, verb: Verb) -> Any:
+    def do(self, verb: Verb | str, **fields: Any) -> Any:
         """Do a verb and wait for its end.
+
+        Parameters
+        ----------
+        verb : Verb or str
+            A verb with its fields, or the name of one (`module:NAME` for one of your own).
+        **fields
+            Of the verb, where it is given by its name.
 
         Returns
         -------
         xarray.Dataset, DataArray or Standing
-            See `afm_model.microscope.labelled`.
+            See `afm_model.microscope.to_xarray`.
 
         Raises
         ------
@@ -124,6 +128,11 @@ class Microscope:
         UserWarning
             If the result needs a remark, such as that z was at the end of its range.
         """
+        if isinstance(verb, str):
+            try:
+                verb = find(verb).of(fields)
+            except ParameterError as error:
+                raise VerbError(str(error)) from None
         try:
             self.outcome = self.backend.execute(verb, self.on_progress, self.on_line)
         except Interrupted as error:
@@ -133,38 +142,32 @@ class Microscope:
             raise VerbError(self.outcome.message)
         if self.outcome.message:
             warnings.warn(self.outcome.message, stacklevel=3)
-        return labelled(self.outcome.result)
+        return to_xarray(self.outcome.result)
 
     def objection(self, verb: Verb) -> str:
         """Why a verb cannot be begun now, one sentence; empty if it can."""
         return self.backend.objection(verb)
 
-    # To the sample and away from it.
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        """The word of a verb: `microscope.friction_loop(length=20e-9)`."""
+        if name.startswith("_") or name not in all_verbs():
+            raise AttributeError(f"a microscope has no {name}; its verbs are {', '.join(all_verbs())}")
+        return partial(self.do, name)
 
-    def approach(self, **fields: Value) -> Standing:
-        """Go to the sample and follow it; fields of `Approach`."""
-        result: Standing = self.do(_verb(verbs.Approach, fields))
-        return result
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *all_verbs()]
 
-    def withdraw(self, **fields: Value) -> Standing:
-        """Go away from the sample; fields of `Withdraw`."""
-        result: Standing = self.do(_verb(verbs.Withdraw, fields))
-        return result
+    # Words made of verbs.
 
-    def move_to(self, x: float, y: float, **fields: Value) -> Standing:
+    def move_to(self, x: float, y: float, **fields: Value) -> Any:
         """Move to a place [m]; fields of `MoveTo`."""
-        result: Standing = self.do(_verb(verbs.MoveTo, {"x": x, "y": y, **fields}))
-        return result
+        return self.do("move_to", x=x, y=y, **fields)
 
     go_to = move_to
 
-    # Images.
-
-    def scan(self, **fields: Value) -> "xarray.Dataset":
+    def get_scan(self, **fields: Value) -> "xarray.Dataset":
         """An image, line by line; fields of `Scan`."""
-        return self.do(_verb(verbs.Scan, fields))
-
-    get_scan = scan
+        return self.do("scan", **fields)
 
     def scan_individual_line(
         self, direction: Literal["horizontal", "vertical"] = "horizontal", coord: float = 0.0, **fields: Value
@@ -186,7 +189,7 @@ class Microscope:
             along = {"centre_x": coord, "angle": 0.5 * np.pi}
         else:
             raise VerbError(f"direction = {direction} is not allowed: it must be horizontal or vertical")
-        return self.do(_verb(verbs.Scan, {"lines": 1, "slow_axis": False, **along, **fields}))
+        return self.do("scan", **{"lines": 1, "slow_axis": False, **along, **fields})
 
     def scan_arbitrary_path(self, path_points: ArrayLike, **fields: Value) -> "xarray.Dataset":
         """Measure along straight lines from place to place.
@@ -201,38 +204,14 @@ class Microscope:
         points = np.asarray(path_points, np.float64)
         if points.ndim != 2 or points.shape[1] != 2:
             raise VerbError(f"path_points of shape {points.shape} are not allowed: they must be of shape (n, 2)")
-        return self.do(_verb(verbs.ScanPath, {"x": tuple(points[:, 0]), "y": tuple(points[:, 1]), **fields}))
-
-    def friction_loop(self, **fields: Value) -> "xarray.Dataset":
-        """Lines to and fro through where the scanner stands; fields of `FrictionLoop`."""
-        return self.do(_verb(verbs.FrictionLoop, fields))
-
-    # Force curves.
-
-    def force_curve(self, **fields: Value) -> "xarray.Dataset":
-        """Force curves where the scanner stands; fields of `ForceCurve`."""
-        return self.do(_verb(verbs.ForceCurve, fields))
+        return self.do("scan_path", x=points[:, 0].tolist(), y=points[:, 1].tolist(), **fields)
 
     def get_spectrum(self, x: float | None = None, y: float | None = None, **fields: Value) -> "xarray.Dataset":
         """Force curves at a place [m], or where the scanner stands; fields of `ForceCurve`."""
         if x is not None or y is not None:
             at = self.state.place
             self.move_to(at[0] if x is None else x, at[1] if y is None else y)
-        return self.force_curve(**fields)
-
-    # Calibration.
-
-    def thermal_tune(self, **fields: Value) -> "xarray.DataArray":
-        """Spring constant from thermal noise; fields of `ThermalTune`."""
-        return self.do(_verb(verbs.ThermalTune, fields))
-
-    def calibrate_sensitivity(self, **fields: Value) -> "xarray.DataArray":
-        """Sensitivity of the deflection [m/V]; fields of `CalibrateSensitivity`."""
-        return self.do(_verb(verbs.CalibrateSensitivity, fields))
-
-    def calibrate_lateral(self, **fields: Value) -> "xarray.DataArray":
-        """Sensitivity of the lateral signal [N/V] on a wedge; fields of `CalibrateLateral`."""
-        return self.do(_verb(verbs.CalibrateLateral, fields))
+        return self.do("force_curve", **fields)
 
     # Settings.
 
@@ -255,17 +234,6 @@ class Microscope:
     def set_probe(self, **changes: Value) -> None:
         """Another cantilever, by parameters `plant.*`, such as `lever`; as `set_sample`."""
         self.backend.set_probe(changes)
-
-
-def _verb(kind: type[_V], fields: Mapping[str, Any]) -> _V:
-    """A verb of its fields; VerbError, one sentence, if one is not allowed."""
-    given = {name: value for name, value in fields.items() if not isinstance(value, Sequence) or isinstance(value, str)}
-    try:
-        made = build(kind, given)
-    except ParameterError as error:
-        raise VerbError(str(error)) from None
-    lists = {name: value for name, value in fields.items() if name not in given}
-    return kind.model_validate(made.model_dump() | lists) if lists else made
 
 
 def _changed(parameters: SimParameters, changes: Mapping[str, Mapping[str, Value]]) -> SimParameters:

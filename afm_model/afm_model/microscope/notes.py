@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..core.prefix import text
+from .view import z_loop
 
 
 def notes(parameters: Any) -> dict[str, str]:
@@ -18,7 +19,7 @@ def notes(parameters: Any) -> dict[str, str]:
     dict of str to str
         What the microscope does not have is left out.
     """
-    plant, loop, detector = parameters.plant, parameters.onboard, parameters.detector
+    plant, loop, detector = parameters.plant, z_loop(parameters), parameters.detector
     scanner = f", scanner {plant.scanner}" if hasattr(plant, "scanner") else ""
     words = {"Microscope": f"virtual atomic force microscope, plant {plant.kind}{scanner}"}
     numbers = plant.cantilever_numbers
@@ -28,14 +29,18 @@ def notes(parameters: Any) -> dict[str, str]:
             f"{text(numbers.tip_radius, 'm')}"
         )
     words["Cantilever axis"] = "y; the lateral force is that along x of the scanner"
-    if getattr(loop, "setpoint_force", 0.0):
-        words["Setpoint"] = text(loop.setpoint_force, "N", 6)
-    elif getattr(loop, "setpoint_voltage", 0.0):
-        words["Setpoint"] = text(loop.setpoint_voltage, "V", 6)
+    force, voltage = (loop.setting(parameters, f"setpoint_{name}", 0.0) for name in ("force", "voltage"))
+    if force or voltage:
+        words["Setpoint"] = text(force or voltage, "N" if force else "V", 6)
     else:
         words["Setpoint"] = f"deflection of {text(parameters.reference.z_r, 'm', 6)}"
-    if hasattr(loop, "integral_gain"):
-        words["Gains"] = f"P = {loop.proportional_gain:.6g} m/V, I = {loop.integral_gain:.6g} m/(V s)"
+    gains = {"P": ("proportional_gain", "m/V"), "I": ("integral_gain", "m/(V s)")}
+    if told := [
+        f"{letter} = {loop.setting(parameters, name):.6g} {unit}"
+        for letter, (name, unit) in gains.items()
+        if name in loop.settings
+    ]:
+        words["Gains"] = ", ".join(told)
     words["Deflection sensitivity"] = f"{detector.deflection_sensitivity:.6g} m/V"
     words["Lateral sensitivity"] = f"{detector.lateral_sensitivity:.6g} N/V"
     words["Sample"] = parameters.sample.kind

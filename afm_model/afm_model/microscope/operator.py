@@ -5,48 +5,20 @@ an order is done, and hands over every recorded block with `take`. A verb is beg
 is False, and `outcome` is complete when the blocks up to then have been taken.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from ..core.errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
 from ..program.orders import Order, Step
-from .bench import Bench
-from .calibrating import CalibratingLateral, CalibratingSensitivity, Tuning
 from .collect import Collector
-from .imaging import Scanning
-from .jobs import Approaching, Desk, Job, Moving, Task, Withdrawing, standing, withdrawing
-from .refusal import objection
-from .results import CANCELLED, COMPLETE, FAILED, Line, Outcome, Progress
-from .spectroscopy import Curving
-from .tracing import Following, Looping
-from .verbs import (
-    Approach,
-    CalibrateLateral,
-    CalibrateSensitivity,
-    ForceCurve,
-    FrictionLoop,
-    MoveTo,
-    Scan,
-    ScanPath,
-    ThermalTune,
-    Verb,
-    Withdraw,
-)
-
-JOBS: dict[type[Verb], type[Job]] = {
-    Approach: Approaching,
-    Withdraw: Withdrawing,
-    MoveTo: Moving,
-    ForceCurve: Curving,
-    FrictionLoop: Looping,
-    Scan: Scanning,
-    ScanPath: Following,
-    ThermalTune: Tuning,
-    CalibrateSensitivity: CalibratingSensitivity,
-    CalibrateLateral: CalibratingLateral,
-}
+from .execution import Execution, Task, withdrawing
+from .image import Line
+from .results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress
+from .verb import Verb, objection
+from .verbs import Withdraw
+from .view import InstrumentView
 
 
 def ignore(line: Line) -> None:
@@ -73,11 +45,12 @@ class Operator:
                 f"reference.kind = {instrument.parameters.reference.kind} is not allowed with verbs: it must be verbs"
             )
         self.instrument = instrument
-        self._bench = Bench(instrument)
+        self._view = InstrumentView(instrument)
         self.on_line: Callable[[Line], None] = ignore
-        """Told every line of a scan as soon as it is measured."""
-        self._desk = Desk(feedback=self._bench.parameters.onboard.feedback)
-        self._job: Job | None = None
+        """Called with every line of a scan as soon as it is measured."""
+        self._state = MicroscopeState(feedback=self._view.setting("feedback", "on"))
+        self._execution: Execution | None = None
+        self._of_verb: Generator[Task] | None = None
         self._tasks: Iterator[Task] = iter(())
         self._task: Task | None = None
         self._collectors: list[Collector] = []
@@ -85,25 +58,25 @@ class Operator:
         self._begun = instrument.ticks
 
     @property
-    def state(self) -> Desk:
+    def state(self) -> MicroscopeState:
         """Where the microscope stands; a copy."""
-        loop = self._bench.parameters.onboard
+        view = self._view
         return replace(
-            self._desk,
-            setpoint=self._bench.setpoint,
-            proportional_gain=loop.proportional_gain,
-            integral_gain=loop.integral_gain,
-            place=self._bench.place,
+            self._state,
+            setpoint=view.setpoint,
+            proportional_gain=view.setting("proportional_gain"),
+            integral_gain=view.setting("integral_gain"),
+            place=view.place,
         )
 
     def objection(self, verb: Verb) -> str:
         """Why a verb cannot be begun now, one sentence; empty if it can."""
-        return objection(verb, self._bench, self._desk)
+        return objection(verb, self._view, self._state)
 
     @property
     def busy(self) -> bool:
         """Whether a verb is being done."""
-        return bool(self._desk.doing)
+        return bool(self._state.doing)
 
     def begin(self, verb: Verb) -> None:
         """Begin a verb, between two ticks.
@@ -115,16 +88,12 @@ class Operator:
         """
         if told := self.objection(verb):
             raise VerbError(told)
-        self._job = JOBS[type(verb)](verb, self._bench, self._desk)
-        self._job.on_line = self._tell
-        self._desk.doing = type(verb).__name__
+        self._execution = Execution(self._view, self._state, self._tell)
+        self._state.doing = type(verb).__name__
         self._collectors.clear()
         self._status, self._message = COMPLETE, ""
         self._begun = self.instrument.ticks
-        if isinstance(verb, Approach):
-            self._desk.near = True
-            self.set_feedback("on")
-        self._tasks = self._job.tasks()
+        self._tasks = self._of_verb = verb.tasks(self._execution)  # type: ignore[assignment]  # a generator
         self._next()
 
     def _tell(self, line: Line) -> None:
@@ -132,19 +101,20 @@ class Operator:
 
     def look(self) -> None:
         """Go on with the next order if the one in force is done; cheap otherwise."""
-        if self._desk.doing and self.instrument.orders.done:
+        if self._state.doing and self.instrument.orders.done:
             self._next()
 
     def _next(self) -> None:
         try:
             task = next(self._tasks, None)
-        except VerbError as error:
+        except Exception as error:
+            # Whatever somebody else's verb raises, the tip is withdrawn.
             self._close_collectors()
-            self._status, self._message = FAILED, str(error)
+            told = str(error) if isinstance(error, VerbError) else f"{type(error).__name__}: {error}"
+            self._status, self._message = FAILED, told
             self._leave()
             return
-        if task is None or not task.goes_on:
-            self._close_collectors()
+        self._close_collectors(task)
         self._task = task
         if task is None:
             self._end()
@@ -152,40 +122,43 @@ class Operator:
             self._put_in_force(task)
 
     def _put_in_force(self, task: Task) -> None:
-        if task.collect is not None:
-            self._collectors.append(task.collect(self.instrument.ticks * self.instrument.samples_per_tick))
+        if task.collect is not None and task.collect not in self._collectors:
+            self._collectors.append(task.collect)
+            task.collect.start(self._view.next_sample)
         self.instrument.order(task.order)
 
-    def _close_collectors(self) -> None:
+    def _close_collectors(self, task: Task | None = None) -> None:
+        """Stop collecting, but for what the next task goes on with."""
         for each in self._collectors:
-            if each.end is None:
-                each.end = self.instrument.ticks * self.instrument.samples_per_tick
+            if task is None or each is not task.collect:
+                each.stop(self._view.next_sample)
 
     def _leave(self) -> None:
         """Bring the scanner to rest, and the tip off the sample; then the verb is over."""
-        assert self._job is not None
-        bench = self._bench
-        self._desk.approached = False
-        steps, duration = self._away(self._job.surface) if self._desk.near else ((), 0.0)
+        assert self._execution is not None
+        view = self._view
+        self._state.approached = False
+        steps, duration = self._away(self._execution) if self._state.near else ((), 0.0)
 
         def tasks() -> Iterator[Task]:
-            yield Task(Order(bench.brake(), steps), duration, "withdrawing")
-            self._desk.near = False
+            yield Task(Order(view.brake(), steps), duration, "withdrawing")
+            self._state.near = False
 
         self._tasks = tasks()
         self._task = next(self._tasks)
         self._put_in_force(self._task)
 
-    def _away(self, surface: float) -> tuple[tuple[Step, ...], float]:
+    def _away(self, execution: Execution) -> tuple[tuple[Step, ...], float]:
         """Steps off the sample, and how long they take [s]: further by what the cantilever is pressed."""
-        bench, usual = self._bench, Withdraw()
-        pressed = max(standing(bench).deflection, 0.0) * bench.parameters.detector.deflection_sensitivity
-        return withdrawing(bench, usual.distance + pressed, usual.rate, surface)
+        view, usual = self._view, Withdraw()
+        pressed = max(execution.standing().deflection, 0.0) * view.parameters.detector.deflection_sensitivity
+        return withdrawing(view, usual.distance + pressed, usual.rate, execution.surface)
 
     def _end(self) -> None:
-        assert self._job is not None
-        self._job.leave()
-        self._desk.doing = ""
+        assert self._of_verb is not None
+        # What the verb has changed it puts back in its `finally`.
+        self._of_verb.close()
+        self._state.doing = ""
 
     def take(self, block: Block) -> None:
         """Collect from a recorded block; every block in order, without a gap."""
@@ -195,12 +168,12 @@ class Operator:
     @property
     def progress(self) -> Progress:
         """How far the verb is, by the time that it takes at most."""
-        if self._job is None or self._task is None:
+        if self._execution is None or self._task is None:
             return Progress(0.0 if self.busy else 1.0, "")
-        passed = (self.instrument.ticks - self._begun) * self._bench.control_period
-        fraction = min(passed / self._job.total, 1.0) if self.busy and self._job.total > 0.0 else 1.0
-        told = self._task.detail if self._status != COMPLETE else self._job.detail or self._task.detail
-        return Progress(fraction, told)
+        passed = (self.instrument.ticks - self._begun) * self._view.control_period
+        total, detail = self._execution.total, self._task.detail
+        fraction = min(passed / total, 1.0) if self.busy and total > 0.0 else 1.0
+        return Progress(fraction, detail if isinstance(detail, str) else detail())
 
     def cancel(self, reason: str = "cancelled") -> None:
         """Stop what is being done, at once: the scanner comes to rest, the tip is withdrawn, then the verb is over.
@@ -210,9 +183,9 @@ class Operator:
         reason : str
             For the message of the outcome.
         """
-        if not self._desk.doing or self._status != COMPLETE:
+        if not self._state.doing or self._status != COMPLETE:
             return
-        self._status, self._message = CANCELLED, f"{self._desk.doing} was {reason}; the tip is withdrawn"
+        self._status, self._message = CANCELLED, f"{self._state.doing} was {reason}; the tip is withdrawn"
         self._close_collectors()
         self._leave()
 
@@ -224,17 +197,22 @@ class Operator:
         reason : str
             One sentence, for the message of the outcome.
         """
-        if self._desk.doing:
+        if self._state.doing:
             self._close_collectors()
             self._status, self._message = FAILED, reason
             self._end()
 
+    @property
+    def measured(self) -> Any:
+        """What the verb that was begun last has measured up to now; of a scan its image, which grows."""
+        return self._execution.result() if self._execution is not None else None
+
     def outcome(self) -> Outcome:
         """How the last verb has ended, with what was measured; when not busy, and every block has been taken."""
-        assert self._job is not None and not self.busy
+        assert self._execution is not None and not self.busy
         try:
-            message = self._message or self._job.remark
-            return Outcome(self._status, message, self._job.result())
+            result = self._execution.result()
+            return Outcome(self._status, self._message or self._execution.remark, result)
         except VerbError as error:
             failed = FAILED if self._status == COMPLETE else self._status
             return Outcome(failed, self._message or str(error), None)
@@ -254,14 +232,16 @@ class Operator:
             raise ParameterError(
                 f"force = {force:g} N with voltage = {voltage:g} V is not allowed: one of them must be given, not 0"
             )
-        bench = self._bench
-        volts = voltage or bench.volts(force)
-        if volts > bench.most_deflection:
+        view = self._view
+        volts = voltage or view.volts(force)
+        if volts > view.most_deflection:
             raise ParameterError(
-                f"a setpoint of {volts:.4g} V is not allowed: the detector saturates at {bench.most_deflection:.4g} V, "
+                f"a setpoint of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V, "
                 f"and z would go on into the sample"
             )
-        bench.set_loop(setpoint_force=force, setpoint_voltage=voltage)
+        given = {"setpoint_force": force, "setpoint_voltage": voltage}
+        # A loop that knows one of them only need not be told that there is no other.
+        view.set_loop(**{name: value for name, value in given.items() if value or name in view.loop.settings})
 
     def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
         """Gains P [m/V] and I [m/(V s)] of the z loop; None: as it is.
@@ -272,7 +252,7 @@ class Operator:
             If one is negative.
         """
         given = {"proportional_gain": proportional, "integral_gain": integral}
-        self._bench.set_loop(**{name: value for name, value in given.items() if value is not None})
+        self._view.set_loop(**{name: value for name, value in given.items() if value is not None})
 
     def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
         """What the z loop does with an approached tip.
@@ -285,5 +265,5 @@ class Operator:
         ParameterError
             If it is none of these.
         """
-        self._bench.set_loop(feedback=mode)
-        self._desk.feedback = mode
+        self._view.set_loop(feedback=mode)
+        self._state.feedback = mode

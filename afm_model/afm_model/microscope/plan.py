@@ -4,11 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 from ..core.errors import VerbError
 from ..program.orders import Curve, Lines
-from .bench import Bench
-from .verbs import Scan
+from .view import InstrumentView
+
+if TYPE_CHECKING:
+    from .verbs.scan import Scan
 
 _Place = tuple[float, float]
 _LONGEST = 1e6
@@ -22,13 +25,14 @@ class LinePlan:
     """Lines of a scan in samples of the virtual ADC."""
 
     motion: Lines
+    pixels: int  # in a line
     per_pixel: int  # samples
     line_rate: float  # reached [Hz]
     begin: _Place  # where the lead-in begins [m]
     corners: tuple[_Place, ...]  # of what the scanner is asked for, turns included [m]
 
 
-def lines(scan: Scan, bench: Bench) -> LinePlan:
+def lines(scan: "Scan", view: InstrumentView) -> LinePlan:
     """The lines of a scan: a pixel is a whole number of samples, a line of control ticks.
 
     Raises
@@ -36,7 +40,7 @@ def lines(scan: Scan, bench: Bench) -> LinePlan:
     VerbError
         If a pixel would be less than a sample, or the turns are too fast for the scanner.
     """
-    sample, each = bench.sample_period, bench.samples_per_tick
+    sample, each = view.sample_period, view.samples_per_tick
     image_time = 0.5 / (scan.line_rate * (1.0 + scan.overscan))
     if not image_time < _LONGEST:
         raise VerbError(f"line_rate = {scan.line_rate:g} Hz is not allowed: it must be > {0.5 / _LONGEST:g} Hz")
@@ -48,11 +52,11 @@ def lines(scan: Scan, bench: Bench) -> LinePlan:
             f"a sample of {sample:g} s; it must be <= {most:.4g} Hz"
         )
     turn_time = scan.overscan * image_time
-    if turn_time < _TURN / bench.resonance:
-        most = 0.5 * scan.overscan / (1.0 + scan.overscan) * bench.resonance / _TURN
+    if turn_time < _TURN / view.resonance:
+        most = 0.5 * scan.overscan / (1.0 + scan.overscan) * view.resonance / _TURN
         raise VerbError(
             f"line_rate = {scan.line_rate:g} Hz is not allowed with overscan = {scan.overscan:g}: a turn would be "
-            f"shorter than a period of the scanner's resonance of {bench.resonance:g} Hz; it must be <= {most:.4g} Hz"
+            f"shorter than a period of the scanner's resonance of {view.resonance:g} Hz; it must be <= {most:.4g} Hz"
         )
     image = per_pixel * scan.pixels
     # Both directions of a line are of one length, a whole number of control ticks.
@@ -67,24 +71,24 @@ def lines(scan: Scan, bench: Bench) -> LinePlan:
     bounds = [(sign * out, edge) for sign in (-1.0, 1.0) for edge in (first, -first if scan.slow_axis else first)]
     corners = tuple(_rotated(scan, place) for place in bounds)
     rate = 1.0 / (2.0 * (image + turn) * sample)
-    return LinePlan(motion, per_pixel, rate, corners[0], corners)
+    return LinePlan(motion, scan.pixels, per_pixel, rate, corners[0], corners)
 
 
-def _rotated(scan: Scan, place: _Place) -> _Place:
+def _rotated(scan: "Scan", place: _Place) -> _Place:
     c, s = math.cos(scan.angle), math.sin(scan.angle)
     return scan.centre_x + c * place[0] - s * place[1], scan.centre_y + s * place[0] + c * place[1]
 
 
-def path(places: Sequence[_Place], speed: float, bench: Bench) -> list[Curve]:
+def path(places: Sequence[_Place], speed: float, view: InstrumentView) -> list[Curve]:
     """Straight lines at even speed from rest to rest, with rounded corners.
 
     A corner is rounded within a period of the scanner's resonance, or over half of a line that takes less.
     """
-    period = bench.control_period
+    period = view.control_period
     ways = [math.dist(a, b) for a, b in pairwise(places)]
     directions = [((b[0] - a[0]) / w, (b[1] - a[1]) / w) for (a, b), w in zip(pairwise(places), ways, strict=True)]
     velocities: list[_Place] = [(0.0, 0.0), *((speed * x, speed * y) for x, y in directions), (0.0, 0.0)]
-    rounding = speed * _TURN / bench.resonance
+    rounding = speed * _TURN / view.resonance
     # Half of the way that is rounded, at each place.
     halves = [0.5 * min(rounding, *ways[max(i - 1, 0) : i + 1]) for i in range(len(places))]
     pieces = []
@@ -93,7 +97,7 @@ def path(places: Sequence[_Place], speed: float, bench: Bench) -> list[Curve]:
         # At the ends the whole of it lies on one side.
         enter = (place[0] - half * before[0] / speed, place[1] - half * before[1] / speed)
         leave = (place[0] + half * after[0] / speed, place[1] + half * after[1] / speed)
-        pieces.append(bench.between(max(1, round(2.0 * half / speed / period)), (enter, before), (leave, after)))
+        pieces.append(view.between(max(1, round(2.0 * half / speed / period)), (enter, before), (leave, after)))
         if i + 1 < len(places):
             rest = ways[i] - half - halves[i + 1]
             ticks = round(rest / speed / period)

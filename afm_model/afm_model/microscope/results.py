@@ -1,4 +1,4 @@
-"""What verbs bring back: arrays in SI units, with what is needed to understand them later."""
+"""What verbs bring back, as far as several do, and how the microscope stands. SI units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,82 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis import Estimate
-from .verbs import FrictionLoop, Scan, ScanPath
+from .arrays import Arrays, Variable, variable
 
 _Array = NDArray[np.float64]
-TRACE, RETRACE = "trace", "retrace"
-DIRECTIONS = (TRACE, RETRACE)
-
-
-@dataclass(frozen=True)
-class Line:
-    """One direction of one line of a scan, as soon as it is measured."""
-
-    index: int  # from 0, in the order of measurement
-    direction: str  # TRACE or RETRACE
-    time: float  # when its first pixel began [s]
-    channels: Mapping[str, _Array]
-    """By name, (pixels,), SI units; pixel 0 is the leftmost, also in a retrace."""
 
 
 @dataclass
-class Image:
-    """A scan, whole or as far as it came.
+class MicroscopeState:
+    """Where the microscope stands."""
 
-    Rows are ordered by place: row 0 is at the least y of the frame, whichever way the slow axis went. Pixel (i, j) is
-    at `centre + R(angle) (x[j], y[i])`; with the slow axis off every line is at y = 0, and `y` only spreads them out.
-    Lines that were not measured are NaN.
-    """
-
-    scan: Scan
-    units: dict[str, str]
-    """SI unit of each channel, in the order of measurement."""
-    data: dict[tuple[str, str], _Array]
-    """By (channel, direction): (lines, pixels)."""
-    start: float = 0.0  # simulated time at which the first line began [s]
-    line_rate: float = 0.0  # reached; that asked for, rounded to whole samples a pixel [Hz]
-    lines_done: int = 0
-    complete: bool = False
-    metadata: dict[str, str] = field(default_factory=dict)
-    """What else is to be kept with it: microscope, setpoint, gains, law, in words with units."""
-
-    @classmethod
-    def empty(cls, scan: Scan, units: Mapping[str, str]) -> "Image":
-        """An image of which nothing is measured yet."""
-        shape = (scan.lines, scan.pixels)
-        data = {(name, way): np.full(shape, np.nan) for name in units for way in DIRECTIONS}
-        return cls(scan, dict(units), data)
-
-    @property
-    def x(self) -> _Array:
-        """Places of the pixels along the fast direction, from the centre [m], (pixels,)."""
-        scan = self.scan
-        return (np.arange(scan.pixels) + 0.5) / scan.pixels * scan.size_x - 0.5 * scan.size_x
-
-    @property
-    def y(self) -> _Array:
-        """Places of the rows along the slow direction, from the centre [m], (lines,)."""
-        scan = self.scan
-        return (np.arange(scan.lines) + 0.5) / scan.lines * scan.height - 0.5 * scan.height
-
-    def row(self, index: int) -> int:
-        """Row of the line measured as number `index`."""
-        return index if self.scan.direction == "up" else self.scan.lines - 1 - index
-
-    def put(self, line: Line) -> None:
-        """Take over one direction of a line."""
-        for name, values in line.channels.items():
-            self.data[name, line.direction][self.row(line.index)] = values
-        if line.direction == RETRACE:
-            self.lines_done = max(self.lines_done, line.index + 1)
-
-    def friction(self) -> _Array:
-        """Half the difference of trace and retrace of the lateral force (lines, pixels) [N]."""
-        return 0.5 * (self.data["lateral", TRACE] - self.data["lateral", RETRACE])
-
-    def crosstalk(self) -> _Array:
-        """Half the sum of trace and retrace of the lateral force (lines, pixels) [N]."""
-        return 0.5 * (self.data["lateral", TRACE] + self.data["lateral", RETRACE])
+    approached: bool = False
+    """The loop follows the sample."""
+    feedback: str = "on"
+    """What the loop does when approached: on, hold, off, external."""
+    setpoint: float = 0.0  # of the deflection [V]
+    proportional_gain: float = 0.0  # [m/V]; NaN: the loop has none
+    integral_gain: float = 0.0  # [m/(V s)]; NaN: the loop has none
+    place: tuple[float, float] = (0.0, 0.0)
+    """Asked for [m]."""
+    near: bool = False
+    """The tip may touch the sample."""
+    doing: str = ""
+    """Name of the verb that is being done."""
 
 
 @dataclass(frozen=True)
@@ -105,51 +51,34 @@ class Record:
     channels: Mapping[str, _Array]
     units: Mapping[str, str]
 
+    def variables(self, dims: tuple[str, ...] = ("time",)) -> dict[str, Variable]:
+        """Its channels as labelled arrays."""
+        return {name: variable(dims, values, name, self.units.get(name, "1")) for name, values in self.channels.items()}
 
-@dataclass(frozen=True)
-class Curve:
-    """One force curve: approach, dwell, retract."""
-
-    record: Record
-    """Channels `z` (as driven, positive towards the sample) [m], `deflection` [V], `lateral` [V], `phase`."""
-    triggered: bool  # the approach ended by its trigger
-    x: float  # place [m]
-    y: float
-    approach_rate: float  # [m/s]
-    retract_rate: float
-    deflection_sensitivity: float  # that the microscope believes [m/V]
-    spring_constant: float  # for vertical forces, that it believes [N/m]
-    trigger: float = 0.0  # rise of the deflection at which the approach was to end [V]; 0: none
-
-
-@dataclass(frozen=True)
-class Loop:
-    """Lines to and fro."""
-
-    verb: FrictionLoop
-    position: _Array  # along the line, as asked for [m]
-    lateral: _Array  # [N]
-    deflection: _Array  # [m]
-    time: _Array  # [s]
-
-
-@dataclass(frozen=True)
-class PathRecord:
-    """What was measured along a path."""
-
-    verb: ScanPath
-    record: Record
-    """Channels `x`, `y` (as asked for) [m], `height` [m], `error` [V], `lateral` [N]."""
+    def arrays(self, attributes: Mapping[str, Any] | None = None) -> Arrays:
+        """Its channels over time as labelled arrays."""
+        return Arrays(self.variables(), {"time": variable(("time",), self.time, "time", "s")}, attributes or {})
 
 
 @dataclass(frozen=True)
 class Calibration:
     """A number that was measured, with its standard uncertainty and its unit."""
 
-    estimate: Estimate
+    value: float
+    uncertainty: float
     unit: str
     details: Mapping[str, float] = field(default_factory=dict)
     """What else came out of it, by names that carry their units, as `f0_Hz`."""
+
+    @property
+    def estimate(self) -> Estimate:
+        """Value and uncertainty."""
+        return Estimate(self.value, self.uncertainty)
+
+    def arrays(self) -> Arrays:
+        """The number, without a name; its uncertainty and its details are attributes."""
+        attributes = {"units": self.unit, "uncertainty": self.uncertainty, **self.details}
+        return Arrays({"": Variable((), np.asarray(self.value), attributes)})
 
 
 COMPLETE, CANCELLED, FAILED = "complete", "cancelled", "failed"
@@ -162,10 +91,7 @@ class Outcome:
     status: str  # COMPLETE, CANCELLED or FAILED
     message: str  # one sentence; of what is complete only where its result needs a remark
     result: Any
-    """What was measured, as far as it came. Approach, Withdraw, MoveTo: Standing; ForceCurve: list of Curve; Scan:
-    Image; FrictionLoop: Loop; ScanPath: PathRecord; ThermalTune, CalibrateSensitivity, CalibrateLateral:
-    Calibration, or None.
-    """
+    """What was measured, as far as it came: of the type that the verb `returns`, or None."""
 
 
 @dataclass(frozen=True)

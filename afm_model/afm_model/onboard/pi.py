@@ -18,7 +18,7 @@ from ..core.jit import kernel
 from ..core.records import Record
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import OnboardParameters
-from ..parts.part import Channel, Numbers, Onboard, Tree
+from ..parts.part import ONBOARD_SETTINGS, Channel, Numbers, Onboard, Tree
 from ..parts.signals import FOLLOW, GIVEN, HOLD
 
 
@@ -86,16 +86,13 @@ class State(Record):
 
 def _values(parameters: Tree) -> Numbers:
     loop, detector = parameters.onboard, parameters.detector
-    setpoint = loop.setpoint_voltage
     # Beyond the range of the piezo z would only be a number.
     range_z = parameters.piezo.limit * parameters.piezo.sensitivity_z or math.inf
-    if loop.setpoint_force != 0.0:
-        setpoint = loop.setpoint_force / parameters.plant.cantilever_numbers.k / detector.deflection_sensitivity
     return {
         "P": loop.proportional_gain,
         "I_step": loop.integral_gain * detector.sample_period,
         "by_reference": float(loop.setpoint_voltage == 0.0 and loop.setpoint_force == 0.0),
-        "setpoint": setpoint,
+        "setpoint": _setpoint(parameters),
         "a": parameters.cantilever.a,
         "volts": 1.0 / detector.deflection_sensitivity,
         "metres": parameters.piezo.sensitivity_z,
@@ -104,6 +101,16 @@ def _values(parameters: Tree) -> Numbers:
         "hold": float(loop.hold),
         "feedback": MODES[loop.feedback],
     }
+
+
+def _setpoint(parameters: Tree) -> float:
+    """Of the deflection [V]."""
+    loop = parameters.onboard
+    if loop.setpoint_force != 0.0:
+        return float(parameters.plant.deflection_voltage(parameters, loop.setpoint_force))
+    if loop.setpoint_voltage != 0.0:
+        return float(loop.setpoint_voltage)
+    return float((parameters.reference.z_r - parameters.cantilever.a) / parameters.detector.deflection_sensitivity)
 
 
 def _check(parameters: Tree) -> None:
@@ -176,5 +183,7 @@ PI = Onboard(
     regulate=regulate,
     begin=_begin,
     warnings=_warnings,
+    setpoint=_setpoint,
+    settings={name: name for name in ONBOARD_SETTINGS},
     channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),
 )

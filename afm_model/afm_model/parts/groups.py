@@ -117,6 +117,10 @@ class PlantParameters(Group):
         """Of the cantilever of an instrument with this plant [N/m]; 0: the plant tells none."""
         return float(self.cantilever_numbers.k) if self.cantilever_numbers is not None else 0.0
 
+    def deflection_voltage(self, parameters: Any, force: float) -> float:
+        """Deflection at a force of the cantilever [V], where the spring constant is known."""
+        return force / self.spring_constant(parameters) / float(parameters.detector.deflection_sensitivity)
+
     def radius_of_tip(self, parameters: Any) -> float:
         """Of the tip of an instrument with this plant [m]."""
         return float(parameters.contact.R if self.cantilever_numbers is None else self.cantilever_numbers.tip_radius)

@@ -37,7 +37,7 @@ class BlockHeader(Record):
     loop: int
     measurement: int
     commanded: int  # the drive as commanded
-    received: int  # behind a fault
+    received: int  # behind a fault: its address
     applied: int  # behind range, resolution, delay
     regulated: int  # as changed by the onboard part
     effective: int  # as the piezo makes it

@@ -4,8 +4,9 @@ A part is one file: parameters, constants made from them once, a state, and kern
 docs/extending.md shows one of each.
 """
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -142,10 +143,11 @@ class Program(Part):
 
     reference: Kernel
     watch: Kernel | None = None
-    order: Callable[[Any, int, Tree, Any, Any], None] | None = None
-    """(order, tick, parameters, p, s) -> None: for a program that is told what to do while it runs, between two control
+    order: Callable[[Any, int, Tree, Any, Any], Any] | None = None
+    """(order, tick, parameters, p, s) -> kept: for a program that is told what to do while it runs, between two control
     ticks. It is in force from this tick on; the reference of this tick is that of before. The program sets `done` of
-    its state to 1.0 at the samples of the control tick with which the order ends.
+    its state to 1.0 at the samples of the control tick with which the order ends. What it returns is kept as long as
+    the order is in force, such as an array that p points to.
     """
 
 
@@ -165,6 +167,10 @@ class Law(Part):
     control: Kernel
     warnings: Callable[[Tree, float], list[str]] = lambda parameters, control_period: []
     """(parameters, control period [s]) -> why the loop cannot work at this rate, a sentence each."""
+    memory: tuple[str, Callable[[Tree], int]] | None = None
+    """Numbers that it keeps beside its state, zeros at the start: the field of the state in which their address stands,
+    to be read by `numbers_at`, and parameters -> how many. Where that changes the law begins anew.
+    """
     knowledge: str = ""
     """What it uses: measurements; what it must be told of the microscope. For comparisons, in words."""
 
@@ -241,6 +247,13 @@ class Onboard(Part):
     moves_z : bool
         It drives z, whatever is asked along z. The instrument itself takes z from it by `r.z_mode` GIVEN: u is z then,
         and the part goes on from there later.
+    setpoint : callable, optional
+        Parameters -> setpoint of the deflection [V]. A loop that verbs are to use needs it, and a channel `z_loop`: z
+        as driven [m], positive towards the sample (and, if errors are to be seen, `z_loop_error`: setpoint less
+        deflection [V]).
+    settings : mapping of str to str
+        Of what verbs and services set, names of ONBOARD_SETTINGS, the names of its parameters. A setting that it lacks
+        is refused in words.
     """
 
     family = "onboard"
@@ -251,6 +264,21 @@ class Onboard(Part):
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
     """Parameters -> what is implausible, a sentence each."""
+    setpoint: Callable[[Tree], float] | None = None
+    settings: Mapping[str, str] = field(default_factory=dict)
+
+    def setting(self, parameters: Tree, name: str, default: Any = math.nan) -> Any:
+        """A setting as it is, by its name in ONBOARD_SETTINGS; `default` if this loop lacks it."""
+        return getattr(parameters.onboard, self.settings[name]) if name in self.settings else default
+
+
+ONBOARD_SETTINGS = (
+    *("setpoint_force", "setpoint_voltage"),  # [N], [V]; 0: by the other one, or as the loop has it
+    *("proportional_gain", "integral_gain"),  # [m/V], [m/(V s)]
+    "feedback",  # on, hold, off or external
+    *("low", "high"),  # limits of z [m]
+)
+"""What can be set of a loop inside the instrument that moves z, see `Onboard.settings`."""
 
 
 @dataclass(frozen=True, kw_only=True)

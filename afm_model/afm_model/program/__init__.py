@@ -2,9 +2,9 @@
 
 from ..core.registry import register
 from .force_curve import FORCE_CURVE, ForceCurve
+from .ordered import VERBS, VerbsParameters
 from .periodic import PERIODIC, Reference
-from .verbs import VERBS, Verbs
 
 register(PERIODIC, FORCE_CURVE, VERBS)
 
-__all__ = ["FORCE_CURVE", "PERIODIC", "VERBS", "ForceCurve", "Reference", "Verbs"]
+__all__ = ["FORCE_CURVE", "PERIODIC", "VERBS", "ForceCurve", "Reference", "VerbsParameters"]

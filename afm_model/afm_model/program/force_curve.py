@@ -93,8 +93,7 @@ def _values(parameters: Tree) -> Numbers:
     curve = parameters.reference
     trigger = curve.trigger_voltage
     if curve.trigger_force > 0.0:
-        k = parameters.plant.spring_constant(parameters)
-        trigger = curve.trigger_force / k / parameters.detector.deflection_sensitivity
+        trigger = parameters.plant.deflection_voltage(parameters, curve.trigger_force)
     return {name: getattr(curve, name) for name in Constants.names if name != "trigger"} | {"trigger": trigger}
 
 

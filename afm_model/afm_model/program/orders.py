@@ -1,35 +1,60 @@
 """What can be ordered of the program `verbs`: a motion of x, y and a table of what z does meanwhile. SI units.
 
 An order is written between two control ticks and is in force from the next one on. It is done when the motion has come
-to its end and the table too; x, y then stay, z stays as its last step left it.
+to its end and the table too; x, y then stay, z stays as its last step left it. Motion and table may be of any length.
 """
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import CubicSpline
 
-MOST_STEPS = 16
-"""Of a table."""
-CURVE, LINES = range(2)
+from ..core.records import Record, size
+
+DEGREES = 6
+"""Coefficients of a polynomial."""
+CURVE, LINES, SAMPLED = range(3)
 """Motions along x and y."""
-FOLLOW, DWELL, REST, RAMP = range(4)
-"""What z does in a step: follow the setpoint; stay; stay while the mean of the deflection is taken; move."""
+FOLLOW, DWELL, REST, RAMP, PROFILE = range(5)
+"""What z does in a step: follow the setpoint; stay; stay while the mean of the deflection is taken; move at a rate;
+move by a profile.
+"""
 END = -1
 """Next step that is none."""
 
 
 class Step(NamedTuple):
-    """One step of the table of z. It is left at a sample of the virtual ADC."""
+    """One step of the table of z. It is left at a sample of the virtual ADC.
 
-    kind: int  # FOLLOW, DWELL, REST or RAMP
-    duration: float = 0.0  # of all but RAMP [s]
-    target: float = 0.0  # of RAMP: offset of z from where it stood when the loop was opened [m]
+    Offsets are those of z from where it stood when the loop was opened.
+    """
+
+    kind: int  # FOLLOW, DWELL, REST, RAMP or PROFILE
+    duration: float = 0.0  # of FOLLOW, DWELL and REST [s]
+    target: float = 0.0  # of RAMP: offset [m]
     rate: float = 0.0  # of RAMP: |dz/dt| [m/s]
     trigger: float = 0.0  # of RAMP: rise of the deflection over its mean in the last REST [V]; 0: none
     then: int = END  # step behind its end
     triggered: int = END  # step behind its trigger
+    profile: ArrayLike = ()  # of PROFILE: offsets over time, linear between, one at least (n,) [m]
+    period: float = 1.0  # of PROFILE: from one to the next [s]
+
+
+class StepRecord(Record):
+    """A step in an order's numbers; `begin` and `count` say where among them its profile is."""
+
+    kind: float
+    duration: float
+    target: float
+    rate: float
+    trigger: float
+    then: float
+    triggered: float
+    period: float
+    begin: float
+    count: float
 
 
 @dataclass(frozen=True)
@@ -42,6 +67,28 @@ class Curve:
     x: tuple[float, ...]
     y: tuple[float, ...]
     ticks: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """A motion through samples, from rest to rest: cubic splines, with continuous acceleration."""
+
+    x: ArrayLike  # places over time (n,), two at least [m]
+    y: ArrayLike
+    period: float  # from one to the next [s]
+
+    @property
+    def pieces(self) -> int:
+        """From sample to sample."""
+        return len(np.asarray(self.x)) - 1
+
+    def coefficients(self) -> NDArray[np.float64]:
+        """Of each piece, x and y (pieces, 2, DEGREES): its place is a polynomial of s from 0 to 1."""
+        found = np.zeros((self.pieces, 2, DEGREES))
+        for axis, values in enumerate((self.x, self.y)):
+            # From the highest power to the constant.
+            found[:, axis, :4] = CubicSpline(np.arange(self.pieces + 1.0), values, bc_type="clamped").c[::-1].T
+        return found
 
 
 @dataclass(frozen=True)
@@ -68,13 +115,27 @@ class Lines:
         return self.turn + 2 * self.lines * (self.image + self.turn)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Order:
     """A motion of x and y, and what z does."""
 
-    motion: Curve | Lines
+    motion: Curve | Lines | Sampled
     steps: tuple[Step, ...] = ()
-    """At most MOST_STEPS, beginning with the first; none: z stays as it is."""
+    """Beginning with the first; none: z stays as it is."""
+
+    def numbers(self) -> NDArray[np.float64]:
+        """What a kernel reads beside the block: steps (StepRecord), their profiles, the pieces of the motion."""
+        rows = np.zeros(len(self.steps), StepRecord)
+        profiles = [np.asarray(step.profile, np.float64) for step in self.steps]
+        begin = len(self.steps) * size(StepRecord)
+        for row, step, profile in zip(rows, self.steps, profiles, strict=True):
+            for name, value in zip(Step._fields, step, strict=True):
+                if name != "profile":
+                    row[name] = value
+            row["begin"], row["count"] = begin, len(profile)
+            begin += len(profile)
+        pieces = self.motion.coefficients() if isinstance(self.motion, Sampled) else np.zeros(0)
+        return np.concatenate([rows.view(np.float64).ravel(), *profiles, pieces.ravel()])
 
 
 def quintic(
@@ -102,14 +163,3 @@ def quintic(
         -15.0 * dp + 7.0 * dv - da,
         6.0 * dp - 3.0 * dv + 0.5 * da,
     )
-
-
-def columns(steps: tuple[Step, ...]) -> dict[str, NDArray[np.float64]]:
-    """The table by the names of its columns, each (MOST_STEPS,)."""
-    if len(steps) > MOST_STEPS:
-        raise ValueError(f"{len(steps)} steps are not allowed: an order has {MOST_STEPS} at most")
-    table = {name: np.zeros(MOST_STEPS) for name in Step._fields}
-    for number, step in enumerate(steps):
-        for name, value in zip(Step._fields, step, strict=True):
-            table[name][number] = value
-    return table

@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from afm_model.microscope.results import DIRECTIONS, TRACE, Curve, Image, Line, Record
+from afm_model.microscope.image import DIRECTIONS, TRACE, Image, Line
+from afm_model.microscope.results import Record
 from afm_model.microscope.verbs import Scan
+from afm_model.microscope.verbs.force_curve import Curve
 from afm_model.program.force_curve import APPROACH, DWELL, RETRACT
 
 UNITS = {"height": "m", "error": "V", "lateral": "N"}

@@ -12,7 +12,7 @@ import sys
 sys.path.insert(0, {str(scans.__file__).rsplit("/model/", 1)[0]!r})
 from model.files import scans
 from afm_model import files
-from afm_model.microscope.labelled import labelled
+from afm_model.microscope.arrays import to_xarray
 needed = ("matplotlib", "gwyfile", "h5py", "xarray", "pandas")
 print(*(name for name in needed if name in sys.modules))
 for name in needed:
@@ -25,7 +25,7 @@ for call in (
     lambda: files.write_gwy("a.gwy", image),
     lambda: files.write_scan("a.h5", image),
     lambda: files.write_curves("a.h5", scans.curve()),
-    lambda: labelled(image),
+    lambda: to_xarray(image),
 ):
     try:
         call()

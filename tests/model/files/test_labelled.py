@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import xarray
 
-from afm_model.analysis import Estimate
 from afm_model.files import text_table, write_curve_tab, write_curves, write_gwy
-from afm_model.microscope.labelled import curves, labelled
-from afm_model.microscope.results import Calibration, Loop, PathRecord, Record
-from afm_model.microscope.unlabelled import as_image
+from afm_model.microscope.arrays import to_xarray
+from afm_model.microscope.image import as_image
+from afm_model.microscope.results import Calibration, Record
 from afm_model.microscope.verbs import FrictionLoop, ScanPath
+from afm_model.microscope.verbs.friction_loop import Loop
+from afm_model.microscope.verbs.scan_path import PathRecord
 
 from . import scans
 
@@ -26,14 +27,14 @@ def results() -> dict[str, object]:
         "curves": [scans.curve(), scans.curve(1e-9, dwell=7)],
         "loop": loop,
         "path": PathRecord(ScanPath(x=(0.0, 1e-7), y=(0.0, 2e-7)), path),
-        "calibration": Calibration(Estimate(1e-7, 1e-9), "m/V", {"curves": 3.0}),
+        "calibration": Calibration(1e-7, 1e-9, "m/V", {"curves": 3.0}),
         "line": scans.line(scans.scanned(0).scan, 3, "retrace"),
     }
 
 
 @pytest.mark.parametrize("kind", list(results()))
 def test_every_result_has_a_labelled_form_that_netcdf_keeps(tmp_path, kind):
-    made = labelled(results()[kind])
+    made = to_xarray(results()[kind])
     made.to_netcdf(tmp_path / "result.nc")
     opener = xarray.open_dataarray if kind == "calibration" else xarray.open_dataset
     with opener(tmp_path / "result.nc") as read:
@@ -44,13 +45,13 @@ def test_every_result_has_a_labelled_form_that_netcdf_keeps(tmp_path, kind):
 
 @pytest.mark.parametrize("kind", ["image", "curve", "curves", "loop", "path"])
 def test_every_variable_has_a_unit_and_a_long_name(kind):
-    made = labelled(results()[kind])
+    made = to_xarray(results()[kind])
     for variable in made.data_vars.values():
         assert {"units", "long_name"} <= set(variable.attrs), variable.name
 
 
 def test_places_on_the_sample_are_those_of_a_frame_that_is_turned_about_its_centre():
-    made = labelled(scans.scanned(angle=np.pi / 2))
+    made = to_xarray(scans.scanned(angle=np.pi / 2))
     corner = made.isel(x=-1, y=0)  # lower right of the frame
     half = 0.5 * 200e-9 * 63 / 64
     # A quarter turn counterclockwise takes it to the upper right.
@@ -65,7 +66,7 @@ def test_places_on_the_sample_are_those_of_a_frame_that_is_turned_about_its_cent
 
 
 def test_curve_has_its_force_and_the_names_of_its_phases():
-    made = labelled(scans.curve())
+    made = to_xarray(scans.curve())
     np.testing.assert_allclose(made.force, 0.2 * 1e-7 * made.deflection, rtol=1e-12)
     assert made.time.attrs["units"] == "s" and float(made.time[0]) == 12.5
     assert dict(zip(made.phase.flag_meanings.split(), made.phase.flag_values, strict=True))["retract"] == 4
@@ -73,15 +74,15 @@ def test_curve_has_its_force_and_the_names_of_its_phases():
 
 
 def test_curves_of_different_lengths_are_one_array_that_ends_with_nan():
-    made = curves([scans.curve(), scans.curve(1e-9, dwell=7)])
+    made = to_xarray([scans.curve(), scans.curve(1e-9, dwell=7)])
     assert made.z.shape == (2, 4102)
     assert np.isfinite(made.z[0]).all() and np.isnan(made.z[1, 4009:]).all()
     np.testing.assert_allclose(made.x, [0.0, 1e-9])
 
 
 def test_what_has_no_labelled_form_is_returned_as_it_is():
-    assert labelled(None) is None
-    assert labelled([]) == []
+    assert to_xarray(None) is None
+    assert to_xarray([]) == []
 
 
 def test_labelled_scan_is_written_as_the_scan_itself(tmp_path):
@@ -89,7 +90,7 @@ def test_labelled_scan_is_written_as_the_scan_itself(tmp_path):
     image.units["x"] = image.units.pop("error")
     for way in ("trace", "retrace"):
         image.data["x", way] = image.data.pop(("error", way))
-    made = labelled(image)
+    made = to_xarray(image)
     made.to_netcdf(tmp_path / "scan.nc")
     with xarray.open_dataset(tmp_path / "scan.nc") as read:
         for dataset in (made, read):
@@ -106,7 +107,7 @@ def test_labelled_scan_is_written_as_the_scan_itself(tmp_path):
 def test_labelled_curves_are_written_as_the_curves_themselves(tmp_path):
     several = [scans.curve(), scans.curve(1e-9, dwell=7)]
     for result in (several[0], several):
-        made = labelled(result)
+        made = to_xarray(result)
         made.to_netcdf(tmp_path / "curves.nc")
         with xarray.open_dataset(tmp_path / "curves.nc") as read:
             for dataset in (made, read):
@@ -118,7 +119,7 @@ def test_labelled_curves_are_written_as_the_curves_themselves(tmp_path):
 
 
 def test_something_else_is_refused_in_a_sentence(tmp_path):
-    loop = labelled(results()["loop"])
+    loop = to_xarray(results()["loop"])
     with pytest.raises(ValueError, match="this is no scan, neither an Image nor the labelled arrays of one: Dataset"):
         write_gwy(tmp_path / "loop.gwy", loop)
     with pytest.raises(ValueError, match="these are no force curves, neither Curve nor their labelled arrays: Dataset"):

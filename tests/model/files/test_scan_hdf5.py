@@ -13,7 +13,7 @@ import pytest
 
 from afm_model.core.errors import ResultFileError
 from afm_model.files import ScanFile, read_scan, write_gwy, write_scan
-from afm_model.microscope.results import DIRECTIONS, RETRACE, TRACE, Line
+from afm_model.microscope.image import DIRECTIONS, RETRACE, TRACE, Line
 from afm_model.microscope.verbs import Scan
 
 from . import scans

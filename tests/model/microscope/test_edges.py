@@ -7,18 +7,9 @@ import pytest
 from pydantic import ValidationError
 
 from afm_model.core.schema import specifications
-from afm_model.microscope import Microscope, labelled
+from afm_model.microscope import Microscope, all_verbs, to_xarray
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED
-from afm_model.microscope.verbs import (
-    VERBS,
-    Approach,
-    CalibrateSensitivity,
-    ForceCurve,
-    Scan,
-    ScanPath,
-    ThermalTune,
-    Withdraw,
-)
+from afm_model.microscope.verbs import Approach, CalibrateSensitivity, ForceCurve, Scan, ScanPath, ThermalTune, Withdraw
 from afm_model.program.force_curve import APPROACH as APPROACHING
 from afm_model.program.force_curve import DWELL, RETRACT
 
@@ -50,7 +41,7 @@ def test_cancel_in_a_curve_that_presses_far_into_the_sample_leaves_the_tip_off_i
     while approached.operator.progress.fraction == 0.0 or approached.instrument.orders.program.at != 3.0:
         approached.step()
     # 750 nm beyond the setpoint: further than a tip is usually withdrawn by.
-    assert approached.operator._bench.offset == pytest.approx(750e-9)
+    assert approached.operator._view.offset == pytest.approx(750e-9)
     approached.operator.cancel()
     while approached.operator.busy:
         approached.step()
@@ -99,14 +90,14 @@ def test_a_scan_says_that_z_was_at_the_end_of_its_range():
     sloped.execute(APPROACH)
     # It would take 10 nm to both sides.
     low = sloped.instrument.orders.onboard.z - 5e-9
-    sloped.operator._bench.set_loop(low=low)
+    sloped.operator._view.set_loop(low=low)
     microscope = Microscope(sloped)
     with pytest.warns(UserWarning, match="z was at the end of its range in 2 of 2 lines: the height is not that of"):
         image = microscope.scan(size_x=40e-9, size_y=4e-9, pixels=16, lines=2, line_rate=5.0)
     assert microscope.outcome.status == COMPLETE
     assert float(image["height"].max()) == pytest.approx(-low)
     assert image.attrs["Remark"] == microscope.outcome.message
-    sloped.operator._bench.set_loop(low=low - 100e-9)
+    sloped.operator._view.set_loop(low=low - 100e-9)
     assert sloped.execute(LINE).message == ""
 
 
@@ -117,14 +108,14 @@ def test_a_line_of_two_pixels_with_the_slow_axis_off_is_in_the_middle_of_the_fra
     )
     outcome = approached.execute(scan.model_copy(update={"channels": "x, y, height"}))
     assert outcome.result.complete
-    read = labelled(outcome.result)
+    read = to_xarray(outcome.result)
     for axis in "xy":
         measured = np.asarray(read[f"measured_{axis}"].sel(direction="trace"))
         assert measured == pytest.approx(np.asarray(read[f"place_{axis}"]), abs=0.2e-9)
 
 
 def test_a_withdrawal_that_the_range_of_z_ends_says_so(approached):
-    z, (low, _) = approached.instrument.orders.onboard.z, approached.operator._bench.z_range
+    z, (low, _) = approached.instrument.orders.onboard.z, approached.operator._view.z_range
     outcome = approached.execute(Withdraw(distance=2e-6, rate=1e-3))
     assert outcome.status == COMPLETE
     assert outcome.message == (
@@ -135,7 +126,7 @@ def test_a_withdrawal_that_the_range_of_z_ends_says_so(approached):
 
 def extremes():
     """Every number of every verb, very large and very small, as far as the verb takes it at all."""
-    for verb, (name, field) in ((each, item) for each in VERBS.values() for item in each.model_fields.items()):
+    for verb, (name, field) in ((each, item) for each in all_verbs().values() for item in each.model_fields.items()):
         if field.annotation not in (float, int):
             continue
         spec = next(each for each in specifications(verb) if each.name == name)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from afm_model import load_scenario
+from afm_model.microscope.image import Image
 from afm_model.microscope.local import Local
-from afm_model.microscope.results import Image
 from afm_model.microscope.verbs import Approach, Scan
 
 APPROACH = Approach(rate=20e-6, range=2e-6, settle=10e-3)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from afm_model import ParameterError, ScenarioError, VerbError
-from afm_model.microscope import Approach, Microscope, Scan, labelled
+from afm_model.microscope import Approach, Microscope, Scan, to_xarray
 
 xarray = pytest.importorskip("xarray")
 FAST = {"rate": 20e-6, "range": 2e-6, "settle": 5e-3}
@@ -30,7 +30,7 @@ def test_words_return_labelled_arrays_with_units(microscope):
     strong, weak = friction.sel(x=12e-9, method="nearest"), friction.sel(x=-8e-9, method="nearest")
     assert float(weak / strong) == pytest.approx(0.5, rel=0.03)
     # The same as of the verb itself.
-    assert image.identical(labelled(microscope.outcome.result))
+    assert image.identical(to_xarray(microscope.outcome.result))
     loop = microscope.friction_loop(length=10e-9, line_rate=20.0)
     assert set(loop.data_vars) == {"position", "lateral", "deflection"}
     place = microscope.go_to(x=10e-9, y=5e-9)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.program import orders
-from afm_model.program.orders import Curve, Lines, Order, Step, quintic
+from afm_model.program.orders import Curve, Lines, Order, Sampled, Step, quintic
 
 QUICK = {
     "plant.kind": "lever",
@@ -74,6 +74,43 @@ def test_a_curve_is_followed_and_stays_at_its_end():
     assert told[49:, 0].tolist() == [told[49, 0].tolist()] * 20
     assert told[49, 0] == pytest.approx([30e-9, 5e-9], rel=1e-12)
     assert np.abs(told[:, 1, 0]).max() == pytest.approx(1.875 * 30e-9 / 2e-3, rel=1e-3)
+
+
+def test_a_sampled_motion_goes_through_its_samples_and_velocity_and_acceleration_are_its_derivatives():
+    time = np.arange(41) * 100e-6
+    turn = 2.0 * np.pi * time / time[-1]
+    x, y = 20e-9 * (1.0 - np.cos(turn)), 5e-9 * (1.0 - np.cos(2.0 * turn))
+    period = 10e-6
+    told = followed(Sampled(x, y, 100e-6), 500, period)
+    assert told[9:400:10, 0] == pytest.approx(np.column_stack([x, y])[1:], abs=1e-20)
+    for of in (0, 1):
+        slope = (told[2:400, of] - told[:398, of]) / (2.0 * period)
+        assert slope == pytest.approx(told[1:399, of + 1], abs=0.02 * np.abs(told[:, of + 1]).max())
+    # At its end it is at rest.
+    assert told[400:, 0].tolist() == [told[400, 0].tolist()] * len(told[400:])
+    assert np.abs(told[400:, 1]).max() < 1e-15
+
+
+def test_z_follows_a_profile_of_any_length_in_a_table_of_any_length():
+    scope = Instrument(build(InstrumentParameters, QUICK), 2000)
+    profile = 3e-9 * np.sin(np.linspace(0.0, 2.0 * np.pi, 301))
+    # 40 short steps up, then the profile at a value every 25 us: no multiple of a sample.
+    ramps = [Step(orders.RAMP, target=(n + 1) * 0.1e-9, rate=10e-6, then=n + 1) for n in range(40)]
+    steps = (
+        *ramps,
+        Step(orders.RAMP, target=0.0, rate=10e-6, then=41),
+        Step(orders.PROFILE, profile=profile, period=25e-6),
+    )
+    scope.order(Order(Curve((0.0,), (0.0,)), steps))
+    while not scope.orders.done:
+        scope.tick(np.zeros(3))
+    rows = {each.name: row for each, row in zip(scope.channels, scope.take_block().samples, strict=True)}
+    part = rows["verb_step"] == 41.0
+    offset, late = rows["z_offset"][part], np.arange(part.sum()) * 10e-6
+    assert rows["z_offset"].max() == pytest.approx(4e-9)
+    # The step begins at the sample behind which the one before it has ended.
+    assert offset == pytest.approx(np.interp(late, np.arange(301) * 25e-6, profile), abs=1e-18)
+    assert late[-1] == pytest.approx(300 * 25e-6, abs=20e-6)
 
 
 def test_steps_of_z_last_as_long_as_they_say_and_ticking_stops_behind_the_last_one():

@@ -9,7 +9,8 @@ from afm_model.microscope.local import Local
 from afm_model.microscope.operator import Operator
 from afm_model.microscope.prepare import with_verbs
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome
-from afm_model.microscope.verbs import Approach, ForceCurve, MoveTo, Scan, Verb, Withdraw
+from afm_model.microscope.verb import Verb
+from afm_model.microscope.verbs import Approach, ForceCurve, MoveTo, Scan, Withdraw
 from afm_model.run import Listeners, Run, State
 
 from .hand import START, HandLink

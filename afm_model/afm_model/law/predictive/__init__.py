@@ -2,7 +2,7 @@
 
 from ...parts.part import Law
 from .control import control
-from .predictive_constants import Constants, values
+from .predictive_constants import ANSWERS, Constants, longest, values
 from .predictive_law import PredictiveLaw, check, warnings
 from .predictive_state import State, start
 
@@ -16,6 +16,7 @@ PREDICTIVE = Law(
     check=check,
     warnings=warnings,
     control=control,
+    memory=("sent", lambda parameters: 3 * ANSWERS * longest(parameters)),
 )
 
 __all__ = ["PREDICTIVE", "PredictiveLaw"]

@@ -44,6 +44,7 @@ _SCALARS = (
     "delay",  # slots until the drive of an answer is in force
     "count",  # drives in an answer, without the reserve
     "reserve",  # drives of the reserve
+    "longest",  # drives of an answer with all that, those in force before it included
     "fine",  # fine intervals in a slot
     "horizon",  # fine intervals in the horizon
     "tau",  # length of a fine interval
@@ -97,6 +98,7 @@ class Constants(Record):
     delay: int
     count: int
     reserve: int
+    longest: int
     fine: int
     horizon: int
     tau: float
@@ -150,6 +152,12 @@ class Constants(Record):
     L: Annotated[Array, (3, 2)]  # of the observer
     free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
     of_drive: Annotated[Array, (2,)]
+
+
+def longest(parameters: Tree) -> int:
+    """Drives of the longest answer, those in force before it included."""
+    law = parameters.law
+    return int(law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve)
 
 
 def values(parameters: Tree) -> Numbers:
@@ -215,6 +223,7 @@ def values(parameters: Tree) -> Numbers:
         "delay": law.delay_ticks * slots,
         "count": slots * (1 + spare),
         "reserve": law.reserve,
+        "longest": longest(parameters),
         "fine": division.fine,
         "horizon": n,
         "tau": slot / division.fine,

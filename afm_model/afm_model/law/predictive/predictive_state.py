@@ -14,9 +14,9 @@ from .predictive_constants import ANSWERS, INTERVALS, SLOTS
 
 class State(Record):
     started: float
-    answered: Annotated[Integers, (ANSWERS,)]  # the last measurements answered, and the drives of each answer
-    lengths: Annotated[Integers, (ANSWERS,)]  # how many these are
-    sent: Annotated[Array, (ANSWERS, SLOTS, 3)]
+    answered: Annotated[Integers, (ANSWERS,)]  # the last measurements answered
+    lengths: Annotated[Integers, (ANSWERS,)]  # of the drives of each answer
+    sent: int  # address of the drives of each answer
     last: int  # number of the last measurement
     estimate: Annotated[Array, (6,)]  # position and rate there
     grip: float  # measured friction along its direction; no measurement: zero
@@ -63,8 +63,7 @@ class State(Record):
     reserve_end: int  # the reserve: number of the slot behind it, the predicted scanner there, its drives
     reserved: Annotated[Array, (6,)]
     kept: Annotated[Array, (SLOTS, 3)]
-    # The line: a place on it, its direction, distance of the nodes, part of it visited.
-    line_x: float
+    line_x: float  # the line: a place on it, its direction, distance of the nodes, part of it visited
     line_y: float
     line_tx: float
     line_ty: float
@@ -77,7 +76,7 @@ class State(Record):
     map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior
     map_ratio: Annotated[Array, (NODES,)]
     covariance: Annotated[Array, (NODES, NODES)]
-    prior: Annotated[Array, (NODES, NODES)]
+    prior: Annotated[Array, (NODES,)]
     visited: Annotated[Array, (NODES,)]  # way at the first visit
     gain: Annotated[Array, (NODES,)]
     fastest: float  # speed of the reference so far
@@ -103,9 +102,10 @@ def start(parameters: Tree) -> Numbers:
     noise = law.position_noise / parameters.scales.x0
     first["joint"] = np.diag([noise**2, 0.0, noise**2, UNKNOWN**2])
     first["heading"][0] = 1.0
-    apart = np.abs(np.subtract.outer(np.arange(NODES), np.arange(NODES)))
-    apart = np.minimum(apart, NODES - apart) * SPACING / LENGTH
-    first["covariance"] = first["prior"] = np.exp(-0.5 * apart**2)
+    nodes = np.arange(NODES)
+    apart = np.minimum(nodes, NODES - nodes) * SPACING / LENGTH
+    first["prior"] = np.exp(-0.5 * apart**2)
+    first["covariance"] = [np.roll(first["prior"], node) for node in range(NODES)]
     first["answered"] = first["reserve_end"] = -1
     first["visited"] = np.inf
     return {name: first[name] for name in State.names}

@@ -1,4 +1,4 @@
-"""Verbs of a microscope: x and y move, z is opened, moved and closed, as ordered between two control ticks.
+"""The program `verbs`: x and y move, z is opened, moved and closed, as ordered between two control ticks.
 
 Who orders is no part of the program (`afm_model.instrument.Instrument.order`, `afm_model.microscope`): scan lines,
 force curves and an approach run here, at the rate of the virtual ADC. x and y are a function of time alone; the table
@@ -8,22 +8,24 @@ of z depends on the deflection and has a state. At the start the tip is withdraw
 import math
 from typing import Annotated, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import Array, Record
+from ..core.records import Array, Record, numbers_at, pointer_at, record_at, size
 from ..core.schema import Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
 from ..parts.signals import OPEN
 from ..parts.timing import ticks_of
-from .orders import CURVE, END, FOLLOW, LINES, MOST_STEPS, RAMP, REST, Lines, Order, columns
+from .orders import CURVE, DEGREES, END, FOLLOW, LINES, PROFILE, RAMP, REST, SAMPLED, Lines, Order, Sampled, StepRecord
 
-_DEGREES = 6
+_STEP = size(StepRecord)
 
 
-class Verbs(ProgramParameters):
+class VerbsParameters(ProgramParameters):
     """Nothing but what is ordered; at the start the scanner is at a place, the tip withdrawn (plant.gap)."""
 
     kind: str = Field("verbs", description="program of the reference")
@@ -34,12 +36,12 @@ class Verbs(ProgramParameters):
 class Constants(Record):
     z_r: float
     number: float  # of the order, from 1
-    motion: float  # CURVE or LINES
+    motion: float  # CURVE, LINES or SAMPLED
     begin: Annotated[float, "s"]  # of the order
     curve_time: Annotated[float, "s"]  # whole, of a curve
     last: Annotated[float, "s"]  # time behind which the motion is at its end with this control tick
-    curve_x: Annotated[Array, (_DEGREES,), "m"]
-    curve_y: Annotated[Array, (_DEGREES,), "m"]
+    curve_x: Annotated[Array, (DEGREES,), "m"]
+    curve_y: Annotated[Array, (DEGREES,), "m"]
     centre_x: Annotated[float, "m"]  # of lines: middle, direction
     centre_y: Annotated[float, "m"]
     cos: float
@@ -53,13 +55,11 @@ class Constants(Record):
     turn: Annotated[float, "s"]
     shift: Annotated[float, "s"]
     half_sample: Annotated[float, "s"]
-    kind: Annotated[Array, (MOST_STEPS,)]
-    duration: Annotated[Array, (MOST_STEPS,)]
-    target: Annotated[Array, (MOST_STEPS,)]
-    rate: Annotated[Array, (MOST_STEPS,)]
-    trigger: Annotated[Array, (MOST_STEPS,)]
-    then: Annotated[Array, (MOST_STEPS,)]
-    triggered: Annotated[Array, (MOST_STEPS,)]
+    numbers: int  # address of the order's numbers, see Order.numbers
+    length: int  # how many
+    piece_time: Annotated[float, "s"]  # of a motion SAMPLED: of a piece
+    pieces: int
+    first_piece: int  # where among the numbers
 
 
 class State(Record):
@@ -72,13 +72,13 @@ class State(Record):
     origin: Annotated[float, "m"]  # the same when the step began
     sum: Annotated[float, "V"]  # of the deflection in the last REST
     samples: float
-    fired: float  # 1.0 if a trigger of this order has
+    fired: float  # 1.0 if the last step with a trigger has ended by it
 
 
 def _values(parameters: Tree) -> Numbers:
     program = parameters.reference
     zeros: dict[str, Any] = {name: 0.0 for name in Constants.names}
-    x, y = (((place,) + (0.0,) * (_DEGREES - 1)) for place in (program.x, program.y))
+    x, y = (((place,) + (0.0,) * (DEGREES - 1)) for place in (program.x, program.y))
     half = 0.5 * parameters.detector.sample_period
     return zeros | {"z_r": program.z_r, "curve_time": 1.0, "curve_x": x, "curve_y": y, "half_sample": half}
 
@@ -142,7 +142,7 @@ def along_line(tau: float, p: Any) -> tuple[float, float, float, float, float, f
 def polynomial(c: Any, s: float) -> tuple[float, float, float]:
     """Value, slope and second derivative of sum c[i] s^i."""
     value = slope = bend = 0.0
-    for i in range(_DEGREES - 1, -1, -1):
+    for i in range(DEGREES - 1, -1, -1):
         bend = bend * s + 2.0 * slope
         slope = slope * s + value
         value = value * s + c[i]
@@ -161,51 +161,75 @@ def reference(t: float, r: Any, p: Any) -> None:
         r.velocity[0], r.velocity[1] = p.cos * v_x - p.sin * v_y, p.sin * v_x + p.cos * v_y
         r.acceleration[0], r.acceleration[1] = p.cos * a_x - p.sin * a_y, p.sin * a_x + p.cos * a_y
         return
-    s, rate = min(max(tau / p.curve_time, 0.0), 1.0), 1.0 / p.curve_time
-    x, v_x, a_x = polynomial(p.curve_x, s)
-    y, v_y, a_y = polynomial(p.curve_y, s)
+    if p.motion == SAMPLED:
+        late, rate = min(max(tau / p.piece_time, 0.0), float(p.pieces)), 1.0 / p.piece_time
+        piece = min(int(late), p.pieces - 1)
+        c = pointer_at(numbers_at(p.numbers, p.length), p.first_piece + 2 * DEGREES * piece)
+        x, v_x, a_x = polynomial(c, late - piece)
+        y, v_y, a_y = polynomial(pointer_at(c, DEGREES), late - piece)
+    else:
+        s, rate = min(max(tau / p.curve_time, 0.0), 1.0), 1.0 / p.curve_time
+        x, v_x, a_x = polynomial(p.curve_x, s)
+        y, v_y, a_y = polynomial(p.curve_y, s)
     r.position[0], r.velocity[0], r.acceleration[0] = x, v_x * rate, a_x * rate * rate
     r.position[1], r.velocity[1], r.acceleration[1] = y, v_y * rate, a_y * rate * rate
+
+
+@kernel
+def along_profile(late: float, numbers: Any, step: Any) -> tuple[float, bool]:
+    """Offset `late` periods behind the begin of a profile, and whether it is over."""
+    begin, last = int(step.begin), step.count - 1.0
+    if late >= last:
+        return numbers[begin + int(last)], True
+    i = int(late)
+    here, there = numbers[begin + i], numbers[begin + i + 1]
+    return here + (late - i) * (there - here), False
 
 
 @kernel
 def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Program`. A step is left at most once in a sample."""
     if s.at >= 0.0:
-        i = int(s.at)
-        kind, after, fired = p.kind[i], t - s.since + p.half_sample, False
+        numbers = numbers_at(p.numbers, p.length)
+        step = record_at(numbers, int(s.at) * _STEP, StepRecord)
+        kind, after, fired = step.kind, t - s.since + p.half_sample, False
         if kind == RAMP:
             s.mode = OPEN
-            way, whole = p.rate[i] * (t - s.since), p.target[i] - s.origin
+            way, whole = step.rate * (t - s.since), step.target - s.origin
             over = way >= abs(whole)
-            s.offset = p.target[i] if over else s.origin + math.copysign(way, whole)
-            if p.trigger[i] > 0.0 and s.samples > 0.0:
-                fired = d.deflection_voltage - s.sum / s.samples >= p.trigger[i]
+            s.offset = step.target if over else s.origin + math.copysign(way, whole)
+            if step.trigger > 0.0 and s.samples > 0.0:
+                fired = d.deflection_voltage - s.sum / s.samples >= step.trigger
         elif kind == FOLLOW:
             s.mode, s.offset = FOLLOWED, 0.0
-            over = after >= p.duration[i]
+            over = after >= step.duration
+        elif kind == PROFILE:
+            s.mode = OPEN
+            s.offset, over = along_profile((t - s.since) / step.period, numbers, step)
         else:
             s.mode = OPEN
             if kind == REST:
                 s.sum += d.deflection_voltage
                 s.samples += 1.0
-            over = after >= p.duration[i]
+            over = after >= step.duration
         if fired or over:
-            if fired:
-                s.fired = 1.0
-            s.at = p.triggered[i] if fired else p.then[i]
+            if step.trigger > 0.0:
+                s.fired = 1.0 if fired else 0.0
+            s.at = step.triggered if fired else step.then
             s.since, s.origin = t, s.offset
-            if s.at >= 0.0 and p.kind[int(s.at)] == REST:
+            if s.at >= 0.0 and record_at(numbers, int(s.at) * _STEP, StepRecord).kind == REST:
                 s.sum = s.samples = 0.0
     s.done = 1.0 if s.at < 0.0 and t > p.last else 0.0
     r.z_mode, r.z_offset = s.mode, s.offset
 
 
-def _order(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> None:
+def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> NDArray[np.float64]:
     """Put an order in force at control tick `tick`; see `afm_model.parts.Program`."""
+    numbers = order.numbers()
     control, sample = parameters.plant.control_period, parameters.detector.sample_period
     motion = order.motion
     p.number += 1.0
+    p.numbers, p.length = numbers.ctypes.data, len(numbers)
     p.begin = tick * control
     if isinstance(motion, Lines):
         p.motion = LINES
@@ -216,6 +240,10 @@ def _order(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> None:
         # A sample is taken in the middle of what it stands for: then trace and retrace lie on one another.
         p.shift = 0.5 * sample
         ticks = ticks_of(motion.samples * sample, control)
+    elif isinstance(motion, Sampled):
+        p.motion, p.piece_time, p.pieces = SAMPLED, motion.period, motion.pieces
+        p.first_piece = len(numbers) - 2 * DEGREES * motion.pieces
+        ticks = ticks_of(motion.pieces * motion.period, control)
     else:
         ticks = motion.ticks
         p.motion, p.curve_time = CURVE, max(ticks, 1) * control
@@ -224,17 +252,16 @@ def _order(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> None:
             p[name][: len(coefficients)] = coefficients
     # In the middle between the samples before and in the last control tick.
     p.last = (tick + ticks - 1) * control - 0.5 * sample
-    for name, numbers in columns(order.steps).items():
-        p[name][:] = numbers
     s.number, s.done, s.fired = p.number, 0.0, 0.0
     s.at, s.since, s.origin = (0.0 if order.steps else float(END)), p.begin, s.offset
     if order.steps and order.steps[0].kind == REST:
         s.sum = s.samples = 0.0
+    return numbers
 
 
 VERBS = Program(
     name="verbs",
-    parameters=Verbs,
+    parameters=VerbsParameters,
     constants=Constants,
     state=State,
     values=_values,
@@ -242,7 +269,7 @@ VERBS = Program(
     check=_check,
     reference=reference,
     watch=watch,
-    order=_order,
+    order=put_in_force,
     channels=(
         Channel("verb_number", "1", "number"),
         Channel("verb_step", "1", "at"),

@@ -13,15 +13,17 @@ from rclpy.node import Node
 
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.microscope.results import COMPLETE, Outcome
-from afm_model.microscope.verbs import Verb, Withdraw
+from afm_model.microscope.verb import Verb
+from afm_model.microscope.verbs import Withdraw
 from afm_model.run import Run
-from afm_node_common.verbs import TOPICS, put_outcome, type_of, verb_of
+from afm_node_common.verb_codec import ACTIONS, put_outcome, verb_of
 
 from .clients import Feedback
 
 _RESULT_KEPT = 30
 """Wall time for which a result is kept for a client that asks for it [s]: a night of force curves is some gigabytes."""
 
+_SENTENCES = (ParameterError, VerbError, ArithmeticError, ValueError)
 _LAST_WORDS = 0.3
 """Wall time that a node which ends leaves for the answer to its last goal [s]."""
 
@@ -60,13 +62,14 @@ class PatientServer(ActionServer):
 class Going:
     """A verb that is being done."""
 
-    name: str
+    title: str
+    action: str
     goal: ServerGoalHandle | None  # None: nobody has asked for it
     over: Callable[[Outcome], None]
 
 
-class Verbs:
-    """Serves an action for each verb; one verb is done at a time.
+class VerbServer:
+    """Serves an action for each verb, and one for all others; one verb is done at a time.
 
     A goal that cannot be is accepted and aborted at once: a goal that is rejected would bring no sentence to its
     client.
@@ -99,8 +102,8 @@ class Verbs:
             "result_timeout": _RESULT_KEPT,
         }
         self._servers = {
-            name: PatientServer(node, type_of(name), topic, partial(self._accepted, name), **options)
-            for name, topic in TOPICS.items()
+            name: PatientServer(node, kind, name, partial(self._accepted, name), **options)
+            for name, kind in ACTIONS.items()
         }
 
     def close(self) -> None:
@@ -121,19 +124,19 @@ class Verbs:
         going = self._going
         if going is None or going.goal is None:
             return
-        feedback, progress = self._feedback[going.name], self._run.operator.progress
+        feedback, progress = self._feedback[going.action], self._run.operator.progress
         # First: what is published now has not been acknowledged yet.
         if feedback.gone:
-            self._log.warning(f"the client of {going.name} has gone: it is cancelled and the tip withdrawn")
+            self._log.warning(f"the client of {going.title} has gone: it is cancelled and the tip withdrawn")
             self._run.operator.cancel("cancelled, because its client has gone")
-        told = type_of(going.name).Feedback(progress=float(progress.fraction), detail=progress.detail)
+        told = ACTIONS[going.action].Feedback(progress=float(progress.fraction), detail=progress.detail)
         feedback.publish(going.goal, told)
 
     def verb_over(self, outcome: Outcome) -> None:
         """A verb has come to its end."""
         going, self._going = self._going, None
         if going is not None:
-            self.last = outcome.message or f"{going.name} was done"
+            self.last = outcome.message or f"{going.title} was done"
             going.over(outcome)
         self._changed()
 
@@ -147,14 +150,15 @@ class Verbs:
         return CancelResponse.ACCEPT
 
     def _accepted(self, name: str, goal: ServerGoalHandle) -> None:
-        result = type_of(name).Result()
+        result = ACTIONS[name].Result()
         try:
             verb = verb_of(name, goal.request)
             self._begin(name, verb, goal, partial(self._over, name, goal, result))
-        except (ParameterError, VerbError, ArithmeticError, ValueError) as error:
-            # Numbers too large or too small to compute with are no reason to end either.
-            self._log.warning(f"{name} was refused: {error}")
-            result.message = str(error)
+        except Exception as error:
+            # Neither numbers too large to compute with nor a verb of somebody else's are a reason to end.
+            told = str(error) if isinstance(error, _SENTENCES) else f"{type(error).__name__}: {error}"
+            self._log.warning(f"{name} was refused: {told}")
+            result.message = told
             self._answer(name, goal, result)
 
     def _begin(self, name: str, verb: Verb, goal: ServerGoalHandle | None, over: Callable[[Outcome], None]) -> None:
@@ -163,9 +167,9 @@ class Verbs:
         self._begun(verb)
         if goal is not None:
             if name not in self._feedback:
-                self._feedback[name] = Feedback(self._node, type_of(name), TOPICS[name])
+                self._feedback[name] = Feedback(self._node, ACTIONS[name], name)
             self._feedback[name].begin()
-        self._going = Going(name, goal, over)
+        self._going = Going(type(verb).__name__, name, goal, over)
         try:
             self._run.begin(verb)
         except Exception:
@@ -184,11 +188,13 @@ class Verbs:
     def _answer(self, name: str, goal: ServerGoalHandle, result: Any) -> None:
         """Send the result."""
 
+        title = "".join(part.capitalize() for part in name.split("_"))
+
         def conclude(goal: ServerGoalHandle) -> Any:
             self._unanswered -= 1
             if goal.is_cancel_requested:
                 if result.success:
-                    result.success, result.message = False, f"{name} was cancelled at its end; the tip is withdrawn"
+                    result.success, result.message = False, f"{title} was cancelled at its end; the tip is withdrawn"
                 goal.canceled()
             elif result.success:
                 goal.succeed()
@@ -204,6 +210,6 @@ class Verbs:
         operator = self._run.operator
         if not operator.busy and operator.state.near:
             try:
-                self._begin("Withdraw", Withdraw(), None, lambda outcome: None)
+                self._begin(Withdraw.name, Withdraw(), None, lambda outcome: None)
             except VerbError as error:
                 self._log.warning(f"the tip was not withdrawn: {error}")

@@ -3,15 +3,15 @@
 from collections.abc import Callable
 from typing import Any
 
-from afm_msgs.msg import Microscope as MicroscopeMessage
+from afm_msgs.msg import MicroscopeStatus
 from rclpy.node import Node
 
 from afm_model import Instrument
-from afm_model.microscope.collect import signals
-from afm_model.microscope.imaging import channel_names
+from afm_model.microscope.image import Line
 from afm_model.microscope.operator import Operator
-from afm_model.microscope.results import Line, Outcome
-from afm_model.microscope.verbs import Scan, Verb
+from afm_model.microscope.results import Outcome
+from afm_model.microscope.verb import Verb
+from afm_model.microscope.verbs import Scan
 from afm_model.run import Run
 from afm_node_common import topics
 from afm_node_common.periodic import PeriodicTask
@@ -19,7 +19,7 @@ from afm_node_common.periodic import PeriodicTask
 from .scan_lines import ScanLines
 from .settings import Exchanging, Settings, setpoint
 from .streams import stamp
-from .verbs import Verbs
+from .verb_server import VerbServer
 
 _LOOK_PERIOD = 0.2
 _IMAGES_PERIOD = 0.05
@@ -33,7 +33,7 @@ def operator_of(on_line: Callable[[Line], object], instrument: Instrument) -> Op
     return operator
 
 
-class Microscope:
+class MicroscopeServer:
     """Serves verbs and settings, and tells what is being done.
 
     Parameters
@@ -50,9 +50,9 @@ class Microscope:
     def __init__(self, node: Node, run: Run, exchange: Exchanging, changed: Callable[[], object]) -> None:
         self._run = run
         self._lines = ScanLines(node)
-        self._status = node.create_publisher(MicroscopeMessage, topics.MICROSCOPE, topics.LATCHED_QOS)
+        self._status = node.create_publisher(MicroscopeStatus, topics.MICROSCOPE, topics.LATCHED_QOS)
         self._told: Any = None
-        self._verbs = Verbs(node, run, self._begun, self.publish)
+        self._verbs = VerbServer(node, run, self._begun, self.publish)
         self._changed = changed
         Settings(node, run, exchange, self._on_setting)
         self.publish()
@@ -80,7 +80,7 @@ class Microscope:
 
     def put_line(self, line: Line) -> None:
         """A line of a scan has been measured."""
-        self._lines.put(line)
+        self._lines.put(line, self._run.operator.measured)
 
     def verb_over(self, outcome: Outcome) -> None:
         """A verb has come to its end."""
@@ -89,8 +89,7 @@ class Microscope:
 
     def _begun(self, verb: Verb) -> None:
         if isinstance(verb, Scan):
-            found = signals(self._run.instrument, channel_names(verb.channels))
-            self._lines.begin(verb, {name: signal.unit for name, signal in found.items()})
+            self._lines.begin()
             self._verbs.scan = self._lines.number
 
     def _on_setting(self) -> None:
@@ -100,20 +99,20 @@ class Microscope:
     def publish(self) -> None:
         """Publish what the microscope is doing, if that has changed."""
         operator = self._run.operator
-        desk, progress = operator.state, operator.progress
+        state, progress = operator.state, operator.progress
         volts, force = setpoint(self._run)
-        message = MicroscopeMessage(
-            approached=desk.approached,
-            feedback=desk.feedback,
+        message = MicroscopeStatus(
+            approached=state.approached,
+            feedback=state.feedback,
             setpoint_voltage=volts,
             setpoint_force=force,
-            proportional_gain=desk.proportional_gain,
-            integral_gain=desk.integral_gain,
-            x=desk.place[0],
-            y=desk.place[1],
-            doing=desk.doing,
-            progress=float(progress.fraction) if desk.doing else 0.0,
-            detail=progress.detail if desk.doing else "",
+            proportional_gain=state.proportional_gain,
+            integral_gain=state.integral_gain,
+            x=state.place[0],
+            y=state.place[1],
+            doing=state.doing,
+            progress=float(progress.fraction) if state.doing else 0.0,
+            detail=progress.detail if state.doing else "",
             last=self._verbs.last,
         )
         if repr(message) == self._told:

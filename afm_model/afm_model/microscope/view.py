@@ -4,11 +4,16 @@ import math
 from typing import Any
 
 from ..analysis import tilted_stiffness
+from ..core import registry
+from ..core.errors import ParameterError
 from ..instrument import Instrument
 from ..parameters import changed
+from ..parts.part import Onboard
 from ..parts.timing import ticks_of
 from ..program.orders import Curve, quintic
 
+Z_CHANNEL, ERROR_CHANNEL = "z_loop", "z_loop_error"
+"""Channels of a loop that moves z: z as driven [m], positive towards the sample; setpoint less deflection [V]."""
 _TRAVEL = 500e-6
 """Of a scanner without piezo.limit, to each side [m]."""
 _SETTLING = 3.0
@@ -22,7 +27,13 @@ _BAND = 1.4
 """
 
 
-class Bench:
+def z_loop(parameters: Any) -> Onboard:
+    """The loop inside the instrument."""
+    found: Onboard = registry.find("onboard", parameters.onboard.kind)
+    return found
+
+
+class InstrumentView:
     """What there is to plan with.
 
     Parameters
@@ -83,21 +94,24 @@ class Bench:
         return None if c is None else (c.f0 / _BAND, min(c.f0 * _BAND, 0.5 / self.sample_period))
 
     @property
+    def loop(self) -> Onboard:
+        """The loop inside that moves z."""
+        return z_loop(self.parameters)
+
+    @property
     def setpoint(self) -> float:
-        """Of the deflection [V]."""
-        parameters = self.parameters
-        loop, sensitivity = parameters.onboard, parameters.detector.deflection_sensitivity
-        if loop.setpoint_force != 0.0:
-            return self.volts(loop.setpoint_force)
-        if loop.setpoint_voltage != 0.0:
-            return float(loop.setpoint_voltage)
-        return float((parameters.reference.z_r - parameters.cantilever.a) / sensitivity)
+        """Of the deflection [V]; NaN: the loop tells none."""
+        return self.loop.setpoint(self.parameters) if self.loop.setpoint is not None else math.nan
+
+    def setting(self, name: str, default: Any = math.nan) -> Any:
+        """A setting of the loop, see `Onboard.setting`."""
+        return self.loop.setting(self.parameters, name, default)
 
     def volts(self, force: float) -> float:
         """Deflection at a force of the cantilever [V]; 0 where its spring constant is not known."""
-        if self.spring_constant == 0.0:
-            return 0.0
-        return float(force / self.spring_constant / self.parameters.detector.deflection_sensitivity)
+        parameters = self.parameters
+        known = self.spring_constant != 0.0
+        return float(parameters.plant.deflection_voltage(parameters, force)) if known else 0.0
 
     @property
     def place(self) -> tuple[float, float]:
@@ -108,7 +122,13 @@ class Bench:
     @property
     def z(self) -> float:
         """As driven, positive towards the sample [m]."""
-        return float(self.instrument.orders.onboard.z)
+        channel = next(each for each in self.loop.channels if each.name == Z_CHANNEL)
+        return float(self.instrument.orders.onboard[channel.field] * channel.scale(self.parameters))
+
+    @property
+    def next_sample(self) -> int:
+        """Number of the first sample of the next control tick."""
+        return int(self.instrument.ticks * self.samples_per_tick)
 
     @property
     def offset(self) -> float:
@@ -120,7 +140,7 @@ class Bench:
         """Least and largest z: of the loop, or of the piezo if that is closer [m]."""
         parameters = self.parameters
         most = parameters.piezo.limit * parameters.piezo.sensitivity_z or math.inf
-        return max(parameters.onboard.low, -most), min(parameters.onboard.high, most)
+        return max(self.setting("low", -math.inf), -most), min(self.setting("high", math.inf), most)
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -136,15 +156,21 @@ class Bench:
         return float(limit * (1.0 - 2.0 ** (1 - bits))) if bits > 0 else math.inf
 
     def set_loop(self, **changes: Any) -> None:
-        """Change parameters `onboard.*`, by their names without it, from the next tick on.
+        """Change settings of the loop, names of ONBOARD_SETTINGS, from the next tick on.
 
         Raises
         ------
         ParameterError
-            If one is not allowed.
+            If the loop has no such setting, or a value is not allowed.
         """
-        news = {f"onboard.{name}": value for name, value in changes.items()}
-        self.instrument.set_onboard(changed(self.parameters, news))
+        parameters, own = self.parameters, self.loop.settings
+        if lacking := [name for name in changes if name not in own]:
+            raise ParameterError(
+                f"{', '.join(lacking)} cannot be set: the z loop onboard.kind = {parameters.onboard.kind} has no such "
+                f"setting; it has {', '.join(own) or 'none'}"
+            )
+        news = {f"onboard.{own[name]}": value for name, value in changes.items()}
+        self.instrument.set_onboard(changed(parameters, news))
 
     def ticks(self, duration: float) -> int:
         """Control ticks that take this time [s] at least, one or more."""

@@ -1,0 +1,152 @@
+"""What a verb is: something that a microscope can be asked to do, which takes time and can be cancelled.
+
+A verb is one class: its fields (with units, bounds and description), what is refused and why, the orders that it comes
+to, and what it brings back. Ours are in `afm_model.microscope.verbs`; one of your own is chosen as `module:NAME` or by
+an entry point of the group `afm_model.verb`. docs/extending.md.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from annotated_types import Ge, Le
+
+from ..core import registry
+from ..core.errors import ParameterError, VerbError
+from ..core.schema import Group, NonNegative, Positive, Unit, build, specifications
+from .results import MicroscopeState, Standing
+
+if TYPE_CHECKING:
+    from .execution import Execution, Task
+    from .view import InstrumentView
+
+Metre = Annotated[float, Unit("m")]
+Length = Annotated[Positive, Unit("m")]
+Speed = Annotated[float, Ge(1e-12), Le(1.0), Unit("m/s")]
+Rest = Annotated[float, Ge(0), Le(1e4), Unit("s")]
+Angle = Annotated[float, Unit("rad")]
+Volts = Annotated[NonNegative, Unit("V")]
+Rate = Annotated[Positive, Unit("Hz")]
+Force = Annotated[NonNegative, Unit("N")]
+Count = Annotated[int, Ge(1), Le(1_000_000)]
+Lines = Annotated[int, Ge(1), Le(8192)]
+SampleRate = Annotated[float, Ge(1e-3), Le(1e9), Unit("Hz")]
+Places = Annotated[tuple[float, ...], Unit("m")]
+
+
+class Verb(Group):
+    """Something that the microscope does. Fields are numbers, words or tuples of numbers, in SI units."""
+
+    family: ClassVar[str] = "verb"
+    name: ClassVar[str] = ""
+    """By which it is asked for, `move_to` of the class MoveTo: a word of `Microscope`, the name of an action."""
+    returns: ClassVar[Any] = Standing
+    """Type of its result: a dataclass, a list of one, or `Arrays`."""
+    on_sample: ClassVar[bool] = False
+    """Whether it needs an approached tip."""
+    slides: ClassVar[bool] = False
+    """Whether it needs a z loop that is not switched off."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **options: Any) -> None:
+        cls.name = re.sub("(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
+
+    @classmethod
+    def of(cls, fields: Mapping[str, Any]) -> Self:
+        """The verb with these fields, the others as they are by default.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such field, or a value is not allowed: one sentence.
+        """
+        units = {spec.name: spec.unit for spec in specifications(cls)}
+        given: dict[str, Any] = {
+            name: value if isinstance(value, str | bool | int | float) else tuple(value)
+            for name, value in fields.items()
+        }
+        for name, values in given.items():
+            for i, value in enumerate(values if isinstance(values, tuple) else ()):
+                if not math.isfinite(value):
+                    raise ParameterError(
+                        f"{name}[{i}] = {value:g} {units.get(name)} is not allowed: it must be a finite number"
+                    )
+        return build(cls, given)
+
+    def refusals(self, view: "InstrumentView", state: MicroscopeState) -> Iterator[str]:
+        """Why it cannot be begun now, a sentence each that names the value and what is allowed."""
+        yield from ()
+
+    def tasks(self, run: "Execution") -> Iterator["Task"]:
+        """What is to be done, in order; the next is asked for between two ticks, when the order before is done.
+
+        It tells `run` what comes out (`run.result`) and how long it takes at most (`run.total`). VerbError: it cannot
+        be brought to its end, and the tip is withdrawn.
+        """
+        raise NotImplementedError
+
+
+def all_verbs() -> dict[str, type[Verb]]:
+    """Verbs by name: those of this package and those that installed packages offer."""
+    return {name: find(name) for name in registry.names("verb")}
+
+
+def find(name: str) -> type[Verb]:
+    """The verb called `name`, or `module:NAME`.
+
+    Raises
+    ------
+    ParameterError
+        If there is none.
+    """
+    verb: type[Verb] = registry.find("verb", name)
+    return verb
+
+
+def objection(verb: Verb, view: "InstrumentView", state: MicroscopeState) -> str:
+    """Why `verb` cannot be begun now, one sentence; empty if it can."""
+
+    def every() -> Iterator[str]:
+        title = type(verb).__name__
+        if state.doing:
+            yield f"{title} is not allowed while {state.doing} is being done: wait for its end, or cancel it"
+        if verb.on_sample and not state.approached:
+            yield f"{title} is not allowed while the tip is withdrawn: it must be approached first"
+        if verb.slides and state.feedback == "off":
+            yield f"{title} is not allowed with feedback = off: it must be on, hold or external"
+        yield from verb.refusals(view, state)
+
+    try:
+        return next(every(), "")
+    except VerbError as error:
+        return str(error)
+
+
+# Refusals that several verbs have.
+
+
+def outside(view: "InstrumentView", what: str, places: Iterable[tuple[float, float]]) -> Iterator[str]:
+    """What is beyond the travel of the scanner; `what` begins the sentence."""
+    for place in places:
+        for axis, value, most in zip("xy", place, view.travel, strict=True):
+            if abs(value) > most:
+                yield (
+                    f"{what}{axis} = {value:.4g} m is outside the travel of the scanner: it must be within +-{most:g} m"
+                )
+
+
+def saturating(what: str, volts: float, view: "InstrumentView") -> Iterator[str]:
+    """A deflection that the detector never shows: z would go on into the sample."""
+    if volts > view.most_deflection:
+        yield f"{what} of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V"
+
+
+def too_fast(name: str, rate: float, trigger: float, way: float, view: "InstrumentView") -> Iterator[str]:
+    """A rate at which z goes further within a sample than the deflection [V] that it is to stop at, or all its way."""
+    most = min(trigger * view.parameters.detector.deflection_sensitivity or way, way) / view.sample_period
+    if rate > most:
+        yield (
+            f"{name} = {rate:g} m/s is not allowed: within a sample of {view.sample_period:g} s z would go further "
+            f"than it may; it must be <= {most:.4g} m/s"
+        )

@@ -1,0 +1,72 @@
+"""The verb CalibrateSensitivity."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from ...analysis import deflection_sensitivity
+from ...core.errors import VerbError
+from ...core.schema import Positive, Unit
+from ..execution import Execution, Task
+from ..results import Calibration, MicroscopeState
+from ..verb import Count, Length, Speed, Verb, too_fast
+from ..view import InstrumentView
+from .force_curve import Curve, ForceCurve, Measured
+
+
+class CalibrateSensitivity(Verb):
+    """Force curves on a stiff sample, and from their slopes the sensitivity of the deflection [m/V]."""
+
+    returns: ClassVar = Calibration
+    on_sample: ClassVar = True
+
+    count: Count = Field(3, description="force curves")
+    ramp: Length = Field(400e-9, description="way of an approach at most")
+    lift: Length = Field(200e-9, description="z is first withdrawn by this from where it stands")
+    rate: Speed = Field(1e-6, description="velocity of z")
+    trigger_voltage: Annotated[Positive, Unit("V")] = Field(2.0, description="rise of the deflection at the turn")
+
+    def _curves(self) -> ForceCurve:
+        return ForceCurve(
+            lift=self.lift,
+            ramp=self.ramp,
+            approach_rate=self.rate,
+            retract_rate=self.rate,
+            trigger_voltage=self.trigger_voltage,
+            count=self.count,
+        )
+
+    def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
+        """See `Verb`."""
+        yield from too_fast("rate", self.rate, self.trigger_voltage, self.ramp, view)
+        yield from self._curves().refusals(view, state)
+
+    def tasks(self, run: Execution) -> Iterator[Task]:
+        """See `Verb`. Curves that nothing comes out of are a failure: the tip is withdrawn."""
+        curves, measured = self._curves(), Measured()
+        run.result = lambda: _found(curves.curves(run.view, measured))
+        yield from curves.measuring(run, measured)
+        if run.result() is None:
+            raise VerbError(
+                f"no sensitivity comes out of the curves: in none of them the deflection rose by trigger_voltage = "
+                f"{self.trigger_voltage:g} V within ramp = {self.ramp:g} m"
+            )
+
+
+def _found(curves: Sequence[Curve]) -> Calibration | None:
+    """The sensitivity for vertical motion of the tip [m/V]; None without a whole curve."""
+    records = [curve.record.channels for curve in curves if curve.triggered]
+    if not records:
+        return None
+    try:
+        each = [deflection_sensitivity(read["z"], read["deflection"]) for read in records]
+    except ValueError as error:
+        raise VerbError(f"no sensitivity comes out of the curves: {error}") from None
+    values = np.array([one.value for one in each])
+    # What friction does to a curve is the same in all of them, and does not become less by more of them.
+    common = float(np.mean([one.uncertainty for one in each]))
+    scatter = float(values.std(ddof=1)) / math.sqrt(values.size) if values.size > 1 else 0.0
+    return Calibration(float(values.mean()), math.hypot(common, scatter), "m/V", {"curves": values.size})

@@ -1,0 +1,97 @@
+"""The verb FrictionLoop."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ...program.orders import Order
+from ..arrays import Arrays, attributes, variable
+from ..execution import Execution, Task
+from ..plan import LinePlan, lines
+from ..results import MicroscopeState
+from ..verb import Angle, Length, Lines, Rate, SampleRate, Verb
+from ..view import InstrumentView
+from .move_to import MoveTo
+from .scan import Scan, frame
+
+_OVERSCAN = 0.1
+_TURNING = 0.625
+"""The scanner goes 5/16 of speed times time of a turn beyond a line, at both ends."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Lines to and fro."""
+
+    verb: "FrictionLoop"
+    position: NDArray[np.float64]  # along the line, as asked for [m]
+    lateral: NDArray[np.float64]  # [N]
+    deflection: NDArray[np.float64]  # [m]
+    time: NDArray[np.float64]  # [s]
+
+    def arrays(self) -> Arrays:
+        """Over time: `position`, `lateral`, `deflection`."""
+        units = {"position": "m", "lateral": "N", "deflection": "m"}
+        variables = {name: variable(("time",), getattr(self, name), name, unit) for name, unit in units.items()}
+        return Arrays(variables, {"time": variable(("time",), self.time, "time", "s")}, attributes(self.verb, {}))
+
+
+class FrictionLoop(Verb):
+    """Lines to and fro through the place where the scanner stands, with feedback."""
+
+    returns: ClassVar = Loop
+    on_sample: ClassVar = True
+    slides: ClassVar = True
+
+    length: Length = Field(10e-9, description="of the line, whose middle is where the scanner stands")
+    angle: Angle = Field(0.0, description="of the line against x, counterclockwise")
+    line_rate: Rate = Field(10.0, description="lines a second; a line is trace and retrace")
+    count: Lines = Field(2, description="lines; the first one begins in the middle and is not part of the result")
+    sample_rate: SampleRate = Field(50e3, description="samples of the result; each is a mean over samples of the ADC")
+
+    def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
+        """See `Verb`."""
+        if self.count < 2:
+            yield f"count = {self.count} is not allowed: the first line is not part of the result; it must be >= 2"
+        yield from frame(self._plan(view), view)
+
+    def _plan(self, view: InstrumentView) -> LinePlan:
+        """Lines whose turning points are `length` apart, through the place where the scanner is asked to be."""
+        x, y = view.place
+        scan = Scan(
+            centre_x=x,
+            centre_y=y,
+            size_x=self.length / (1.0 + _TURNING * _OVERSCAN),
+            angle=self.angle,
+            pixels=2,
+            lines=self.count,
+            line_rate=self.line_rate,
+            overscan=_OVERSCAN,
+            slow_axis=False,
+        )
+        return lines(scan, view)
+
+    def tasks(self, run: Execution) -> Iterator[Task]:
+        """See `Verb`. What is measured goes from the first turn to the right to the last one, both of them whole."""
+        plan = self._plan(run.view)
+        motion = plan.motion
+        count = motion.turn + 2 * (self.count - 1) * (motion.image + motion.turn)
+        names = ["asked_x", "asked_y", "lateral", "deflection"]
+        recorder = run.recorder(names, self.sample_rate, motion.turn + motion.image, count)
+
+        def result() -> Loop:
+            record = recorder.record()
+            x, y, lateral, deflection = record.channels.values()
+            along = (x - motion.x) * math.cos(motion.angle) + (y - motion.y) * math.sin(motion.angle)
+            return Loop(self, along, lateral, deflection, record.time)
+
+        run.result = result
+        run.total = motion.samples * run.view.sample_period
+        yield from run.going(*plan.begin, MoveTo().speed)
+        yield Task(Order(motion), motion.samples * run.view.sample_period, "sliding", recorder)
+        yield from run.going(motion.x, motion.y, MoveTo().speed)

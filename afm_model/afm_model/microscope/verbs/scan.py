@@ -1,0 +1,113 @@
+"""The verb Scan. What it brings back is an `afm_model.microscope.image.Image`."""
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field
+
+from ...core.schema import NonNegative, Unit
+from ...program.orders import Order
+from ..collect import LineCollector, signals
+from ..execution import Execution, Task
+from ..image import Image, Line
+from ..notes import notes
+from ..plan import LinePlan, lines
+from ..results import MicroscopeState
+from ..verb import Angle, Length, Lines, Metre, Rate, Speed, Verb, outside
+from ..view import InstrumentView
+
+_AT_THE_END = 1e-12
+"""Mean over a pixel this close to the end of the range of z [m]: z was there all the time."""
+
+
+class Scan(Verb):
+    """An image, line by line, trace and retrace."""
+
+    returns: ClassVar = Image
+    on_sample: ClassVar = True
+    slides: ClassVar = True
+
+    centre_x: Metre = Field(0.0, description="middle of the frame")
+    centre_y: Metre = Field(0.0, description="middle of the frame")
+    size_x: Length = Field(100e-9, description="width of the frame: length of a line")
+    size_y: Annotated[NonNegative, Unit("m")] = Field(
+        0.0, description="height of the frame; 0: square pixels. Ignored with slow_axis off"
+    )
+    angle: Angle = Field(0.0, description="of the fast direction against x, counterclockwise")
+    pixels: Annotated[int, Ge(2), Le(8192)] = Field(128, description="in a line")
+    lines: Lines = Field(128, description="of the image")
+    line_rate: Rate = Field(1.0, description="lines a second; a line is trace and retrace")
+    overscan: Annotated[float, Ge(0.01), Le(2.0)] = Field(
+        0.1, description="time of a turn over that of the image part of a line; the turns are rounded"
+    )
+    direction: Literal["up", "down"] = Field("up", description="of the slow axis: up begins at the least y")
+    slow_axis: bool = Field(True, description="false: every line at the same place, the middle of the frame")
+    speed: Speed = Field(10e-6, description="velocity on the way to the first line")
+    channels: str = Field(
+        "height, error, lateral", description="what is measured: of height, error, lateral, x, y, and any signal's name"
+    )
+
+    @property
+    def height(self) -> float:
+        """Height of the frame [m]."""
+        return self.size_y or self.size_x * self.lines / self.pixels
+
+    @property
+    def channel_names(self) -> list[str]:
+        """What is measured, each name once."""
+        return list(dict.fromkeys(name.strip() for name in self.channels.split(",") if name.strip()))
+
+    def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
+        """See `Verb`."""
+        names = self.channel_names
+        if not names:
+            yield "channels is empty: it must name one at least, such as height"
+        try:
+            signals(view.instrument, names)
+        except KeyError as error:
+            missing, known = error.args
+            yield (
+                f"channels = {self.channels} is not allowed: there is no {', '.join(missing)}; there are "
+                f"{', '.join(known)}"
+            )
+        yield from frame(lines(self, view), view)
+
+    def empty(self, view: InstrumentView) -> Image:
+        """The image before its first line."""
+        units = {name: signal.unit for name, signal in signals(view.instrument, self.channel_names).items()}
+        return Image.empty(self, units)
+
+    def tasks(self, run: Execution) -> Iterator[Task]:
+        """See `Verb`."""
+        view, plan, image = run.view, lines(self, run.view), self.empty(run.view)
+        image.metadata, image.line_rate = notes(view.parameters), plan.line_rate
+        low, high = view.z_range
+        saturated: set[int] = set()
+
+        def put(line: Line) -> None:
+            image.put(line)
+            if "height" in line.channels:
+                z = -line.channels["height"]
+                if z.min() <= low + _AT_THE_END or z.max() >= high - _AT_THE_END:
+                    saturated.add(line.index)
+                    run.remark = (
+                        f"z was at the end of its range in {len(saturated)} of {self.lines} lines: the height is not "
+                        f"that of the sample there"
+                    )
+                    # A remark is among the notes, so that files keep it.
+                    image.metadata["Remark"] = run.remark
+            run.on_line(line)
+
+        run.result = lambda: image
+        duration = plan.motion.samples * view.sample_period
+        run.total = view.move(*plan.begin, self.speed).ticks * view.control_period + duration
+        yield from run.going(*plan.begin, self.speed)
+        image.start = (view.next_sample + plan.motion.turn) * view.sample_period
+        collector = LineCollector(view.instrument, self.channel_names, plan, put)
+        yield Task(Order(plan.motion), duration, lambda: f"line {collector.line + 1} of {self.lines}", collector)
+
+
+def frame(plan: LinePlan, view: InstrumentView) -> Iterator[str]:
+    """What of the lines of a scan is beyond the travel of the scanner."""
+    yield from outside(view, "with its turns the scan goes too far: ", plan.corners)

@@ -1,0 +1,91 @@
+"""The verb ScanPath."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar
+
+from pydantic import Field
+
+from ...program.orders import Order
+from ..arrays import Arrays, attributes
+from ..execution import Execution, Task
+from ..plan import path
+from ..results import MicroscopeState, Record
+from ..verb import Places, SampleRate, Speed, Verb, outside
+from ..view import InstrumentView
+from .move_to import MoveTo
+
+_CHANNELS = {"asked_x": "x", "asked_y": "y", "height": "height", "error": "error", "lateral": "lateral"}
+
+
+@dataclass(frozen=True)
+class PathRecord:
+    """What was measured along a path."""
+
+    verb: "ScanPath"
+    record: Record
+    """Channels `x`, `y` (as asked for) [m], `height` [m], `error` [V], `lateral` [N]."""
+
+    def arrays(self) -> Arrays:
+        """Its channels over time; the places of the path are the attributes `corners_x`, `corners_y`."""
+        corners = {"corners_x": list(self.verb.x), "corners_y": list(self.verb.y)}
+        given = attributes(self.verb, corners)
+        # The names x and y are those of the places measured at.
+        return self.record.arrays({name: value for name, value in given.items() if name not in ("x", "y")})
+
+
+class ScanPath(Verb):
+    """Measure along a path of straight lines, at even speed, with feedback."""
+
+    returns: ClassVar = PathRecord
+    on_sample: ClassVar = True
+    slides: ClassVar = True
+
+    x: Places = Field((), description="places in turn")
+    y: Places = Field((), description="places in turn")
+    speed: Speed = Field(1e-6, description="velocity along the path")
+    sample_rate: SampleRate = Field(1e3, description="samples of the result; each is a mean over samples of the ADC")
+
+    def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
+        """See `Verb`."""
+        if len(self.x) != len(self.y) or len(self.x) < 2:
+            yield (
+                f"a path of {len(self.x)} x and {len(self.y)} y is not allowed: there must be as many of both, 2 at "
+                f"least"
+            )
+            return
+        places = list(zip(self.x, self.y, strict=True))
+        for number, (one, other) in enumerate(pairwise(places)):
+            if one == other:
+                yield (
+                    f"places {number} and {number + 1} of the path are the same, x = {one[0]:g} m, y = {one[1]:g} m: "
+                    f"leave one of them out"
+                )
+        yield from outside(view, "", places)
+        way = sum(math.dist(one, other) for one, other in pairwise(places))
+        most = min(view.resonance, self.sample_rate) * way
+        if self.speed > most:
+            yield (
+                f"speed = {self.speed:g} m/s is not allowed on a path of {way:.4g} m: it would take less than a period "
+                f"of the scanner's resonance or of sample_rate = {self.sample_rate:g} Hz; it must be <= {most:.4g} m/s"
+            )
+
+    def tasks(self, run: Execution) -> Iterator[Task]:
+        """See `Verb`."""
+        places, period = list(zip(self.x, self.y, strict=True)), run.view.control_period
+        pieces = path(places, self.speed, run.view)
+        recorder = run.recorder(list(_CHANNELS), self.sample_rate)
+
+        def result() -> PathRecord:
+            record = recorder.record()
+            channels = dict(zip(_CHANNELS.values(), record.channels.values(), strict=True))
+            units = dict(zip(_CHANNELS.values(), record.units.values(), strict=True))
+            return PathRecord(self, Record(record.time, channels, units))
+
+        run.result = result
+        run.total = sum(piece.ticks for piece in pieces) * period
+        yield from run.going(*places[0], max(self.speed, MoveTo().speed))
+        for number, piece in enumerate(pieces):
+            yield Task(Order(piece), piece.ticks * period, f"piece {number + 1} of {len(pieces)}", recorder)

@@ -1,0 +1,119 @@
+"""Claims about verbs and z loops of one's own: files outside the package, used as ours are."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from quick_lever import LEVER
+
+from afm_model import ParameterError, VerbError
+from afm_model.microscope import Approach, Microscope, Scan, Withdraw
+
+from .test_local import APPROACH, local
+
+pytest.importorskip("xarray")
+LIFT = {"size": 40e-9, "lift": 30e-9, "line_rate": 10.0}
+VOLTS = {"onboard.kind": "integral:INTEGRAL"}
+
+
+@pytest.fixture(autouse=True)
+def examples(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[3] / "examples" / "parts"))
+
+
+@pytest.fixture
+def volts(monkeypatch: pytest.MonkeyPatch) -> Iterator[Microscope]:
+    """A microscope with an integrator as z loop."""
+    for name in ("onboard.setpoint_force", "onboard.integral_gain"):
+        monkeypatch.delitem(LEVER, name)
+    monkeypatch.setitem(LEVER, "onboard.kind", "integral:INTEGRAL")
+    with Microscope(local()) as made:
+        yield made
+
+
+def test_second_pass_of_a_lift_line_is_the_measured_line_at_its_height():
+    with Microscope(local()) as microscope:
+        microscope.backend.set_sample({"kind": "plane", "angle_x": 0.1})
+        microscope.do(APPROACH)
+        line = microscope.do("lift:LiftLine", **LIFT)
+        z, deflection = np.asarray(line.z), np.asarray(line.deflection)
+        x = line.asked_x.values[0]
+        inside = np.abs(x) < 15e-9
+        assert np.polyfit(x[inside], z[0][inside], 1)[0] == pytest.approx(-0.1, rel=0.05)
+        assert z[1] == pytest.approx(z[0] - deflection[0] - LIFT["lift"], abs=0.1e-9)
+        # Off the sample, where the feedback had pressed by 50 nm.
+        assert deflection[0].mean() == pytest.approx(50e-9, rel=0.01)
+        assert np.abs(deflection[1][2000:]).max() < 3e-9
+        assert np.asarray(line.asked_x)[1] == pytest.approx(np.asarray(line.asked_x)[0], abs=1e-18)
+        assert line.z.attrs["units"] == "m"
+        # The feedback follows again behind it.
+        assert microscope.state.approached
+        assert microscope.scan(size_x=20e-9, pixels=4, lines=1, line_rate=20.0).attrs["complete"]
+
+
+def test_verb_of_ones_own_is_refused_and_named_as_ours_are():
+    microscope = Microscope(local())
+    with pytest.raises(VerbError, match="LiftLine is not allowed while the tip is withdrawn: it must be approached"):
+        microscope.do("lift:LiftLine")
+    with pytest.raises(VerbError, match=r"lift = -1.0 m is not allowed: it must be a finite number > 0"):
+        microscope.do("lift:LiftLine", lift=-1.0)
+    with pytest.raises(VerbError, match="there is no verb lift: it must be one of approach, withdraw, "):
+        microscope.do("lift")
+    with pytest.raises(AttributeError, match="a microscope has no lift; its verbs are approach, withdraw"):
+        microscope.lift()
+
+
+def test_verb_that_raises_fails_in_a_sentence_with_the_tip_withdrawn(tmp_path, monkeypatch):
+    (tmp_path / "broken.py").write_text(
+        "from afm_model.microscope import Verb, Task\n"
+        "from afm_model.program.orders import Order\n"
+        "class Broken(Verb):\n"
+        "    on_sample = True\n"
+        "    def tasks(self, run):\n"
+        "        yield Task(Order(run.view.stay(1e-3)), 1e-3, 'resting')\n"
+        "        raise KeyError('nowhere')\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    microscope = Microscope(local())
+    microscope.do(APPROACH)
+    with pytest.raises(VerbError, match="KeyError: 'nowhere'"):
+        microscope.do("broken:Broken")
+    assert not microscope.state.near
+    assert not microscope.backend.instrument.in_contact
+    sys.modules.pop("broken")
+
+
+def test_z_loop_of_ones_own_is_used_by_the_verbs(volts):
+    volts.do(APPROACH)
+    assert volts.state.setpoint == 5.0
+    image = volts.scan(size_x=40e-9, pixels=8, lines=2, line_rate=20.0)
+    assert float(abs(image["error"]).max()) < 0.02
+    assert image.attrs["Setpoint"] == "5 V"
+    assert "Gains" not in image.attrs
+    volts.set_setpoint(voltage=6.0)
+    assert volts.state.setpoint == 6.0
+    curve = volts.force_curve(trigger_voltage=8.0, approach_rate=20e-6, retract_rate=20e-6)
+    assert float(curve["triggered"][0]) == 1.0
+    assert volts.state.approached
+    assert len(volts.do("lift:LiftLine", **LIFT)["z"]) == 2
+    volts.do(Withdraw(rate=50e-6))
+    assert not volts.backend.instrument.in_contact
+
+
+@pytest.mark.parametrize(
+    ("call", "lacking"),
+    [
+        (lambda m: m.set_gains(integral=1e-6), "integral_gain"),
+        (lambda m: m.set_setpoint(force=1e-9), "setpoint_force"),
+        (lambda m: m.set_feedback("hold"), "feedback"),
+    ],
+)
+def test_what_a_z_loop_lacks_is_refused_in_words(volts, call, lacking):
+    told = f"{lacking} cannot be set: the z loop onboard.kind = integral:INTEGRAL has no such setting; it has setpoint"
+    with pytest.raises(ParameterError, match=told):
+        call(volts)
+    assert np.isnan(volts.state.integral_gain)
+    assert volts.objection(Approach()) == ""
+    assert "it must be approached first" in volts.objection(Scan())

@@ -1,0 +1,113 @@
+"""Claims about verbs and z loops of one's own over topics: the same bytes as in process, and refused in words."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from quick_lever import INSTRUMENT, LAW
+from support import TIMEOUT, Graph, ros_arguments
+from verbs_bench import APPROACH, SCAN
+
+from afm_bringup.remote import Remote
+from afm_model import SimParameters, build
+from afm_model.core.errors import ParameterError
+from afm_model.microscope import Local, MoveTo, Standing
+from afm_model.microscope.verb import find
+from afm_node_common.verb_codec import ANY, action_of, goal_of, verb_of
+from afm_sim_node.node import SimNode
+
+INTEGRAL = {name: value for name, value in INSTRUMENT.items() if not name.startswith("onboard.")} | {
+    "onboard.kind": "integral:INTEGRAL"
+}
+
+
+@pytest.fixture(autouse=True)
+def examples(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "examples" / "parts"))
+
+
+@contextmanager
+def remote(values: dict[str, Any]) -> Iterator[Remote]:
+    """A client of a simulator in this thread."""
+    with Graph(ros_arguments(values | LAW)) as graph:
+        graph.add(SimNode())
+        limit = time.monotonic() + TIMEOUT
+
+        def turn() -> None:
+            assert time.monotonic() < limit, "the client waits for ever"
+            graph.spin()
+
+        client = Remote(check=turn)
+        try:
+            yield client
+        finally:
+            client.close()
+
+
+def in_process(values: dict[str, Any]) -> Local:
+    parameters = build(SimParameters, values | LAW)
+    assert parameters.controller_inside is not None
+    return Local(parameters, parameters.controller_inside)
+
+
+def test_verb_of_ones_own_brings_the_same_bytes_over_topics_as_in_process() -> None:
+    verb = find("lift:LiftLine").of({"size": 40e-9, "lift": 30e-9, "line_rate": 20.0})
+    local = in_process(INSTRUMENT)
+    local.execute(APPROACH)
+    expected = local.execute(verb).result
+    with remote(INSTRUMENT) as client:
+        told = client.execute(verb)
+        assert told.message == "LiftLine is not allowed while the tip is withdrawn: it must be approached first"
+        client.execute(APPROACH)
+        found = client.execute(verb).result
+    assert list(found.variables) == list(expected.variables)
+    for name, (dims, values, attributes) in expected.variables.items():
+        assert (found.variables[name].dims, dict(found.variables[name].attributes)) == (dims, attributes)
+        assert found.variables[name].values.tobytes() == values.tobytes()
+
+
+def test_z_loop_of_ones_own_serves_verbs_over_topics_and_what_it_lacks_is_refused() -> None:
+    with remote(INTEGRAL) as client:
+        client.execute(APPROACH)
+        image = client.execute(SCAN).result
+        assert image.complete
+        assert np.abs(image.data["error", "trace"]).max() < 0.05
+        client.set_setpoint(voltage=6.0)
+        assert client.state.setpoint == 6.0
+        assert np.isnan(client.state.integral_gain)
+        with pytest.raises(ParameterError, match=r"integral_gain cannot be set: the z loop onboard.kind = integral"):
+            client.set_gains(integral=1e-6)
+        with pytest.raises(ParameterError, match="feedback cannot be set"):
+            client.set_feedback("hold")
+        # It goes on.
+        assert client.execute(MoveTo(x=5e-9)).result.x == pytest.approx(5e-9, rel=1e-9)
+
+
+def test_goals_of_any_verb_keep_fields_to_the_last_bit_and_refuse_what_is_none() -> None:
+    verb = find("lift:LiftLine").of({"size": 0.1 + 0.2, "lift": 1e-9 / 3.0})
+    assert action_of(verb) == ANY
+    goal = goal_of(verb)
+    assert goal.verb == "lift:LiftLine"
+    assert verb_of(ANY, goal) == verb
+    for values, told in (
+        ({"verb": "lift:LiftLine", "names": ["lift"], "values": ["high"]}, "lift = high m is not allowed: it must be"),
+        ({"verb": "lift:LiftLine", "names": ["left"], "values": ["1"]}, "unknown parameter left: did you mean lift"),
+        ({"verb": "lift", "names": [], "values": []}, "there is no verb lift"),
+        ({"verb": "scan_path", "names": ["x"], "values": ["[0, NaN]"]}, r"x\[1\] = nan m is not allowed"),
+        ({"verb": "scan_path", "names": ["x"], "values": []}, "1 names with 0 values are not allowed"),
+    ):
+        with pytest.raises(ParameterError, match=told):
+            verb_of(ANY, type(goal)(**values))
+
+
+def test_verbs_of_ours_may_be_asked_for_by_their_name_too() -> None:
+    with remote(INSTRUMENT) as client:
+        kind = type("MoveTo", (MoveTo,), {"__module__": MoveTo.__module__})
+        assert action_of(kind()) == ANY
+        found = client.execute(kind(x=5e-9)).result
+        assert isinstance(found, Standing)
+        assert found.x == pytest.approx(5e-9, rel=1e-9)
