@@ -6,8 +6,7 @@ from pathlib import Path
 from afm_model import ScenarioError
 
 from .domain import end
-from .parameter_file import write_parameters
-from .scenario import add_overrides, read_scenario
+from .scenario_input import add_overrides, read_scenario, write_parameters
 
 
 def main() -> int:

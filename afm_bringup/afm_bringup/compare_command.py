@@ -9,7 +9,7 @@ from afm_model.core.registry import names
 from .compare_page import page
 from .domain import end
 from .node_law import node_contender
-from .scenario import read_scenario
+from .scenario_input import read_scenario
 
 CSV, LATEX, PAGE = "comparison.csv", "ranking.tex", "comparison.html"
 """Files in the folder of the results."""

@@ -21,9 +21,8 @@ from .exam.connection import TopicConnection
 from .exam.log import Log
 from .exam.procedure import Procedure
 from .exam.rules import Outcome, Terms, Verdict, exit_code, judge
-from .parameter_file import write_parameters
 from .processes import Processes
-from .scenario import read_scenario
+from .scenario_input import read_scenario, write_parameters
 
 _CONTROLLER = "the controller"
 _END_TIME = 10.0

@@ -15,17 +15,17 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from afm_model import Scenario
 from afm_model.core.schema import flatten
-from afm_model.studies.checks import implausible, start_warnings
+from afm_model.studies.start_checks import implausible, start_warnings
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
 from .files import executable
 from .follow import STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
-from .parameter_file import write_parameters
 from .processes import Processes
 from .results import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .results_folder import CARD, PICTURE, RECORDING, FolderError, ResultsFolder
+from .scenario_input import write_parameters
 
 _START_TIMEOUT = 180.0
 """Wall time for all nodes to start and see each other; a first start compiles the kernels [s]."""

@@ -20,7 +20,7 @@ class Estimate(NamedTuple):
         return f"{self.value:.6g} +- {self.uncertainty:.2g}"
 
 
-class Line(NamedTuple):
+class StraightLine(NamedTuple):
     """A straight line y = slope x + intercept, as found."""
 
     slope: Estimate
@@ -28,7 +28,7 @@ class Line(NamedTuple):
     rms: float  # of what is left, in the unit of y
 
 
-def straight_line(x: ArrayLike, y: ArrayLike) -> Line:
+def straight_line(x: ArrayLike, y: ArrayLike) -> StraightLine:
     """Straight line through points by least squares.
 
     Parameters
@@ -50,7 +50,7 @@ def straight_line(x: ArrayLike, y: ArrayLike) -> Line:
     height = float(y.mean())
     left = y - height - slope * (x - middle)
     variance = float(left @ left) / (x.size - 2) if x.size > 2 else math.nan
-    return Line(
+    return StraightLine(
         Estimate(slope, math.sqrt(variance / spread)),
         Estimate(height - slope * middle, math.sqrt(variance * (1.0 / x.size + middle * middle / spread))),
         math.sqrt(variance),

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from ..contact.maugis import MODELS
 from .contact_problem import TABOR, Problem, Solution
-from .curves import force_curve, in_contact
 from .estimate import Estimate, binned, correlation_length
+from .force_curves import force_curve, in_contact
 
 REACH = 0.165e-9
 """Range of the adhesive stress that is usually taken [m]."""

@@ -8,7 +8,7 @@ implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (2
 
 from typing import Any
 
-from ..contact.table import table
+from ..contact.contact_table import table
 from ..core.jit import kernel
 from ..core.records import record_at
 from ..parts.header import BlockHeader

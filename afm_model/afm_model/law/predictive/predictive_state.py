@@ -6,10 +6,10 @@ import numpy as np
 
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
-from .estimate import MEAN, VALUE
 from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
 from .predictive_constants import ANSWERS, INTERVALS, SLOTS
+from .sample_estimate import MEAN, VALUE
 
 
 class State(Record):
@@ -46,7 +46,7 @@ class State(Record):
     rise: float  # acceleration along z by more than following the surface takes
     at_x: float  # where the scanner was at the last measurement
     at_y: float
-    # Height of the sample under the tip there, and its slopes along the way: afm_model.law.predictive.estimate.
+    # Height of the sample under the tip there, and its slopes along the way: sample_estimate.py.
     H: Annotated[Array, (10,)]
     ratio: Annotated[Array, (10,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it

@@ -14,7 +14,7 @@ from afm_node_common.runner import Interrupted
 
 from .domain import NoDomainError, claimed_domain, end
 from .follow import STALL_TIMEOUT
-from .scenario import add_overrides, foreign_sections, read_scenario
+from .scenario_input import add_overrides, foreign_sections, read_scenario
 from .session import COMPOSED, EXTERNAL, OWN, Session, SessionError
 
 

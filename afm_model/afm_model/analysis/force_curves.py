@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, Line, mean, straight_line
+from .estimate import Estimate, StraightLine, mean, straight_line
 
 _Array = NDArray[np.float64]
 _FREE = 0.2
@@ -92,7 +92,7 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
     rise = float(v_in.max()) - base
     if not rise > 0.0:
         raise ValueError("the voltage does not rise on the approach: the tip does not reach the sample")
-    lines: list[Line] = []
+    lines: list[StraightLine] = []
     for way, signal in ((z_in, v_in), (z_out[::-1], v_out[::-1])):
         part = _pressed(signal, base + low * rise, base + high * rise)
         if part.stop - part.start < _FEWEST:
