@@ -30,7 +30,7 @@ class _Values(Record):
 
 
 class Telemetry:
-    """Publishes afm_msgs/Telemetry while somebody listens.
+    """Publishes afm_msgs/Telemetry while there is a subscriber.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class State(Record):
     fired: float  # 1.0 if the last step with a trigger has ended by it
 
 
-def _values(parameters: Tree) -> Numbers:
+def values(parameters: Tree) -> Numbers:
     program = parameters.reference
     zeros: dict[str, Any] = {name: 0.0 for name in Constants.names}
     x, y = (((place,) + (0.0,) * (DEGREES - 1)) for place in (program.x, program.y))
@@ -83,7 +83,7 @@ def _values(parameters: Tree) -> Numbers:
     return zeros | {"z_r": program.z_r, "curve_time": 1.0, "curve_x": x, "curve_y": y, "half_sample": half}
 
 
-def _start(parameters: Tree) -> Numbers:
+def start(parameters: Tree) -> Numbers:
     zeros = {name: 0.0 for name in State.names}
     return zeros | {"done": 1.0, "at": END, "mode": OPEN}
 
@@ -264,8 +264,8 @@ VERBS = Program(
     parameters=VerbsParameters,
     constants=Constants,
     state=State,
-    values=_values,
-    start=_start,
+    values=values,
+    start=start,
     check=_check,
     reference=reference,
     watch=watch,
