@@ -36,7 +36,7 @@ def allowed(u: Any) -> bool:
 
 @kernel
 def command_at(address: int) -> Any:
-    """The command that stands at an address: in the block, or received behind a fault."""
+    """The command at an address: in the block, or in the memory of a fault."""
     return record_at(numbers_at(address, _SIZE), 0, PiezoDrive)
 
 

@@ -184,7 +184,7 @@ def retract(m: Block, k: int) -> None:
 
 @kernel
 def watch_limits(m: Block, k: int) -> None:
-    """Look at what came of the tick just made, before tick k."""
+    """Check the limits after the last tick, before tick k."""
     g = record_at(m, 0, BlockHeader)
     p, s = record_at(m, g.limits, LimitConstants), record_at(m, g.guard, GuardState)
     if s.phase == WITHDRAWN:

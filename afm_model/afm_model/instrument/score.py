@@ -96,7 +96,7 @@ def count_step(t: Any, o: Any, a: Any, b: Any, f: float, period: float) -> None:
 
 @dataclass(frozen=True)
 class ScoreSummary:
-    """The scored part of a run, SI units. Arrays of three are x, y, z; NaN where there is nothing to tell.
+    """The scored part of a run, SI units. Arrays of three are x, y, z; NaN where there is no value.
 
     Names and order are those of afm_msgs/Score.
     """

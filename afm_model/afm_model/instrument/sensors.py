@@ -1,4 +1,4 @@
-"""Position sensors and rates: what a measurement tells of positions, velocities and the rate of the deflection.
+"""Position sensors and rates: positions, velocities and the rate of the deflection in a measurement.
 
 Ideal sensors tell the true velocities. If the position sensors are not ideal they are read at the rate of the virtual
 ADC, and velocities are differences of two readings, divided by the time between them; the same holds for the deflection
@@ -19,7 +19,7 @@ from ..parts.part import Numbers
 
 
 class SensorConstants(LowPass):
-    """Of the low-pass of the positions; whether positions and deflection are measured, not told."""
+    """Of the low-pass of the positions; whether positions and deflection are imperfect."""
 
     positions: float
     deflection: float

@@ -37,7 +37,7 @@ from .sensors import SensorConstants, SensorState, sense, tell_sensors
 
 _Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED, STOPPED = range(4)
-"""What became of a tick. STOPPED: it moved, and with it an order was done or the drive has changed hands."""
+"""Outcome of a tick. STOPPED: it moved, and an order was completed or a limit has taken or returned the drive."""
 RANGE = 1e-3
 """Position beyond which the motion has diverged: hundreds of times the range of any scanner [m]."""
 _REFERENCE_SIZE = size(Setpoint)
@@ -81,7 +81,7 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
 
 @kernel
 def start(m: Block, noise: Any, position_noise: Any, faults: Any) -> None:
-    """The first measurement, of the plant as it stands."""
+    """The first measurement, of the plant at its start."""
     g = record_at(m, 0, BlockHeader)
     observe(record_at(m, g.truth, Truth), m)
     reference(0.0, record_at(m, g.asked, Setpoint), m)
@@ -245,7 +245,7 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
             control(round(c.k * c.period_ns) * 1e-9, y, u, law)
         phase = guard.phase
         if phase != RUNNING:
-            # What is refused does not depend on who has the drive.
+            # A drive is refused also while a limit controls the drive.
             if not allowed(u):
                 return REFUSED
             take_drive(m, c.k >= c.score_tick)

@@ -19,7 +19,7 @@ class Chirp(LawParameters):
     f_low: Annotated[Positive, Unit("Hz")] = Field(100.0, description="frequency at the start")
     f_high: Annotated[Positive, Unit("Hz")] = Field(1500.0, description="frequency after law.sweep_time")
     sweep_time: Annotated[Positive, Unit("s")] = Field(
-        0.2, description="time from law.f_low to law.f_high; the sine goes on at law.f_high then"
+        0.2, description="time from law.f_low to law.f_high; then the sine continues at law.f_high"
     )
 
 

@@ -1,4 +1,4 @@
-"""Constants of the equations of motion, derived once from the SI parameters, and what both plants tell of their state.
+"""Constants of the equations of motion, derived once from the SI parameters, and true values of both plants.
 
 Units: time 1/w0, lateral length x0, vertical length z0, lateral acceleration w0^2 x0, normal force m_c w0^2 z0;
 docs/theory.md (22), (23), and (2), (3), (13) for the contact.

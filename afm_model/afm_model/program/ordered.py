@@ -237,7 +237,7 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
         p.size, p.first, p.step, p.lines = motion.size, motion.first, motion.step, motion.lines
         p.image, p.turn = motion.image * sample, motion.turn * sample
         p.speed = motion.size / p.image
-        # A sample is taken in the middle of what it stands for: then trace and retrace lie on one another.
+        # A sample is taken in the middle of its interval: then trace and retrace coincide.
         p.shift = 0.5 * sample
         ticks = ticks_of(motion.samples * sample, control)
     elif isinstance(motion, Sampled):

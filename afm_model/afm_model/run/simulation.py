@@ -224,7 +224,7 @@ def run(
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
 
     def pacing(engine: Engine) -> Pacing:
-        # A law of ours is compiled, or called from compiled code; whoever answers otherwise is asked tick by tick.
+        # A law is compiled, or called from compiled code; other objects are called tick by tick.
         if isinstance(law, Controller) and type(law).answer is Controller.answer:
             return Compiled(engine, law)
         return Asked(engine, law)
