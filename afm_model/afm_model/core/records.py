@@ -149,6 +149,28 @@ def _compiled_numbers_of(record):  # type: ignore[no-untyped-def]
     return lambda record: _numbers_of(record)
 
 
+def address_at(block: Block, index: int) -> int:
+    """Where in memory `block[index]` stands, for `numbers_at`."""
+    return block[index:].ctypes.data
+
+
+def _address(typing_context: Any, block: Any, index: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        values, at = arguments
+        place = builder.gep(data_pointer(context, builder, block, values), [at], inbounds=True)
+        return builder.ptrtoint(place, context.get_value_type(types.int64))
+
+    return types.int64(block, types.intp), generate
+
+
+_address_at: Any = intrinsic(_address)
+
+
+@overload(address_at, jit_options={"forceinline": True})
+def _compiled_address(block, index):  # type: ignore[no-untyped-def]
+    return lambda block, index: _address_at(block, index)
+
+
 def numbers_at(address: int, count: int) -> Block:
     """The `count` float64 numbers at an address: an array of any length that is kept beside a block.
 

@@ -4,7 +4,7 @@ from ..core.registry import register
 from ..parts.groups import FaultParameters
 from .entry import KINDS, LATENCY_TICKS, NEVER, TARGETS, Entry
 from .events import acted, active, events
-from .memory import CONSTANTS, MEMORY, SENSED
+from .memory import CONSTANTS, MEMORY, ON_THEIR_WAY, SENSED
 from .none import NONE
 from .schedule import SCHEDULED, Schedule, faults_of, table
 
@@ -17,6 +17,7 @@ __all__ = [
     "MEMORY",
     "NEVER",
     "NONE",
+    "ON_THEIR_WAY",
     "SCHEDULED",
     "SENSED",
     "TARGETS",

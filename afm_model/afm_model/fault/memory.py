@@ -12,7 +12,6 @@ MOST = 16
 """Faults at a time at most: those that are over, and those that have not begun, take no place."""
 SLOTS = LATENCY_TICKS + 1
 """Messages of each direction that may be on their way."""
-COMMAND_SIZE = size(COMMAND)
 SENSED = place(MEASUREMENT, "reference_position")
 """Numbers at the begin of a measurement that sensors have told."""
 
@@ -42,18 +41,22 @@ MEMORY = record(
     "passed_voltage",  # and its drive [V]
     "begun",  # of each fault: whether `held` has been taken
     "held",  # value of a stuck signal
+    "messages",  # address of the record ON_THEIR_WAY
+    vectors=("passed_voltage",),
+    integers=("shown", "in_force", "passed", "begun", "messages"),
+    arrays={"begun": (MOST,), "held": (MOST,)},
+)
+ON_THEIR_WAY = record(
     "shown_at",  # tick at which sensor values arrive, by slot
     "arrives_at",  # the same of a command; negative: it is lost, or there was none
     "sensed",  # sensor values, by slot
     "commands",  # commands, by slot
-    vectors=("passed_voltage",),
-    integers=("shown", "in_force", "passed", "begun", "shown_at", "arrives_at"),
+    integers=("shown_at", "arrives_at"),
     arrays={
-        "begun": (MOST,),
-        "held": (MOST,),
         "shown_at": (SLOTS,),
         "arrives_at": (SLOTS,),
         "sensed": (SLOTS, SENSED),
-        "commands": (SLOTS, COMMAND_SIZE),
+        "commands": (SLOTS, size(COMMAND)),
     },
 )
+"""Messages on their way, 3.2 MB: kept beside the block, once there is a fault of messages."""

@@ -7,17 +7,18 @@ import math
 from typing import Any
 
 from ..core.jit import kernel
-from ..core.records import numbers_of, record_at
+from ..core.records import numbers_at, numbers_of, record_at, size
 from ..parts.signals import COMMAND, copy_command
 from ..parts.timing import ticks_of
 from .chance import uniform
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
-from .memory import SENSED, SLOTS
+from .memory import ON_THEIR_WAY, SENSED, SLOTS
 
 _KINDS = list(KINDS)
 _LATENCY, _JITTER, _LOSS = (_KINDS.index(name) + 1 for name in ("latency", "jitter", "loss"))
 MEASUREMENT_MESSAGE, DRIVE_MESSAGE = (TARGETS.index(name) for name in MESSAGES)
 _NEVER = -1
+_SIZE = size(ON_THEIR_WAY)
 
 _ticks_of = kernel(ticks_of)
 
@@ -51,26 +52,26 @@ def delay_measurement(k: int, y: Any, e: Any, p: Any, f: Any) -> None:
         arrives = 0
     elif arrives < 0:
         e.lost = 1.0
-    told = numbers_of(y)
+    told, sent = numbers_of(y), record_at(numbers_at(f.messages, _SIZE), 0, ON_THEIR_WAY)
     slot = k % SLOTS
-    f.shown_at[slot] = arrives
+    sent.shown_at[slot] = arrives
     for i in range(SENSED):
-        f.sensed[slot, i] = told[i]
+        sent.sensed[slot, i] = told[i]
     j = k
     while j > f.shown and j > k - SLOTS:
-        if 0 <= f.shown_at[j % SLOTS] <= k:
+        if 0 <= sent.shown_at[j % SLOTS] <= k:
             f.shown = j
             break
         j -= 1
     slot = f.shown % SLOTS
     for i in range(SENSED):
-        told[i] = f.sensed[slot, i]
+        told[i] = sent.sensed[slot, i]
 
 
 @kernel
 def delay_command(k: int, u: Any, arrived: Any, p: Any, f: Any) -> None:
     """Write what has arrived by tick k, of the commands up to u of this tick."""
-    v = f.passed_voltage
+    v, sent = f.passed_voltage, record_at(numbers_at(f.messages, _SIZE), 0, ON_THEIR_WAY)
     same = u.voltage[0] == v[0] and u.voltage[1] == v[1] and u.voltage[2] == v[2]
     new = u.sequence != f.passed
     f.passed = u.sequence
@@ -78,16 +79,16 @@ def delay_command(k: int, u: Any, arrived: Any, p: Any, f: Any) -> None:
         v[axis] = u.voltage[axis]
     slot = k % SLOTS
     # In real time a drive is held until the next message comes: that is none.
-    f.arrives_at[slot] = _arrival(k, DRIVE_MESSAGE, p) if new else _NEVER
+    sent.arrives_at[slot] = _arrival(k, DRIVE_MESSAGE, p) if new else _NEVER
     if not new and not same:
         # Nor is what the instrument does by itself, as when it retracts the sample: that takes effect at once.
-        f.arrives_at[slot] = k
-    if f.arrives_at[slot] >= 0:
-        copy_command(u, record_at(f.commands[slot], 0, COMMAND))
+        sent.arrives_at[slot] = k
+    if sent.arrives_at[slot] >= 0:
+        copy_command(u, record_at(sent.commands[slot], 0, COMMAND))
     j = k
     while j > f.in_force and j > k - SLOTS:
-        if 0 <= f.arrives_at[j % SLOTS] <= k:
+        if 0 <= sent.arrives_at[j % SLOTS] <= k:
             f.in_force = j
-            copy_command(record_at(f.commands[j % SLOTS], 0, COMMAND), arrived)
+            copy_command(record_at(sent.commands[j % SLOTS], 0, COMMAND), arrived)
             break
         j -= 1

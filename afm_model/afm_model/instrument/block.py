@@ -40,7 +40,7 @@ LOOP = record(
     "clipped",  # updates of the drive since the start that were beyond its range
     "steep",  # that were steeper than the slew limit
     "in_force",  # measurement that the drive in force answers
-    "received",  # where the command stands that has arrived last
+    "received",  # address of the command that has arrived last
     "score_tick",  # first tick that is scored
     "control_period",  # [s]
     "dac_period",  # [s]
@@ -102,7 +102,7 @@ class Layout:
         for name in ("applied", "regulated", "effective"):
             self._add(name, DRIVE)
         self._add("commanded", COMMAND)
-        self._add("received", COMMAND)
+        self.places["received"] = 0
         self._add("asked", REFERENCE)
         self._add("asked_next", REFERENCE)
         self._add("truth", TRUTH)

@@ -57,12 +57,13 @@ class Controller:
         self._command = CommandRecord(self._answer)
         self._drive, self._horizon_count = self._command.voltage, self._command.horizon_count
         self._law: Assembled | None = None
+        self._memory = np.zeros(0)
         self.parameters = parameters
 
     @property
     def parameters(self) -> ControllerParameters:
         """The parameters in force; assigning changes the law from the next measurement on. Its state goes on, unless
-        the law is another one.
+        the law is another one, or needs another amount of memory.
         """
         return self._parameters
 
@@ -76,16 +77,24 @@ class Controller:
         for name, value in {**chosen.places, "law_constants": constants, "law_state": state}.items():
             header[name] = value
         chosen.fill_constants(block, constants, parameters)
-        if self._law is not None and self._law.part is chosen.part:
+        kept: Any = chosen.part
+        memory = 0 if kept.memory is None else kept.memory[1](parameters)
+        goes_on = self._law is not None and self._law.part is chosen.part and memory == len(self._memory)
+        if goes_on:
             block[state:] = self.block[self._state_at :]
-        else:
-            chosen.fill_start(block, state, parameters)
         self._law, self._parameters, self.block, self._state_at = chosen, parameters, block, state
+        if not goes_on:
+            self._memory = np.zeros(memory)
+            self.reset()
 
     def reset(self) -> None:
         """Put the state of the law to its start."""
         assert self._law is not None
         self._law.fill_start(self.block, self._state_at, self._parameters)
+        part: Any = self._law.part
+        if part.memory is not None:
+            self._memory[:] = 0.0
+            self.state[part.memory[0]] = self._memory.ctypes.data
 
     @property
     def state(self) -> Any:

@@ -5,7 +5,7 @@ from typing import Any
 
 from ..core.converter import convert
 from ..core.jit import kernel
-from ..core.records import Block, record_at, size
+from ..core.records import Block, address_at, numbers_at, record_at, size
 from ..parts.dispatch import on_drive
 from ..parts.header import HEADER
 from ..parts.signals import COMMAND, DRIVE, LONGEST_HORIZON, copy_command
@@ -35,23 +35,29 @@ def allowed(u: Any) -> bool:
 
 
 @kernel
+def command_at(address: int) -> Any:
+    """The command that stands at an address: in the block, or received behind a fault."""
+    return record_at(numbers_at(address, _SIZE), 0, COMMAND)
+
+
+@kernel
 def due(m: Block) -> int:
-    """Where in the block the command stands that is due at this tick: the one received `delay` ticks ago."""
+    """Address of the command that is due at this tick: the one received `delay` ticks ago."""
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
     if c.delay == 0:
         return int(c.received)
     slots = c.delay + 1
-    copy_command(record_at(m, c.received, COMMAND), record_at(m, g.line + _SIZE * (c.k % slots), COMMAND))
-    return int(g.line + _SIZE * ((c.k + 1) % slots))
+    copy_command(command_at(c.received), record_at(m, g.line + _SIZE * (c.k % slots), COMMAND))
+    return address_at(m, g.line + _SIZE * ((c.k + 1) % slots))
 
 
 @kernel
 def put_in_force(m: Block, at: int, late: float, faults: Any) -> None:
-    """Apply what the command at place `at` holds for a time `late` after the begin of this tick [s]."""
+    """Apply what the command at address `at` holds for a time `late` after the begin of this tick [s]."""
     g = record_at(m, 0, HEADER)
     c = record_at(m, g.loop, LOOP)
-    u = record_at(m, at, COMMAND)
+    u = command_at(at)
     a = record_at(m, g.applied, DRIVE)
     x, y, z = a.voltage[0], a.voltage[1], a.voltage[2]
     i = 0

@@ -4,11 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import ParameterError
-from ..core.records import record_at
-from ..fault import CONSTANTS, MEMORY, NEVER, SCHEDULED, SENSED, faults_of, table
+from ..core.records import record_at, size
+from ..fault import CONSTANTS, MEMORY, NEVER, ON_THEIR_WAY, SCHEDULED, SENSED, faults_of, table
 from ..parameters import InstrumentParameters
 from ..parts.header import HEADER
-from ..parts.signals import copy_command
+from ..parts.signals import COMMAND, copy_command
 from .block import Layout
 
 _TOLD = ("begun", "held")
@@ -42,7 +42,8 @@ class Faults:
         if self._scheduled:
             self._table = record_at(block, layout.places["fault_constants"], CONSTANTS)
             self._memory = record_at(block, layout.places["fault_state"], MEMORY)
-            self._header = record_at(block, 0, HEADER)
+        self._header = record_at(block, 0, HEADER)
+        self._of_messages = self._received = np.zeros(0)
         self._names: list[str] = []
         self.until = NEVER
         """Before this tick is computed, `renew` must be called."""
@@ -53,8 +54,12 @@ class Faults:
             for sort in _SORTS:
                 self._table[sort] = 0
             self._fill(0)
-        if self.there:
-            self._begin_commands(-1)
+            if self._table.on_measurements > 0:
+                self._make_room()
+            if self._table.on_commands > 0:
+                self._begin_commands(-1)
+        elif self._header.fault_on_command != 0:
+            self._receive()
 
     def put_in_force(self, parameters: InstrumentParameters) -> None:
         """Take the schedule of `parameters` from the next tick on; a fault that is there already goes on.
@@ -98,19 +103,33 @@ class Faults:
             called = any(self._table[sort] > 0 for sort in sorts)
             self._header[f"fault_{hook}"] = addresses[f"fault_{hook}"] if called else 0
 
+    def _make_room(self) -> None:
+        """Have room for messages on their way, empty at first."""
+        if self._memory.messages == 0:
+            self._of_messages = np.zeros(size(ON_THEIR_WAY))
+            self._memory.messages = self._of_messages.ctypes.data
+
+    def _receive(self) -> None:
+        """What is commanded now has arrived."""
+        self._received = np.zeros(size(COMMAND))
+        self._header.received = self._received.ctypes.data
+        copy_command(self._layout.record(self._block, "commanded"), record_at(self._received, 0, COMMAND))
+
     def _begin_commands(self, tick: int) -> None:
         """From now on commands are remembered: the one of `tick` is in force."""
+        self._make_room()
+        self._receive()
         f = self._memory
         commanded = self._layout.record(self._block, "commanded")
         f.in_force, f.passed = tick, commanded.sequence
         f.passed_voltage[:] = commanded.voltage
-        f.arrives_at[:] = -1
-        copy_command(commanded, self._layout.record(self._block, "received"))
+        record_at(self._of_messages, 0, ON_THEIR_WAY).arrives_at[:] = -1
 
     def _begin_measurements(self, tick: int) -> None:
         """From now on sensor values are remembered: those of `tick` have been told."""
-        f = self._memory
-        f.shown = tick
+        self._make_room()
+        self._memory.shown = tick
+        f = record_at(self._of_messages, 0, ON_THEIR_WAY)
         slot = tick % len(f.shown_at)
         f.shown_at[:] = -1
         f.shown_at[slot] = tick

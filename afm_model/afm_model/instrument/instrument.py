@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import DivergenceError, DriveError, ParameterError
-from ..core.records import record_at, size
+from ..core.records import address_at, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.command import Command, CommandRecord, problem
 from ..parts.part import Channel
@@ -120,11 +120,11 @@ class Instrument:
                 part.begin(parameters, layout.record(block, f"{family}_state"), held)
         line = layout.places["line"]
         on_their_way = [line + slot * size(COMMAND) for slot in range(line_slots(parameters))]
-        for command in (layout.places["commanded"], layout.places["received"], *on_their_way):
+        for command in (layout.places["commanded"], *on_their_way):
             u = record_at(block, command, COMMAND)
             u.sequence, u.voltage[:], u.horizon_count = -1, held, 0
         loop = layout.record(block, "loop")
-        loop.in_force, loop.received = -1, layout.places["commanded"]
+        loop.in_force, loop.received = -1, address_at(block, layout.places["commanded"])
         self._faults.reset()
         self._recorded.reset()
         self.ticks = self._drawn = self._prepared = 0

@@ -30,7 +30,7 @@ from ..parts.header import HEADER, LAW_HEADER
 from ..parts.signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, GIVEN, MEASUREMENT, REFERENCE, TRUTH
 from .block import LOOP
 from .drift import DRIFT, DRIFTED, drift, wander
-from .drive import allowed, due, put_in_force
+from .drive import allowed, command_at, due, put_in_force
 from .limits import GUARD, LIMITS, RUNNING, has_z, take_drive, watch_limits
 from .score import SUMS, count_step
 from .sensors import READ, SENSORS, sense, tell_sensors
@@ -68,7 +68,7 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
     for axis in range(3):
         y.drive[axis] = a.voltage[axis]
     y.drive_sequence = c.in_force
-    y.newest_drive_sequence = record_at(m, c.received, COMMAND).sequence
+    y.newest_drive_sequence = command_at(c.received).sequence
     r = record_at(m, g.asked, REFERENCE)
     for axis in range(3):
         y.reference_position[axis] = r.position[axis]
@@ -137,9 +137,9 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     on_sample(c.k, record_at(m, g.displacement, DISPLACEMENT), m)
     if g.fault_on_command != 0:
         c.received = g.received
-        on_command(c.k, record_at(m, g.commanded, COMMAND), record_at(m, g.received, COMMAND), m)
+        on_command(c.k, record_at(m, g.commanded, COMMAND), command_at(g.received), m)
     command = due(m)
-    c.in_force = record_at(m, command, COMMAND).sequence
+    c.in_force = command_at(command).sequence
     put_in_force(m, command, 0.0, faults)
     guard = record_at(m, g.guard, GUARD)
     z_given = record_at(m, g.limits, LIMITS).z_inside != 0.0 and has_z(guard)

@@ -50,12 +50,12 @@ _OF_THE_LOOP = [
 HEADER = record(*_OF_PARTS, *_OF_THE_LOOP, integers=(*_OF_PARTS, *_OF_THE_LOOP))
 """Of each part: the addresses of its functions (0: it has none), where its constants and its state begin.
 
-Then where the rest begins: the record of the loop; measurement; the drive as commanded, as received behind a fault, as
-applied (behind range, resolution, delay), as changed by the onboard part, as the piezo makes it; the reference at this
-tick and at the next; truth, detection, surface; what a fault does to the sample and to a measurement; the maps of
-sample and plant; sums of the score; what is hashed; the line of drives on their way; the places of the channels;
-constants of the position sensors and what they have read; the same of the drift; the limits, and
-where they stand.
+Then where the rest begins: the record of the loop; measurement; the drive as commanded, as received behind a fault
+(its address), as applied (behind range, resolution, delay), as changed by the onboard part, as the piezo makes it; the
+reference at this tick and at the next; truth, detection, surface; what a fault does to the sample and to a
+measurement; the maps of sample and plant; sums of the score; what is hashed; the line of drives on their way; the
+places of the channels; constants of the position sensors and what they have read; the same of the drift; the limits,
+and where they stand.
 
 Last, where in a row of the random numbers those of the plant, the sensors, the detector, the drift and the fault begin,
 and how long a row is.

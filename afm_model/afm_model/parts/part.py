@@ -168,6 +168,10 @@ class Law(Part):
     control: Kernel
     warnings: Callable[[Tree, float], list[str]] = lambda parameters, control_period: []
     """(parameters, control period [s]) -> why the loop cannot work at this rate, a sentence each."""
+    memory: tuple[str, Callable[[Tree], int]] | None = None
+    """Numbers that it keeps beside its state, zeros at the start: the field of the state in which their address stands,
+    to be read by `numbers_at`, and parameters -> how many. Where that changes the law begins anew.
+    """
     knowledge: str = ""
     """What it uses: measurements; what it must be told of the microscope. For comparisons, in words."""
 

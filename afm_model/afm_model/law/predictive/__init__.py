@@ -1,7 +1,7 @@
 """Friction-predicting control, docs/laws.md: a law that knows that friction sticks, and acts before it does."""
 
 from ...parts.part import Law
-from .predictive_constants import CONSTANTS, values
+from .predictive_constants import ANSWERS, CONSTANTS, longest, values
 from .predictive_control import control
 from .predictive_law import PredictiveLaw, check, warnings
 from .predictive_state import STATE, start
@@ -16,6 +16,7 @@ PREDICTIVE = Law(
     check=check,
     warnings=warnings,
     control=control,
+    memory=("sent", lambda parameters: 3 * ANSWERS * longest(parameters)),
 )
 
 __all__ = ["PREDICTIVE", "PredictiveLaw"]

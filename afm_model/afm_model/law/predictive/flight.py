@@ -11,7 +11,7 @@ from typing import Any
 from ...core.jit import kernel, routine
 from .asked import ask
 from .decide import decide
-from .nominal_plant import predict
+from .nominal_plant import drives_of, predict
 from .predictive_constants import ANSWERS, SLOTS
 
 
@@ -45,18 +45,20 @@ def recall(k: int, y: Any, p: Any, s: Any) -> None:
                 s.plan[j, axis] = y.drive[axis] / p.volts[axis]
         else:
             at = min((k - answered) * p.slots + j, s.lengths[answered % ANSWERS] - 1)
+            sent = drives_of(answered % ANSWERS, p, s)
             for axis in range(3):
-                s.plan[j, axis] = s.sent[answered % ANSWERS, at, axis]
+                s.plan[j, axis] = sent[3 * at + axis]
 
 
 @kernel
-def remember(k: int, planned: int, s: Any) -> None:
+def remember(k: int, planned: int, p: Any, s: Any) -> None:
     """Keep the answer to measurement k: so many slots of the plan."""
     s.answered[k % ANSWERS] = k
     s.lengths[k % ANSWERS] = planned
+    sent = drives_of(k % ANSWERS, p, s)
     for i in range(planned):
         for axis in range(3):
-            s.sent[k % ANSWERS, i, axis] = s.plan[i, axis]
+            sent[3 * i + axis] = s.plan[i, axis]
 
 
 @kernel

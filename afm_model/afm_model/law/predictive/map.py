@@ -152,4 +152,4 @@ def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
         weight = s.gain[j] / variance
         for k in range(NODES):
             seen = s.covariance[j, k] - weight * s.gain[k]
-            s.covariance[j, k] = seen + fade * (s.prior[j, k] - seen)
+            s.covariance[j, k] = seen + fade * (s.prior[(j - k) % NODES] - seen)

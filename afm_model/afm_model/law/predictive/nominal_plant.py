@@ -7,6 +7,7 @@ from typing import Any
 
 from ...contact.friction import friction_impulse
 from ...core.jit import kernel, routine
+from ...core.records import Block, numbers_at, pointer_at
 from ...sample.paper import surface
 from .map import read_map
 from .predictive_constants import ANSWERS, KNOWN, LEARNED, SLOTS
@@ -98,6 +99,13 @@ def take_load(y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
+def drives_of(kept: int, p: Any, s: Any) -> Block:
+    """Drives of the answer kept at this place, x, y, z of one slot behind the other."""
+    count = 3 * p.longest
+    return pointer_at(numbers_at(s.sent, ANSWERS * count), kept * count)
+
+
+@kernel
 def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
     """Move the copy of the plant from the last measurement to measurement k, under the drives that were in force."""
     kept = max(y.drive_sequence, 0) % ANSWERS
@@ -107,5 +115,6 @@ def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
             x, y_, z = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1], y.drive[2] / p.volts[2]
             if known:
                 at = max(0, min((s.last + ahead - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
-                x, y_, z = s.sent[kept, at, 0], s.sent[kept, at, 1], s.sent[kept, at, 2]
+                sent = drives_of(kept, p, s)
+                x, y_, z = sent[3 * at], sent[3 * at + 1], sent[3 * at + 2]
             predict(x, y_, z, p, s)

@@ -43,6 +43,7 @@ _SCALARS = (
     "delay",  # slots until the drive of an answer is in force
     "count",  # drives in an answer, without the reserve
     "reserve",  # drives of the reserve
+    "longest",  # drives of an answer with all that, those in force before it included
     "fine",  # fine intervals in a slot
     "horizon",  # fine intervals in the horizon
     "tau",  # length of a fine interval
@@ -101,7 +102,7 @@ CONSTANTS = record(
     "of_drive",
     vectors=("stiffness", "damping", "volts"),
     integers=(
-        *("slots", "delay", "count", "reserve", "fine", "horizon", "refined", "steps"),
+        *("slots", "delay", "count", "reserve", "longest", "fine", "horizon", "refined", "steps"),
         *("surface", "identified", "measured", "together"),
     ),
     arrays={
@@ -114,6 +115,12 @@ CONSTANTS = record(
         "G": (3, INTERVALS, 2),
     },
 )
+
+
+def longest(parameters: Tree) -> int:
+    """Drives of the longest answer, those in force before it included."""
+    law = parameters.law
+    return int(law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve)
 
 
 def values(parameters: Tree) -> Numbers:
@@ -179,6 +186,7 @@ def values(parameters: Tree) -> Numbers:
         "delay": law.delay_ticks * slots,
         "count": slots * (1 + spare),
         "reserve": law.reserve,
+        "longest": longest(parameters),
         "fine": division.fine,
         "horizon": n,
         "tau": slot / division.fine,

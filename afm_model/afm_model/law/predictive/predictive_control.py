@@ -96,6 +96,6 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     if p.reserve > 0:
         extend(k, p, s)
         planned += s.reserve_end - first_of_reserve(k, p)
-    remember(k, planned, s)
+    remember(k, planned, p, s)
     answer(planned, u, p, s)
     s.started = 1.0

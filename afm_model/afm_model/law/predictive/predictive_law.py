@@ -10,7 +10,7 @@ from ...core.schema import NonNegative, Positive, Unit
 from ...parts.part import Tree
 from ..sampled import SampledLaw
 from .gains import grid
-from .predictive_constants import INTERVALS, LONGEST_DELAY, SLOTS, SURFACES
+from .predictive_constants import INTERVALS, LONGEST_DELAY, SLOTS, SURFACES, longest
 
 
 class PredictiveLaw(SampledLaw):
@@ -66,7 +66,7 @@ def check(parameters: Tree) -> None:
         )
     if law.delay_ticks > LONGEST_DELAY:
         raise ValueError(f"law.delay_ticks = {law.delay_ticks} is not allowed: it must be <= {LONGEST_DELAY}")
-    slots = law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve
+    slots = longest(parameters)
     if slots > SLOTS:
         raise ValueError(
             f"law.packet = {law.packet} with law.delay_ticks = {law.delay_ticks}, law.spare = {law.spare} and "

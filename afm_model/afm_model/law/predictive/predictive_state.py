@@ -11,9 +11,9 @@ from .sample_estimate import MEAN, VALUE
 
 STATE = record(
     "started",
-    "answered",  # the last measurements answered, and the drives of each answer
-    "lengths",  # how many these are
-    "sent",
+    "answered",  # the last measurements answered
+    "lengths",  # of the drives of each answer
+    "sent",  # address of the drives of each answer
     "last",  # number of the last measurement
     "estimate",  # position and rate there
     "grip",  # measured friction along its direction; no measurement: zero
@@ -87,7 +87,7 @@ STATE = record(
     "asked",  # what each fine interval asks for
     "friction",  # bound of friction in it
     "direction",  # and its direction
-    integers=("answered", "lengths", "last", "reserve_end"),
+    integers=("answered", "lengths", "sent", "last", "reserve_end"),
     arrays={
         "H": (10,),
         "ratio": (10,),
@@ -104,14 +104,13 @@ STATE = record(
         "change": (5,),
         "answered": (ANSWERS,),
         "lengths": (ANSWERS,),
-        "sent": (ANSWERS, SLOTS, 3),
         "plan": (SLOTS, 3),
         "reserved": (6,),
         "kept": (SLOTS, 3),
         "map_H": (NODES,),
         "map_ratio": (NODES,),
         "covariance": (NODES, NODES),
-        "prior": (NODES, NODES),
+        "prior": (NODES,),
         "gain": (NODES,),
         "visited": (NODES,),
         "p": (3,),
@@ -138,9 +137,10 @@ def start(parameters: Tree) -> Numbers:
     noise = law.position_noise / parameters.scales.x0
     first["joint"] = np.diag([noise**2, 0.0, noise**2, UNKNOWN**2])
     first["heading"][0] = 1.0
-    apart = np.abs(np.subtract.outer(np.arange(NODES), np.arange(NODES)))
-    apart = np.minimum(apart, NODES - apart) * SPACING / LENGTH
-    first["covariance"] = first["prior"] = np.exp(-0.5 * apart**2)
+    nodes = np.arange(NODES)
+    apart = np.minimum(nodes, NODES - nodes) * SPACING / LENGTH
+    first["prior"] = np.exp(-0.5 * apart**2)
+    first["covariance"] = [np.roll(first["prior"], node) for node in range(NODES)]
     first["answered"] = first["reserve_end"] = -1
     first["visited"] = np.inf
     return {name: first[name] for name in STATE.names or ()}
