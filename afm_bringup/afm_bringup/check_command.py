@@ -17,7 +17,7 @@ def main() -> int:
     parser.add_argument("scenario", help="name of a scenario, or a scenario file")
     add_overrides(parser)
     parser.add_argument(
-        "--write", type=Path, metavar="FILE", help="write what was read and checked, for --params-file of any node"
+        "--write", type=Path, metavar="FILE", help="write the checked parameters to FILE, for --params-file of any node"
     )
     parser.add_argument(
         "--set",

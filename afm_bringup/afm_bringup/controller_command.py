@@ -46,7 +46,7 @@ def _arguments() -> argparse.Namespace:
         "command",
         nargs="+",
         metavar="COMMAND",
-        help="command that starts the controller, with its arguments, behind --",
+        help="command that starts the controller, with its arguments, after --",
     )
     parser.add_argument(
         "--scenario",
@@ -63,7 +63,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
     )
-    parser.add_argument("--log", type=Path, metavar="FILE", help="keep what the controller prints in this file")
+    parser.add_argument("--log", type=Path, metavar="FILE", help="write the output of the controller to this file")
     return parser.parse_args()
 
 
@@ -103,7 +103,7 @@ def main() -> int:
 
 
 def _examine(scenario: Scenario, command: list[str], ros_arguments: bool, printed: Path | None) -> Log:
-    """Start the controller, examine it, end it; what it prints goes to a file, if one is given."""
+    """Start the controller, test it, end it; its output goes to a file, if one is given."""
     with tempfile.TemporaryDirectory() as folder, Processes(last="") as processes:
         parameters = Path(folder) / "parameters.yaml"
         write_parameters(scenario, parameters, {})

@@ -1,4 +1,4 @@
-"""What a user makes of measured arrays: calibration, force curves, friction loops, images. SI units, uncertainties.
+"""Analysis of measured arrays: calibration, force curves, friction loops, images. SI units, uncertainties.
 
 Nothing here knows the simulated instrument: the functions take arrays from any microscope.
 """

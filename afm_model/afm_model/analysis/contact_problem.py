@@ -215,7 +215,7 @@ class Problem:
         return np.asarray(predicted), -float(deflection.min()) / gain
 
     def _left(self, x: _Array) -> _Array:
-        """What the fit leaves, each over its uncertainty: points, pull-off, zero, what was known before."""
+        """Residuals, each divided by its uncertainty: points, pull-off, zero, prior values."""
         predicted, depth = self._model(x)
         points = (self.deflection - self.zero.value - self.noise * x[3] - predicted) / self.sigma
         rows = [points]

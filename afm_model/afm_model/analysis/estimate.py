@@ -33,7 +33,7 @@ class StraightLine(NamedTuple):
 
     slope: Estimate
     intercept: Estimate
-    rms: float  # of what is left, in the unit of y
+    rms: float  # of the residuals, in the unit of y
 
 
 def straight_line(x: ArrayLike, y: ArrayLike) -> StraightLine:
@@ -133,5 +133,5 @@ def correlated_mean(y: ArrayLike) -> Estimate:
 
 
 def binned(y: NDArray[np.float64], width: int) -> NDArray[np.float64]:
-    """Means over stretches of so many samples; what does not fill the last one is left out."""
+    """Means over stretches of so many samples; an incomplete last one is dropped."""
     return np.asarray(y[: y.size // width * width].reshape(-1, width).mean(axis=1))

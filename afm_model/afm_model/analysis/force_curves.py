@@ -16,11 +16,11 @@ _Array = NDArray[np.float64]
 _FREE = 0.2
 """Part of the approach, from its begin, over which the cantilever is taken as free."""
 _FEWEST = 5
-"""Points that a fit takes at least."""
+"""Least number of points of a fit."""
 
 
 class CurveAnalysis(NamedTuple):
-    """What a force curve tells. Forces are counted from that of the free cantilever."""
+    """Results of a force curve. Forces are relative to that of the free cantilever."""
 
     baseline: Estimate
     """Deflection of the free cantilever [m]."""
@@ -28,7 +28,7 @@ class CurveAnalysis(NamedTuple):
     """z at which the force is zero in contact, on the approach [m]."""
     snap_in_way: float
     """Way of z from the snap-in to the contact point [m]: 3/2 of the distance at which a sphere under van der Waals
-    attraction snaps in, and what the contact gives way; 0 if the tip does not snap in."""
+    attraction snaps in, and the compression of the contact; 0 if the tip does not snap in."""
     adhesion: Estimate
     """Pull-off force [N], positive."""
     snap_off_way: float
@@ -38,7 +38,7 @@ class CurveAnalysis(NamedTuple):
 
 
 def _split(z: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array, _Array, _Array]:
-    """z and signal of approach and retract; between them, while z stands at its largest, nothing is taken."""
+    """z and signal of approach and retract; the dwell between them is not used."""
     z, signal = same_length(z=z, signal=signal)
     top = np.flatnonzero(z == z.max())
     if not (top[0] >= _FEWEST and z.size - top[-1] > _FEWEST):
@@ -147,7 +147,7 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
         raise ValueError("the tip is not pressed on at the end of the approach")
     after = int(np.flatnonzero(d_in <= 0.0)[-1])
     contact = _crossing(z_in, d_in, after)
-    # The deepest place before the contact is behind the snap-in; the way from half its depth on is that of the fall.
+    # The deepest place before the contact is after the snap-in, whose motion counts from half its depth.
     deepest = int(np.argmin(d_in[: after + 1]))
     # Round-off is no snap-in where there is no noise.
     snapped = d_in[deepest] < -max(5.0 * noise, 1e-9 * d_in[-1])

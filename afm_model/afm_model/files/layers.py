@@ -1,7 +1,4 @@
-"""The layers of a scan, and what is written beside them in words.
-
-Every channel in each direction is a layer, and what is made of trace and retrace.
-"""
+"""The layers of a scan, every channel in each direction and combinations of trace and retrace, and its notes."""
 
 import math
 from dataclasses import dataclass
