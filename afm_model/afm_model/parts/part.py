@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.call import INTEGER, NUMBER, POINTER, Argument
-from ..core.records import EMPTY
+from ..core.records import Record
 from ..core.schema import Group
-from .signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from .signals import Delivery, Detection, Displacement, Drive, Measurement, PiezoDrive, Setpoint, Surface, Truth
 
 Numbers = Mapping[str, Any]
 """Values of a record by the names of its fields."""
@@ -82,8 +82,7 @@ class Part:
         By which a scenario chooses it.
     parameters : type[Group]
         Its parameters; the family's own ones must be among them.
-    constants, state : dtype
-        Records, from `afm_model.parts.record`.
+    constants, state : type[Record]
     values : callable
         Parameters (the whole tree of the instrument, or of the controller) -> values of `constants`. Raises ValueError
         if the part cannot be made of them.
@@ -106,8 +105,8 @@ class Part:
 
     name: str
     parameters: type[Group]
-    constants: np.dtype[Any] = field(default_factory=lambda: EMPTY)
-    state: np.dtype[Any] = field(default_factory=lambda: EMPTY)
+    constants: type[Record] = Record
+    state: type[Record] = Record
     values: Callable[[Tree], Numbers] = _none
     start: Callable[[Tree], Numbers] | None = None
     check: Callable[[Tree], None] = _anything
@@ -124,7 +123,7 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Program(Part):
-    """Reference and setpoint over time: `reference(t, r, p)` writes the record r of REFERENCE at time t [s].
+    """Reference and setpoint over time: `reference(t, r, p)` writes the record r of Setpoint at time t [s].
 
     It is a function of time alone, so that it can be asked for any time.
 
@@ -138,8 +137,8 @@ class Program(Part):
 
     family = "program"
     functions: ClassVar = {
-        "reference": (NUMBER, REFERENCE, CONSTANTS),
-        "watch": (NUMBER, DETECTION, REFERENCE, CONSTANTS, STATE),
+        "reference": (NUMBER, Setpoint, CONSTANTS),
+        "watch": (NUMBER, Detection, Setpoint, CONSTANTS, STATE),
     }
 
     reference: Kernel
@@ -156,7 +155,7 @@ class Program(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Law(Part):
-    """A control law: `control(t, y, u, p, s)` writes into u of COMMAND what answers measurement y, taken at time t [s].
+    """A control law: `control(t, y, u, p, s)` writes into u, a PiezoDrive, what answers measurement y of time t [s].
 
     That is `u.voltage`, and for a law that looks ahead the horizon: further drives with their times.
 
@@ -165,7 +164,7 @@ class Law(Part):
     """
 
     family = "law"
-    functions: ClassVar = {"control": (NUMBER, MEASUREMENT, COMMAND, CONSTANTS, STATE)}
+    functions: ClassVar = {"control": (NUMBER, Measurement, PiezoDrive, CONSTANTS, STATE)}
 
     control: Kernel
     warnings: Callable[[Tree, float], list[str]] = lambda parameters, control_period: []
@@ -185,10 +184,10 @@ class Fault(Part):
     Parameters
     ----------
     on_sample : callable
-        `on_sample(k, d, p, s)`, at the begin of the tick: write what is wrong with the sample into d of DISPLACEMENT.
+        `on_sample(k, d, p, s)`, at the begin of the tick: write what is wrong with the sample into d of Displacement.
     on_command : callable
-        `on_command(k, u, v, p, s)`, then: u is what the controller has commanded, v of COMMAND what has arrived, which
-        stays from tick to tick.
+        `on_command(k, u, v, p, s)`, then: u is what the controller has commanded, v what has arrived, both of
+        PiezoDrive; v stays from tick to tick.
     on_drive : callable
         `on_drive(k, t, u, p, s, r)`, when a drive is put in force, at each update of the DAC, at time t [s].
     on_measurement : callable
@@ -200,10 +199,10 @@ class Fault(Part):
 
     family = "fault"
     functions: ClassVar = {
-        "on_sample": (INTEGER, DISPLACEMENT, CONSTANTS, STATE),
-        "on_command": (INTEGER, COMMAND, COMMAND, CONSTANTS, STATE),
-        "on_drive": (INTEGER, NUMBER, DRIVE, CONSTANTS, STATE, POINTER),
-        "on_measurement": (INTEGER, NUMBER, MEASUREMENT, DELIVERY, CONSTANTS, STATE, POINTER),
+        "on_sample": (INTEGER, Displacement, CONSTANTS, STATE),
+        "on_command": (INTEGER, PiezoDrive, PiezoDrive, CONSTANTS, STATE),
+        "on_drive": (INTEGER, NUMBER, Drive, CONSTANTS, STATE, POINTER),
+        "on_measurement": (INTEGER, NUMBER, Measurement, Delivery, CONSTANTS, STATE, POINTER),
     }
 
     on_sample: Kernel | None = None
@@ -228,7 +227,7 @@ class Piezo(Part):
     """
 
     family = "piezo"
-    functions: ClassVar = {"actuate": (NUMBER, DRIVE, DRIVE, CONSTANTS, STATE)}
+    functions: ClassVar = {"actuate": (NUMBER, Drive, Drive, CONSTANTS, STATE)}
 
     actuate: Kernel
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
@@ -260,7 +259,7 @@ class Onboard(Part):
     """
 
     family = "onboard"
-    functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, DRIVE, CONSTANTS, STATE)}
+    functions: ClassVar = {"regulate": (NUMBER, Detection, Setpoint, Drive, CONSTANTS, STATE)}
 
     regulate: Kernel | None = None
     moves_z: bool = False
@@ -287,7 +286,7 @@ ONBOARD_SETTINGS = (
 @dataclass(frozen=True, kw_only=True)
 class Plant(Part):
     """Equations of motion: `step(v, r, p, s, m)` advances s by one integration step under drive v [V]; r holds the
-    part's random numbers. `observe(p, s, o)` tells the state as a record o of TRUTH.
+    part's random numbers. `observe(p, s, o)` tells the state as a record o of Truth.
 
     The sample is asked through m: `afm_model.parts.surface(x, y, m)` with x, y in x0.
 
@@ -308,8 +307,8 @@ class Plant(Part):
 
     family = "plant"
     functions: ClassVar = {
-        "step": (DRIVE, POINTER, CONSTANTS, STATE, WHOLE),
-        "observe": (CONSTANTS, STATE, TRUTH),
+        "step": (Drive, POINTER, CONSTANTS, STATE, WHOLE),
+        "observe": (CONSTANTS, STATE, Truth),
     }
 
     step: Kernel
@@ -323,7 +322,7 @@ class Plant(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Sample(Part):
-    """The sample: `surface(x, y, h, p, map)` writes the record h of SURFACE at (x, y), in units of x0 and z0.
+    """The sample: `surface(x, y, h, p, map)` writes the record h of Surface at (x, y), in units of x0 and z0.
 
     Parameters
     ----------
@@ -342,7 +341,7 @@ class Sample(Part):
     """
 
     family = "sample"
-    functions: ClassVar = {"surface": (NUMBER, NUMBER, SURFACE, CONSTANTS, MAP)}
+    functions: ClassVar = {"surface": (NUMBER, NUMBER, Surface, CONSTANTS, MAP)}
 
     surface: Kernel
     map: Callable[[Any], NDArray[np.float64]] | None = None
@@ -354,7 +353,7 @@ class Sample(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Detector(Part):
-    """The photodetector: `detect(o, d, p, s, r)` writes a sample d of DETECTION from the truth o.
+    """The photodetector: `detect(o, d, p, s, r)` writes a sample d of Detection from the truth o.
 
     r holds two standard normal numbers for this sample.
 
@@ -370,7 +369,7 @@ class Detector(Part):
     """
 
     family = "detector"
-    functions: ClassVar = {"detect": (TRUTH, DETECTION, CONSTANTS, STATE, POINTER)}
+    functions: ClassVar = {"detect": (Truth, Detection, CONSTANTS, STATE, POINTER)}
 
     detect: Kernel
     noisy: Callable[[Tree], bool] = lambda parameters: True

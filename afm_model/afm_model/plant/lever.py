@@ -11,15 +11,15 @@ from typing import Any
 from ..contact.contact_table import table
 from ..core.jit import kernel
 from ..core.records import record_at
-from ..parts.header import HEADER
+from ..parts.header import BlockHeader
 from ..parts.part import Channel, Plant
 from .lever_check import check, warnings
-from .lever_constants import CONSTANTS, lever_constants, rows
+from .lever_constants import Constants, lever_constants, rows
 from .lever_friction import on_surface
 from .lever_lattice import on_lattice
 from .lever_parameters import LeverGroup
 from .lever_start import rest
-from .lever_state import STATE
+from .lever_state import State
 from .lever_thermal import agitate
 
 
@@ -29,13 +29,13 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
 
     Parameters
     ----------
-    v : record of DRIVE [V]
+    v : record of Drive [V]
         Held over the step.
     unused : random numbers
-    p, s : records of CONSTANTS and STATE
+    p, s : records of Constants and State
     m : block of the instrument, for the sample and the table of the contact
     """
-    g = record_at(m, 0, HEADER)
+    g = record_at(m, 0, BlockHeader)
     half = p.half
 
     # Rates at mid-step if the tip felt no force, docs/lever.md (15); positions there.
@@ -114,8 +114,8 @@ def observe(p: Any, s: Any, o: Any) -> None:
 LEVER = Plant(
     name="lever",
     parameters=LeverGroup,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=lever_constants,
     check=check,
     rest=rest,

@@ -46,7 +46,7 @@ def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float,
 
     Parameters
     ----------
-    f, p : records of STATE, with FRAME, and CONSTANTS
+    f, p : records of State, with FRAME, and Constants
     m, at : the table begins at m[at]
     """
     F, S, a, b = look_up(delta / f.unit_indentation, f.row, m, at, p.rows)

@@ -1,44 +1,50 @@
 """State of the plant `lever`, SI units: what its step, docs/lever.md (14) to (23), changes."""
 
-from ..core.records import record
-from .lever_apex import APEX_STATE
-from .lever_contact import FRAME
+from typing import Annotated
 
-STATE = record(
-    "X",  # scanner [m], [m/s]
-    "V_X",
-    "Y",
-    "V_Y",
-    "Z",
-    "V_Z",
-    "q",  # bending modes: deflection of the end of the cantilever in each [m], [m/s]
-    "v",
-    "phi",  # mode of torsion: twist of the end in it [rad], [rad/s]
-    "v_phi",
-    "A_x",  # place on the sample that the tip holds on to [m]
-    "A_y",
-    "U_x",  # place under the tip at the last mid-step [m]
-    "U_y",
-    "S_x",  # way of that place in the last step if the tip was sliding [m]
-    "S_y",
-    "delta",  # indentation at the last mid-step, along the normal [m]
-    "a",  # contact radius [m]
-    "N",  # normal force of the last step [N]
-    "F_x",  # force of the sample on the tip [N]
-    "F_y",
-    "F_z",
-    "T_x",  # of it, friction along x and y [N]
-    "T_y",
-    "F_max",  # friction bound [N]
-    "d_1",  # direction of the last sliding, along the two tangents
-    "d_2",
-    "stuck",  # 1.0 if the tip has not moved on the sample in the last step
-    "tip",  # deflection of the tip, upwards [m]
-    "tip_rate",  # [m/s]
-    "shown",  # deflection that the photodiode shows [m]
-    "twist",  # of the end [rad]
-    "steps",  # since the start
-    *FRAME,
-    *APEX_STATE,
-    vectors=("q", "v"),
-)
+from ..core.records import Record, Vector
+
+
+class State(Record):
+    X: float  # scanner [m], [m/s]
+    V_X: float
+    Y: float
+    V_Y: float
+    Z: float
+    V_Z: float
+    q: Vector  # bending modes: deflection of the end of the cantilever in each [m], [m/s]
+    v: Vector
+    phi: float  # mode of torsion: twist of the end in it [rad], [rad/s]
+    v_phi: float
+    A_x: Annotated[float, "m"]  # place on the sample that the tip holds on to
+    A_y: Annotated[float, "m"]
+    U_x: Annotated[float, "m"]  # place under the tip at the last mid-step
+    U_y: Annotated[float, "m"]
+    S_x: Annotated[float, "m"]  # way of that place in the last step if the tip was sliding
+    S_y: Annotated[float, "m"]
+    delta: Annotated[float, "m"]  # indentation at the last mid-step, along the normal
+    a: Annotated[float, "m"]  # contact radius
+    N: Annotated[float, "N"]  # normal force of the last step
+    F_x: Annotated[float, "N"]  # force of the sample on the tip
+    F_y: Annotated[float, "N"]
+    F_z: Annotated[float, "N"]
+    T_x: Annotated[float, "N"]  # of it, friction along x and y
+    T_y: Annotated[float, "N"]
+    F_max: Annotated[float, "N"]  # friction bound
+    d_1: float  # direction of the last sliding, along the two tangents
+    d_2: float
+    stuck: float  # 1.0 if the tip has not moved on the sample in the last step
+    tip: Annotated[float, "m"]  # deflection of the tip, upwards
+    tip_rate: Annotated[float, "m/s"]
+    shown: Annotated[float, "m"]  # deflection that the photodiode shows
+    twist: Annotated[float, "rad"]  # of the end
+    steps: float  # since the start
+    unit_force: float
+    unit_radius: float
+    unit_indentation: float
+    hamaker_radius: float
+    row: float
+    end: float
+    tau: float
+    V_Ax: float
+    V_Ay: float

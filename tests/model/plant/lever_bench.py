@@ -8,20 +8,20 @@ from afm_model import InstrumentParameters, build
 from afm_model.core.jit import kernel
 from afm_model.core.records import pointer_at, record_at
 from afm_model.instrument.block import Layout
-from afm_model.parts.header import HEADER
-from afm_model.parts.signals import DRIVE
+from afm_model.parts.header import BlockHeader
+from afm_model.parts.signals import Drive
 from afm_model.plant import LEVER, lever
-from afm_model.plant.lever_constants import CONSTANTS
-from afm_model.plant.lever_state import STATE
+from afm_model.plant.lever_constants import Constants
+from afm_model.plant.lever_state import State
 
 BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
 
 
 @kernel
 def _advance(m: np.ndarray, u: np.ndarray, states: np.ndarray) -> None:
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
-    v = record_at(m, g.effective, DRIVE)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.plant_constants, Constants), record_at(m, g.plant_state, State)
+    v = record_at(m, g.effective, Drive)
     for i in range(len(u)):
         for axis in range(3):
             v.voltage[axis] = u[i, axis]
@@ -54,7 +54,7 @@ class LeverBench:
         """States (n,) as records, of n steps under drives moved from the held one by (n, 3) metres of the scanner."""
         states = np.empty((len(moved), len(self.numbers)))
         _advance(self.block, self.held + moved / np.array(self.p.metres), states)
-        return states.view(STATE)[:, 0].view(np.recarray)
+        return states.view(State)[:, 0].view(np.recarray)
 
     def stay(self, n: int) -> Any:
         """The same with the drive held."""
