@@ -11,7 +11,7 @@ from . import layout
 from .intake import Intake
 from .layout import Signal
 from .parameters import RecorderParameters
-from .recording_files import Counts, Log, RecordingFiles, report
+from .recording_files import Log, RecordedCounts, RecordingFiles, report
 from .scan_lines import ScanLine
 from .writer import Level
 
@@ -153,11 +153,11 @@ class Recorder:
         if not self._resetting:
             self._writer.parameter_change(self.time_ns, node, name, old, new)
 
-    def counts(self) -> Counts:
+    def counts(self) -> RecordedCounts:
         """What the present run has brought up to now."""
         ticks = self._intake.streams[_CONTROL]
         channels = [self._intake.streams[signal.entity] for signal in layout.CHANNELS]
-        return Counts(
+        return RecordedCounts(
             path=str(self._writer.path),
             ticks=ticks.received,
             samples=min(channel.received for channel in channels),

@@ -21,7 +21,7 @@ class Log(Protocol):
 
 
 @dataclass(frozen=True)
-class Counts:
+class RecordedCounts:
     """What the present run has brought. Fields are named as in afm_msgs/RecorderStatus."""
 
     path: str
@@ -112,13 +112,13 @@ class RecordingFiles:
         return writer
 
 
-def report(log: Log, counts: Counts, begin: int) -> None:
+def report(log: Log, counts: RecordedCounts, begin: int) -> None:
     """Log the contents of a finished recording, and missing data.
 
     Parameters
     ----------
     log : Log
-    counts : Counts
+    counts : RecordedCounts
     begin : int
         First recorded tick.
     """
