@@ -7,6 +7,7 @@ from pydantic import Field
 from ..core.jit import kernel
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Tree
+from ..parts.signals import Measurement, PiezoDrive
 
 
 class ExternalLaw(LawParameters):
@@ -26,7 +27,7 @@ def _check(parameters: Tree) -> None:
 
 
 @kernel
-def _control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def _control(t: float, y: Measurement, u: PiezoDrive, p: Any, s: Any) -> None:
     """Never called: the drive comes from elsewhere."""
 
 

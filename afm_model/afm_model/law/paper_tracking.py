@@ -10,6 +10,7 @@ from pydantic import Field
 
 from ..core.jit import kernel
 from ..parts.part import Law, Numbers, Tree
+from ..parts.signals import Measurement, PiezoDrive
 from . import paper, sampled, scanner
 from .paper import PaperLaw
 from .sampled import SampledConstants, SampledLaw, SampledState
@@ -33,7 +34,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     paper.control(t, y, u, p, s)
     scanner.follow_flight(y, p, s)

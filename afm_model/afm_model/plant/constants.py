@@ -11,6 +11,7 @@ from ..contact.jkr import radius_at_zero_load
 from ..core.jit import kernel
 from ..core.records import Record
 from ..parts.part import Numbers, Tree
+from ..parts.signals import Truth
 
 
 class Constants(Record):
@@ -87,7 +88,7 @@ def plant_constants(parameters: Tree, treatment: int = 0) -> Numbers:
 
 
 @kernel
-def observe(p: Any, s: Any, o: Any) -> None:
+def observe(p: Constants, s: Any, o: Truth) -> None:
     """See `afm_model.parts.Plant`. Nothing but the scanner moves laterally: at rest, the contact does not slide."""
     o.position[0] = s.X * p.x0
     o.position[1] = s.Y * p.x0

@@ -6,13 +6,12 @@ the lateral stiffness 8 G* a of the contact; on a sample of atoms the tip moves 
 implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (23).
 """
 
-from typing import Any
-
 from ..contact.contact_table import table
 from ..core.jit import kernel
-from ..core.records import record_at
+from ..core.records import Block, record_at
 from ..parts.header import BlockHeader
 from ..parts.part import Channel, Plant
+from ..parts.signals import Drive, Truth
 from .lever_check import check, warnings
 from .lever_constants import Constants, lever_constants, rows
 from .lever_friction import on_surface
@@ -24,7 +23,7 @@ from .lever_thermal import agitate
 
 
 @kernel
-def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
+def step(v: Drive, unused: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place.
 
     Parameters
@@ -85,7 +84,7 @@ def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
 
 
 @kernel
-def show(p: Any, s: Any, h: float) -> None:
+def show(p: Constants, s: State, h: float) -> None:
     """What follows without delay: where the tip is, what the photodiode shows; rates over a step of length h."""
     tip = p.mode_z[0] * s.q[0] + p.mode_z[1] * s.q[1] + p.mode_z[2] * s.q[2] + p.rest_yz * s.F_y + p.rest_zz * s.F_z
     s.tip_rate = (tip - s.tip) / h
@@ -96,7 +95,7 @@ def show(p: Any, s: Any, h: float) -> None:
 
 
 @kernel
-def observe(p: Any, s: Any, o: Any) -> None:
+def observe(p: Constants, s: State, o: Truth) -> None:
     """See `afm_model.parts.Plant`. `friction` is the part of the force that lies in the surface."""
     o.position[0], o.position[1], o.position[2] = s.X, s.Y, s.Z
     o.velocity[0], o.velocity[1], o.velocity[2] = s.V_X, s.V_Y, s.V_Z

@@ -9,6 +9,8 @@ from typing import Any
 
 from ..contact.contact_table import attraction, end_of_contact, look_up
 from ..core.jit import kernel
+from ..core.records import Block
+from ..parts.signals import Surface
 
 FRAME = (
     "unit_force",  # units of the contact at this place, see afm_model.contact.maugis
@@ -25,7 +27,7 @@ _CLOSE = 1e-6
 
 
 @kernel
-def place_frame(H: Any, p: Any, f: Any, m: Any, at: int) -> None:
+def place_frame(H: Surface, p: Any, f: Any, m: Block, at: int) -> None:
     """Write the contact at a place of the sample, H, into f, a record with FRAME."""
     rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
     contrast = H.adhesion
@@ -41,7 +43,7 @@ def place_frame(H: Any, p: Any, f: Any, m: Any, at: int) -> None:
 
 
 @kernel
-def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float, float, float, float]:
+def normal(delta: float, f: Any, p: Any, m: Block, at: int) -> tuple[float, float, float, float, float]:
     """Normal force [N] and friction bound [N] at indentation delta [m], each with its slope [N/m], and contact radius.
 
     Parameters
@@ -63,7 +65,7 @@ def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float,
 
 @kernel
 def indent(
-    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Any, at: int
+    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """Solve delta + w_n N(delta) + w_f F_max(delta) = target, from the last indentation on.
 
@@ -92,7 +94,7 @@ def indent(
 
 @kernel
 def _march(
-    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Any, at: int
+    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """The same by steps until the balance changes sign, then by bisection: through folds and jumps."""
     N, _, bound, _, a = normal(delta, f, p, m, at)
@@ -170,7 +172,7 @@ def slide(
     w_22: float,
     f: Any,
     p: Any,
-    m: Any,
+    m: Block,
     at: int,
 ) -> tuple[float, float, float, float, float, float]:
     """Indentation and direction of a tip that slides, together: Newton's method in both, docs/lever.md (22).

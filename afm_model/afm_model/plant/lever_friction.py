@@ -7,13 +7,14 @@ import math
 from typing import Any
 
 from ..core.jit import kernel
+from ..core.records import Block
 from ..parts.dispatch import surface
 from .lever_contact import hold, indent, place_frame, slide
 
 
 @kernel
 def on_surface(
-    P_x: float, P_y: float, P_z: float, tip_z: float, p: Any, s: Any, m: Any, at: int
+    P_x: float, P_y: float, P_z: float, tip_z: float, p: Any, s: Any, m: Block, at: int
 ) -> tuple[float, float, float]:
     """Force of the sample on the tip at mid-step; writes what the contact has come to into the state s.
 

@@ -4,6 +4,7 @@ from typing import Any
 
 from ..contact.jkr import effective_radius_ratio, indentation_of_u, u_of_load
 from ..core.jit import kernel
+from ..core.records import Block
 from ..parts.dispatch import surface
 
 
@@ -20,7 +21,7 @@ def static_indentation(p: Any, rho: float, load: float) -> float:
 
 
 @kernel
-def place_sample(s: Any, p: Any, m: Any) -> None:
+def place_sample(s: Any, p: Any, m: Block) -> None:
     """Sample height from docs/theory.md (21), Z = Q - H + delta, and its rate without that of delta."""
     H = surface(s.X, s.Y, m)
     rho = effective_radius_ratio(H, p.r)

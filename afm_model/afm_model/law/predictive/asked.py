@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement
 from .nominal_plant import look, nominal_bound
 
 _FORGET = 0.9
@@ -14,7 +15,7 @@ _SLOWEST = 1e-5
 
 
 @kernel
-def take_reference(y: Any, p: Any, s: Any) -> None:
+def take_reference(y: Measurement, p: Any, s: Any) -> None:
     """Take position, rate and acceleration from the measurement, and the frequency from how they have changed.
 
     For a sine about any mean the change of the acceleration is -omega^2 times that of the position; for a line and a

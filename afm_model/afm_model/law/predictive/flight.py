@@ -9,6 +9,7 @@ real one, and bring it to the reference.
 from typing import Any
 
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask
 from .decide import decide
 from .nominal_plant import drives_of, predict
@@ -28,7 +29,7 @@ def newest_answered(newest: int, s: Any) -> int:
 
 
 @kernel
-def recall(k: int, y: Any, p: Any, s: Any) -> None:
+def recall(k: int, y: Measurement, p: Any, s: Any) -> None:
     """Write into the plan the drives that are in force until the answer to measurement k is.
 
     An answer is in force from the delay after its measurement on, or from its arrival if that is later; what has not
@@ -62,7 +63,7 @@ def remember(k: int, planned: int, p: Any, s: Any) -> None:
 
 
 @kernel
-def answer(planned: int, u: Any, p: Any, s: Any) -> None:
+def answer(planned: int, u: PiezoDrive, p: Any, s: Any) -> None:
     """Write so many slots of the plan into the answer: the drive that is first in force or, of more, all with their
     times.
     """

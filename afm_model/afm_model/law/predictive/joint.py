@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement
 from .kalman import carry_covariance, correct, weigh
 from .nominal_plant import look, nominal_bound, run_copy, take_load
 from .predictive_constants import ANSWERS
@@ -165,7 +166,7 @@ def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) ->
 
 
 @routine
-def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
+def correct_jointly(k: int, x: float, y_: float, y: Measurement, p: Any, s: Any) -> None:
     """Run the copy up to measurement k, and correct it and the ratio by the lateral force and the positions x, y_."""
     from_x, from_y = s.X, s.Y
     run_copy(k, y, p, s)

@@ -8,6 +8,7 @@ from typing import Any
 from ...contact.friction import friction_impulse
 from ...core.jit import kernel, routine
 from ...core.records import Block, numbers_at, pointer_at
+from ...parts.signals import Measurement
 from ...sample.paper import surface
 from .map import read_map
 from .predictive_constants import ANSWERS, KNOWN, LEARNED, SLOTS
@@ -84,7 +85,7 @@ def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def take_load(y: Any, p: Any, s: Any) -> None:
+def take_load(y: Measurement, p: Any, s: Any) -> None:
     """Put height of and load on the tip at a measurement into the state, with the scanner as it is there."""
     s.Q = p.a + y.deflection / p.z0
     s.load = p.w + p.eta_c2 * (s.Q - p.a)
@@ -106,7 +107,7 @@ def drives_of(kept: int, p: Any, s: Any) -> Block:
 
 
 @kernel
-def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
+def run_copy(k: int, y: Measurement, p: Any, s: Any) -> None:
     """Move the copy of the plant from the last measurement to measurement k, under the drives that were in force."""
     kept = max(y.drive_sequence, 0) % ANSWERS
     known = y.drive_sequence >= 0 and s.answered[kept] == y.drive_sequence

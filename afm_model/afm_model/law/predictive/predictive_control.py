@@ -3,6 +3,7 @@
 from typing import Any
 
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask, take_reference
 from .decide import decide, refine
 from .flight import answer, extend, first_of_reserve, recall, remember
@@ -16,7 +17,7 @@ from .together import begin_together, correct_together
 
 
 @routine
-def observe(k: int, y: Any, p: Any, s: Any) -> None:
+def observe(k: int, y: Measurement, p: Any, s: Any) -> None:
     """Put position and rate of the scanner at measurement k into the state."""
     x, y_, z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
     if p.measured == 0 or s.started == 0.0:
@@ -55,7 +56,7 @@ def observe(k: int, y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def take_sample(y: Any, p: Any, s: Any) -> None:
+def take_sample(y: Measurement, p: Any, s: Any) -> None:
     """Learn from the measurement what is to be learned of the sample."""
     take_load(y, p, s)
     if p.surface != KNOWN:
@@ -75,7 +76,7 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, p: Any, s: Any) -> None:
     """See `afm_model.parts.Law`."""
     take_reference(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)

@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 from ...core.jit import kernel
+from ...parts.signals import Measurement
 from .nominal_plant import look, nominal_bound, run_copy
 from .sample_estimate import MEAN, OF_VALUE
 
@@ -31,7 +32,7 @@ def spread_over_hold(noise: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def would_stop(k: int, force: float, believed: float, y: Any, p: Any, s: Any) -> bool:
+def would_stop(k: int, force: float, believed: float, y: Measurement, p: Any, s: Any) -> bool:
     """Whether the friction believed in stops the scanner, and the force along x is then the balance there."""
     X, Y, Z, V_X, V_Y, V_Z = s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z
     s.bound = believed
@@ -45,7 +46,7 @@ def would_stop(k: int, force: float, believed: float, y: Any, p: Any, s: Any) ->
 
 
 @kernel
-def correct_along(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
+def correct_along(k: int, x: float, y_: float, y: Measurement, p: Any, s: Any) -> None:
     """Run the copy under the measured friction up to measurement k, and correct it by the positions x, y_."""
     ahead = max(k - s.last, 1) * p.hold
     b_x = y.drive[0] / p.volts[0] - p.stiffness[0] * (s.X + ahead * s.V_X)

@@ -10,6 +10,7 @@ import math
 from typing import Any
 
 from ...core.jit import kernel
+from ...parts.signals import Measurement
 from .kalman import carry_covariance, correct, weigh
 from .nominal_plant import look, nominal_bound, run_copy
 from .predictive_constants import FLOOR
@@ -158,7 +159,7 @@ def rest(
 
 
 @kernel
-def correct_together(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
+def correct_together(k: int, x: float, y_: float, y: Measurement, p: Any, s: Any) -> None:
     """Run the copy up to measurement k, and correct it and friction by the positions x, y_ and the lateral force."""
     periods = max(k - s.last, 1)
     time = periods * p.hold
