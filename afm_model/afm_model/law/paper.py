@@ -112,7 +112,7 @@ def switching(kind: float, s: float, alpha: float) -> float:
 
 
 @kernel
-def control(t: float, y: Measurement, u: PiezoDrive, g: Constants, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, g: Constants, s: Record) -> None:
     """See `afm_model.parts.Law`.
 
     open_loop: U_x = x_r, U_y = y_r as in section 4.1 of the paper; the z drive stays as it is.

@@ -40,20 +40,9 @@ class ApexParameters(PlantParameters):
     )
 
 
-APEX_CONSTANTS = (
-    "lattice",  # 1.0 on a sample of atoms
-    "lattice_period",  # [m]
-    "lattice_force",  # largest force of the potential along a row of minima [N]
-    "lattice_slope",  # and how much more per load [1]
-    "apex_compliance",  # of the tip's apex [m/N]
-    "apex_hold",  # of its inertia and damping at mid-step: force per way from the start of the step [N/m]
-    "apex_carry",  # and per rate there [N s/m]
-    "apex_noise",  # rms thermal force in a step [N]
-    "apex_key",  # of its random numbers
-)
-APEX_STATE = (
-    "V_Ax",  # rate of the place that the tip holds on to, on a lattice [m/s]
-    "V_Ay",
+_CONSTANTS = (
+    *("lattice", "lattice_period", "lattice_force", "lattice_slope", "apex_compliance", "apex_hold"),
+    *("apex_carry", "apex_noise", "apex_key"),
 )
 _OF_LATTICES = ("apex_stiffness", "apex_mass", "apex_damping")
 
@@ -65,10 +54,10 @@ def lattice_of(parameters: Tree) -> Corrugation | None:
 
 
 def apex_constants(parameters: Tree) -> Numbers:
-    """Values of APEX_CONSTANTS."""
+    """Values of those of the lever's constants that a lattice needs."""
     found = lattice_of(parameters)
     if found is None:
-        return dict.fromkeys(APEX_CONSTANTS, 0.0)
+        return dict.fromkeys(_CONSTANTS, 0.0)
     plant, h = parameters.plant, parameters.plant.dt
     mass, damping = plant.apex_mass, plant.apex_damping
     return {

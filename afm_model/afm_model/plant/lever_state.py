@@ -39,12 +39,12 @@ class State(Record):
     shown: Annotated[float, "m"]  # deflection that the photodiode shows
     twist: Annotated[float, "rad"]  # of the end
     steps: float  # since the start
-    unit_force: float
+    unit_force: float  # units of the contact at this place, see afm_model.contact.maugis
     unit_radius: float
     unit_indentation: float
-    hamaker_radius: float
-    row: float
-    end: float
-    tau: float
-    V_Ax: float
-    V_Ay: float
+    hamaker_radius: Annotated[float, "J m"]  # Hamaker constant times effective radius
+    row: float  # in the table
+    end: Annotated[float, "m"]  # indentation at which contact begins and ends
+    tau: Annotated[float, "Pa"]  # friction per area
+    V_Ax: Annotated[float, "m/s"]  # rate of the place that the tip holds on to, on a lattice
+    V_Ay: Annotated[float, "m/s"]

@@ -1,10 +1,14 @@
 """Thermal noise of the plant `lever`: random forces on what moves of the cantilever, docs/lever.md (27), (28)."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ..core.jit import kernel
 from .random_numbers import normal
+
+if TYPE_CHECKING:
+    from .lever_constants import Constants
+    from .lever_state import State
 
 BOLTZMANN = 1.380649e-23
 """[J/K]."""
@@ -27,7 +31,9 @@ def kick(w2: float, inverse: float, compliance: float, temperature: float, h: fl
 
 
 @kernel
-def agitate(v_0: float, v_1: float, v_2: float, v_phi: float, p: Any, s: Any) -> tuple[float, float, float, float]:
+def agitate(
+    v_0: float, v_1: float, v_2: float, v_phi: float, p: "Constants", s: "State"
+) -> tuple[float, float, float, float]:
     """Rates at mid-step of the modes of bending and of torsion, with the thermal forces of this step."""
     if p.thermal == 0.0:
         return v_0, v_1, v_2, v_phi

@@ -10,8 +10,6 @@ the unknown f_z of the error dynamics drawn at random (section 4.2): Q'' is then
 Equations: docs/theory.md (25) to (27), (43).
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +33,7 @@ TREATMENTS = {"computed": Z_COMPUTED, "held": Z_HELD, "uniform": Z_UNIFORM}
 
 
 @kernel
-def step(v: Drive, r: Any, p: Constants, s: State, m: Block) -> None:
+def step(v: Drive, r: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place, with the scheme of the compliant plant.
 
     Parameters

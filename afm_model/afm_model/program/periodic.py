@@ -69,7 +69,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def waveform(shape: int, amplitude: float, omega: float, t: float) -> tuple[float, float, float]:
+def waveform(shape: float, amplitude: float, omega: float, t: float) -> tuple[float, float, float]:
     """Position, velocity and acceleration of a reference at time t.
 
     Parameters
