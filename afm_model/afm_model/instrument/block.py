@@ -17,7 +17,18 @@ from ..parts.assembly import Assembled, assembled
 from ..parts.channels import OPTIONAL, STANDARD
 from ..parts.header import HEADER
 from ..parts.part import Channel
-from ..parts.signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from ..parts.signals import (
+    ACTUATION,
+    COMMAND,
+    DELIVERY,
+    DETECTION,
+    DISPLACEMENT,
+    DRIVE,
+    MEASUREMENT,
+    REFERENCE,
+    SURFACE,
+    TRUTH,
+)
 from .drift import DRIFT, DRIFTED, drift_constants
 from .limits import GUARD, LIMITS
 from .score import SUMS
@@ -86,6 +97,13 @@ class Layout:
         self.parts: dict[str, Assembled] = {
             family: assembled(family, getattr(parameters, GROUPS[family]).kind) for family in FAMILIES
         }
+        onboard: Any = self.parts["onboard"].part
+        plant: Any = self.parts["plant"].part
+        if onboard.excites and not plant.takes_excitation:
+            raise ParameterError(
+                f"onboard.kind = {parameters.onboard.kind} is not allowed with plant.kind = {parameters.plant.kind}, "
+                f"whose cantilever cannot be excited: take plant.kind = lever"
+            )
         self.places: dict[str, int] = {}
         self._records: dict[str, tuple[int, np.dtype[Any]]] = {}
         self._end = size(HEADER)
@@ -99,8 +117,9 @@ class Layout:
                 self._add(f"{family}_state", each.part.state)
         self.places["hashed_end"] = self._end
         self._add("measurement", MEASUREMENT)
-        for name in ("applied", "regulated", "effective"):
-            self._add(name, DRIVE)
+        self._add("applied", DRIVE)
+        for name in ("regulated", "effective"):
+            self._add(name, ACTUATION)
         self._add("commanded", COMMAND)
         self.places["received"] = 0
         self._add("asked", REFERENCE)

@@ -27,7 +27,18 @@ from ..parts.dispatch import (
     watch,
 )
 from ..parts.header import HEADER, LAW_HEADER
-from ..parts.signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, GIVEN, MEASUREMENT, REFERENCE, TRUTH
+from ..parts.signals import (
+    ACTUATION,
+    COMMAND,
+    DELIVERY,
+    DETECTION,
+    DISPLACEMENT,
+    DRIVE,
+    GIVEN,
+    MEASUREMENT,
+    REFERENCE,
+    TRUTH,
+)
 from .block import LOOP
 from .drift import DRIFT, DRIFTED, drift, wander
 from .drive import allowed, command_at, due, put_in_force
@@ -120,8 +131,8 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     if not allowed(record_at(m, g.commanded, COMMAND)):
         return REFUSED
     a = record_at(m, g.applied, DRIVE)
-    w = record_at(m, g.regulated, DRIVE)
-    v = record_at(m, g.effective, DRIVE)
+    w = record_at(m, g.regulated, ACTUATION)
+    v = record_at(m, g.effective, ACTUATION)
     o = record_at(m, g.truth, TRUTH)
     d = record_at(m, g.detection, DETECTION)
     r = record_at(m, g.asked, REFERENCE)
@@ -131,7 +142,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     faults = pointer_at(random, drawn + g.faults)
     disturbance = pointer_at(random, drawn + g.disturbance)
     t = c.k * c.control_period
-    stride = c.stride
+    h, stride = c.control_period / c.substeps, c.stride
     j = c.row * (c.substeps // stride)
     scored = c.k >= c.score_tick
     on_sample(c.k, record_at(m, g.displacement, DISPLACEMENT), m)
@@ -188,9 +199,10 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
                 for axis in range(3):
                     w.voltage[axis] = convert(w.voltage[axis], c.drive_lsb, c.drive_limit)
             actuate(now, w, v, m)
+            v.amplitude, v.angular_frequency, v.phase, v.since = w.amplitude, w.angular_frequency, w.phase, w.since
             if drifting.on != 0.0:
                 drift(now, late, v, drifting, drifted)
-        step(v, disturbance, m)
+        step(t + i * h, v, disturbance, m)
         observe(o, m)
         if scored:
             count_step(sums, o, r, following, (i + 1) / c.substeps, c.control_period)

@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 from ..core.call import INTEGER, NUMBER, POINTER, Argument
 from ..core.records import EMPTY
 from ..core.schema import Group
-from .signals import COMMAND, DELIVERY, DETECTION, DISPLACEMENT, DRIVE, MEASUREMENT, REFERENCE, SURFACE, TRUTH
+from .signals import (
+    ACTUATION,
+    COMMAND,
+    DELIVERY,
+    DETECTION,
+    DISPLACEMENT,
+    DRIVE,
+    MEASUREMENT,
+    REFERENCE,
+    SURFACE,
+    TRUTH,
+)
 
 Numbers = Mapping[str, Any]
 """Values of a record by the names of its fields."""
@@ -258,9 +269,13 @@ class Onboard(Part):
     """
 
     family = "onboard"
-    functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, DRIVE, CONSTANTS, STATE)}
+    functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, ACTUATION, CONSTANTS, STATE)}
 
     regulate: Kernel | None = None
+    excites: bool = False
+    """It also writes how the cantilever is excited: `amplitude` and the fields behind it of u, an ACTUATION, which stay
+    until it writes others.
+    """
     moves_z: bool = False
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
@@ -284,8 +299,9 @@ ONBOARD_SETTINGS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Plant(Part):
-    """Equations of motion: `step(v, r, p, s, m)` advances s by one integration step under drive v [V]; r holds the
-    part's random numbers. `observe(p, s, o)` tells the state as a record o of TRUTH.
+    """Equations of motion: `step(t, v, r, p, s, m)` advances s by one integration step that begins at time t [s],
+    under v of ACTUATION: the drive [V], and for a plant that takes it the excitation; r holds the part's random
+    numbers. `observe(p, s, o)` tells the state as a record o of TRUTH.
 
     The sample is asked through m: `afm_model.parts.surface(x, y, m)` with x, y in x0.
 
@@ -300,13 +316,15 @@ class Plant(Part):
         whether its tip touches the sample in one point.
     takes_lattice : bool
         Its friction can be the potential that a sample with `lattice` writes.
+    takes_excitation : bool
+        It moves the base of its cantilever as v tells.
     warnings : callable
         Parameters -> what is implausible, a sentence each.
     """
 
     family = "plant"
     functions: ClassVar = {
-        "step": (DRIVE, POINTER, CONSTANTS, STATE, WHOLE),
+        "step": (NUMBER, ACTUATION, POINTER, CONSTANTS, STATE, WHOLE),
         "observe": (CONSTANTS, STATE, TRUTH),
     }
 
@@ -316,6 +334,7 @@ class Plant(Part):
     map: Callable[[Any], NDArray[np.float64]] | None = None
     sample_in_si: bool = False
     takes_lattice: bool = False
+    takes_excitation: bool = False
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 

@@ -34,6 +34,18 @@ MEASUREMENT = record(
 DRIVE = record("voltage", vectors=("voltage",))
 """Drive of x, y, z [V]."""
 
+ACTUATION = record(
+    "voltage",  # drive of x, y, z [V]
+    "amplitude",  # of the motion of the cantilever's base [m]
+    "angular_frequency",  # [rad/s]
+    "phase",  # [rad]
+    "since",  # [s]
+    vectors=("voltage",),
+)
+"""What reaches the plant: a DRIVE, and how a dither piezo moves the base of the cantilever, across it:
+amplitude cos(phase + angular_frequency (t - since)).
+"""
+
 LONGEST_HORIZON = 512
 """Further drives that one answer may hold at most."""
 

@@ -4,15 +4,15 @@ import cmath
 import math
 from typing import Any
 
-from ..contact.table import transitions
-from ..core import registry
-from ..core.records import record
-from ..parts.part import Numbers, Tree
-from . import beam
-from .lever_apex import APEX_CONSTANTS, apex_constants
-from .lever_thermal import kick
-from .random_numbers import THERMAL, key_of
+from ...contact.table import transitions
+from ...core import registry
+from ...core.records import record
+from ...parts.part import Numbers, Tree
+from .. import beam
+from ..random_numbers import THERMAL, key_of
+from .lever_apex import APEX_CONSTANTS, BOLTZMANN, apex_constants
 
+_OF_MODES = ("mode_w2", "mode_inverse", "mode_push", "mode_base", "kick", "mode_y", "mode_z", "mode_shown")
 CONSTANTS = record(
     "half",  # half the integration step [s]
     "h",
@@ -26,9 +26,12 @@ CONSTANTS = record(
     "mode_w2",  # the same of the bending modes
     "mode_inverse",
     "mode_push",
+    "mode_base",  # change of the rate at mid-step per acceleration of the base [s]
     "kick",  # rms change of the rate by the thermal force of a step [m/s]
     "mode_y",  # how the tip moves with a mode, which is counted by the deflection of the end [1]
     "mode_z",
+    "base_y",  # how the base moves when it is excited [1]
+    "base_z",
     "mode_shown",  # deflection that the photodiode shows per deflection of the end in a mode [1]
     "twist_w2",  # as mode_w2, ..., of torsion, which is counted by the twist of the end
     "twist_inverse",
@@ -64,10 +67,8 @@ CONSTANTS = record(
     "row_step",
     "transition",  # transition parameter on a flat sample
     *APEX_CONSTANTS,
-    vectors=(
-        *("metres", "w2", "inverse", "push", "mode_w2", "mode_inverse"),
-        *("mode_push", "kick", "mode_y", "mode_z", "mode_shown"),
-    ),
+    vectors=("metres", "w2", "inverse", "push"),
+    arrays={name: (beam.MODES,) for name in _OF_MODES},
     integers=("rows", "thermal_key", "apex_key"),
 )
 
@@ -115,6 +116,22 @@ def _ringing(frequency: float, damping: float, h: float) -> tuple[float, float]:
     return w2, 1.0 / (1.0 + 0.5 * h * loss + 0.25 * h * h * w2)
 
 
+def kick(w2: float, inverse: float, compliance: float, temperature: float, h: float) -> float:
+    """Rms change of the rate at mid-step by the thermal force on an oscillator of the scheme, docs/lever.md (28).
+
+    Parameters
+    ----------
+    w2, inverse : float
+        Frequency of the scheme squared [1/s^2], and 1/D.
+    compliance : float
+        Static displacement per force (or angle per torque).
+    temperature : float [K]
+    h : float [s]
+    """
+    loss = (1.0 / inverse - 1.0 - 0.25 * h * h * w2) * 2.0 / h
+    return 0.5 * h * inverse * math.sqrt(2.0 * loss * BOLTZMANN * temperature * w2 * compliance / h)
+
+
 def lever_constants(parameters: Tree) -> Numbers:
     """Values of CONSTANTS."""
     plant, piezo, scales = parameters.plant, parameters.piezo, parameters.scales
@@ -130,16 +147,16 @@ def lever_constants(parameters: Tree) -> Numbers:
         """(y, z) of a vector given along the cantilever and across it."""
         return cos * along + sin * across, cos * across - sin * along
 
-    modes: dict[str, list[float]] = {
-        name: [0.0] * 3 for name in ("mode_w2", "mode_inverse", "mode_push", "kick", "mode_y", "mode_z", "mode_shown")
-    }
+    modes = {name: [0.0] * beam.MODES for name in _OF_MODES}
     for i, mode in enumerate(beam.MODE[: plant.modes]):
         w2, inverse = _oscillator(c.f0 * mode.frequency, 0.5 / c.Q, h)
         modes["mode_w2"][i], modes["mode_inverse"][i] = w2, inverse
         modes["mode_push"][i] = half * w2 * inverse * mode.compliance / c.k
+        modes["mode_base"][i] = half * inverse * mode.base
         modes["kick"][i] = kick(w2, inverse, mode.compliance / c.k, plant.temperature, h)
         modes["mode_y"][i], modes["mode_z"][i] = lab(arm * mode.slope / L, 1.0)
         modes["mode_shown"][i] = 2.0 / 3.0 * mode.slope
+    base_y, base_z = lab(0.0, 1.0)
     # Of torsion the first mode moves, or nothing; bending sideways never does.
     twist = dict.fromkeys(("twist_w2", "twist_inverse", "twist_push", "twist_kick"), 0.0)
     share = 0.0
@@ -195,6 +212,8 @@ def lever_constants(parameters: Tree) -> Numbers:
         "thermal": float(plant.temperature > 0.0),
         "thermal_key": key_of(plant.seed, THERMAL),
         "arm": arm,
+        "base_y": base_y,
+        "base_z": base_z,
         "force_per_twist": c.k_torsion / arm,
         "a": parameters.cantilever.a,
         "R": c.tip_radius,

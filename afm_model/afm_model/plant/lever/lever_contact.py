@@ -7,8 +7,8 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 import math
 from typing import Any
 
-from ..contact.table import attraction, end_of_contact, look_up
-from ..core.jit import kernel
+from ...contact.table import attraction, end_of_contact, look_up
+from ...core.jit import kernel
 
 FRAME = (
     "unit_force",  # units of the contact at this place, see afm_model.contact.maugis

@@ -9,14 +9,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..core import registry
-from ..core.errors import ParameterError
-from ..core.schema import NonNegative, Unit
-from ..parts.groups import PlantParameters
-from ..parts.part import Corrugation, Numbers, Tree
-from .lever_thermal import BOLTZMANN
-from .random_numbers import key_of
+from ...core import registry
+from ...core.errors import ParameterError
+from ...core.schema import NonNegative, Unit
+from ...parts.groups import PlantParameters
+from ...parts.part import Corrugation, Numbers, Tree
+from ..random_numbers import key_of
 
+BOLTZMANN = 1.380649e-23
+"""[J/K]."""
 ELECTRONVOLT = 1.602176634e-19
 """[J]"""
 RESOLVED = 0.5
