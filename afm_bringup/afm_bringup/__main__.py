@@ -5,7 +5,7 @@ from functools import partial
 
 from afm_node_common.entry import start
 
-session = partial(start, "afm_bringup.command")
+session = partial(start, "afm_bringup.session_command")
 compare = partial(start, "afm_bringup.compare_command")
 composed = partial(start, "afm_bringup.composed")
 scan = partial(start, "afm_bringup.scan_command")

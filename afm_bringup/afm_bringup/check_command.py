@@ -6,8 +6,7 @@ from pathlib import Path
 from afm_model import ScenarioError
 
 from .domain import end
-from .parameter_file import write_parameters
-from .scenario import add_overrides, read_scenario
+from .scenario_input import add_overrides, read_scenario, write_parameters
 
 
 def main() -> int:
@@ -18,7 +17,7 @@ def main() -> int:
     parser.add_argument("scenario", help="name of a scenario, or a scenario file")
     add_overrides(parser)
     parser.add_argument(
-        "--write", type=Path, metavar="FILE", help="write what was read and checked, for --params-file of any node"
+        "--write", type=Path, metavar="FILE", help="write the checked parameters to FILE, for --params-file of any node"
     )
     parser.add_argument(
         "--set",

@@ -9,7 +9,7 @@ from afm_model.core.registry import names
 from .compare_page import page
 from .domain import end
 from .node_law import node_contender
-from .scenario import read_scenario
+from .scenario_input import read_scenario
 
 CSV, LATEX, PAGE = "comparison.csv", "ranking.tex", "comparison.html"
 """Files in the folder of the results."""
@@ -40,7 +40,7 @@ def _arguments() -> argparse.Namespace:
         "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
     )
     parser.add_argument("--out", required=True, type=Path, help="folder for the results")
-    parser.add_argument("--scenario", help="scenario that tells what all runs have in common")
+    parser.add_argument("--scenario", help="scenario with the common parameters of all runs")
     parser.add_argument("--periods", nargs="+", type=float, default=[5e-5, 2e-4], help="control periods [s]")
     parser.add_argument("--delays", nargs="+", type=int, default=[0, 1], help="delays in control periods")
     parser.add_argument(
@@ -56,7 +56,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def main() -> int:
-    """Entry point; the exit code is 2 for what is not allowed, 1 if the results cannot be written."""
+    """Entry point; the exit code is 2 for arguments that are not allowed, 1 if the results cannot be written."""
     arguments = _arguments()
     try:
         scenario = read_scenario(arguments.scenario) if arguments.scenario else None

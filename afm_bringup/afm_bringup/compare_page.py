@@ -1,4 +1,4 @@
-"""A comparison as one page of HTML, pictures and all, that needs no other file."""
+"""A comparison as one page of HTML that contains its pictures."""
 
 import base64
 import io
@@ -39,7 +39,7 @@ _NAMES = {
 }
 _SCALES = {"tip_force": 1e9, "contact": 100.0, "z_rms": 1e9}
 _TOP = 1000.0
-"""Error [%] beyond which nothing is told apart."""
+"""Error [%] at which the scale of the picture ends."""
 _LEGEND_WIDTH = 32
 _MARKERS = "osD^vP*Xhp<>"
 
@@ -56,10 +56,10 @@ def page(comparison: Comparison) -> str:
 <html lang="en"><head><meta charset="utf-8"><title>Control laws compared</title><style>{_STYLE}</style></head><body>
 <h1>Control laws compared</h1>
 <p>{len(comparison.table)} runs. {escape(varied)}.</p>
-<p>Every law has the same measurements, and is told period and delay if it asks for them. What else it is told stands
-in the last column. The error is that of the worse of x and y in percent of the amplitude; chatter is the total
+<p>Every law has the same measurements, and the period and delay if it has parameters for them. The last column
+lists its further knowledge. The error is that of the worse of x and y in percent of the amplitude; chatter is the total
 variation of the drive over that of a smooth one; the margin is the smallest distance of the open loop from -1. Medians
-over all runs; a run that diverged counts as infinite. Small figures: the place among all laws.</p>
+over all runs; a run that diverged counts as infinite. Small figures: the rank among all laws.</p>
 {_ranking(comparison)}
 {pictures}
 <details><summary>All runs</summary>
@@ -93,7 +93,7 @@ def _ranking(comparison: Comparison) -> str:
         )
     return (
         f'<table><tr><th class="text">law</th><th>finished</th><th>under {UNDER:g} %</th>{head}'
-        f'<th class="text">uses and knows</th></tr>{"".join(rows)}</table>'
+        f'<th class="text">knowledge used</th></tr>{"".join(rows)}</table>'
     )
 
 
@@ -104,9 +104,9 @@ def _runs(comparison: Comparison) -> str:
         failed = isinstance(row["error"], str)
         conditions = "".join(f"<td>{_condition(row[name])}</td>" for name in CONDITIONS)
         numbers = "".join(f"<td>{_number(row[name], _SCALES.get(name, 1.0))}</td>" for name in _NAMES)
-        told = f'<td class="text">{escape(row["error"])}</td>' if failed else "<td></td>"
+        error = f'<td class="text">{escape(row["error"])}</td>' if failed else "<td></td>"
         kind = ' class="bad"' if failed else ""
-        rows.append(f'<tr{kind}><td class="text">{escape(row["law"])}</td>{conditions}{numbers}{told}</tr>')
+        rows.append(f'<tr{kind}><td class="text">{escape(row["law"])}</td>{conditions}{numbers}{error}</tr>')
     return f'<table><tr><th class="text">law</th>{head}<th></th></tr>{"".join(rows)}</table>'
 
 

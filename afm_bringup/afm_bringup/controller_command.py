@@ -21,9 +21,8 @@ from .exam.connection import TopicConnection
 from .exam.log import Log
 from .exam.procedure import Procedure
 from .exam.rules import Outcome, Terms, Verdict, exit_code, judge
-from .parameter_file import write_parameters
 from .processes import Processes
-from .scenario import read_scenario
+from .scenario_input import read_scenario, write_parameters
 
 _CONTROLLER = "the controller"
 _END_TIME = 10.0
@@ -47,7 +46,7 @@ def _arguments() -> argparse.Namespace:
         "command",
         nargs="+",
         metavar="COMMAND",
-        help="command that starts the controller, with its arguments, behind --",
+        help="command that starts the controller, with its arguments, after --",
     )
     parser.add_argument(
         "--scenario",
@@ -64,7 +63,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
     )
-    parser.add_argument("--log", type=Path, metavar="FILE", help="keep what the controller prints in this file")
+    parser.add_argument("--log", type=Path, metavar="FILE", help="write the output of the controller to this file")
     return parser.parse_args()
 
 
@@ -104,7 +103,7 @@ def main() -> int:
 
 
 def _examine(scenario: Scenario, command: list[str], ros_arguments: bool, printed: Path | None) -> Log:
-    """Start the controller, examine it, end it; what it prints goes to a file, if one is given."""
+    """Start the controller, test it, end it; its output goes to a file, if one is given."""
     with tempfile.TemporaryDirectory() as folder, Processes(last="") as processes:
         parameters = Path(folder) / "parameters.yaml"
         write_parameters(scenario, parameters, {})

@@ -80,7 +80,7 @@ def end(text: object, code: int) -> int:
 
 
 def _domains_with_ports() -> set[int]:
-    """Domains in which some node of this machine, of whatever program, has a UDP port open."""
+    """Domains in which any node of this machine has a UDP port open."""
     ports = []
     for table in ("udp", "udp6"):
         try:

@@ -1,4 +1,4 @@
-"""Finding what is installed. Imports nothing that `ros2 launch` may not have."""
+"""Paths of installed files. Imports nothing that `ros2 launch` may not have."""
 
 from pathlib import Path
 
@@ -11,5 +11,5 @@ def executable(package: str, name: str) -> str:
 
 
 def config(name: str) -> Path:
-    """An installed file of ours."""
+    """Path of an installed configuration file."""
     return Path(get_package_prefix("afm_bringup")) / "share" / "afm_bringup" / "config" / name

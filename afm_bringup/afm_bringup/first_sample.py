@@ -19,13 +19,13 @@ STRENGTH = 0.5
 """Friction of the second material over that of the first."""
 _CELLS = 480
 _EDGE, _BORDER = 10e-9, 5e-9
-"""Standard deviations of what rounds the edges of the letter and the border of the materials [m]."""
+"""Standard deviations of the filters that round the edges of the letter and the border of the materials [m]."""
 _BARS = ((-300e-9, -180e-9, -350e-9, 350e-9), (-180e-9, 300e-9, 230e-9, 350e-9), (-180e-9, 120e-9, -60e-9, 60e-9))
 """The letter F: left, right, bottom, top of its bars [m]."""
 
 
 def letter(x: _Array, y: _Array) -> NDArray[np.bool_]:
-    """Whether places [m] belong to the letter."""
+    """Whether places [m] are inside the letter."""
     bars = [(left <= x) & (x <= right) & (low <= y) & (y <= high) for left, right, low, high in _BARS]
     return np.logical_or.reduce(bars)
 

@@ -1,4 +1,4 @@
-"""Following a run to its end: what a session and a launch both wait for."""
+"""Wait for the end of a run, for sessions and launches."""
 
 import time
 from collections.abc import Callable
@@ -19,7 +19,7 @@ _SAFE = (
     InstrumentStatus.HELD,
     InstrumentStatus.WITHDRAWN,
 )
-"""States that a run leaves only if somebody does something."""
+"""States that a run leaves only after an action from outside."""
 
 
 class RunError(RuntimeError):
@@ -51,19 +51,19 @@ class Follower:
         self._silent_since: float | None = None
 
     def finished(self) -> bool:
-        """Whether the run is finished and its score is there; to be asked again and again.
+        """Whether the run is finished and its score has arrived; call it repeatedly.
 
         Raises
         ------
         RunError
-            If it has ended in a fault, or has been in a safe state for too long: nobody is there to resume it.
+            If it has ended in a fault, or has been in a safe state for too long, since a session does not resume it.
         """
         status = self._monitor.status
         if status is None:
             return False
         if status.state == InstrumentStatus.FAULT:
             raise RunError(status.detail)
-        # A controller that was only slow comes back; the score tells.
+        # A controller that was only slow answers later; the score contains it.
         now = time.monotonic()
         if status.state not in _SAFE:
             self._silent_since = None
@@ -101,7 +101,7 @@ class Follower:
         return bool(recorder.ticks >= status.ticks and recorder.samples >= status.samples)
 
     def missing_in_recording(self) -> str | None:
-        """A sentence about what has not arrived at the recorder, if anything."""
+        """A message about data that has not arrived at the recorder; None if all has."""
         status, recorder = self._known()
         if recorder.ticks == status.ticks and recorder.samples == status.samples:
             return None

@@ -1,4 +1,4 @@
-"""A view of the running instrument from outside: status, score, who is there, and the start signal."""
+"""The running instrument seen from another process: status, score, number of nodes, and the start signal."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -88,7 +88,7 @@ class Monitor:
         """A sentence about a controller that the middleware does not connect, if there is one."""
         drives = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topics.PIEZO_DRIVE))
         subscriptions = self._node.get_subscriptions_info_by_topic(self._node.resolve_topic_name(topics.MEASUREMENT))
-        # Not by rclpy's own check: it takes what is not yet known of a node for a policy that does not fit.
+        # Not by rclpy's own check, for which a policy that is not yet known does not match.
         for end in drives:
             if end.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
                 return f"{_full_name(end)} publishes piezo_drive best effort: it must be reliable"

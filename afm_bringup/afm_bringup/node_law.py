@@ -21,8 +21,8 @@ from afm_model.parameters.scenario import ALL, NAMESPACE
 from afm_model.studies import Contender
 
 from .domain import claim_domain
-from .parameter_file import write_parameters
 from .processes import Processes
+from .scenario_input import write_parameters
 
 _Array = NDArray[np.float64]
 _NODE = "the node"

@@ -1,4 +1,4 @@
-"""Starting nodes as processes, and ending them without leaving anything behind."""
+"""Start nodes as processes, and end them and all their child processes."""
 
 import os
 import signal
@@ -63,11 +63,11 @@ class Process:
         return f"{self.name} ended with code {self._process.returncode}{last}"
 
     def ask_to_end(self) -> None:
-        """Send SIGINT, also to what the command has started itself."""
+        """Send SIGINT to the command and its child processes."""
         self._signal(signal.SIGINT)
 
     def _signal(self, number: int) -> bool:
-        """Signal the process group (0: only ask); False if nobody is left in it."""
+        """Send a signal to the process group (0: only test); False if no process is left in it."""
         try:
             os.killpg(self._process.pid, number)
         except ProcessLookupError:
@@ -76,7 +76,7 @@ class Process:
 
     @property
     def shared_memory(self) -> set[File]:
-        """Files of the middleware that the command and what it has started use now."""
+        """Files of the middleware that the command and its child processes use now."""
         files: set[File] = set()
         for pid in filter(str.isdigit, os.listdir("/proc")):
             with suppress(ProcessLookupError, PermissionError):
@@ -124,7 +124,7 @@ class Process:
 
 
 class Processes:
-    """The nodes of a session. None of them, nor what they have started, outlives the session. A context manager.
+    """The nodes of a session. Neither they nor their child processes outlive the session. A context manager.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class Processes:
             process.ask_to_end()
         for process in (*others, *(process for process in self._running if process not in others)):
             process.end(_AT_WORK if process.name == self._last else 0.0)
-        # It now ends what has left its process group, if anything.
+        # It now ends processes that have left their process group.
         assert self._cleanup.stdin is not None
         self._cleanup.stdin.close()
         self._cleanup.wait()
@@ -174,7 +174,7 @@ class Processes:
         self._running.append(Process(name, command, log, self._mark))
 
     def ask_to_end(self) -> None:
-        """Send SIGINT to each, and to what it has started itself."""
+        """Send SIGINT to each node and its child processes."""
         for process in self._running:
             process.ask_to_end()
 
@@ -183,6 +183,6 @@ class Processes:
         return next((process.how_it_ended for process in self._running if process.ended), None)
 
     def note_shared_memory(self) -> None:
-        """What the nodes use by now, so that what one that is killed leaves behind can be removed."""
+        """Note the shared memory in use, to remove the files that a killed node leaves behind."""
         for process in self._running:
             self._shared_memory |= process.shared_memory

@@ -18,6 +18,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.core.schema import Value
@@ -224,6 +225,13 @@ class Remote:
     def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
         """See `Backend`."""
         self._call(SetFeedback, topics.SET_FEEDBACK, mode=mode)
+
+    def resume(self) -> None:
+        """See `Backend`."""
+        try:
+            self._call(Trigger, topics.RESUME)
+        except ParameterError as error:
+            raise VerbError(str(error)) from None
 
     def set_sample(self, changes: Mapping[str, Value]) -> None:
         """See `Backend`."""

@@ -25,12 +25,12 @@ def replay(path: Path) -> tuple[str, str, int]:
         If its run has not come to a score, or its drives cannot be replayed.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IncompleteRecording)  # it is told by its score
+        warnings.simplefilter("ignore", IncompleteRecording)  # known from its score
         recording = read_recording(path)
     if recording.score is None or not recording.score.get("trajectory_sha256"):
         raise ParameterError("there is no score in it, and so no trajectory_sha256 to compare with")
     values = recording.parameters["afm_sim_node"].items()
-    # What is a list belongs to the node, not to the instrument.
+    # Lists are parameters of the node, not of the instrument.
     known = {name: value for name, value in values if not isinstance(value, list)}
     parameters = recorded_parameters(known, recording.parameter_changes)
     with bar("replaying") as report:

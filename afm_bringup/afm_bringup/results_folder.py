@@ -1,4 +1,4 @@
-"""The folder of a session's results: only what is complete stands in it under its final name, and nothing gets lost.
+"""The folder of a session's results: only complete files have their final names, and nothing gets lost.
 
 What is under way stands in `unfinished-<date>-<time>` in there. A session that fails leaves its recordings there; so
 does one that is killed, without a hand of its own.
@@ -51,13 +51,13 @@ class ResultsFolder:
                 if (path / name).is_dir():
                     raise FolderError(f"{path / name} is a folder: it must be a file, or not be there")
             self.work = self._make("unfinished")
-            """Where to write what is under way."""
-            # Held open, its inode cannot become that of a folder which the recorder makes again in its place.
+            """Folder of unfinished files."""
+            # Held open, so that a folder made anew in its place has another inode.
             self._held = os.open(self.work, os.O_RDONLY | os.O_DIRECTORY)
         except OSError as error:
             os.close(self._lock)
             raise FolderError(
-                f"another session writes to {path}: give this one a folder of its own"
+                f"another session writes to {path}: choose another folder"
                 if isinstance(error, BlockingIOError)
                 else f"--out {path} cannot be written ({error.strerror}): it must be a folder you can write"
             ) from None
@@ -70,7 +70,7 @@ class ResultsFolder:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Keep logs; remove what is empty."""
+        """Keep logs; remove empty folders."""
         with suppress(OSError):
             self._keep_logs()
         with suppress(OSError):
@@ -91,7 +91,7 @@ class ResultsFolder:
 
     @property
     def left(self) -> list[Path]:
-        """What a recorder has written and what has no final name."""
+        """Recordings without a final name."""
         with suppress(OSError):
             return sorted(path for path in self.work.iterdir() if ".rrd" in path.name)
         return []
@@ -113,7 +113,7 @@ class ResultsFolder:
             path.unlink(missing_ok=True)
 
     def publish(self, *, complete: bool) -> list[Path]:
-        """Give what is in `work` its final names; a recording that was not closed stays there.
+        """Rename the files in `work` to their final names; a recording that was not closed stays there.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class ResultsFolder:
             self._move(found, logs)
 
     def _make(self, what: str) -> Path:
-        """A new folder in here, named after what it is and the time."""
+        """A new folder in here, named by its purpose and the time."""
         stamp = time.strftime("%Y%m%d-%H%M%S")
         for suffix in ("", *(f"-{n}" for n in range(2, 1000))):
             path = self.path / f"{what}-{stamp}{suffix}"

@@ -16,7 +16,7 @@ from .domain import NoDomainError, claimed_domain, end
 from .files import config
 from .first_sample import write_sample
 from .scan_session import ScanSession
-from .scenario import add_overrides, read_scenario
+from .scenario_input import add_overrides, read_scenario
 from .session import SessionError
 
 _FIRST = "first_image"

@@ -13,7 +13,7 @@ from afm_node_common.runner import Interrupted, Stop
 from .follow import STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
 from .results import print_scorecard, scorecard, write_scorecard
-from .scenario import read_scenario
+from .scenario_input import read_scenario
 
 
 def _arguments() -> argparse.Namespace:

@@ -15,31 +15,30 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from afm_model import Scenario
 from afm_model.core.schema import flatten
-from afm_model.studies.checks import implausible, start_warnings
+from afm_model.studies.start_checks import implausible, start_warnings
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
 from .files import executable
 from .follow import STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
-from .parameter_file import write_parameters
 from .processes import Processes
 from .results import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .results_folder import CARD, PICTURE, RECORDING, FolderError, ResultsFolder
+from .scenario_input import write_parameters
 
 _START_TIMEOUT = 180.0
 """Wall time for all nodes to start and see each other; a first start compiles the kernels [s]."""
 _DISCOVERY_TIME = 1.0
-"""Wall time before anything is started, in which what already runs makes itself known; more passes while our simulator
-starts [s]."""
+"""Wall time for the discovery of nodes that already run, before anything is started [s]."""
 _INCOMPATIBLE_TIME = 2.0
 """Wall time after which a controller that the middleware does not connect ends the session [s]: discovery is over."""
 _OVERVIEW_TICKS = 250_000
 """Ticks that the picture shows at most; of a longer run one in several."""
 _RECORDER, _SIMULATOR, _CONTROLLER = "afm_recorder_node", "afm_sim_node", "afm_controller_node"
 OWN, COMPOSED, INSIDE, EXTERNAL = "", "composed", "inside", "external"
-"""Controllers that are no command: ours in its own process, ours in the simulator's process, our law in the simulator
-itself, somebody else's."""
+"""Controllers that are no command: our node in its own process, our node in the simulator's process, a law in the
+simulator itself, a node that was started elsewhere."""
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -48,7 +47,7 @@ class SessionError(RuntimeError):
 
 
 class Session:
-    """One run of a scenario in processes of its own.
+    """One run of a scenario in separate processes.
 
     Parameters
     ----------
@@ -60,7 +59,7 @@ class Session:
     namespace : str
         Namespace of the instrument: two instruments in one ROS domain need two.
     ros_arguments : bool
-        Whether the command is given the scenario's parameters and the namespace, as arguments of ROS.
+        Whether parameters and namespace are appended to the command as ROS arguments.
     stall_timeout : float
         Wall time for which a controller may stay silent after it was reported [s].
     picture : bool
@@ -68,7 +67,7 @@ class Session:
     """
 
     names: tuple[str, ...] = (PICTURE, CARD)
-    """Of the results beside the recording."""
+    """Names of the result files other than the recording."""
 
     def __init__(
         self,
@@ -97,17 +96,17 @@ class Session:
         Raises
         ------
         SessionError
-            If anything failed. Of a run that was not finished nothing is left under a final name; what was recorded of
-            it stays in a folder `unfinished-...` in `out`, and recordings of the run before in `previous-...`.
+            If anything failed. An unfinished run leaves no file with a final name; its recording stays in a folder
+            `unfinished-...` in `out`, and recordings of the previous run in `previous-...`.
         Interrupted
             If SIGINT, SIGTERM or SIGHUP came; the recording up to there is kept.
         """
         sim = self._scenario.sim
         if self._controller in (OWN, COMPOSED):
-            told = start_warnings(sim, self._scenario.controller)
+            warnings = start_warnings(sim, self._scenario.controller)
         else:
-            told = implausible(sim)
-        for sentence in told:
+            warnings = implausible(sim)
+        for sentence in warnings:
             say(f"warning: {sentence}")
         for number in _SIGNALS:
             # nohup has a program ignore SIGHUP: that stays.
@@ -191,7 +190,7 @@ class Session:
         work = self._folder.work
         for name, command in self._commands(work).items():
             if name in (_CONTROLLER, "controller"):
-                # It would answer anybody: by now the only simulator must be ours.
+                # It would answer any simulator: by now ours must be the only one.
                 self._wait_for_simulator()
             try:
                 self._processes.start(name, command, work / f"{name}.log")
@@ -246,7 +245,7 @@ class Session:
 
         with self._console.status("Starting the nodes ...") if self._console.is_terminal else _nothing():
             while not monitor.spin_until(ready, _START_TIMEOUT):
-                # Somebody else's controller may take its time; our own nodes may not.
+                # Only an external controller may take longer.
                 if not (external and monitor.missing.startswith("a controller")):
                     raise SessionError(f"waited {_START_TIMEOUT:g} s for {monitor.missing}")
                 say(f"Still waiting for {monitor.missing} ...")
@@ -308,7 +307,7 @@ class Session:
                 draw_overview(recording, title, work / PICTURE)
         except OSError as error:
             missing = missing or f"{error.filename or work} cannot be written: {error.strerror}"
-        # Whatever became of the recording, the score stands.
+        # The score is valid even if the recording is not.
         paths = self._folder.publish(complete=missing is None)
         print_scorecard(card, title)
         print("\nResults:", *map(str, paths))
@@ -318,7 +317,7 @@ class Session:
 
 
 def say(text: str) -> None:
-    """Tell the person at the terminal, if it is still there."""
+    """Print to the terminal, if it is still there."""
     with suppress(OSError):
         print(text, file=sys.stderr, flush=True)
 

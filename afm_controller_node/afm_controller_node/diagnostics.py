@@ -20,13 +20,13 @@ class Diagnostics:
         Parameters
         ----------
         law : str
-            In force.
+            Present law.
         answers, dropped : int
             Measurements answered, and messages that could not be read, since the start.
         problem : str
-            What is the matter with the simulator; empty: nothing.
+            What is wrong with the simulator; empty: nothing.
         last_dropped : str
-            The sentence about the last message dropped.
+            Message about the last message dropped.
         """
         level, message = DiagnosticStatus.OK, "answering" if answers > self._answers else "waiting for measurements"
         if problem:
@@ -35,5 +35,5 @@ class Diagnostics:
             level, message = DiagnosticStatus.WARN, last_dropped
         self._answers, self._dropped = answers, dropped
         values = {"law": law, "measurements answered": answers, "messages dropped": dropped}
-        told = entry(f"{self._node.get_fully_qualified_name()}: controller", level, message, values)
-        self._publisher.publish(stamped(self._node, told))
+        status = entry(f"{self._node.get_fully_qualified_name()}: controller", level, message, values)
+        self._publisher.publish(stamped(self._node, status))

@@ -28,7 +28,7 @@ TUNABLE = ("law.",)
 """What may change while the controller runs: the law and its gains."""
 
 _PERIOD = 1.0
-"""Wall time between two looks at the simulator, and between two entries on /diagnostics [s]."""
+"""Wall time between two checks of the simulator, and between two entries on /diagnostics [s]."""
 
 
 class ControllerNode(Node):
@@ -45,7 +45,7 @@ class ControllerNode(Node):
         self._controller.answer(np.zeros(size(signals.MEASUREMENT)))
         self._controller.reset()
         self._answered = -1  # sequence of the measurement answered last
-        self._period_unknown = True  # before a measurement has told the control period
+        self._period_unknown = True  # until measurements have given the control period
         self._drive: NDArray[np.float64] | Command = np.zeros(3)
         fast = parameters.process.fast_codec
         self._decode = measurement_codec(fast=fast).decode
@@ -95,7 +95,7 @@ class ControllerNode(Node):
         self._inbox.wait(timeout)
 
     def serve_periodic(self) -> None:
-        """Look whether the simulator is there, or tell how this node is; no tick waits for both."""
+        """Check the simulator, or publish diagnostics; no tick waits for both."""
         self._tasks.run_next(time.monotonic())
 
     def destroy_node(self) -> None:
@@ -125,8 +125,8 @@ class ControllerNode(Node):
 
     def _log_law(self, parameters: ControllerNodeParameters) -> None:
         kind, *others = flatten(parameters.law).items()
-        told = ", ".join(f"{name} = {value}" for name, value in others)
-        self.get_logger().info(f"law: {kind[1]} ({told})")
+        gains = ", ".join(f"{name} = {value}" for name, value in others)
+        self.get_logger().info(f"law: {kind[1]} ({gains})")
 
 
 def main() -> int:

@@ -18,7 +18,7 @@ from . import (
 from .core.progress import bar
 from .instrument.scorecard import scorecard
 from .law import TimingWarning
-from .studies.checks import start_warnings
+from .studies.start_checks import start_warnings
 
 
 def main() -> int:

@@ -38,14 +38,14 @@ class _Layout:
     """Where things stand in a message whose frame_id takes `length` bytes, its final zero included."""
 
     def __init__(self, length: int, size: int, tail: int) -> None:
-        # CDR aligns to 8 counted from behind the encapsulation.
+        # CDR aligns to 8, counted from the end of the encapsulation header.
         padding = -(12 + length) % 8
         self.length = length
         # Kind of encapsulation, stamp.sec, stamp.nanosec, frame_id with its length, sequence.
         self.head = struct.Struct(f"<2s2xiI{4 + length}s{padding}xQ")
         sequence = self.head.size - 8
         self.padding = slice(sequence - padding, sequence)
-        # The same, the numbers, and the last four bytes of what stands behind them.
+        # The same, the numbers, and the last four bytes after them.
         end = f"{tail - 4}x4s" if tail else "0s"
         whole = struct.Struct(f"{self.head.format}{8 * size}s{end}")
         self.size = whole.size
@@ -118,10 +118,10 @@ class Codec:
         self._frame_in = b""
         self._values = np.zeros(size)
         self._values_bytes = memoryview(self._values).cast("B")
-        # Out: what stands between stamp and sequence, and before them.
+        # Outgoing: the bytes between stamp and sequence, and before them.
         self._frame = struct.pack("<I", layout.length) + FRAME.encode() + bytes(layout.head.size - 24 - len(FRAME))
         self._pack_head = partial(struct.Struct(f"<4siI{len(self._frame)}sQ").pack, LITTLE_ENDIAN_CDR + b"\0\0")
-        # Another middleware may lay messages out otherwise: what does not agree is not used.
+        # Another middleware may use another layout: the fast way is used only if it agrees.
         self.fast = fast and self._agrees()
         if not self.fast:
             self._frame_in = b""
@@ -133,7 +133,7 @@ class Codec:
         message = self._type()
         fill(message, sequence, stamp, values)
         expected = bytearray(serialize_message(message))
-        # rclpy's serializer leaves in the padding what was in memory.
+        # rclpy's serializer leaves uninitialised bytes in the padding.
         padding = self._layout.padding
         expected[padding] = bytes(padding.stop - padding.start)
         if self.encode(sequence, stamp, values) != expected:
@@ -183,7 +183,7 @@ class Codec:
         return self._decode_other(data)
 
     def _decode_other(self, data: bytes) -> tuple[int, int, Any]:
-        """As `decode`, for a message that is laid out otherwise than the one before, or not as we know it."""
+        """As `decode`, for a message with another layout than the previous one."""
         if self.fast and data[:2] == LITTLE_ENDIAN_CDR:
             layout = self._layouts.get(int.from_bytes(data[12:16], "little"))
             if layout is not None and len(data) == layout.size and data.endswith(self._end):
@@ -202,7 +202,7 @@ class Codec:
 
 
 def is_text(data: bytes) -> bool:
-    """Whether these bytes are one string in UTF-8 and the zero behind it."""
+    """Whether these bytes are one zero-terminated string in UTF-8."""
     try:
         text = data.decode()
     except UnicodeDecodeError:
@@ -233,7 +233,7 @@ def _deserialize(data: bytes, kind: Any) -> Any:
         raise MalformedError(
             f"a {kind.__name__} with stamp {stamp.sec} s + {stamp.nanosec} ns: it must be a time since the start"
         )
-    # What is no UTF-8, or stands behind a zero, is something else when the serializer has read it.
+    # The serializer would change a text that is no UTF-8 or continues after a zero.
     if data[12 : 16 + len(frame)] != struct.pack(orders[data[:2]], len(frame)) + frame:
         raise MalformedError(f"a {kind.__name__} whose frame_id is no text in UTF-8")
     if whole != len(data):
@@ -292,7 +292,7 @@ class BlockEncoder:
     def _write(self, stamp_ns: int, values: dict[str, Any]) -> bytes:
         frame = FRAME.encode() + b"\0"
         parts = [struct.pack("<iII", *divmod(stamp_ns, NANOSECONDS), len(frame)), frame]
-        at = 12 + len(frame)  # behind the encapsulation
+        at = 12 + len(frame)  # after the encapsulation header
 
         def put(data: bytes, alignment: int) -> None:
             nonlocal at

@@ -18,9 +18,9 @@ from afm_model import Command, DriveError
 from .codec import LITTLE_ENDIAN_CDR, NANOSECONDS, Codec, fill, is_text
 
 Drive = NDArray[np.float64] | Command | DriveError
-"""Voltages (3,) [V]; with a horizon a Command; what cannot be one, as the error that says why."""
+"""Voltages (3,) [V]; with a horizon a Command; for a horizon that is not allowed, the error."""
 _NO_HORIZON = bytes(12)
-_PERIOD_AND_COUNT = struct.Struct("<dI4x")  # the drives behind them are aligned to 8
+_PERIOD_AND_COUNT = struct.Struct("<dI4x")  # the drives after them are aligned to 8
 _VOLTAGE, _DRIVE = 24, 24  # bytes
 
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 
 
 def start(module: str) -> int:
-    """Import `module` and return what its `main` returns. A Ctrl-C meanwhile ends the process quietly.
+    """Import `module` and return what its `main` returns. A Ctrl-C meanwhile ends the process without a traceback.
 
     Loading takes a second or two, and Python's own answer to SIGINT is a traceback out of the middle of an import.
     """

@@ -24,7 +24,7 @@ class _Refused(ValueError):
 
 
 def check_services(node: Node, specifications: Sequence[Specification]) -> None:
-    """Have the two services that set parameters of `node` check what they are sent.
+    """Make the two services that set parameters of `node` check their requests.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def _all_or_none(node: Node, known: Mapping[str, Specification], callback: Calla
 def _news(
     node: Node, known: Mapping[str, Specification], messages: Sequence[ParameterMessage]
 ) -> list[ParameterMessage]:
-    """What is left to be set: numbers in their type, without what cannot change and has that value already."""
+    """The parameters to set: numbers in their type, without fixed parameters that already have the value."""
     news = []
     for message in messages:
         parameter = _checked(node, known.get(message.name), message)

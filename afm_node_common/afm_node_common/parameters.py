@@ -24,7 +24,7 @@ def _foreign(name: str) -> bool:
 
 
 def descriptor(spec: Specification, *, read_only: bool) -> ParameterDescriptor:
-    """Descriptor with description, unit, what is allowed and, where both bounds are closed, the range."""
+    """Descriptor with description, unit, allowed values and, where both bounds are closed, the range."""
     unit = "" if spec.unit == "1" else f" [{spec.unit}]"
     result = ParameterDescriptor(
         name=spec.name,
@@ -80,7 +80,7 @@ class Declared(Generic[G]):
         exchanged: Callable[[G], Mapping[str, str]] | None = None,
     ) -> None:
         self._node, self._tunable, self._accepts, self._on_change = node, tunable, accepts, on_change
-        # rclpy offers no public way to see values given for names that nobody declares.
+        # rclpy has no public way to read values given for undeclared names.
         given = {name: p.value for name, p in node._parameter_overrides.items() if not _foreign(name)}
         given = resolved(model, given)
         current = build(model, given | timing_inside(model, given))
@@ -142,8 +142,8 @@ class Declared(Generic[G]):
             name = spec.name
             free = any(name == each or (each.endswith(".") and name.startswith(each)) for each in self._tunable)
             # An entry may change, but not by anybody: see `_check`.
-            told = descriptor(spec, read_only=not free and not self._is_entry(name) and not self._service_for(name))
-            self._node.declare_parameter(name, values[name], told, ignore_override=True)
+            about = descriptor(spec, read_only=not free and not self._is_entry(name) and not self._service_for(name))
+            self._node.declare_parameter(name, values[name], about, ignore_override=True)
 
     def _is_entry(self, name: str) -> bool:
         group, _, rest = name.partition(".")

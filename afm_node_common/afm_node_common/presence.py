@@ -64,7 +64,7 @@ class Presence:
         self._publishers |= publishers
         problem = ""
         if not publishers:
-            problem = f"{self._name} has gone: nobody publishes {self._topic}"
+            problem = f"{self._name} has ended: {self._topic} has no publisher"
         elif now > self._heard_at + SILENCE:
             problem = f"{self._name} has not published its status for {SILENCE:g} s: it has stopped or was killed"
         if problem != self.problem:

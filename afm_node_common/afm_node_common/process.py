@@ -9,7 +9,7 @@ from afm_model.parameters import ControllerParameters, Group, SimParameters
 
 
 class Process(Group):
-    """What a node asks of the operating system for its control loop. What is not granted costs a warning."""
+    """Settings of the operating system for the control loop of a node. One that is not granted causes a warning."""
 
     fifo_priority: Annotated[int, Ge(0), Lt(99)] = Field(
         0,
@@ -24,7 +24,7 @@ class Process(Group):
 
 
 class InProcess(Group):
-    """The group as it stands in the parameters of a node."""
+    """The group `process` among the parameters of a node."""
 
     process: Process = Process()
 

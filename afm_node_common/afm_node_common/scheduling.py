@@ -19,7 +19,7 @@ _LISTENER = re.compile(r"dds\.shm\.\d+")
 
 
 def apply(process: Process, warn: Callable[[str], object]) -> None:
-    """Ask for what `process` wants, for the calling thread; what is refused is told to `warn`, and life goes on.
+    """Apply the settings of `process` to the calling thread; `warn` is called for each one that is refused.
 
     Call it when all other threads exist: those started later would inherit the priority.
     """
@@ -38,7 +38,7 @@ def apply(process: Process, warn: Callable[[str], object]) -> None:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(process.fifo_priority))
             _raise_listeners(process)
             if process.cpu >= 0 and everywhere - {process.cpu}:
-                # What waits behind the loop for its processor is let in by the system, for 50 ms of each second.
+                # The system gives threads that wait for the loop's processor 50 ms of each second.
                 _bind(filter(_is_ordinary, _threads()), everywhere - {process.cpu}, warn)
         except OSError:
             warn(

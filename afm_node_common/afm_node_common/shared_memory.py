@@ -1,4 +1,4 @@
-"""Shared memory of the middleware: what a process uses of it, and removing what nobody uses any more.
+"""Shared memory of the middleware: the files of a process, and the removal of unused files.
 
 Fast DDS removes its files when their last user ends. It does not when a user was killed, nor when its watchdog has
 called a port unhealthy, which takes a machine that stands still for a second. What is left then breaks or delays later
@@ -20,7 +20,7 @@ _MAPPED = re.compile(r" (\d+) +(/dev/shm/fast(?:dds|rtps)_\w+)$", re.MULTILINE)
 _FOLDER = Path("/dev/shm")
 _NAME = re.compile(r"fast(?:dds|rtps)_\w+(?<!_el)(?<!_sl)(?<!_mutex)")
 _OLD = 60.0
-"""Age of a file that nobody is about to open or lock for the first time [s]."""
+"""Age after which no process is about to open or lock a file for the first time [s]."""
 _LOCKS = ("_el", "_sl")
 """Endings of the lock files beside a file: of its one owner, of its readers."""
 _BESIDE = re.compile(r"(?:sem\.)?(?P<file>fast(?:dds|rtps)_\w+?)(?:_el|_sl|_mutex)")
@@ -28,7 +28,7 @@ _BESIDE = re.compile(r"(?:sem\.)?(?P<file>fast(?:dds|rtps)_\w+?)(?:_el|_sl|_mute
 
 
 def used_by(pid: int | str) -> set[File]:
-    """Files that a process has mapped; none if it has ended or belongs to somebody else."""
+    """Files that a process has mapped; none if it has ended or belongs to another user."""
     try:
         maps = Path(f"/proc/{pid}/maps").read_text()
     except OSError:
@@ -46,12 +46,12 @@ def unused(files: set[File]) -> set[File]:
 
 
 def old() -> set[File]:
-    """Files of this user that have been there for a minute: what killed nodes of any run have left is among them."""
+    """Files of this user that are a minute old, among them those left by killed nodes of any run."""
     return {(str(path), about.st_ino) for path, about in _minute_old() if _NAME.fullmatch(path.name)}
 
 
 def remove_stray() -> None:
-    """Remove locks and mutexes that have been there for a minute without the file they belong to.
+    """Remove locks and mutexes that are a minute old and whose file is missing.
 
     Fast DDS removes a port whose owner was killed when it wants its number, and may leave what stood beside it.
     """
@@ -71,7 +71,7 @@ def _minute_old() -> Iterator[tuple[Path, os.stat_result]]:
 
 
 def remove_unused(files: set[File]) -> None:
-    """Remove those of `files` that nobody uses any more, with their lock files.
+    """Remove the unused ones of `files`, with their lock files.
 
     Call it after this process has closed its own: what it still has mapped counts as unused.
     """
@@ -79,7 +79,7 @@ def remove_unused(files: set[File]) -> None:
         # Somebody else may have found it dead meanwhile, and have made it anew.
         if not _exists((path, inode)):
             continue
-        # The mutex of a port has a file of its own, mapped only while the port is being opened.
+        # The mutex of a port is a separate file, mapped only while the port is being opened.
         mutex = path.replace("/dev/shm/", "/dev/shm/sem.") + "_mutex"
         for name in (path, mutex, *(path + ending for ending in _LOCKS)):
             with suppress(OSError):
@@ -88,9 +88,9 @@ def remove_unused(files: set[File]) -> None:
 
 @contextmanager
 def shared_memory_cleanup() -> Iterator[None]:
-    """Around the end of this process's nodes and context: what they used and nobody uses afterwards is removed.
+    """Around the end of this process's nodes and context: remove the files that are unused afterwards.
 
-    So is what killed nodes of other runs have left: some 0.5 MB each, that nobody would remove until the machine is
+    These include the files that killed nodes of other runs have left: some 0.5 MB each, that stay until the machine is
     started anew.
     """
     files = used_by(os.getpid())
@@ -107,7 +107,7 @@ def _exists(file: File) -> bool:
 
 
 def _locked(path: str) -> bool:
-    """Whether a living process, in whatever container, holds this lock file."""
+    """Whether a running process, in any container, holds this lock file."""
     try:
         handle = os.open(path, os.O_RDONLY)
     except OSError:

@@ -56,7 +56,7 @@ class DroppedMessages:
             f"{info.node_namespace.rstrip('/')}/{info.node_name}"
             for info in self._node.get_publishers_info_by_topic(resolved)
         }
-        sender = " or ".join(sorted(senders)) or "somebody who has gone"
+        sender = " or ".join(sorted(senders)) or "a publisher that has ended"
         self._senders[topic] = now, sender
         return sender
 

@@ -1,4 +1,4 @@
-"""Whether a message makes sense. Those that do not are dropped: they end no recorder and stand in no recording."""
+"""Checks of messages. Invalid ones are dropped: they neither end the recorder nor get into a recording."""
 
 import math
 import re
@@ -49,7 +49,7 @@ def control_trace(message: ControlTrace) -> None:
             raise InvalidMessage(f"{len(values)} values of {name} with {count} of deflection: it must be {3 * count}")
     if len(message.round_trip) != count:
         raise InvalidMessage(
-            f"{len(message.round_trip)} values of round_trip with {count} of deflection: as many belong"
+            f"{len(message.round_trip)} values of round_trip with {count} of deflection: the numbers must be equal"
         )
 
 

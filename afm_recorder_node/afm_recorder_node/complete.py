@@ -1,4 +1,4 @@
-"""Makes a complete recording of one that broke off or has just ended: large chunks, index, verified. Needs no ROS."""
+"""Completes a recording that was interrupted or has just ended: large chunks, index, verified. Needs no ROS."""
 
 import ctypes
 import os
@@ -21,9 +21,9 @@ from .friction_loop import FrictionLoop
 _CHUNK_ROWS = 32_768
 """Rows of a chunk; one costs some 0.3 ms to read and 1 kB in the file."""
 _FLUSHED_ROWS = 1 << 21
-"""After so many rows what was sent is waited for: memory stays flat if the disk is slow."""
+"""Rows after which the writer waits for the disk, so that memory does not grow."""
 _FLUSH_LIMIT = 60.0
-"""Wall time that the disk has to take what was sent [s]. rerun would wait for ever if a write fails meanwhile."""
+"""Longest wall time to wait for the disk [s]. rerun would wait for ever after a failed write."""
 
 _Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
 
@@ -42,7 +42,7 @@ class _Batch:
 
 
 def complete(source: Path, target: Path, expected: Mapping[str, int] | None = None) -> Counter[str]:
-    """Copy what a recording without an end holds into a complete one.
+    """Copy the contents of a recording without an end into a complete one.
 
     Nothing stands under the name `target` before all of it has been read back.
 
@@ -76,7 +76,7 @@ def complete(source: Path, target: Path, expected: Mapping[str, int] | None = No
     try:
         written = _copy(source, file, whole=expected is not None)
         if expected is not None and written != Counter(expected):
-            raise OSError(f"{source} does not hold what was written: {_difference(written, expected)}")
+            raise OSError(f"{source} does not contain the written data: {_difference(written, expected)}")
         verify(closing, written)
         os.fsync(file)
         os.replace(closing, target)
@@ -100,7 +100,7 @@ def chunks(path: Path, *, whole: bool = True) -> Iterator[Chunk]:
         If rerun cannot read it.
     """
     with warnings.catch_warnings():
-        # That a recording without an end has no index: who reads one knows.
+        # rerun reports a missing index, which is known here.
         warnings.simplefilter("ignore", rr.error_utils.RerunWarning)
         reader = RrdReader(path)
         stores = reader.recordings()
@@ -126,7 +126,7 @@ def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
     batches: dict[str, _Batch] = defaultdict(_Batch)
     loop = FrictionLoop()
     with _ending(rr.RecordingStream(layout.APPLICATION, send_properties=False)) as stream:
-        # Through the open file: what somebody puts under the name meanwhile is not followed.
+        # Through the open file: the name may now belong to another file.
         stream.set_sinks(rr.FileSink(f"/proc/self/fd/{file}"))
 
         def send(entity: str) -> None:
@@ -180,7 +180,7 @@ def _ending(stream: rr.RecordingStream) -> Iterator[rr.RecordingStream]:
 
 
 def verify(path: Path, expected: Mapping[str, int], *, index: bool = True) -> None:
-    """Read a file to its end, and its index. rerun only logs a line when a write of its own fails.
+    """Read a file to its end, and its index: rerun reports its own failed writes in the log only.
 
     Raises
     ------

@@ -19,7 +19,7 @@ END = _MESSAGE.pack(_END, 0)
 
 
 def without_ends(stream: bytes) -> bytes:
-    """The messages of an encoded stream, without header and end: what can be put behind other messages.
+    """The messages of an encoded stream, without header and end, to be appended to other messages.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class _Tail:
 
 
 class FrictionLoop:
-    """Gathers what the loop is drawn from, as the rows of a recording pass by."""
+    """Collects the points of the loop while the rows of a recording are read."""
 
     def __init__(self) -> None:
         self._position, self._force = _Tail(), _Tail()

@@ -1,10 +1,10 @@
-"""Sorts the blocks of several streams into runs, and counts what is missing. Needs no ROS."""
+"""Assigns the blocks of several streams to runs, and counts missing rows. Needs no ROS."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 HOLD_LIMIT = 500
-"""Blocks held back at most, some 15 MB: memory stays flat even if what they wait for never comes."""
+"""Largest number of blocks held back, some 15 MB: memory is bounded even if the missing ones never come."""
 
 
 @dataclass
@@ -28,7 +28,7 @@ class _Block:
 
 
 class Intake:
-    """Blocks in; each is written once, in order, in the run that it belongs to.
+    """Receives blocks and writes each one once, in order, in its run.
 
     A run ends when a stream begins again at a lower number: the instrument has been reset. Topics do not arrive in
     step, so blocks of the next run are held back until every stream that there has been has begun again. If a stream
@@ -69,7 +69,7 @@ class Intake:
                 self.open()
 
     def open(self) -> None:
-        """Write what has been put up to now, and from now on at once. Until then everything is held back."""
+        """Write all blocks held back up to now, and later ones at once."""
         self._open = True
         self._sort_held()
 

@@ -1,4 +1,4 @@
-"""What stands where in a recording: entities, units on the plots, and the arrangement of the viewer.
+"""Layout of a recording: entities, units of the plots, and the arrangement of the viewer.
 
 Recordings are made to be looked at, and rerun plots the numbers as they are logged. They are therefore logged in nm, nN
 and us, with the unit in the name of the series; `afm_recorder_node.reader` gives SI units back.
@@ -124,7 +124,7 @@ def instants(first: int, count: int, period: float) -> NDArray[np.int64]:
 
 
 def plotted(si_unit: str) -> tuple[str, float]:
-    """Unit that a plot can be read in, and how many of it one of `si_unit` is."""
+    """Unit of a plot, and the factor from `si_unit` to it."""
     return _PLOTTED.get(si_unit, (si_unit, 1.0))
 
 
@@ -144,7 +144,7 @@ def further(entities: Iterable[str]) -> list[str]:
 
 
 def _plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
-    """A plot of signals, or of one axis of theirs. Its name says what it shows: a legend would stand on the curves."""
+    """A plot of signals, or of one axis of theirs. Its name describes it, because a legend would cover the curves."""
     shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
     return rrb.TimeSeriesView(
         name=f"{name} [{signals[0].unit}]",
@@ -156,7 +156,7 @@ def _plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSerie
 
 
 def _plots(name: str, *signals: Signal, z: str | None = None) -> list[rrb.TimeSeriesView]:
-    """One plot for each axis; `z`: what that of z is called."""
+    """One plot for each axis; `z`: name of that of z."""
     return [_plot((axis == "z" and z) or f"{name}, {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
 
 
@@ -178,7 +178,7 @@ def blueprint(further: Iterable[str] = (), pictures: Iterable[str] = ()) -> rrb.
     signals = _signals(further)
     return rrb.Blueprint(
         rrb.Tabs(view(images), signals, active_tab=0) if images else signals,
-        # At the end of what there is: an image is whole there, or as far as it came.
+        # At the end of the recording, where an image is as complete as it will be.
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following" if images else None),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),

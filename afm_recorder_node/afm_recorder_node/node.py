@@ -1,4 +1,4 @@
-"""The recorder as a ROS node: it listens to the instrument and hands what it hears to `Recorder`."""
+"""The recorder as a ROS node: it subscribes to the topics of the instrument and passes the messages to `Recorder`."""
 
 import time
 from collections.abc import Callable
@@ -31,10 +31,10 @@ from .watch import ParameterWatch, full_name
 from .writer import Level
 
 _PERIOD = 0.2
-"""Wall time between two looks at the other nodes, status messages and chances to flush [s]."""
+"""Wall time between two checks of the other nodes, status messages and chances to flush [s]."""
 _SETTLE, _DRAIN_LIMIT = 0.5, 10.0
-"""At the end, wait so long for last blocks of an instrument that ends too; and so long for what it has published but is
-not here. The middleware may take more than its heartbeat of 3 s to repeat what was lost on the way [s]."""
+"""At the end, wall time to wait for the last blocks of an instrument that ends too, and for published blocks that are
+missing: the middleware may take more than its heartbeat of 3 s to repeat lost messages [s]."""
 
 _STATES = {int(state): state.name for state in State}
 _LEVELS: dict[str, Level] = {
@@ -76,11 +76,11 @@ class RecorderNode(Node):
         self.create_timer(_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def finish(self, spin_once: Callable[[float], None]) -> None:
-        """Take what is still under way, then close the recording."""
+        """Receive the last messages, then close the recording."""
         begin = now = time.monotonic()
         while now < begin + _DRAIN_LIMIT:
             ended = self._status.state in _ENDED or now >= begin + _SETTLE
-            # The score comes on a topic of its own, before or after the last status.
+            # The score comes on another topic, before or after the last status.
             scored = self.recorder.scored or not self._score.get_publisher_count() or now >= begin + _SETTLE
             if ended and scored and self.recorder.has(self._status.ticks, self._status.samples):
                 break

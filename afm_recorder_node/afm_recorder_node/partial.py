@@ -1,4 +1,4 @@
-"""The file in which a recording grows: held by one process, and whole at any time. Needs no ROS."""
+"""The growing file of a recording: locked by one process, and readable at any time. Needs no ROS."""
 
 import fcntl
 import itertools
@@ -21,7 +21,7 @@ def partial_of(path: Path) -> Path:
 
 
 def check_name(path: Path) -> None:
-    """Refuse what can be no recording.
+    """Raise if the path cannot be that of a recording.
 
     Raises
     ------
@@ -64,9 +64,9 @@ class Partial:
         self.set_aside: Path | None = None
         """What a recorder that died had left; None if there was nothing."""
         self.problem = ""
-        """Why what was given last is not written; empty if it is."""
+        """Why the last data was not written; empty if it was."""
         self.news = ""
-        """What a person should know, once; empty if there is nothing."""
+        """Message for the log, once; empty if there is none."""
         self._written = 0
         self._waiting = bytearray(header)
         self._file = _NONE
@@ -81,7 +81,7 @@ class Partial:
             raise OSError(self.problem)
 
     def write(self, messages: bytes) -> bool:
-        """Write `messages` behind what is there. False if it was not possible: see `problem`."""
+        """Append `messages`. False if it was not possible: see `problem`."""
         self._waiting += messages
         try:
             if not self._there():
@@ -92,7 +92,7 @@ class Partial:
                     done += os.pwrite(self._file, rest[done:], self._written + done)
         except OSError as error:
             self.problem = f"{self.path} cannot be written: {error.strerror or error}"
-            # What is whole stays readable, whatever happens next.
+            # Whole messages stay readable.
             with suppress(OSError):
                 os.ftruncate(self._file, self._written)
             return False
@@ -129,7 +129,7 @@ class Partial:
                 try:
                     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except BlockingIOError:
-                    raise InUse(f"another recorder writes {self.path}: each recorder needs a path of its own") from None
+                    raise InUse(f"another recorder writes {self.path}: choose another path") from None
                 if self._is(file):  # not removed or set aside by another recorder just now
                     if os.fstat(file).st_size == 0:
                         return file
@@ -161,14 +161,14 @@ class Partial:
         return self._file != _NONE and self._is(self._file)
 
     def _is(self, file: int) -> bool:
-        """Whether this open file is the one that stands under the name."""
+        """Whether the path still leads to this open file."""
         try:
             return os.path.samestat(os.lstat(self.path), os.fstat(file))
         except (FileNotFoundError, NotADirectoryError):
             return False
 
     def _make_again(self) -> None:
-        """The file was removed while it grows: what is in it is still there, as long as it is open."""
+        """Make the removed file again from the open one, whose contents still exist."""
         old, self._file = self._file, self._open()
         if old == _NONE:
             return
@@ -191,7 +191,7 @@ class Partial:
 
 
 def _check_plain(path: Path) -> None:
-    """Raise if something stands there that is no plain file: a link would be followed, a device replaced."""
+    """Raise if the path is no plain file: a link would be followed, a device replaced."""
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
@@ -199,6 +199,6 @@ def _check_plain(path: Path) -> None:
     for is_kind, what in ((stat.S_ISDIR, "folder"), (stat.S_ISLNK, "symbolic link"), (stat.S_ISREG, "")):
         if is_kind(mode):
             if what:
-                raise OSError(f"{path} is a {what}: it must be a plain file, or nothing")
+                raise OSError(f"{path} is a {what}: it must be a plain file or not exist")
             return
-    raise OSError(f"{path} is a device, pipe or socket: it must be a plain file, or nothing")
+    raise OSError(f"{path} is a device, pipe or socket: it must be a plain file or not exist")

@@ -42,7 +42,7 @@ class IncompleteRecording(UserWarning):
 
 @dataclass(frozen=True)
 class Channel:
-    """A detector channel with times of its own."""
+    """A detector channel with its sample times."""
 
     time: _Array  # (k,) simulated time [s]
     values: _Array  # (k,) in `unit`
@@ -84,7 +84,7 @@ class Recording:
     parameters: dict[str, dict[str, Value]]  # node, name: value when first seen
     parameter_changes: list[ParameterChange]
     events: list[tuple[float, str]]  # simulated time, text; changes of parameters too
-    channels: dict[str, Channel]  # by the name of its topic: "deflection", "truth/normal_force", whatever there was
+    channels: dict[str, Channel]  # by the name of its topic, such as "truth/normal_force"
     images: list[Image]  # of the scans, in order; one that was not finished has NaN where it lacks lines
     score: dict[str, Value] | None  # as in afm_msgs/Score; None: the run has not come to one
     complete: bool  # False: the recorder is still at work, or has died
@@ -265,5 +265,5 @@ def _scale(batches: list[pa.RecordBatch]) -> float:
 
 
 def _number(value: object) -> float:
-    """NaN for what is none."""
+    """A number; NaN for anything else."""
     return float(value) if isinstance(value, int | float) else float("nan")

@@ -21,13 +21,13 @@ from .writer import Level, RecordingWriter
 _Array = NDArray[np.float64]
 _CONTROL = "control"
 _FLUSH_PERIOD = 0.4
-"""Wall time between two flushes [s]: that much, and the time between two calls of `update`, may be lost by a kill."""
+"""Wall time between two flushes [s]: a kill loses at most this and the time between two calls of `update`."""
 _NAMES_TRIED = 20
 _SAME_TIME_NS = 1_000
 
 
 class Log(Protocol):
-    """Where the recorder says what a person should know: a logger of rclpy or of Python."""
+    """A logger of rclpy or of Python."""
 
     def info(self, message: str) -> object: ...
     def warning(self, message: str) -> object: ...
@@ -67,7 +67,7 @@ class Recorder:
 
     def __init__(self, parameters: RecorderParameters, log: Log) -> None:
         self.time_ns = 0
-        """Simulated time last heard of [ns]."""
+        """Last simulated time received [ns]."""
         self.known: dict[str, dict[str, object]] = {}
         """Parameters as they are now: node, name, value."""
         self._parameters = parameters
@@ -101,7 +101,7 @@ class Recorder:
 
     @property
     def strays(self) -> int:
-        """Blocks dropped because they belong to no run: somebody else has sent them."""
+        """Blocks dropped because they belong to no run: another node has sent them."""
         return self._intake.strays
 
     def further_channel(self, signal: Signal) -> None:
@@ -171,14 +171,14 @@ class Recorder:
         self._writer.line(line)
 
     def parameters(self, node: str, values: Mapping[str, object]) -> None:
-        """Parameters of a node that has not been heard of before."""
+        """Add the parameters of a new node."""
         self.known[node] = dict(values)
         self._writer.parameters(node, values)
 
     def parameter_change(self, node: str, name: str, old: object, new: object) -> None:
-        """A parameter that has just changed: it is written at the simulated time last heard of."""
+        """Record a change of a parameter, at the last simulated time received."""
         self.known[node][name] = new
-        # Between two runs it belongs to neither: the next recording begins with the new value.
+        # Between two runs nothing is recorded: the next recording begins with the new value.
         if not self._resetting:
             self._writer.parameter_change(self.time_ns, node, name, old, new)
 
@@ -204,7 +204,7 @@ class Recorder:
         return ends[_CONTROL] >= ticks and min(ends[signal.entity] for signal in layout.CHANNELS) >= samples
 
     def update(self) -> None:
-        """Write what has come; to be called some times a second, whatever the instrument does."""
+        """Write received data; call this some times a second in every state."""
         now = time.monotonic()
         if self._height is None and self._intake.begun:
             # Blocks wait for the height of the cantilever, but not for longer than may be lost.
@@ -217,7 +217,7 @@ class Recorder:
         self._tell()
 
     def close(self) -> None:
-        """Write what is held back and finish the recording.
+        """Write the blocks held back and finish the recording.
 
         Raises
         ------
@@ -236,14 +236,14 @@ class Recorder:
             self._writer.score(time_ns, values)
 
     def _tell(self) -> None:
-        """Say once what has happened to the file."""
+        """Log once an event of the file."""
         problem, news = self._writer.problem, self._writer.take_news()
         if news:
             self._log.warning(news)
         if problem and not self._problem:
-            self._log.error(f"{problem}; what comes until it can be is not recorded")
+            self._log.error(f"{problem}; data is not recorded until it can be")
         if self._problem and not problem:
-            self._log.info(f"{self._writer.partial} can be written again; the recording tells what is missing")
+            self._log.info(f"{self._writer.partial} can be written again; an event describes the missing data")
         self._problem = problem
 
     def _open(self) -> RecordingWriter:
@@ -252,7 +252,7 @@ class Recorder:
                 return self._writer_of(self._path)
             except OSError as error:
                 raise ParameterError(f"cannot record to {self._path}: {error}") from None
-        # While a run is on its way there is nobody to choose another name, and no time to lose.
+        # During a run nobody can choose another name.
         for port in (self._parameters.live_port, 0):
             for _ in range(_NAMES_TRIED):
                 try:
@@ -277,7 +277,7 @@ class Recorder:
         if writer.set_aside:
             self._log.warning(
                 f"a recorder that died has left {writer.set_aside}: it can be opened as it is, and "
-                "`ros2 run afm_recorder_node repair` makes a complete recording of it"
+                "`ros2 run afm_recorder_node repair` completes it"
             )
         return writer
 

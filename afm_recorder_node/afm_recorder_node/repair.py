@@ -1,4 +1,4 @@
-"""`ros2 run afm_recorder_node repair PARTIAL OUT`: a complete recording of what a recorder that died has left."""
+"""`ros2 run afm_recorder_node repair PARTIAL OUT`: completes the recording that a killed recorder has left."""
 
 import argparse
 import sys
@@ -11,7 +11,7 @@ from .reader import RecordingError, readable
 
 
 def repair(partial: Path, out: Path) -> int:
-    """Copy what can be read into a complete recording; `partial` stays as it is.
+    """Copy the readable part into a complete recording; `partial` is not changed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Knows the parameters of other nodes, and hears of their changes."""
+"""Reads the parameters of other nodes, and receives their changes."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -26,7 +26,7 @@ def full_name(name: str, namespace: str) -> str:
 
 
 class ParameterWatch:
-    """Parameters of the nodes of one namespace, and of others that are asked for.
+    """Parameters of the nodes of one namespace, and of other given nodes.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class ParameterWatch:
         subscriptions.subscribe(ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events)
 
     def look(self, others: Iterable[str] = ()) -> None:
-        """Ask the nodes that are there now and were not at the last look; to be called from time to time.
+        """Query the nodes that are new since the last call; to be called periodically.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class ParameterWatch:
         there = {full_name(name, at): at for name, at in self._node.get_node_names_and_namespaces()}
         wanted = {name for name, at in there.items() if at == namespace or name in others}
         wanted.discard(self._node.get_fully_qualified_name())
-        self._asked &= wanted  # a node that has gone is asked again when it comes back
+        self._asked &= wanted  # a node that has ended is queried again after a restart
         for name in wanted - self._asked:
             list_names, get_values = self._clients_of(name)
             if list_names.service_is_ready() and get_values.service_is_ready():

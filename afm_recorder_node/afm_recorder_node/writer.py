@@ -44,7 +44,7 @@ class _Column:
 
 @dataclass
 class _Gap:
-    """Rows that came while the file could not be written."""
+    """Rows received while the file could not be written."""
 
     begin_ns: int
     end_ns: int
@@ -53,9 +53,9 @@ class _Gap:
 
 
 class RecordingWriter:
-    """One recording. Nothing stands under its name before `close`; until then it grows in `partial` beside it.
+    """One recording. It grows in the file `partial`, and gets its name in `close`.
 
-    When the file cannot be written, rows are left out until it can be again; what is missing then becomes an event.
+    While the file cannot be written, rows are dropped; an event then describes the missing rows.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class RecordingWriter:
         self._changed: dict[str, float] = {}
         self._gap: _Gap | None = None
         self.unwritten: Counter[str] = Counter()
-        """Rows of each signal that came while the file could not be written: they are missing."""
+        """Missing rows of each signal, received while the file could not be written."""
         self.scored = False
         """Whether it holds a score."""
         self._end_ns = 0
@@ -123,7 +123,7 @@ class RecordingWriter:
 
     @property
     def set_aside(self) -> Path | None:
-        """What a recorder that died had left in `partial`; None if there was nothing."""
+        """New name of a partial recording that a killed recorder had left; None if there was none."""
         return self._file.set_aside
 
     @property
@@ -132,7 +132,7 @@ class RecordingWriter:
         return self._file.problem
 
     def take_news(self) -> str:
-        """What happened to the file, in a sentence, once; empty if nothing did."""
+        """Last event of the file, once; empty if there was none."""
         news, self._file.news = self._file.news, ""
         return news
 
@@ -171,7 +171,7 @@ class RecordingWriter:
         round_trip: ArrayLike,
         cantilever_height: float = 0.0,
     ) -> None:
-        """What went between instrument and controller at n control ticks.
+        """Measurements and drives of n control ticks.
 
         The error is that of the scanner along x and y, and of the tip, at height a + deflection, along z.
 
@@ -221,7 +221,7 @@ class RecordingWriter:
     def parameters(self, node: str, values: Mapping[str, object]) -> None:
         """Parameters of a node as they are when the recording begins, or when the node appears."""
         self._parameters.setdefault(node, {}).update(values)
-        # The layout of a ROS parameter file: what a run was made with can be copied from the viewer and used again.
+        # The layout of a ROS parameter file, so that it can be copied from the viewer and used again.
         tree = {name: {"ros__parameters": known} for name, known in self._parameters.items()}
         self._stream.log(layout.PARAMETERS, rr.TextDocument(yaml.safe_dump(tree)), static=True)
 
@@ -246,7 +246,7 @@ class RecordingWriter:
         self._end_ns = max(self._end_ns, time_ns)
 
     def flush(self) -> None:
-        """Write what has come up to now: it is in the file, whatever happens to this process, and in a live viewer."""
+        """Write all rows received so far to the file and to a live viewer; a kill does not lose them."""
         for entity in self._columns:
             self._send_column(entity)
         self._write()
@@ -300,10 +300,10 @@ class RecordingWriter:
 
     def _end_stream(self) -> None:
         self._stream.disconnect()
-        self._bytes.read(flush=False)  # an index of its own, that rerun would miss in the log otherwise
+        self._bytes.read(flush=False)  # read the index, or rerun logs its absence
 
     def _arrange(self) -> None:
-        """Show in the viewer what there is by now."""
+        """Arrange the present signals and images in the viewer."""
         self._stream.send_blueprint(
             layout.blueprint(layout.further(self._columns), pictures.pictures(self._scans.shown))
         )
@@ -316,7 +316,7 @@ class RecordingWriter:
     def _append(self, signal: Signal, times: NDArray[np.int64], values: _Array) -> None:
         expected = (len(times), signal.width) if signal.axes else (len(times),)
         if values.shape != expected:
-            raise ValueError(f"{signal.entity}: shape {values.shape} where {expected} belongs")
+            raise ValueError(f"{signal.entity}: shape {values.shape} is not allowed: it must be {expected}")
         if not len(times):
             return
         if self.problem:
@@ -340,7 +340,7 @@ class RecordingWriter:
         self.unwritten[entity] += len(times)
 
     def _write(self) -> None:
-        """Bring what was sent into the file; once that is possible again, tell in the recording what is missing."""
+        """Write the encoded data to the file; after a gap, add an event about the missing rows."""
         if self._file.write(without_ends(self._bytes.read() or b"")) and self._gap is not None:
             gap, self._gap = self._gap, None
             lines = gap.rows.pop(pictures.LINES, 0)
@@ -374,7 +374,7 @@ _TICKS = {signal.entity for signal in layout.TICKS}
 
 
 def _require_free(address: str, port: int) -> None:
-    """Raise if the port is taken: rerun would only log a line, and record on without a server."""
+    """Raise if the port is taken: rerun would only log a line and record without a server."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

@@ -35,7 +35,7 @@ class Control:
         ):
             node.create_service(Trigger, name, partial(self._serve, ask))
         self.patient = ReentrantCallbackGroup()
-        """Of services that are answered late: what the node has otherwise must not wait for them."""
+        """Callback group of services that answer late, so that no other callback waits for them."""
         node.create_service(Step, topics.STEP, self._serve_step, callback_group=self.patient)
 
     async def step(self, ticks: int) -> str:
@@ -47,7 +47,7 @@ class Control:
         return str(await future)
 
     def state_changed(self) -> None:
-        """Answer those who wait for steps that are made, or will not be."""
+        """Answer the calls of `step` that are complete or cannot be completed."""
         if self._run.stepping:
             return
         waiting, self._waiting = self._waiting, []

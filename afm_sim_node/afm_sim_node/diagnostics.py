@@ -35,7 +35,7 @@ def diagnostic_status(
     """
     level, message = _LEVEL.get(run.state, DiagnosticStatus.OK), run.detail or run.state.title
     if warnings or (run.state == State.WAITING and run.detail):
-        # What a run that has not started waits for needs a word only if somebody must do something about it.
+        # A run that has not started is a warning only if it needs an action from outside.
         level = max(level, DiagnosticStatus.WARN)
         message = "; ".join([message, *warnings])
     counts = run.counts

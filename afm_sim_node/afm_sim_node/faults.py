@@ -1,4 +1,4 @@
-"""Faults to order: the services, and the events that tell of every fault's begin and end."""
+"""Faults on request: the services, and the events at start and end of every fault."""
 
 from bisect import bisect_left
 
@@ -41,7 +41,7 @@ class Faults:
         node.create_service(Trigger, topics.CLEAR_FAULTS, self._clear)
 
     def look(self) -> None:
-        """Publish what has happened since the last look."""
+        """Publish the events since the last call."""
         ticks = self._run.instrument.ticks
         if ticks < self._told:
             self._told = 0
@@ -67,7 +67,7 @@ class Faults:
 
     @property
     def _next(self) -> int:
-        """First tick of which nothing has been told to anybody: the measurement of this one is out already."""
+        """First tick whose measurement has not been published."""
         return self._run.instrument.ticks + 1
 
     def _order(self, request: OrderFault.Request, response: OrderFault.Response) -> OrderFault.Response:
@@ -88,7 +88,7 @@ class Faults:
         if self._run.state in OVER:
             raise ParameterError("the run is over: call reset first")
         if name in faults_of(self._declared.current):
-            raise ParameterError(f"fault.{name} is there already: give another name")
+            raise ParameterError(f"fault.{name} exists already: give another name")
         earliest = self._next * self._period
         if 0.0 <= request.start < earliest - 0.5 * self._period:
             raise ParameterError(

@@ -1,4 +1,4 @@
-"""What a simulator with its law inside has in place of the topics of the control loop."""
+"""The link of a simulator with its law inside: no topics of the control loop."""
 
 import time
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from .peers import Peers
 
 
 class InsideLink(NodeLink):
-    """Asks nobody: nothing is published on `measurement` and no drive is taken.
+    """Publishes nothing on `measurement` and takes no drive.
 
     The publisher of `measurement` is there all the same: by it everybody sees that this simulator is.
 
@@ -32,7 +32,7 @@ class InsideLink(NodeLink):
         self._presence = node.create_publisher(Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._law = parameters.law.kind
         self.fast_path: dict[str, bool] = {}
-        """Which short cuts of the control loop are there: none is needed."""
+        """Fast ways of the control loop in use: none is needed."""
         self.wait: Callable[[float], None] = time.sleep
         """wait(timeout): there is nothing to wake for."""
 

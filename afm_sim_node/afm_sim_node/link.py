@@ -20,7 +20,7 @@ from .peers import Peers
 
 
 class NodeLink(Link):
-    """What every link of a simulator node asks about other nodes.
+    """The part of a link that concerns other nodes, common to all links of a simulator node.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class NodeLink(Link):
         self._peers = peers
 
     def ready(self) -> bool:
-        """Whether a recorder is there, if one is asked for."""
+        """Whether a recorder is present, if one is required."""
         if self._recorders is not None and not self._recorders():
             return False
         self._peers.look(force=True)
@@ -76,7 +76,7 @@ class TopicLink(NodeLink):
             "direct takes": self._inbox.direct and self._outbox.direct,
             "fast codec": measurements.fast and drives.fast,
         }
-        """Which short cuts of the control loop are there."""
+        """Fast ways of the control loop in use."""
         self.wait = self._inbox.wait
         """wait(timeout): sleep until a drive may be there, or for `timeout` seconds of wall time."""
 
@@ -94,22 +94,22 @@ class TopicLink(NodeLink):
         return sequence, drive
 
     def arrived(self) -> float:
-        """When the middleware received the drive taken last; where it does not tell, now."""
+        """Time at which the middleware received the last drive; now if it does not give one."""
         now = time.monotonic()
         try:
             waited = time.time_ns() - self._info["received_timestamp"]
         except (TypeError, KeyError):
             return now
-        # The middleware reads the system's clock, which may be set at any time; a step costs one value, not a run.
+        # The middleware uses the system's clock, which may be set at any time: then one value is wrong.
         return now - max(waited, 0) * 1e-9
 
     def ready(self) -> bool:
-        """Whether a controller is matched both ways, and if it is asked for a recorder."""
+        """Whether a controller is matched both ways, and a recorder if one is required."""
         return bool(self._inbox.publishers and self._outbox.subscribers) and super().ready()
 
     @property
     def controller(self) -> str:
-        """Full name of the node that publishes drives, or of all that do."""
+        """Full names of the nodes that publish drives."""
         return self._peers.controller
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What a person at the terminal is told about a run."""
+"""Log messages about a run."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -32,12 +32,12 @@ def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
 
 
 def log_refusal(log: Any, before: Snapshot, now: Snapshot) -> None:
-    """Tell about drives refused between two looks, where the run went on."""
+    """Log the drives refused since the last call, where the run continued."""
     if now.counts.drives_refused > before.counts.drives_refused and now.wanted_factor is not None:
         log.error(f"{now.refusal}; it is not applied", throttle_duration_sec=1.0)
 
 
 def log_warnings(log: Any, warnings: Sequence[str]) -> None:
-    """Tell what went wrong lately, not too often."""
+    """Log new warnings, not too often."""
     if warnings:
         log.warning("; ".join(warnings), throttle_duration_sec=_THROTTLE)

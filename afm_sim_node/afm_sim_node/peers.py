@@ -1,4 +1,4 @@
-"""Who else is on the topics of the control loop."""
+"""Other nodes on the topics of the control loop."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -10,17 +10,17 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from afm_node_common import topics
 
 _UNKNOWN = "_UNKNOWN_"
-"""In the names that the middleware gives to a node until it has told who it is."""
+"""Part of the name of a node that the middleware does not know yet."""
 
 
 def _names(infos: Sequence[TopicEndpointInfo]) -> list[str]:
-    """Full names of the nodes of these ends of a topic, those that are known; one that is there twice, twice."""
+    """Full names of the known nodes of these endpoints, with repetitions."""
     names = [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos]
     return sorted(name for name in names if _UNKNOWN not in name)
 
 
 class Peers:
-    """Asks the middleware who publishes drives, and who else publishes measurements.
+    """Queries the middleware for publishers of drives, and for other publishers of measurements.
 
     Parameters
     ----------
@@ -37,17 +37,17 @@ class Peers:
         self._drives = node.resolve_topic_name(topics.PIEZO_DRIVE)
         self._measurements = node.resolve_topic_name(topics.MEASUREMENT)
         self.controllers: list[str] = []
-        """Full names of the nodes whose drives are heard."""
+        """Full names of the nodes whose drives are received."""
         self.incompatible = ""
-        """The sentence about nodes whose drives are not heard; empty if there are none."""
+        """Message about nodes whose drives cannot be received; empty if there are none."""
 
     @property
     def controller(self) -> str:
-        """Full name of the node whose drives are taken, or of all whose are."""
+        """Full names of the nodes whose drives are received."""
         return " and ".join(self.controllers)
 
     def look(self, *, force: bool = False) -> None:
-        """Find out who publishes drives, if their number has changed or if `force`."""
+        """Query the publishers of drives if their number has changed, or if `force`."""
         # Asking for names takes a while; asking how many does not.
         count = self._node.count_publishers(self._drives)
         if count == self._counted and not force:
@@ -56,7 +56,7 @@ class Peers:
         infos = self._node.get_publishers_info_by_topic(self._drives)
         if self._law_inside:
             names = " and ".join(_names(infos))
-            self.incompatible = f"{names} publishes piezo_drive, which nobody takes: the law is inside" if names else ""
+            self.incompatible = f"{names} publishes piezo_drive, which is not used: the law is inside" if names else ""
             return
         incompatible = [info for info in infos if info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT]
         before, self.controllers = self.controllers, sorted(set(_names([i for i in infos if i not in incompatible])))
@@ -88,11 +88,11 @@ class Peers:
             return ""
         infos = self._node.get_publishers_info_by_topic(self._measurements)
         names = Counter(_names(infos))
-        # A moment later everybody has told its name.
+        # A moment later all names are known.
         if names.total() < len(infos):
             return ""
-        told = [name if count == 1 else f"{name} ({count} nodes of this name)" for name, count in names.items()]
+        listed = [name if count == 1 else f"{name} ({count} nodes of this name)" for name, count in names.items()]
         return (
-            f"{' and '.join(told)} publish {self._measurements}: a controller answers them all and no run is what it "
+            f"{' and '.join(listed)} publish {self._measurements}: a controller answers them all and no run is what it "
             "seems; end all but one, or give each a namespace"
         )

@@ -1,4 +1,4 @@
-"""Publishes what is told about a run: status, diagnostics, score."""
+"""Publishes reports of a run: status, diagnostics, score."""
 
 import time
 
@@ -62,7 +62,7 @@ class Reporter:
         if (run.state, run.detail) != (self._logged.state, self._logged.detail):
             self.log_state()
         if run.state in (State.WAITING, State.FAULT):
-            # The counts begin again, or what they warned of is over.
+            # The counts begin again, or the cause of the warning is over.
             self._before, self._warnings = run, []
         self.publish_status()
 
@@ -117,7 +117,7 @@ class Reporter:
             publisher.wait_for_all_acked(Duration(seconds=max(limit - time.monotonic(), 0.0)))
 
     def publish_diagnostics(self) -> None:
-        """Publish what was composed."""
+        """Publish the composed diagnostics."""
         self._diagnostics.publish(self._composed)
 
     def publish_score(self) -> None:

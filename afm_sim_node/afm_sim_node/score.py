@@ -33,7 +33,7 @@ def score_message(
     counts = run.counts
 
     def of_the_tip(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where the sample was taken away from the tip, the tip had nothing to follow: it must not look good."""
+        """NaN if the sample was away from the tip: there was no surface to track."""
         away = counts.scored_ticks_retracted or counts.scored_ticks_withdrawn
         return np.where(np.arange(3) == _Z, np.nan, values) if away else values
 

@@ -87,7 +87,7 @@ def _values(names: Sequence[str], values: Sequence[str]) -> dict[str, Any]:
     read = {name: _value(text) for name, text in zip(names, values, strict=True)}
     for name in read:
         if names.count(name) > 1:
-            raise ParameterError(f"the name {name} stands twice: each name needs one value")
+            raise ParameterError(f"the name {name} is given twice: each name needs one value")
         if read[name] == "":
             raise ParameterError(f"{name} =  is not allowed: it must be a number, true, false or a word")
     return read

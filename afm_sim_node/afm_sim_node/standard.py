@@ -14,11 +14,11 @@ from afm_model.run import OVER, Run, State
 from .control import Control
 
 INSTALLED = find_spec("simulation_interfaces") is not None
-"""Whether the package with the types is there."""
+"""Whether the package with the types is installed."""
 
 
 class Standard:
-    """Serves what the standard says about the control of a run. There are no entities and no worlds to load.
+    """Offers the services of the standard for the control of a run. There are no entities and no worlds to load.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class Standard:
 
     @property
     def _now(self) -> int:
-        """The state in the words of the standard: what waits for a controller plays, what is over is stopped."""
+        """The state by the standard: a run that waits for a controller is playing, one that is over is stopped."""
         run = self._run
         if run.state == State.PAUSED:
             return int(self._state.STATE_PAUSED)
@@ -90,7 +90,7 @@ class Standard:
         return int(self._state.STATE_PLAYING)
 
     def _answer(self, problem: str, code: int | None = None) -> Any:
-        """A result: well done, or what was wrong."""
+        """A result: success, or the reason of the failure."""
         failed = self._result.RESULT_OPERATION_FAILED if code is None else code
         return self._result(result=failed if problem else self._result.RESULT_OK, error_message=problem)
 
@@ -114,22 +114,22 @@ class Standard:
         elif wanted == state.STATE_PAUSED and now == state.STATE_PLAYING:
             response.result = self._answer(self._run.pause(), self._set.STATE_TRANSITION_ERROR)
         elif wanted == state.STATE_PAUSED:
-            told = "a run that is stopped cannot be paused: it has not begun"
-            response.result = self._answer(told, self._set.INCORRECT_TRANSITION)
+            error = "a run that is stopped cannot be paused: it has not begun"
+            response.result = self._answer(error, self._set.INCORRECT_TRANSITION)
         elif wanted == state.STATE_STOPPED:
             self._control.reset()
             response.result = self._answer(self._run.pause())
         else:
-            told = f"state {wanted} is not allowed: 0 (stopped), 1 (playing) or 2 (paused)"
-            response.result = self._answer(told, self._result.RESULT_FEATURE_UNSUPPORTED)
+            error = f"state {wanted} is not allowed: 0 (stopped), 1 (playing) or 2 (paused)"
+            response.result = self._answer(error, self._result.RESULT_FEATURE_UNSUPPORTED)
         return response
 
     def _serve_reset(self, request: Any, response: Any) -> Any:
         scope = self._reset_scope
         both = scope.SCOPE_TIME | scope.SCOPE_STATE
         if request.scope != scope.SCOPE_DEFAULT and request.scope & both != both:
-            told = f"scope {request.scope} is not allowed: time and state are reset together (0, 3 or 255)"
-            response.result = self._answer(told, self._result.RESULT_FEATURE_UNSUPPORTED)
+            error = f"scope {request.scope} is not allowed: time and state are reset together (0, 3 or 255)"
+            response.result = self._answer(error, self._result.RESULT_FEATURE_UNSUPPORTED)
         else:
             self._control.reset()
             response.result = self._answer("")

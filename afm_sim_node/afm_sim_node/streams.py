@@ -73,7 +73,7 @@ class Streams:
         return min(int(publisher.get_subscription_count()) for publisher in publishers)
 
     def wait_for_delivery(self, timeout: float) -> None:
-        """Wait until every recorder has what was published, at most `timeout` seconds of wall time.
+        """Wait until every recorder has received all blocks, at most `timeout` seconds of wall time.
 
         A packet that was lost is sent again only while its publisher lives.
         """
@@ -100,7 +100,7 @@ class Streams:
         self._queue.popleft()()
 
     def publish_all(self) -> None:
-        """Publish what waits."""
+        """Publish all waiting blocks."""
         while self._queue:
             self.publish_one()
 

@@ -17,7 +17,7 @@ _VALUES = record(*list(TelemetryMessage.get_fields_and_field_types())[2:])
 
 
 class Telemetry:
-    """Publishes afm_msgs/Telemetry while somebody listens.
+    """Publishes afm_msgs/Telemetry while there is a subscriber.
 
     Parameters
     ----------

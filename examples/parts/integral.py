@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from afm_model.parts import Channel, Onboard, OnboardParameters, Unit, kernel, record
-from afm_model.parts.signals import FOLLOW, HOLD
+from afm_model.parts.signals import FOLLOW, GIVEN, HOLD
 
 
 class Integral(OnboardParameters):
@@ -33,6 +33,9 @@ def regulate(t, d, r, u, p, s):
     s.error = p.target - d.deflection_voltage
     if r.z_mode != s.mode:
         s.mode, s.origin = r.z_mode, s.z - r.z_offset
+    if r.z_mode == GIVEN:
+        s.z = p.metres * u.voltage[2]
+        return
     if r.z_mode == FOLLOW:
         s.z += p.step * s.error
     elif r.z_mode != HOLD:

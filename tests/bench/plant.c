@@ -80,7 +80,7 @@ static void surface(double x, double y, Surface *h, const Sample *p)
     h->strength = 1.0;
 }
 
-/* contact/surface.py */
+/* contact/jkr.py */
 
 static double effective_radius_ratio(const Surface *h, double r) { return 1.0 / (1.0 + h->curvature * r); }
 

@@ -6,8 +6,8 @@ import pytest
 
 from afm_model import ControllerParameters, SimParameters, build, load_scenario, simulate
 from afm_model.law import TimingWarning
-from afm_model.studies.checks import start_warnings
 from afm_model.studies.linear import at_timing, linearise
+from afm_model.studies.start_checks import start_warnings
 
 
 def at(kind: str, period: float, delay: int):

@@ -184,7 +184,13 @@ def test_kernels_of_the_loop_do_not_depend_on_files_and_studies(tmp_path):
         return Sources(None).fingerprint("afm_copy.instrument.tick", str(tick))[0]
 
     before = Sources(None).fingerprint("afm_copy.instrument.tick", str(tick))[0]
-    for file in ("files/gsf.py", "microscope/operator.py", "run/run.py", "studies/sweep.py", "analysis/curves.py"):
+    for file in (
+        "files/gsf.py",
+        "microscope/operator.py",
+        "run/run.py",
+        "studies/sweep.py",
+        "analysis/force_curves.py",
+    ):
         assert after(file) == before
     assert len({before, after("core/records.py"), after("sample/paper.py"), after("instrument/tick.py")}) == 4
 

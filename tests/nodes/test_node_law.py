@@ -9,7 +9,7 @@ import yaml
 from numpy.typing import NDArray
 
 from afm_bringup.node_law import NodeLaw, _sections_for_node, node_contender
-from afm_bringup.parameter_file import write_parameters
+from afm_bringup.scenario_input import write_parameters
 from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters, build
 from afm_model.core.errors import MalformedError
 from afm_model.core.records import size

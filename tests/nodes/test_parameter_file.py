@@ -7,8 +7,7 @@ import pytest
 from rclpy.node import Node
 from support import Graph
 
-from afm_bringup.parameter_file import write_parameters
-from afm_bringup.scenario import read_scenario
+from afm_bringup.scenario_input import read_scenario, write_parameters
 from afm_model import flatten
 from afm_node_common.parameters import declare
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support import assert_nothing_left, session
 
-from afm_bringup.scenario import read_scenario
+from afm_bringup.scenario_input import read_scenario
 from afm_model import ScenarioError, scenario_names
 
 SIMULATOR = "/**/afm_sim_node"
@@ -188,7 +188,7 @@ def listing(folder: Path) -> set[str]:
 
 IN_TURN = """
 import contextlib, io, json, sys
-from afm_bringup.command import main
+from afm_bringup.session_command import main
 
 ends = []
 for arguments in json.loads(sys.argv[1]):

@@ -115,7 +115,7 @@ def test_second_session_with_the_same_folder_is_refused_and_a_closed_terminal_en
         wait_until_running(command, graph, ticks=500)
         with session(endless, out, "--namespace", "lab2", folder=tmp_path) as second:
             assert second.wait(graph) == 1, second.text
-        assert second.text == f"error: another session writes to {out}: give this one a folder of its own\n"
+        assert second.text == f"error: another session writes to {out}: choose another folder\n"
         assert not command.ended
         os.kill(command.process.pid, signal.SIGHUP)
         assert command.wait(graph) == 130, command.text

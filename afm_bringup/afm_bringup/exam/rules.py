@@ -1,4 +1,4 @@
-"""The rules of the contract, and whether what passed keeps them. Needs no ROS."""
+"""The rules of the drive contract, and a check of the log against them. Needs no ROS."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ from .log import IN_LOCKSTEP, Answer, Log, Phase
 
 
 class Outcome(Enum):
-    """What became of a rule."""
+    """Result of a rule."""
 
     KEPT = "kept"
     BROKEN = "broken"
@@ -24,7 +24,7 @@ class Outcome(Enum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """A rule, what became of it, and why."""
+    """Result of one rule, and the reason."""
 
     rule: str
     outcome: Outcome
@@ -63,8 +63,8 @@ def _readable(log: Log) -> list[Answer]:
 
 def _first(problems: Iterator[str]) -> str:
     """The first problem, and how many more there are."""
-    told = list(problems)
-    return f"{told[0]} (and {len(told) - 1} more)" if len(told) > 1 else "".join(told)
+    found = list(problems)
+    return f"{found[0]} (and {len(found) - 1} more)" if len(found) > 1 else "".join(found)
 
 
 def _answered(log: Log, *phases: Phase) -> str | None:
@@ -154,7 +154,7 @@ def _finite(log: Log, terms: Terms) -> str | None:
     return _first(
         f"the drive for measurement {each.sequence} is {each.drives[0].tolist()} V"
         if not np.isfinite(each.drives[0]).all()
-        else f"the horizon for measurement {each.sequence} holds what is no finite number"
+        else f"the horizon for measurement {each.sequence} contains a value that is not finite"
         for each in _readable(log)
         if not np.isfinite(each.drives).all()
     )
@@ -247,9 +247,9 @@ RULES = (
     Rule("frame", "puts `scanner` into frame_id", _frame),
     Rule("range", "stays within +-`piezo.limit`, if there is one", _in_range),
     Rule("slew", "changes its drive by no more than `piezo.slew_limit` allows, if there is one", _slew),
-    Rule("pause", "is silent when no measurement comes, and goes on after it", _pause),
+    Rule("pause", "is silent while no measurement comes, and continues afterwards", _pause),
     Rule("sent again", "answers a measurement that is sent again", _send_again),
-    Rule("reset", "goes on when the sequences begin again at 0", _reset),
+    Rule("reset", "continues when the sequences begin again at 0", _reset),
     Rule("fault", "answers when sensors fail or measurements get lost", _fault),
     Rule("restart", "finds a simulator that was restarted", _restart),
     Rule("end", "ends when it is interrupted (SIGINT), within 10 s", _goes),
@@ -258,7 +258,7 @@ RULES = (
 
 
 def judge(log: Log, terms: Terms) -> list[Verdict]:
-    """What became of every rule."""
+    """The result of every rule."""
     verdicts = []
     for rule in RULES:
         reason = rule.judge(log, terms)

@@ -1,14 +1,14 @@
-"""What a user makes of measured arrays: calibration, force curves, friction loops, images. SI units, uncertainties.
+"""Analysis of measured arrays: calibration, force curves, friction loops, images. SI units, uncertainties.
 
 Nothing here knows the simulated instrument: the functions take arrays from any microscope.
 """
 
-from .curves import CurveAnalysis, deflection_sensitivity, force_curve, tilted_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
+from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve, tilted_stiffness
 from .loops import FrictionLoop, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
-from .steps import Edge, edges, step_height
+from .step_heights import Edge, edges, step_height
 from .thermal import ThermalTune, spring_constant
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
 

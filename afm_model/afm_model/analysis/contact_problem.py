@@ -23,7 +23,7 @@ LEAST, MOST = 0.01, 30.0
 """Transition parameters between which the exact equations are taken: beyond them the limits are as good."""
 
 
-class Contact(NamedTuple):
+class FlatContact(NamedTuple):
     """A contact on a flat sample."""
 
     compliance: float  # K^(-2/3), K = 4/3 E* [Pa^(-2/3)]
@@ -62,7 +62,7 @@ def _ends() -> tuple[_Array, _Array]:
 
 
 def branch_nodes(model: str, transition: float, largest: float) -> tuple[_Array, _Array, _Array]:
-    """Contact radius, force and indentation along the branch from its end to a largest force, in units of `Contact`."""
+    """Contact radius, force and indentation from the end of the branch to a force, in units of `FlatContact`."""
     a_far = math.sqrt((largest + 2.0) ** (2.0 / 3.0)) + 2.0
     if model != "maugis":
         found = branch(model)
@@ -77,14 +77,14 @@ def branch_nodes(model: str, transition: float, largest: float) -> tuple[_Array,
     return at(np.exp(np.interp(even, s, np.log(coarse))))
 
 
-def deflection_nodes(model: str, contact: Contact, k: float, largest: float) -> tuple[_Array, _Array]:
+def deflection_nodes(model: str, contact: FlatContact, k: float, largest: float) -> tuple[_Array, _Array]:
     """Way of the scanner from the undeformed surface on, and deflection [m], where they are stable with a spring.
 
     Parameters
     ----------
     model : str
         One of `afm_model.contact.maugis.MODELS`.
-    contact : Contact
+    contact : FlatContact
     k : float [N/m]
     largest : float [N]
         Force to which the branch is needed.
@@ -194,12 +194,12 @@ class Problem:
         found = least_squares(self._left, x, self._slopes, (low, high), x_scale="jac", max_nfev=60)
         return self._tell(found.x, np.linalg.inv(found.jac.T @ found.jac), rms, left.size / length)
 
-    def _names(self, x: _Array) -> tuple[Contact, dict[str, float]]:
+    def _names(self, x: _Array) -> tuple[FlatContact, dict[str, float]]:
         """Contact and the other known numbers at the unknowns x."""
         others = {name: each.value for name, each in self.known.items()}
         for i, name in enumerate(self.free):
             others[name] *= math.exp(x[_FIRST_KNOWN + i])
-        contact = Contact(x[0] * self.compliance, self.work * math.exp(x[1]), others["radius"], others["reach"])
+        contact = FlatContact(x[0] * self.compliance, self.work * math.exp(x[1]), others["radius"], others["reach"])
         return contact, others
 
     def _model(self, x: _Array) -> tuple[_Array, float]:
@@ -215,7 +215,7 @@ class Problem:
         return np.asarray(predicted), -float(deflection.min()) / gain
 
     def _left(self, x: _Array) -> _Array:
-        """What the fit leaves, each over its uncertainty: points, pull-off, zero, what was known before."""
+        """Residuals, each divided by its uncertainty: points, pull-off, zero, prior values."""
         predicted, depth = self._model(x)
         points = (self.deflection - self.zero.value - self.noise * x[3] - predicted) / self.sigma
         rows = [points]

@@ -20,15 +20,15 @@ class Estimate(NamedTuple):
         return f"{self.value:.6g} +- {self.uncertainty:.2g}"
 
 
-class Line(NamedTuple):
+class StraightLine(NamedTuple):
     """A straight line y = slope x + intercept, as found."""
 
     slope: Estimate
     intercept: Estimate
-    rms: float  # of what is left, in the unit of y
+    rms: float  # of the residuals, in the unit of y
 
 
-def straight_line(x: ArrayLike, y: ArrayLike) -> Line:
+def straight_line(x: ArrayLike, y: ArrayLike) -> StraightLine:
     """Straight line through points by least squares.
 
     Parameters
@@ -50,7 +50,7 @@ def straight_line(x: ArrayLike, y: ArrayLike) -> Line:
     height = float(y.mean())
     left = y - height - slope * (x - middle)
     variance = float(left @ left) / (x.size - 2) if x.size > 2 else math.nan
-    return Line(
+    return StraightLine(
         Estimate(slope, math.sqrt(variance / spread)),
         Estimate(height - slope * middle, math.sqrt(variance * (1.0 / x.size + middle * middle / spread))),
         math.sqrt(variance),
@@ -134,5 +134,5 @@ def correlated_mean(y: ArrayLike) -> Estimate:
 
 
 def binned(y: NDArray[np.float64], width: int) -> NDArray[np.float64]:
-    """Means over stretches of so many samples; what does not fill the last one is left out."""
+    """Means over stretches of so many samples; an incomplete last one is dropped."""
     return np.asarray(y[: y.size // width * width].reshape(-1, width).mean(axis=1))

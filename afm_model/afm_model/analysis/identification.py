@@ -40,7 +40,7 @@ class Resonator:
     f_error: float  # [Hz]
     xi_error: float
     sensitivity_error: float  # [m/V]
-    fit: float  # 1 - rms of what is left over rms of the motion
+    fit: float  # 1 - rms of the residuals over rms of the motion
 
 
 def response(drive: _Array, period: float, f: float, xi: float, sensitivity: float) -> _Array:

@@ -68,7 +68,7 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     position, signal = _pair(position, signal)
     turns = _turns(position)
     if len(turns) < 2:
-        raise ValueError(f"a friction loop takes at least two turns of the position: there are {len(turns)}")
+        raise ValueError(f"a friction loop needs at least two turns of the position: there are {len(turns)}")
     travels = [slice(a, b + 1) for a, b in pairwise(turns)]
     slid: dict[bool, list[_Array]] = {True: [], False: []}
     for travel in travels:
@@ -136,7 +136,7 @@ def _sticks(signal: _Array, offset: float, half: float, way: _Array) -> bool:
 
 
 def _stick_slope(x: _Array, y: _Array, offset: float, reach: float) -> Estimate:
-    """Slope behind the turn at the begin of a travel, while the signal crosses from one side to the other."""
+    """Slope after the turn at the start of a travel, while the signal crosses from one side to the other."""
     forth = 1.0 if x[-1] > x[0] else -1.0
     y = forth * (y - offset)
     crossed = np.flatnonzero(y > reach)

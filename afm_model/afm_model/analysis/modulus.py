@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from ..contact.maugis import MODELS
 from .contact_problem import TABOR, Problem, Solution
-from .curves import force_curve, in_contact
 from .estimate import Estimate, binned, correlation_length
+from .force_curves import force_curve, in_contact
 
 REACH = 0.165e-9
 """Range of the adhesive stress that is usually taken [m]."""
@@ -24,13 +24,13 @@ _MOST = 1000
 """Points of approach or retract that are fitted at most; where there are more samples, means of them."""
 _FEWEST = 20
 _DOUBT = 1.0 / 3.0
-"""Relative uncertainty of the contact's compliance from which on the curve does not tell the modulus."""
+"""Relative uncertainty of the contact's compliance above which the modulus cannot be determined."""
 _DMT, _JKR = 0.1, 5.0
 """Tabor numbers up to which DMT and from which on JKR are right within some percent."""
 
 
 class ContactFit(NamedTuple):
-    """What the contact tells. Uncertainties are standard ones; those of k, radius and sensitivity are in them."""
+    """Results of a contact fit. Uncertainties are standard ones; those of k, radius and sensitivity are in them."""
 
     model: str
     modulus: Estimate
@@ -48,11 +48,11 @@ class ContactFit(NamedTuple):
     tabor: Estimate
     """Tabor number of the result, with `reach`: DMT is right for less than 0.1, JKR for more than 5."""
     rms: float
-    """Of what the fit leaves [m]."""
+    """Rms of the residuals [m]."""
     independent: float
-    """Points that count as independent of one another, by the correlation of what the fit leaves."""
+    """Points that count as independent of one another, by the correlation of the residuals."""
     told: str
-    """What the curve does not tell, or why the model is the wrong one, in a sentence; empty if all is well."""
+    """A result that the curve does not determine, or why the model is the wrong one; empty if there is no problem."""
 
 
 def contact_fit(
@@ -175,13 +175,13 @@ def _result(found: Solution, model: str, sensitivity_error: float) -> ContactFit
         bound = 0.75 * (found.compliance.value + 2.0 * found.compliance.uncertainty) ** -1.5
         of_sensitivity = f", known within {100.0 * sensitivity_error:g} %" if sensitivity_error > 0.0 else ""
         told = (
-            f"the curve does not tell the modulus, only that E* is above {bound:.2g} Pa: the contact gives way by some "
-            f"{1e9 * found.indentation:.1g} nm, and the cantilever of {found.k:.3g} N/m bends by "
+            f"the curve does not determine the modulus, only that E* is above {bound:.2g} Pa: the contact is compressed "
+            f"by some {1e9 * found.indentation:.1g} nm, and the cantilever of {found.k:.3g} N/m bends by "
             f"{1e9 * found.bent:.3g} nm{of_sensitivity}; take a stiffer cantilever"
         )
     elif (model == "dmt" and tabor.value > _DMT) or (model == "jkr" and tabor.value < _JKR):
         limit = f"DMT is for less than {_DMT:g}" if model == "dmt" else f"JKR is for more than {_JKR:g}"
-        told = f"the Tabor number of the result is {tabor.value:.2g}, and {limit}: take maugis"
+        told = f"the Tabor number of the result is {tabor.value:.2g}, and {limit}: use maugis"
     return ContactFit(
         model=model,
         modulus=modulus,

@@ -72,7 +72,7 @@ def two_levels(image: ArrayLike, margin: int = 3, smooth: float = 2.0) -> tuple[
         )
     masks = []
     for side in (there & (split <= cut), there & (split > cut)):
-        # The image goes on beyond its borders, and beyond lines that were not measured, as it is there.
+        # The image is continued beyond its borders, and beyond missing lines, by its value there.
         inside = side if margin < 1 else binary_erosion(side | ~there, iterations=margin, border_value=1) & there
         if not inside.any():
             raise ValueError(f"margin = {margin} leaves nothing of one region: take less")
@@ -148,7 +148,7 @@ def roughness(heights: ArrayLike) -> Roughness:
         raise ValueError(f"an image has lines and pixels: this one has the shape {image.shape}")
     i, j = np.nonzero(np.isfinite(image))
     if i.size < 4:
-        raise ValueError(f"a plane takes at least four pixels: {i.size} are there")
+        raise ValueError(f"a plane needs at least four pixels: there are {i.size}")
     columns = np.stack([np.ones(i.size), i / image.shape[0], j / image.shape[1]], axis=1)
     z = image[i, j]
     left = z - columns @ np.linalg.lstsq(columns, z, rcond=None)[0]

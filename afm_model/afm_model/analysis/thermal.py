@@ -30,7 +30,7 @@ _DOUBTFUL = 0.3
 
 
 class ThermalTune(NamedTuple):
-    """What a thermal record tells of a cantilever. Uncertainties are those of the length of the record; that of the
+    """Results of a thermal record of a cantilever. Uncertainties are those of the length of the record; that of the
     spring constant has that of the sensitivity in it.
     """
 
@@ -49,7 +49,7 @@ class ThermalTune(NamedTuple):
     density: _Array
     """Of the deflection shown, one-sided [m^2/Hz]."""
     fitted: _Array
-    """The same by the fit [m^2/Hz]."""
+    """Spectral density of the fit [m^2/Hz]."""
 
 
 def spring_constant(
@@ -138,7 +138,7 @@ def spring_constant(
 def _require(
     voltage: _Array, rate: float, sensitivity: float, temperature: float, tilt: float, correction: float
 ) -> None:
-    """Raise ValueError for what cannot be."""
+    """Raise ValueError for arguments that are not allowed."""
     if voltage.ndim != 1 or len(voltage) < 1000:
         raise ValueError(f"voltage of shape {voltage.shape} is not allowed: it must be one row of 1000 samples or more")
     if not np.isfinite(voltage).all():

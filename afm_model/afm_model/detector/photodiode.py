@@ -1,4 +1,4 @@
-"""Four-quadrant photodiode: deflection and lateral force as voltages, with what is not ideal about them.
+"""Four-quadrant photodiode: deflection and lateral force as voltages, with their imperfections.
 
     V_deflection = deflection_gain z / S_z + lateral_in_deflection F / S_F
     V_lateral    = deflection_in_lateral z / S_z + lateral_gain F / S_F
@@ -61,8 +61,8 @@ class Photodiode(DetectorParameters):
                 self.deflection_noise_density
             ),
         }
-        if len(told := [sentence for sentence, value in given.items() if value > 0.0]) > 1:
-            raise ValueError(f"{' and '.join(told)} are not allowed together: give one")
+        if len(several := [sentence for sentence, value in given.items() if value > 0.0]) > 1:
+            raise ValueError(f"{' and '.join(several)} are not allowed together: give one")
         return self
 
     @property
@@ -86,7 +86,7 @@ CONSTANTS = record(
 )
 FILTER = record(
     "started",
-    "deflection",  # behind the low-pass [V]
+    "deflection",  # after the low-pass [V]
     "deflection_in",  # before it, at the last sample
     "deflection_noise",
     "lateral",

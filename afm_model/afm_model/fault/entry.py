@@ -91,7 +91,7 @@ class Entry(Group):
         "loss",
         "friction",
         "thermal",
-    ] = Field("none", description="what goes wrong")
+    ] = Field("none", description="kind of fault")
     signal: Literal[
         "none",
         "deflection",
@@ -111,13 +111,13 @@ class Entry(Group):
         "x",
         "y",
         "z",
-    ] = Field("none", description="what it acts on")
+    ] = Field("none", description="signal that it acts on")
     start: Annotated[float, Ge(0), Le(1e9), Unit("s")] = Field(0.0, description="simulated time at which it begins")
     duration: Annotated[float, Le(1e9), Unit("s")] = Field(
         -1.0, description="how long it lasts; negative: to the end of the run"
     )
     size: float = Field(0.0, description="how much, in the unit of its kind and signal")
-    seed: Annotated[int, Ge(0), Le(2**63 - 1)] = Field(0, description="of what it draws: the same seed, the same bits")
+    seed: Annotated[int, Ge(0), Le(2**63 - 1)] = Field(0, description="seed of its random numbers")
 
     def ticks(self, control_period: float) -> tuple[int, int]:
         """First tick at which it acts, and the first at which it acts no more."""

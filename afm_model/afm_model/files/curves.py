@@ -1,4 +1,4 @@
-"""Force curves as files that afmformats opens (and what builds on it, as nanite and PyJibe): HDF5 and tab."""
+"""Force curves as files for afmformats (and nanite and PyJibe, which use it): HDF5 and tab."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ class _Table:
 def _table(curve: Curve, number: int, session: str, grid: Mapping[str, float]) -> _Table:
     record = curve.record
     phase = record.channels["phase"]
-    # afmformats knows an approach and a retract; z rests in between.
+    # afmformats has an approach and a retract; z rests in between.
     part = (phase == APPROACH) | (phase == RETRACT)
     time, retract = record.time[part], phase[part] == RETRACT
     deflection = record.channels["deflection"][part] * curve.deflection_sensitivity

@@ -1,4 +1,4 @@
-"""The layers of a scan: every channel in each direction, and what is made of trace and retrace."""
+"""The layers of a scan: every channel in each direction, and combinations of trace and retrace."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING

@@ -59,7 +59,7 @@ def lines(
     degree: int = 1,
     exclude: _Mask | None = None,
 ) -> _Array:
-    """The picture with every line levelled by itself, which takes drift and jumps between lines away.
+    """The picture with every line levelled by itself, which removes drift and jumps between lines.
 
     Parameters
     ----------

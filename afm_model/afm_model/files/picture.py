@@ -33,7 +33,7 @@ _SUFFIX = ".png"
 
 
 def levelled(found: Layer, how: Levelling | None = None) -> tuple[_Array, str]:
-    """Values of a layer as a picture shows them, and what was taken off in words.
+    """Values of a layer as a picture shows them, and a text about the levelling.
 
     Parameters
     ----------

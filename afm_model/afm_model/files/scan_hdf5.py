@@ -1,4 +1,4 @@
-"""Scans as HDF5, written line by line: what is measured is in the file at once, and memory stays as it is.
+"""Scans as HDF5, written line by line: measured lines are in the file at once, and memory does not grow.
 
 scan.h5
   channels/height/trace, ...          (lines, pixels), attribute `units`; row 0 at the least y, NaN: not measured
@@ -86,7 +86,7 @@ class ScanFile:
     ) -> None:
         h5py = _h5py()
         self.path = checked(path, ".h5")
-        # An empty image knows where its rows are.
+        # An empty image gives the places of its rows.
         self._frame = Image(scan, dict(units or _units(self.path, scan)), {})
         self._rows: dict[str, Any] = {}
         with self._failing():
@@ -138,7 +138,7 @@ class ScanFile:
     def _reserve(self, place: str, shape: tuple[int, ...], unit: str) -> Any:
         """An array of NaN in the file."""
         created = self._file.create_dataset(place, shape=shape, dtype="<f8", fillvalue=np.nan)
-        # The first value written makes the library write all of it.
+        # With the first value the library writes the whole data set.
         created[0] = np.nan
         created.attrs["units"] = unit
         self._rows[place] = created

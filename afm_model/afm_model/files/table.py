@@ -1,4 +1,4 @@
-"""The figures of a scan as a table: what each layer's values are, in text and as CSV."""
+"""Statistics of the layers of a scan as a table, in text and as CSV."""
 
 import csv
 import math
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Figures:
-    """Of one layer, in its unit, over what is measured; NaN if nothing is."""
+    """Statistics of one layer, in its unit, over the measured pixels; NaN if there are none."""
 
     layer: str
     title: str

@@ -38,7 +38,7 @@ def checked(path: Path | str, suffix: str) -> Path:
 
 @contextmanager
 def replacing(path: Path | str, suffix: str) -> Iterator[Path]:
-    """Place to write a file to, which takes the place of `path` when it is whole: a failure leaves what was there.
+    """Temporary path of a file that replaces `path` when it is complete: after a failure the old file stays.
 
     Raises
     ------

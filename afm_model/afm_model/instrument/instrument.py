@@ -22,7 +22,7 @@ from .loop import fill_loop
 from .orders import Orders
 from .rows import Block, Cut, Rows
 from .score import ScoreSummary, summarize
-from .tick import DIVERGED, DRAW_TICKS, RANGE, REFUSED, STOPPED, advance, start
+from .tick import DIVERGED, DRAW_TICKS, MOVED, RANGE, REFUSED, STOPPED, advance, start
 from .truth import truth_of_rows
 
 _Array = NDArray[np.float64]
@@ -75,6 +75,7 @@ class Instrument:
         self._loop = self._block[layout.places["loop"] :].view(np.int64)
         self._commanded = CommandRecord(layout.array(self._block, "commanded"))
         self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
+        self._sequence = self._commanded.sequence
         self.measurement = layout.array(self._block, "measurement")
         self._lost = layout.array(self._block, "delivery")
         self._faults = Faults(layout, self._block, parameters)
@@ -263,7 +264,9 @@ class Instrument:
         RuntimeError
             If the block is full.
         """
-        self._prepare()
+        # What most ticks need not is asked for here: at this rate every call is felt.
+        if self._row == self._block_ticks or self.ticks == self._prepared:
+            self._prepare()
         if isinstance(drive, Command):
             self._commanded.write(drive)
         elif drive is not None:
@@ -273,10 +276,15 @@ class Instrument:
             self._voltage[:] = drive
             self._horizon_count[0] = 0
         if drive is not None:
-            self._commanded.sequence[0] = self.ticks if sequence is None else sequence
-        outcome = advance(self._external, 1, self._block, self._random, self._recorded.rows, self._recorded.samples)
-        self._conclude(outcome, 0 if outcome == REFUSED else 1)
-        return bool(outcome == STOPPED)
+            self._sequence[0] = self.ticks if sequence is None else sequence
+        recorded = self._recorded
+        outcome: int = advance(self._external, 1, self._block, self._random, recorded.rows, recorded.samples)
+        if outcome != REFUSED:
+            self.ticks += 1
+            self._row += 1
+        if outcome != MOVED or self._assembled:
+            self._conclude(outcome)
+        return outcome == STOPPED
 
     def close_loop(self, controller: Controller, ticks: int) -> bool:
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
@@ -303,7 +311,10 @@ class Instrument:
             recorded = self._recorded
             outcome = advance(controller.block, ticks, self._block, self._random, recorded.rows, recorded.samples)
             controller.raise_errors()
-            self._conclude(outcome, int(self._loop[_DONE]))
+            done = int(self._loop[_DONE])
+            self.ticks += done
+            self._row += done
+            self._conclude(outcome)
             if outcome == STOPPED:
                 return True
         return False
@@ -320,10 +331,8 @@ class Instrument:
                 self._faults.renew(self.ticks)
             self._prepared = min(self._drawn, self._faults.until)
 
-    def _conclude(self, outcome: int, done: int) -> None:
-        """Count the ticks done and report what the last one came to."""
-        self.ticks += done
-        self._row += done
+    def _conclude(self, outcome: int) -> None:
+        """Report what the last tick came to."""
         if self._assembled:
             self._raise_errors()
         if outcome == REFUSED:

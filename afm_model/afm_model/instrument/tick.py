@@ -195,6 +195,8 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
                     r.z_mode, w.voltage[2] = GIVEN, guard.drive[2]
                 regulate(now, d, r, w, m)
                 r.z_mode = z_mode
+                if z_given:  # whatever the part has made of it
+                    w.voltage[2] = guard.drive[2]
                 # What it has changed goes through the same converter; what has been through it stays.
                 for axis in range(3):
                     w.voltage[axis] = convert(w.voltage[axis], c.drive_lsb, c.drive_limit)

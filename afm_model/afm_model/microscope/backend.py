@@ -52,6 +52,16 @@ class Backend(Protocol):
         """What the z loop does with an approached tip."""
         ...
 
+    def resume(self) -> None:
+        """Give the loop back its z behind a withdrawal by a limit (`safety.*`): the tip is withdrawn, not approached.
+
+        Raises
+        ------
+        VerbError
+            If no limit has withdrawn the sample, or one is still passed.
+        """
+        ...
+
     def set_sample(self, changes: Mapping[str, Value]) -> None:
         """Another sample, by parameters `sample.*` without their prefix; only with the tip withdrawn.
 

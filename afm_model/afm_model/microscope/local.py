@@ -58,14 +58,14 @@ class Local:
     def _begin(self, parameters: InstrumentParameters) -> None:
         per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         law = Controller(self._controller)
-        self._engine = Engine(
+        self.engine = Engine(
             parameters,
             lambda engine: Compiled(engine, law, by_clock=True),
             block_ticks=self._given_ticks or max(1, _BLOCK_SAMPLES // per_tick),
             operate=self._operate,
             hashed=self._hashed,
         )
-        self._engine.step()
+        self.engine.step()
 
     def _operate(self, instrument: Instrument) -> Operator:
         self.operator = Operator(instrument)
@@ -74,7 +74,7 @@ class Local:
     @property
     def instrument(self) -> Instrument:
         """Another one after `exchange`."""
-        return self._engine.instrument
+        return self.engine.instrument
 
     @property
     def state(self) -> MicroscopeState:
@@ -97,7 +97,7 @@ class Local:
         """
         operator = self.operator
         operator.on_line = on_line or ignore
-        self._engine.begin(verb)
+        self.engine.begin(verb)
         with Interrupts() as interrupts:
             try:
                 while operator.busy:
@@ -119,15 +119,15 @@ class Local:
 
     def step(self) -> None:
         """Go on to the end of a block, or of an order; for who does not want to wait for a whole verb."""
-        self._engine.step()
-        if self._engine.error is not None:
-            raise self._engine.error
+        self.engine.step()
+        if self.engine.error is not None:
+            raise self.engine.error
 
     def resume(self) -> None:
         """See `Backend`."""
-        if self._engine.state != State.WITHDRAWN:
-            raise VerbError(f"the run is {self._engine.state.title}: there is nothing to resume")
-        if problem := self._engine.bring_back():
+        if self.engine.state != State.WITHDRAWN:
+            raise VerbError(f"the run is {self.engine.state.title}: there is nothing to resume")
+        if problem := self.engine.bring_back():
             raise VerbError(problem)
 
     def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:

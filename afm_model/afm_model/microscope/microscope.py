@@ -227,6 +227,10 @@ class Microscope:
         """What the z loop does with an approached tip: follow, stay, stay and refuse scans, or let the controller."""
         self.backend.set_feedback(mode)
 
+    def resume(self) -> None:
+        """Go on behind a limit that has withdrawn the sample (`safety.*`); the next verb is an approach."""
+        self.backend.resume()
+
     def set_sample(self, **changes: Value) -> None:
         """Another sample, by parameters `sample.*`; only with the tip withdrawn. Simulated time begins anew."""
         self.backend.set_sample(changes)

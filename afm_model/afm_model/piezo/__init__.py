@@ -1,4 +1,4 @@
-"""Piezo ceramics: what a drive comes to."""
+"""Piezo ceramics: from the drive to the motion of an ideal piezo."""
 
 from ..core.registry import register
 from ..parts.groups import PiezoParameters

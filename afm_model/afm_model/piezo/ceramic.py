@@ -67,17 +67,17 @@ CONSTANTS = record(
     "creep",  # of a step in a decade
     "share",  # of each exponential
     "decay",  # 1 - exp(-T / time constant)
-    "at_once",  # what of a step is there before any exponential has begun, less 1
+    "at_once",  # response to a step before any exponential, less 1
     vectors=("linear",),
     arrays={"threshold": (PLAYS, 3), "weight": (PLAYS, 3), "decay": (EXPONENTIALS,)},
 )
 STATE = record(
     "origin",  # drive that holds the start [V]
-    "amplified",  # behind the amplifier [V]
+    "amplified",  # after the amplifier [V]
     "play",  # P_i [V]
-    "slow",  # h behind each exponential [V]
+    "slow",  # h after each exponential [V]
     "hysteresis",  # h - u [V]
-    "creep",  # what creep adds [V]
+    "creep",  # contribution of creep [V]
     vectors=("origin", "amplified", "hysteresis", "creep"),
     arrays={"play": (PLAYS, 3), "slow": (EXPONENTIALS, 3)},
 )

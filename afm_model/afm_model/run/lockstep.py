@@ -22,7 +22,7 @@ class Lockstep(Peered):
         # Looked up once: at this rate every look-up is felt.
         self._take, self._publish, self._clock = engine.link.take, engine.link.publish, engine.clock
         self._sent_at = self._asked_at = 0.0
-        self._stalled = False
+        self._stalled = self._lost = False  # whether nobody has answered, or was asked
         self._wrong: list[int] = []
         self._wrong_at = 0  # tick at which they came
         self._unread_at = -1  # tick at which something came last that cannot be read; -1: nothing has
@@ -33,7 +33,7 @@ class Lockstep(Peered):
         self._wrong.clear()
         self._unread_at = -1
         self.resume()
-        self._publish(self._instrument.ticks, self._instrument.measurement)
+        self.made()
 
     def resume(self) -> None:
         """Go on after a pause; an answer that came meanwhile has not been taken yet."""
@@ -49,7 +49,7 @@ class Lockstep(Peered):
     def next(self) -> int | None:
         """Take one answer if there is one."""
         instrument = self._instrument
-        if instrument.unasked:
+        if self._lost:
             # The measurement got lost by a fault: the drive before goes on.
             self.drive, self.round_trip = None, math.nan
             return 1
@@ -80,7 +80,8 @@ class Lockstep(Peered):
         """Ask for the next drive."""
         instrument = self._instrument
         self._sent_at = self._asked_at = self._clock()
-        if not instrument.unasked:
+        self._lost = instrument.unasked
+        if not self._lost:
             self._publish(instrument.ticks, instrument.measurement)
 
     def _note_wrong(self, sequence: int) -> None:

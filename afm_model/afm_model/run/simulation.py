@@ -21,6 +21,7 @@ from .plotting import Curves, plot
 from .replay import Replay, replayed
 from .simulated import Law, ticks_of_a_block, ticks_to_simulate
 from .state import OVER, State
+from .verdict import limited
 
 if TYPE_CHECKING:
     from .plotting import Figure
@@ -166,6 +167,9 @@ def simulate(
     blocks: list[Block] = []
     events: list[RunEvent] = []
     instrument = run(parameters, controller, blocks.append, progress=progress, told=events.append)
+    found = doubts(parameters, instrument.score(), law)
+    if sentence := limited(instrument):
+        found.append(f"{sentence}; first at {events[0].time:.6g} s: {events[0].sentence}")
     samples = np.concatenate([block.samples for block in blocks], axis=1)
     measurements = np.concatenate([block.measurements for block in blocks]).view(np.recarray)
     return Simulation(
@@ -178,7 +182,7 @@ def simulate(
         samples=samples,
         channels=instrument.channels,
         score=instrument.score(),
-        doubts=[*doubts(parameters, instrument.score(), law), *_withdrawn(instrument, events)],
+        doubts=found,
         events=events,
         trajectory_sha256=instrument.trajectory_sha256(),
     )
@@ -250,17 +254,6 @@ def run(
     if engine.error is not None:
         raise engine.error
     return engine.instrument
-
-
-def _withdrawn(instrument: Instrument, events: list[RunEvent]) -> list[str]:
-    """What the limits of the instrument make of its score."""
-    scored, ticks = instrument.guard.counts()["scored_ticks_withdrawn"], instrument.score().ticks
-    if not (scored and ticks):
-        return []
-    first = events[0]
-    return [
-        f"at {first.time:.6g} s {first.sentence}; the instrument had the drive in {scored:g} of {ticks:g} scored ticks"
-    ]
 
 
 def _parameters_of(controller: ControllerParameters | Law) -> ControllerParameters | None:

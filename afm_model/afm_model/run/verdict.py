@@ -1,6 +1,6 @@
 """What a person must be told about the quality of a run, in sentences."""
 
-from ..instrument import ScoreSummary
+from ..instrument import Instrument, ScoreSummary
 from .counts import Snapshot
 
 _HELD = 0.5
@@ -40,15 +40,23 @@ def verdict(summary: ScoreSummary, end: Snapshot) -> str:
             f"the sample was retracted in {retracted} of {summary.ticks} scored ticks "
             f"({_percent(retracted, summary.ticks)}), because no drive came"
         )
-    withdrawn = end.counts.scored_ticks_withdrawn
-    if summary.ticks and withdrawn:
-        times = end.counts.withdrawals
-        return (
-            f"the instrument had the drive in {withdrawn} of {summary.ticks} scored ticks "
-            f"({_percent(withdrawn, summary.ticks)}): it withdrew the sample {times} time{'s' * (times != 1)}, because "
-            "a limit was passed"
-        )
-    return ""
+    return withdrawn(summary, end.counts.scored_ticks_withdrawn, end.counts.withdrawals)
+
+
+def withdrawn(summary: ScoreSummary, ticks: int, times: int) -> str:
+    """That the instrument had the drive in so many scored ticks, because of so many withdrawals; empty if in none."""
+    if not (summary.ticks and ticks):
+        return ""
+    return (
+        f"the instrument had the drive in {ticks} of {summary.ticks} scored ticks ({_percent(ticks, summary.ticks)}): "
+        f"it withdrew the sample {times} time{'s' * (times != 1)}, because a limit was passed"
+    )
+
+
+def limited(instrument: Instrument) -> str:
+    """The same of an instrument whose run is over."""
+    counts = instrument.guard.counts()
+    return withdrawn(instrument.score(), counts["scored_ticks_withdrawn"], counts["withdrawals"])
 
 
 def retracted_fraction(summary: ScoreSummary, end: Snapshot) -> float:

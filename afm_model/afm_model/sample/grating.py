@@ -33,7 +33,7 @@ class Grating(SampleParameters):
 
 CONSTANTS = record(
     "pitch",
-    "foot",  # where the slope begins, behind the inner arc; [m] from the middle, as all places here
+    "foot",  # start of the slope, after the inner arc; [m] from the middle, as all places here
     "foot_flat",  # where the inner arc begins
     "head",  # where the outer arc begins
     "head_flat",  # where it ends

@@ -24,7 +24,7 @@ class HeightMap(SampleParameters):
     height_unit: Annotated[Positive, Unit("m")] = Field(
         1.0, description="height of one unit of the file; of an image, of white over black"
     )
-    border: Literal["mirror", "wrap"] = Field("mirror", description="what lies beyond the map")
+    border: Literal["mirror", "wrap"] = Field("mirror", description="continuation beyond the map")
     dilate: bool = Field(True, description="dilate by the tip; else a surface sharper than the tip is refused")
     strength_file: str = Field("", description="map of the friction strength over that of the plant; none: 1")
     adhesion_file: str = Field("", description="map of the work of adhesion over that of the plant; none: 1")
@@ -48,7 +48,7 @@ def _made(sample: HeightMap, R: float, x0: float, z0: float, changed: tuple[int,
     width = sample.width or field.width
     length = sample.length or (field.height if not sample.width else 0.0) or width * rows / columns
     if width <= 0.0:
-        raise ValueError(f"sample.width is not given, and {sample.file} does not tell its size")
+        raise ValueError(f"sample.width is not given, and {sample.file} does not contain its size")
     materials = None
     if sample.strength_file or sample.adhesion_file:
         found = []

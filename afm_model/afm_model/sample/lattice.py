@@ -128,7 +128,7 @@ def _check(parameters: Tree) -> None:
     sample, plant = parameters.sample, parameters.plant
     if not registry.find("plant", plant.kind).takes_lattice:
         raise ValueError(
-            f"sample.kind = lattice has no effect with plant.kind = {plant.kind}, whose friction knows no atoms: take "
+            f"sample.kind = lattice has no effect with plant.kind = {plant.kind}, whose friction has no atoms: use "
             f"plant.kind = lever"
         )
     if sample.barrier > 0.0 and sample.peak_force > 0.0:

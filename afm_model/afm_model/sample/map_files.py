@@ -16,7 +16,7 @@ class Field(NamedTuple):
     """A map as a file holds it."""
 
     values: _Array  # (rows, columns), row 0 at the least y
-    width: float  # [m]; 0 if the file does not tell
+    width: float  # [m]; 0 if the file does not contain it
     height: float
 
 
@@ -59,12 +59,12 @@ def read_field(path: str) -> Field:
 
 def _image(path: str) -> Field:
     try:
-        # Needed for images alone; whoever has matplotlib has it.
+        # Needed for images alone; a dependency of matplotlib.
         image: Any = importlib.import_module("PIL.Image")
     except ImportError:
         raise ValueError("images need the package Pillow, which is not installed") from None
     with image.open(path) as picture:
-        # 16 bits and floating point stay what they are.
+        # 16 bits and floating point are kept.
         kind = picture.mode[0]
         grey = np.asarray(picture if kind in "IF" else picture.convert("L"), dtype=np.float64)
     return Field(grey[::-1] / {"I": 65535.0, "F": 1.0}.get(kind, 255.0), 0.0, 0.0)

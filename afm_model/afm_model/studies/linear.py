@@ -27,7 +27,7 @@ STABLE = 1.0 + 1e-7
 
 
 @dataclass(frozen=True)
-class Cut:
+class LoopCut:
     """The loop cut between drive and piezo of one axis, the others closed: x(k+1) = A x + B u, y = C x + D u."""
 
     A: _Array
@@ -54,7 +54,7 @@ class LinearLoop:
     matrix: _Array  # x(k+1) = matrix x(k)
     radius: float  # spectral radius; above 1 the loop diverges
     axis: str  # along which its slowest or fastest growing motion is largest
-    cuts: dict[str, Cut]  # by axis
+    cuts: dict[str, LoopCut]  # by axis
 
     @property
     def stable(self) -> bool:
@@ -173,7 +173,7 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
         columns = [tick(column, i) for column in identity]
         into = tick(np.zeros(total), i, 1.0)[0]
         out = np.array([[-answered for _, answered in columns]])
-        cuts[axis] = Cut(np.column_stack([after for after, _ in columns]), into[:, None], out, np.zeros((1, 1)))
+        cuts[axis] = LoopCut(np.column_stack([after for after, _ in columns]), into[:, None], out, np.zeros((1, 1)))
     values, vectors = np.linalg.eig(matrix)
     # What a law remembers and does not use moves nothing.
     moving = np.max(np.abs(vectors[:STATES]), axis=0) > _NOTHING

@@ -21,6 +21,7 @@ from ..parameters import ControllerParameters, Group, SimParameters, Value, chan
 from ..parameters.scenario import SECTIONS, Scenario, law_timing
 from ..run.simulated import ticks_to_simulate
 from ..run.simulation import run
+from ..run.verdict import limited
 from .scatter import Row, require_scattering, run_sets
 
 if TYPE_CHECKING:
@@ -71,7 +72,8 @@ def sweep(
     DataFrame
         A row a set, in order, with the index of `parameters` if that is a DataFrame. Columns: the parameters; then the
         fields of `ScoreSummary` in SI units, vectors as `rms_x`, ranges as `friction_low`; and
-        `error`, missing where all went well, else the sentence that tells why the set was refused or diverged.
+        `error`, missing where all went well, else the sentence that tells why the set was refused or
+        diverged, or that a limit (`safety.*`) withdrew the sample in scored ticks.
 
     Warns
     -----
@@ -204,6 +206,8 @@ def _run_set(parameters: SimParameters, law: ControllerParameters, fingerprint: 
     except (ParameterError, PartError, DriveError, DivergenceError) as error:
         return {"error": str(error)}
     result: Row = score.row(instrument.score())
+    if sentence := limited(instrument):
+        result["error"] = sentence
     if fingerprint:
         result["trajectory_sha256"] = instrument.trajectory_sha256()
     return result

@@ -12,6 +12,7 @@ from ..core.errors import DivergenceError, DriveError, LawError, ParameterError,
 from ..instrument import Block
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
+from ..run.verdict import limited
 from .contender import load_law
 from .linear import linearise
 from .linear_model import LinearError, nominal_friction
@@ -105,6 +106,8 @@ def run_trial(
     except Exception as error:
         # An object of somebody else's may raise anything; it costs no other run.
         return row | {"error": f"law {kind}: {type(error).__name__}: {error}"}
+    if sentence := limited(instrument):
+        return row | {"error": sentence}
     score = instrument.score()
     amplitude = max(abs(each) for each in sim.reference.amplitude)
     return row | {

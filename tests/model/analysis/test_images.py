@@ -168,5 +168,5 @@ def test_roughness_is_that_of_a_sine_on_a_plane():
     assert found.Sq == pytest.approx(3e-9 / math.sqrt(2.0), rel=0.01)
     assert found.Sa == pytest.approx(3e-9 * 2.0 / math.pi, rel=0.01)
     assert found.Sz == pytest.approx(6e-9, rel=0.02)
-    with pytest.raises(ValueError, match="at least four pixels: 0 are there"):
+    with pytest.raises(ValueError, match="at least four pixels: there are 0"):
         roughness(np.full((3, 3), np.nan))

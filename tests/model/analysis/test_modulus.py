@@ -86,8 +86,8 @@ def test_model_that_is_not_for_this_tabor_number_is_told(rng):
     z, d = made_up("maugis")
     d = d + 0.02e-9 * rng.standard_normal(z.size)
     assert fit(z, d).told == ""
-    assert "DMT is for less than 0.1: take maugis" in fit(z, d, model="dmt").told
-    assert "JKR is for more than 5: take maugis" in fit(z, d, model="jkr").told
+    assert "DMT is for less than 0.1: use maugis" in fit(z, d, model="dmt").told
+    assert "JKR is for more than 5: use maugis" in fit(z, d, model="jkr").told
 
 
 def test_stiff_sample_under_a_soft_cantilever_tells_no_modulus_and_says_so(rng):
@@ -97,7 +97,7 @@ def test_stiff_sample_under_a_soft_cantilever_tells_no_modulus_and_says_so(rng):
     z, d = made_up("maugis", stiffness=0.02, modulus=50e9, top=5e-9)
     soft = contact_fit(z, d + 0.5e-9 * rng.standard_normal(z.size), 0.02, RADIUS)
     assert soft.modulus.uncertainty > 0.5 * soft.modulus.value
-    assert "does not tell the modulus" in soft.told
+    assert "does not determine the modulus" in soft.told
     assert "take a stiffer cantilever" in soft.told
     # The adhesion is told all the same.
     assert found.work_of_adhesion.value == pytest.approx(WORK, rel=0.15)
@@ -156,7 +156,7 @@ def test_modulus_of_a_simulated_oxide_is_not_told_by_a_soft_cantilever():
     record = curve({})
     found = contact_fit(record.z, record.deflection, 0.2, RADIUS)
     assert found.modulus.uncertainty > 0.5 * found.modulus.value
-    assert found.told.startswith("the curve does not tell the modulus, only that E* is above")
+    assert found.told.startswith("the curve does not determine the modulus, only that E* is above")
     bound = float(found.told.split("above ")[1].split(" Pa")[0])
     assert 0.0 < bound < 0.75 * record.done.parameters.plant.pair_numbers.K
 

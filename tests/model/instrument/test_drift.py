@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from afm_model import Instrument, InstrumentParameters, build
 from afm_model.parameters import SimParameters
-from afm_model.studies.checks import implausible
+from afm_model.studies.start_checks import implausible
 
 CHANNELS = ", ".join(f"truth/{what}_{axis}" for what in ("drift", "position") for axis in "xyz")
 PAPER = {"sample.beta": 0.0}

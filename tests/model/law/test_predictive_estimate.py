@@ -8,11 +8,11 @@ import pytest
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive import PREDICTIVE
 from afm_model.law.predictive.asked import continue_reference, take_reference
-from afm_model.law.predictive.estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 from afm_model.law.predictive.map import NODES, read_map, write_map
 from afm_model.law.predictive.nominal_plant import beyond
 from afm_model.law.predictive.predictive_constants import CONSTANTS, values
 from afm_model.law.predictive.predictive_state import STATE, start
+from afm_model.law.predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 from afm_model.parts.signals import MEASUREMENT
 
 from ..tables import record_of

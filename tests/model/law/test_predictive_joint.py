@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from afm_model import ControllerParameters, build
-from afm_model.law.predictive.estimate import VALUE
 from afm_model.law.predictive.joint import (
     ACROSS,
     ALONG,
@@ -22,6 +21,7 @@ from afm_model.law.predictive.kalman import weigh
 from afm_model.law.predictive.nominal_plant import look, nominal_bound
 from afm_model.law.predictive.predictive_constants import CONSTANTS, values
 from afm_model.law.predictive.predictive_state import STATE, start
+from afm_model.law.predictive.sample_estimate import VALUE
 
 from ..tables import record_of
 

@@ -164,8 +164,38 @@ def test_cancelled_scan_keeps_its_lines_and_leaves_the_tip_withdrawn() -> None:
     assert not bench.run.operator.state.near
 
 
-def test_limit_that_withdraws_the_sample_stops_the_verb_and_resume_gives_the_verbs_back() -> None:
-    bench = Bench(**{"safety.force_limit": 15e-9})
+class InProcess:
+    """As `Bench`, of `Local`."""
+
+    def __init__(self, **changes: object) -> None:
+        parameters = build(SimParameters, INSTRUMENT | LAW | changes)
+        inside = parameters.controller_inside
+        assert inside is not None
+        self._local = Local(parameters, inside, hashed=True)
+        self.run = self._local.engine
+
+    def do(self, verb: Verb) -> Outcome:
+        return self._local.execute(verb)
+
+
+def test_limit_acts_on_verbs_in_process_to_the_last_bit_as_in_a_run() -> None:
+    shas = []
+    for kind in (Bench, InProcess):
+        bench = kind(**{"safety.force_limit": 15e-9})
+        bench.do(APPROACH)
+        bench.do(NIGHT[2])
+        assert bench.run.bring_back() == ""
+        bench.do(APPROACH)
+        bench.do(Withdraw())
+        shas.append(bench.run.instrument.trajectory_sha256())
+    assert shas[0] == shas[1]
+
+
+@pytest.mark.parametrize("kind", [Bench, InProcess])
+def test_limit_that_withdraws_the_sample_stops_the_verb_and_resume_gives_the_verbs_back(
+    kind: type[Bench] | type[InProcess],
+) -> None:
+    bench = kind(**{"safety.force_limit": 15e-9})
     bench.do(APPROACH)
     outcome = bench.do(NIGHT[2])
     assert outcome.status == CANCELLED
@@ -173,7 +203,7 @@ def test_limit_that_withdraws_the_sample_stops_the_verb_and_resume_gives_the_ver
     assert bench.run.state == State.WITHDRAWN
     with pytest.raises(VerbError, match="the run is withdrawn: the normal force is"):
         bench.run.begin(APPROACH)
-    assert bench.run.resume() == ""
+    assert bench.run.bring_back() == ""
     assert (bench.run.state, bench.run.instrument.in_contact) == (State.RUNNING, False)
     assert bench.do(Approach(rate=5e-6, range=2e-6, settle=2e-3)).status == COMPLETE
 

@@ -1,8 +1,8 @@
 """Friction-predicting control, docs/laws.md: a law that knows that friction sticks, and acts before it does."""
 
 from ...parts.part import Law
-from .control import control
 from .predictive_constants import ANSWERS, CONSTANTS, longest, values
+from .predictive_control import control
 from .predictive_law import PredictiveLaw, check, warnings
 from .predictive_state import STATE, start
 

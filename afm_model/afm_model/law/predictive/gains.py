@@ -17,7 +17,7 @@ class Grid(NamedTuple):
     response: float  # T, in which an error is to vanish [1/w0]
 
 
-class Gains(NamedTuple):
+class HoldGains(NamedTuple):
     """Of one axis: U = -K e + sum of G_j g_j."""
 
     K: _Array  # (2,) of the error in position and rate
@@ -50,7 +50,7 @@ def transition(stiffness: float, damping: float, time: float) -> tuple[_Array, _
     return E[:2, :2], E[:2, 2]
 
 
-def gains(stiffness: float, damping: float, hold: float, division: Grid) -> Gains:
+def gains(stiffness: float, damping: float, hold: float, division: Grid) -> HoldGains:
     """Gains of q'' = U - stiffness q - damping q' - d under a drive U that is held.
 
     The drives of all holds of the horizon are the least squares solution of small errors at the ends of the fine
@@ -65,7 +65,7 @@ def gains(stiffness: float, damping: float, hold: float, division: Grid) -> Gain
 
     Returns
     -------
-    Gains
+    HoldGains
         With the error e = (q, q') - reference at the start of the hold, and of each interval
         g_j = reference(j+1) - Phi reference(j) + Gamma d_j.
     """
@@ -88,7 +88,7 @@ def gains(stiffness: float, damping: float, hold: float, division: Grid) -> Gain
     G = np.array([sum(of_errors[j] * powers[j - i][0] for j in range(i, n)) for i in range(n)])
     # The drive asked for in an interval is the rate asked for over Gamma.
     G[:, 1] += np.repeat(of_means, fine) * weight / (fine * Gamma[1])
-    return Gains(K, G, Phi, Gamma)
+    return HoldGains(K, G, Phi, Gamma)
 
 
 def observer_gains(stiffness: float, damping: float, period: float, disturbance: float, noise: float) -> _Array:

@@ -11,10 +11,10 @@ import math
 from typing import Any
 
 from ...core.jit import kernel, routine
-from .estimate import MEAN, VALUE
 from .kalman import carry_covariance, correct, weigh
 from .nominal_plant import look, nominal_bound, run_copy, take_load
 from .predictive_constants import ANSWERS
+from .sample_estimate import MEAN, VALUE
 
 ALONG, SPEED, ACROSS, RATIO = range(4)
 """States of the filter: position and speed along the motion, position across it, ratio."""

@@ -4,10 +4,10 @@ import numpy as np
 
 from ...core.records import record
 from ...parts.part import Numbers, Tree
-from .estimate import MEAN, VALUE
 from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
 from .predictive_constants import ANSWERS, INTERVALS, SLOTS
+from .sample_estimate import MEAN, VALUE
 
 STATE = record(
     "started",
@@ -42,7 +42,7 @@ STATE = record(
     "rise",  # acceleration along z by more than following the surface takes
     "at_x",  # where the scanner was at the last measurement
     "at_y",
-    "H",  # height of the sample under the tip there, and its slopes along the way: afm_model.law.predictive.estimate
+    "H",  # height of the sample under the tip there, and its slopes along the way: sample_estimate.py
     "ratio",  # bound of friction over the nominal one there, in the same way
     "slips",  # measurements of it
     "here",  # strength at the place looked at

@@ -10,8 +10,8 @@ import math
 from typing import Any
 
 from ...core.jit import kernel
-from .estimate import MEAN, OF_VALUE
 from .nominal_plant import look, nominal_bound, run_copy
+from .sample_estimate import MEAN, OF_VALUE
 
 _SURE = 3.0
 """Standard deviations beyond which a difference is not noise."""

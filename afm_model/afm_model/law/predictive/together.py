@@ -10,10 +10,10 @@ import math
 from typing import Any
 
 from ...core.jit import kernel
-from .estimate import GONE, MEAN, ROUGH, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
 from .kalman import carry_covariance, correct, weigh
 from .nominal_plant import look, nominal_bound, run_copy
 from .predictive_constants import FLOOR
+from .sample_estimate import GONE, MEAN, ROUGH, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
 
 AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
 """What is estimated: position, speed along the balance of forces, ratio of friction and its slope along the way."""

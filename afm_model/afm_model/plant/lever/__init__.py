@@ -1,6 +1,6 @@
 """Plant `lever`: scanner, cantilever and contact as in a laboratory; docs/lever.md."""
 
-from ...contact.table import table
+from ...contact.contact_table import table
 from ...parts.part import Channel, Plant
 from .lever_check import check, warnings
 from .lever_constants import CONSTANTS, lever_constants, rows

@@ -4,7 +4,7 @@ import cmath
 import math
 from typing import Any
 
-from ...contact.table import transitions
+from ...contact.contact_table import transitions
 from ...core import registry
 from ...core.records import record
 from ...parts.part import Numbers, Tree

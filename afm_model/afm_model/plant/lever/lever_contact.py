@@ -7,7 +7,7 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 import math
 from typing import Any
 
-from ...contact.table import attraction, end_of_contact, look_up
+from ...contact.contact_table import attraction, end_of_contact, look_up
 from ...core.jit import kernel
 
 FRAME = (

@@ -10,17 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, Line, mean, straight_line
+from .estimate import Estimate, StraightLine, mean, straight_line
 
 _Array = NDArray[np.float64]
 _FREE = 0.2
 """Part of the approach, from its begin, over which the cantilever is taken as free."""
 _FEWEST = 5
-"""Points that a fit takes at least."""
+"""Least number of points of a fit."""
 
 
 class CurveAnalysis(NamedTuple):
-    """What a force curve tells. Forces are counted from that of the free cantilever."""
+    """Results of a force curve. Forces are relative to that of the free cantilever."""
 
     baseline: Estimate
     """Deflection of the free cantilever [m]."""
@@ -28,7 +28,7 @@ class CurveAnalysis(NamedTuple):
     """z at which the force is zero in contact, on the approach [m]."""
     snap_in_way: float
     """Way of z from the snap-in to the contact point [m]: 3/2 of the distance at which a sphere under van der Waals
-    attraction snaps in, and what the contact gives way; 0 if the tip does not snap in."""
+    attraction snaps in, and the compression of the contact; 0 if the tip does not snap in."""
     adhesion: Estimate
     """Pull-off force [N], positive."""
     snap_off_way: float
@@ -38,7 +38,7 @@ class CurveAnalysis(NamedTuple):
 
 
 def _split(z: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array, _Array, _Array]:
-    """z and signal of approach and retract; between them, while z stands at its largest, nothing is taken."""
+    """z and signal of approach and retract; the dwell between them is not used."""
     z, signal = np.asarray(z, np.float64), np.asarray(signal, np.float64)
     if z.ndim != 1 or z.shape != signal.shape:
         raise ValueError(f"z {z.shape} and signal {signal.shape} must be two lists of the same length")
@@ -92,7 +92,7 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
     rise = float(v_in.max()) - base
     if not rise > 0.0:
         raise ValueError("the voltage does not rise on the approach: the tip does not reach the sample")
-    lines: list[Line] = []
+    lines: list[StraightLine] = []
     for way, signal in ((z_in, v_in), (z_out[::-1], v_out[::-1])):
         part = _pressed(signal, base + low * rise, base + high * rise)
         if part.stop - part.start < _FEWEST:
@@ -149,7 +149,7 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
         raise ValueError("the tip is not pressed on at the end of the approach")
     after = int(np.flatnonzero(d_in <= 0.0)[-1])
     contact = _crossing(z_in, d_in, after)
-    # The deepest place before the contact is behind the snap-in; the way from half its depth on is that of the fall.
+    # The deepest place before the contact is after the snap-in, whose motion counts from half its depth.
     deepest = int(np.argmin(d_in[: after + 1]))
     # Round-off is no snap-in where there is no noise.
     snapped = d_in[deepest] < -max(5.0 * noise, 1e-9 * d_in[-1])

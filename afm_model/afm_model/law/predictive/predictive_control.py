@@ -5,12 +5,12 @@ from typing import Any
 from ...core.jit import kernel, routine
 from .asked import ask, take_reference
 from .decide import decide, refine
-from .estimate import measured_height, take_height, take_ratio
 from .flight import answer, extend, first_of_reserve, recall, remember
 from .joint import correct_jointly
 from .map import write_map
 from .nominal_plant import predict, run_copy, take_load
 from .predictive_constants import KNOWN, LEARNED
+from .sample_estimate import measured_height, take_height, take_ratio
 from .slide import correct_along
 from .together import begin_together, correct_together
 

@@ -14,7 +14,7 @@ from afm_node_common.runner import Interrupted
 
 from .domain import NoDomainError, claimed_domain, end
 from .follow import STALL_TIMEOUT
-from .scenario import add_overrides, foreign_sections, read_scenario
+from .scenario_input import add_overrides, foreign_sections, read_scenario
 from .session import COMPOSED, EXTERNAL, OWN, Session, SessionError
 
 
@@ -60,14 +60,14 @@ def _arguments() -> argparse.Namespace:
         type=float,
         default=STALL_TIMEOUT,
         metavar="SECONDS",
-        help="wall time for which a controller that has been reported may stay silent, or the run may be withdrawn or "
+        help="wall time for which a controller may stay silent after this was reported, or the run may be withdrawn or "
         f"held, before the session ends (default {STALL_TIMEOUT:g})",
     )
     return parser.parse_args()
 
 
 def _checked(arguments: argparse.Namespace) -> Scenario:
-    """The scenario; raises ScenarioError for it, ValueError for what is not allowed on the command line."""
+    """Read the scenario; raises ScenarioError if it is not valid, ValueError for an argument that is not allowed."""
     controller, namespace = arguments.controller, arguments.namespace
     try:
         if controller != OWN and not shlex.split(controller):
