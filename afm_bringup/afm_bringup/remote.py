@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any
 
 from action_msgs.msg import GoalStatus
 from afm_msgs.msg import MicroscopeStatus, ScanLine
@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.core.schema import Value
-from afm_model.microscope.backend import OnLine, OnProgress
+from afm_model.microscope.backend import Backend, OnLine, OnProgress
 from afm_model.microscope.image import Image
 from afm_model.microscope.interrupts import Interrupted, Interrupts
 from afm_model.microscope.results import COMPLETE, FAILED, MicroscopeState, Outcome, Progress
@@ -48,7 +48,7 @@ def _nothing() -> None:
     """Nothing to be checked."""
 
 
-class Remote:
+class Remote(Backend):
     """The verbs of a microscope whose simulator runs in another process. Use as a context manager, or `close` it.
 
     It is the backend of `afm_model.microscope.Microscope` as `Local` is: the same verbs bring back the same bytes.
@@ -209,22 +209,22 @@ class Remote:
         """Cancel what is being done, as Ctrl-C does; for `check`, and for what is called with progress and lines."""
         self._cancel = True
 
-    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
-        """See `Backend`."""
-        self._call(SetSetpoint, topics.SET_SETPOINT, force=force, voltage=voltage)
-
-    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
-        """See `Backend`."""
-        for name, value in (("proportional", proportional), ("integral", integral)):
+    def set_loop(self, **settings: Any) -> None:
+        """See `Backend`. Limits of z cannot be set over topics."""
+        given = [settings.pop(name, None) for name in ("setpoint_force", "setpoint_voltage")]
+        if given != [None, None]:
+            self._call(SetSetpoint, topics.SET_SETPOINT, force=given[0] or 0.0, voltage=given[1] or 0.0)
+        gains = {name: settings.pop(f"{name}_gain", None) for name in ("proportional", "integral")}
+        for name, value in gains.items():
             # The service takes negative ones for none given.
             if value is not None and not value >= 0.0:
                 raise ParameterError(f"{name} = {value:g} is not allowed: it must be >= 0")
-        given = [-1.0 if value is None else value for value in (proportional, integral)]
-        self._call(SetGains, topics.SET_GAINS, proportional=given[0], integral=given[1])
-
-    def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
-        """See `Backend`."""
-        self._call(SetFeedback, topics.SET_FEEDBACK, mode=mode)
+        if any(value is not None for value in gains.values()):
+            self._call(SetGains, topics.SET_GAINS, **{k: -1.0 if v is None else v for k, v in gains.items()})
+        if "feedback" in settings:
+            self._call(SetFeedback, topics.SET_FEEDBACK, mode=settings.pop("feedback"))
+        if settings:
+            raise ParameterError(f"{', '.join(settings)} cannot be set over topics")
 
     def resume(self) -> None:
         """See `Backend`."""
@@ -233,13 +233,10 @@ class Remote:
         except ParameterError as error:
             raise VerbError(str(error)) from None
 
-    def set_sample(self, changes: Mapping[str, Value]) -> None:
+    def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
         """See `Backend`."""
-        self._exchange(topics.SET_SAMPLE, changes)
-
-    def set_probe(self, changes: Mapping[str, Value]) -> None:
-        """See `Backend`."""
-        self._exchange(topics.SET_PROBE, changes)
+        topic = {"sample": topics.SET_SAMPLE, "plant": topics.SET_PROBE}[group]
+        self._call(Exchange, topic, names=list(changes), values=[_text(value) for value in changes.values()])
 
     def close(self) -> None:
         """Withdraw the tip and let go of the microscope, which goes on running."""
@@ -328,9 +325,6 @@ class Remote:
         if not answered.result().success:
             raise ParameterError(answered.result().message)
         self._spin_until(lambda: self._news > news, _SETTLED)
-
-    def _exchange(self, topic: str, changes: Mapping[str, Value]) -> None:
-        self._call(Exchange, topic, names=list(changes), values=[_text(value) for value in changes.values()])
 
     def _image(self, result: Any) -> tuple[Image | None, int]:
         """What the lines came to, and how many of them are missing."""

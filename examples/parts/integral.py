@@ -1,4 +1,4 @@
-"""A z loop of one's own, onboard.kind integral:INTEGRAL: an integrator that can be set a setpoint in volts only."""
+"""A z loop of your own, onboard.kind integral:INTEGRAL: an integrator that can be set a setpoint in volts only."""
 
 from typing import Annotated
 

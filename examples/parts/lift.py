@@ -1,4 +1,4 @@
-"""A verb of one's own: microscope.do("lift:LiftLine", lift=20e-9), or the action `verb` over topics."""
+"""A verb of your own: microscope.do("lift:LiftLine", lift=20e-9), or the action `verb` over topics."""
 
 import numpy as np
 from pydantic import Field

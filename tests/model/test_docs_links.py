@@ -1,5 +1,6 @@
 """Claims about the prose: links lead somewhere, the glossary explains the words that the software uses."""
 
+import ast
 import re
 from dataclasses import fields
 from pathlib import Path
@@ -60,3 +61,30 @@ def test_names_of_the_glossary_are_names_of_the_software() -> None:
     known |= {"open_loop", "sgn", "tanh", "PiezoDrive", "Measurement", "alpha", "code", "valid"}
     known |= {"FAULT", "step"}  # a state of InstrumentStatus.msg, a service of the simulator
     assert set(re.findall(r"`([^`]+)`", GLOSSARY)) <= known
+
+
+WALKS = (ROOT / "docs" / "architecture.md").read_text().partition("## Three walks")[2].partition("\n## ")[0]
+
+
+def defined(source: Path) -> set[str]:
+    """Functions, classes and methods of a module, by qualified name."""
+    found: set[str] = set()
+    waiting: list[tuple[str, ast.AST]] = [("", ast.parse(source.read_text()))]
+    while waiting:
+        prefix, node = waiting.pop()
+        for child in ast.iter_child_nodes(node):
+            if isinstance(child, ast.FunctionDef | ast.ClassDef):
+                found.add(prefix + child.name)
+                waiting.append((f"{prefix}{child.name}.", child))
+    return found
+
+
+@pytest.mark.parametrize(("name", "file"), sorted(set(re.findall(r"\[`([\w.]+)`\]\(([^)]+\.py)\)", WALKS))))
+def test_functions_of_the_walks_exist(name: str, file: str) -> None:
+    assert name in defined((ROOT / "docs" / file).resolve())
+
+
+def test_each_walk_has_several_steps() -> None:
+    walks = WALKS.split("\n### ")[1:]
+    assert [walk.split(":")[0] for walk in walks] == ["A drive", "A pixel", "A parameter"]
+    assert all(len(re.findall(r"^\d+\. ", walk, re.MULTILINE)) >= 5 for walk in walks)

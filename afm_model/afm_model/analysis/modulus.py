@@ -175,8 +175,8 @@ def _result(found: Solution, model: str, sensitivity_error: float) -> ContactFit
         bound = 0.75 * (found.compliance.value + 2.0 * found.compliance.uncertainty) ** -1.5
         of_sensitivity = f", known within {100.0 * sensitivity_error:g} %" if sensitivity_error > 0.0 else ""
         told = (
-            f"the curve does not determine the modulus, only that E* is above {bound:.2g} Pa: the contact is compressed "
-            f"by some {1e9 * found.indentation:.1g} nm, and the cantilever of {found.k:.3g} N/m bends by "
+            f"the curve does not determine the modulus, only that E* is above {bound:.2g} Pa: the contact is "
+            f"compressed by some {1e9 * found.indentation:.1g} nm, and the cantilever of {found.k:.3g} N/m bends by "
             f"{1e9 * found.bent:.3g} nm{of_sensitivity}; take a stiffer cantilever"
         )
     elif (model == "dmt" and tabor.value > _DMT) or (model == "jkr" and tabor.value < _JKR):

@@ -93,7 +93,6 @@ class Instrument:
         layout, block, parameters = self._layout, self._block, self.parameters
         self._draws.reset(parameters.plant.seed)
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
-        self.orders.reset()
         for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
         for name in ("asked", "asked_next"):
@@ -102,6 +101,7 @@ class Instrument:
             layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
             each.fill_start(block, layout.places[f"{family}_state"], parameters)
+        self.orders.reset()
         plant = layout.parts["plant"].part
         constants, state = layout.record(block, "plant_constants"), layout.record(block, "plant_state")
         held = plant.rest(parameters, constants, state, block)  # type: ignore[attr-defined]

@@ -25,17 +25,26 @@ class Orders:
         self._layout, self._block, self._parameters = layout, block, parameters
         program: Any = layout.parts["program"].part
         self._order: Any = program.order
-        self.taken = program.order is not None
+        self._first: Any = program.first
+        self.taken = program.order is not None and program.first is None
         """Whether the program takes orders."""
         self._loop = record_at(block, layout.places["loop"], LOOP)
         self._done = block[layout.place("program_state.done") :] if self.taken else None
 
+    def _put(self, order: Any, tick: int) -> None:
+        constants = self._layout.record(self._block, "program_constants")
+        state = self._layout.record(self._block, "program_state")
+        # What the constants point to must stay where it is.
+        self._kept = self._order(order, tick, self._parameters, constants, state)
+
     def reset(self) -> None:
-        """Return to the start of a run: nothing is ordered."""
-        if self.taken:
+        """Return to the start of a run: nothing is ordered, or what the program begins with."""
+        if self._order is not None:
             at = self._layout.places["program_constants"]
             self._layout.parts["program"].fill_constants(self._block, at, self._parameters)
         self._loop.halt = 0
+        if self._first is not None:
+            self._put(self._first(self._parameters), 0)
 
     def put_in_force(self, order: Any, tick: int) -> None:
         """Tell the program what to do from this tick on.
@@ -49,10 +58,7 @@ class Orders:
             raise ParameterError(
                 f"reference.kind = {self._parameters.reference.kind} takes no orders: take reference.kind = verbs"
             )
-        constants = self._layout.record(self._block, "program_constants")
-        state = self._layout.record(self._block, "program_state")
-        # What p points to must stay where it is.
-        self._kept = self._order(order, tick, self._parameters, constants, state)
+        self._put(order, tick)
         self._loop.halt = self._layout.place("program_state.done")
 
     @property

@@ -1,8 +1,10 @@
 """What carries out verbs: an instrument in this process (`local`), or one that runs somewhere else."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Literal, Protocol
+from typing import Any
 
+from ..core.errors import ParameterError
 from ..core.schema import Value
 from .image import Line
 from .results import MicroscopeState, Outcome, Progress
@@ -12,9 +14,39 @@ OnProgress = Callable[[Progress], None]
 OnLine = Callable[[Line], None]
 
 
-class Backend(Protocol):
+class LoopSettings(ABC):
+    """What can be set of the z loop at any time, between two ticks. All raise ParameterError if it is not allowed."""
+
+    @abstractmethod
+    def set_loop(self, **settings: Any) -> None:
+        """Change settings of the loop, names of `afm_model.parts.part.ONBOARD_SETTINGS`."""
+
+    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
+        """Setpoint of the deflection, as force of the cantilever [N] or as voltage [V]."""
+        if (force == 0.0) == (voltage == 0.0):
+            raise ParameterError(
+                f"force = {force:g} N with voltage = {voltage:g} V is not allowed: one of them must be given, not 0"
+            )
+        self.set_loop(setpoint_force=force, setpoint_voltage=voltage)
+
+    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
+        """Gains of the z loop, P [m/V] and I [m/(V s)]; None: as it is."""
+        given = {"proportional_gain": proportional, "integral_gain": integral}
+        self.set_loop(**{name: value for name, value in given.items() if value is not None})
+
+    def set_feedback(self, mode: str) -> None:
+        """What the z loop does with an approached tip; a withdrawn tip stays withdrawn.
+
+        on: it follows the setpoint. hold: z stays where it is. off: the same, and verbs that need the loop are refused.
+        external: z is driven by the controller.
+        """
+        self.set_loop(feedback=mode)
+
+
+class Backend(LoopSettings):
     """Carries out verbs, one after the other."""
 
+    @abstractmethod
     def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
         """Do a verb and wait for its end.
 
@@ -29,29 +61,17 @@ class Backend(Protocol):
         VerbError
             If it cannot be begun: one sentence why.
         """
-        ...
 
+    @abstractmethod
     def objection(self, verb: Verb) -> str:
         """Why a verb cannot be begun now, one sentence; empty if it can."""
-        ...
 
     @property
+    @abstractmethod
     def state(self) -> MicroscopeState:
         """Where the microscope stands."""
-        ...
 
-    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
-        """Setpoint of the deflection, as force of the cantilever [N] or as voltage [V]."""
-        ...
-
-    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
-        """Gains of the z loop, P [m/V] and I [m/(V s)]; None: as it is."""
-        ...
-
-    def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
-        """What the z loop does with an approached tip."""
-        ...
-
+    @abstractmethod
     def resume(self) -> None:
         """Give the loop back its z behind a withdrawal by a limit (`safety.*`): the tip is withdrawn, not approached.
 
@@ -60,19 +80,19 @@ class Backend(Protocol):
         VerbError
             If no limit has withdrawn the sample, or one is still passed.
         """
-        ...
+
+    @abstractmethod
+    def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
+        """Another sample or probe (groups sample, plant); only with the tip withdrawn. Time begins anew."""
 
     def set_sample(self, changes: Mapping[str, Value]) -> None:
-        """Another sample, by parameters `sample.*` without their prefix; only with the tip withdrawn.
-
-        Time begins anew.
-        """
-        ...
+        """Another sample, by parameters `sample.*` without their prefix; see `exchange`."""
+        self.exchange("sample", changes)
 
     def set_probe(self, changes: Mapping[str, Value]) -> None:
-        """Another cantilever, by parameters `plant.*` without their prefix, such as lever; as `set_sample`."""
-        ...
+        """Another cantilever, by parameters `plant.*` without their prefix, such as lever; see `exchange`."""
+        self.exchange("plant", changes)
 
+    @abstractmethod
     def close(self) -> None:
         """Withdraw the tip and let go of the instrument."""
-        ...

@@ -1,7 +1,7 @@
 """A microscope in this process: time passes while a verb is being done, and stands still in between."""
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any
 
 from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
@@ -11,7 +11,7 @@ from ..parameters import ControllerParameters, InstrumentParameters, changed
 from ..run.engine import Engine
 from ..run.pacing import Compiled
 from ..run.state import State
-from .backend import OnLine, OnProgress
+from .backend import Backend, OnLine, OnProgress
 from .interrupts import Interrupted, Interrupts
 from .operator import Operator, ignore
 from .prepare import with_verbs
@@ -23,7 +23,7 @@ _BLOCK_SAMPLES = 20_000
 """Samples of a block: some hundred milliseconds of computing between two looks."""
 
 
-class Local:
+class Local(Backend):
     """An instrument with a law along x and y, and verbs.
 
     Parameters
@@ -130,25 +130,9 @@ class Local:
         if problem := self.engine.bring_back():
             raise VerbError(problem)
 
-    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
+    def set_loop(self, **settings: Any) -> None:
         """See `Backend`."""
-        self.operator.set_setpoint(force=force, voltage=voltage)
-
-    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
-        """See `Backend`."""
-        self.operator.set_gains(proportional, integral)
-
-    def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
-        """See `Backend`."""
-        self.operator.set_feedback(mode)
-
-    def set_sample(self, changes: Mapping[str, Value]) -> None:
-        """See `Backend`."""
-        self.exchange("sample", changes)
-
-    def set_probe(self, changes: Mapping[str, Value]) -> None:
-        """See `Backend`."""
-        self.exchange("plant", changes)
+        self.operator.set_loop(**settings)
 
     def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
         """Another sample, probe, detector or piezo; see `exchanged`."""

@@ -24,7 +24,7 @@ from ..core.schema import Value
 from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario, load_scenario
 from .arrays import to_xarray
-from .backend import Backend, OnLine, OnProgress
+from .backend import Backend, LoopSettings, OnLine, OnProgress
 from .interrupts import Interrupted
 from .local import Local
 from .results import COMPLETE, MicroscopeState, Outcome
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-class Microscope:
+class Microscope(LoopSettings):
     """What a microscope can do.
 
     Time passes while it does something, and stands still in between (one that runs somewhere else in real time goes
@@ -215,17 +215,9 @@ class Microscope:
 
     # Settings.
 
-    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
-        """Setpoint of the deflection, as force of the cantilever [N] or as voltage [V]."""
-        self.backend.set_setpoint(force=force, voltage=voltage)
-
-    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
-        """Gains of the z loop, P [m/V] and I [m/(V s)]; None: as it is."""
-        self.backend.set_gains(proportional, integral)
-
-    def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
-        """What the z loop does with an approached tip: follow, stay, stay and refuse scans, or let the controller."""
-        self.backend.set_feedback(mode)
+    def set_loop(self, **settings: Any) -> None:
+        """See `LoopSettings`."""
+        self.backend.set_loop(**settings)
 
     def resume(self) -> None:
         """Go on behind a limit that has withdrawn the sample (`safety.*`); the next verb is an approach."""

@@ -7,11 +7,12 @@ is False, and `outcome` is complete when the blocks up to then have been taken.
 
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 from ..core.errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
 from ..program.orders import Order, Step
+from .backend import LoopSettings
 from .collect import Collector
 from .execution import Execution, Task, withdrawing
 from .image import Line
@@ -25,7 +26,7 @@ def ignore(line: Line) -> None:
     """Nobody listens."""
 
 
-class Operator:
+class Operator(LoopSettings):
     """Orders of an instrument what verbs come to, and collects what is measured.
 
     Parameters
@@ -217,53 +218,15 @@ class Operator:
             failed = FAILED if self._status == COMPLETE else self._status
             return Outcome(failed, self._message or str(error), None)
 
-    # What may be changed at any time, between two ticks.
-
-    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
-        """Setpoint of the deflection, as force of the cantilever [N] or as voltage [V].
-
-        Raises
-        ------
-        ParameterError
-            If none is given, or both, the plant tells no spring constant for a force, or the detector does not reach
-            so far.
-        """
-        if (force == 0.0) == (voltage == 0.0):
-            raise ParameterError(
-                f"force = {force:g} N with voltage = {voltage:g} V is not allowed: one of them must be given, not 0"
-            )
-        view = self._view
-        volts = voltage or view.volts(force)
+    def set_loop(self, **settings: Any) -> None:
+        """See `LoopSettings`. A setpoint that the detector does not reach is refused."""
+        view, force = self._view, settings.get("setpoint_force", 0.0)
+        volts = settings.get("setpoint_voltage") or view.volts(force)
         if volts > view.most_deflection:
             raise ParameterError(
                 f"a setpoint of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V, "
                 f"and z would go on into the sample"
             )
-        given = {"setpoint_force": force, "setpoint_voltage": voltage}
-        # A loop that knows one of them only need not be told that there is no other.
-        view.set_loop(**{name: value for name, value in given.items() if value or name in view.loop.settings})
-
-    def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
-        """Gains P [m/V] and I [m/(V s)] of the z loop; None: as it is.
-
-        Raises
-        ------
-        ParameterError
-            If one is negative.
-        """
-        given = {"proportional_gain": proportional, "integral_gain": integral}
-        self._view.set_loop(**{name: value for name, value in given.items() if value is not None})
-
-    def set_feedback(self, mode: Literal["on", "hold", "off", "external"]) -> None:
-        """What the z loop does with an approached tip.
-
-        on: it follows the setpoint. hold: z stays where it is. off: the same, and verbs that need the loop are refused.
-        external: z is driven by the controller. A withdrawn tip stays withdrawn whatever it is.
-
-        Raises
-        ------
-        ParameterError
-            If it is none of these.
-        """
-        self._view.set_loop(feedback=mode)
-        self._state.feedback = mode
+        # A loop that knows a voltage only need not be told that there is no force.
+        view.set_loop(**{name: value for name, value in settings.items() if value or name in view.loop.settings})
+        self._state.feedback = settings.get("feedback", self._state.feedback)

@@ -161,6 +161,8 @@ class Program(Part):
     its state to 1.0 at the samples of the control tick with which the order ends. What it returns is kept as long as
     the order is in force, such as an array that p points to.
     """
+    first: Callable[[Tree], Any] | None = None
+    """Parameters -> the one order of a program that is told at the start, and takes no other."""
 
 
 @dataclass(frozen=True, kw_only=True)

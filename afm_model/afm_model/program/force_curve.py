@@ -2,11 +2,13 @@
 
     lift -> settle -> approach -> dwell -> retract -> settle ... -> done
 
-The program asks a z loop inside the instrument (`onboard.kind`) to move z by an offset from where it stood at the
-start, at the rate of the virtual ADC; the loop itself is open meanwhile. x and y are held. The trigger is the rise of
-the detector's voltage over its mean while the tip settles, so that an offset of the detector does not matter.
+This is an order of the program `verbs` (`ordered`), given at the start and repeated: a z loop inside the instrument
+(`onboard.kind`) is asked to move z by an offset from where it stood at the start, at the rate of the virtual ADC. x and
+y are held. The trigger is the rise of the detector's voltage over its mean while the tip settles, so that an offset of
+the detector does not matter.
 """
 
+import math
 from typing import Annotated, Any
 
 from annotated_types import Ge, Le
@@ -16,8 +18,9 @@ from ..core.jit import kernel
 from ..core.records import record
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import ProgramParameters
-from ..parts.part import Channel, Numbers, Program, Tree
-from ..parts.signals import OPEN
+from ..parts.part import Channel, Program, Tree
+from . import ordered, orders
+from .orders import Curve, Order, Step
 
 LIFT, SETTLE, APPROACH, DWELL, RETRACT, DONE = range(6)
 """Phases, as the channel `curve_phase` tells them."""
@@ -26,7 +29,7 @@ _Metre = Annotated[NonNegative, Unit("m")]
 _Rate = Annotated[Positive, Unit("m/s")]
 
 
-class ForceCurve(ProgramParameters):
+class ForceCurveParameters(ProgramParameters):
     """Force curves at one place, one after the other."""
 
     kind: str = Field("force_curve", description="program of the reference")
@@ -55,7 +58,7 @@ class ForceCurve(ProgramParameters):
         return self.lift / self.retract_rate + self.count * (self.settle + self.dwell + way)
 
     @model_validator(mode="after")
-    def _one_trigger(self) -> "ForceCurve":
+    def _one_trigger(self) -> "ForceCurveParameters":
         if self.trigger_voltage > 0.0 and self.trigger_force > 0.0:
             raise ValueError(
                 f"reference.trigger_voltage = {self.trigger_voltage:g} V and reference.trigger_force = "
@@ -64,28 +67,26 @@ class ForceCurve(ProgramParameters):
         return self
 
 
-CONSTANTS = record(
-    *("x", "y", "z_r", "lift", "settle", "ramp", "approach_rate", "retract_rate", "dwell", "count"),
-    "trigger",  # [V]; 0: none
-)
-STATE = record(
-    "phase",
-    "since",  # when it began [s]
-    "offset",  # of z [m]
-    "turn",  # of z where the last approach ended [m]
-    "sum",  # of the deflection while the tip settles [V]
-    "samples",
-    "curves",  # that are done
-    "triggered",  # 1.0 if the last approach ended by its trigger
-)
+STATE = record(*(ordered.STATE.names or ()), "curves")  # that are done
 
 
-def _values(parameters: Tree) -> Numbers:
-    curve = parameters.reference
+def _first(parameters: Tree) -> Order:
+    """Steps in the order of the phases."""
+    curve, plant = parameters.reference, parameters.plant
     trigger = curve.trigger_voltage
     if curve.trigger_force > 0.0:
-        trigger = parameters.plant.deflection_voltage(parameters, curve.trigger_force)
-    return {name: getattr(curve, name) for name in CONSTANTS.names or () if name != "trigger"} | {"trigger": trigger}
+        trigger = plant.deflection_voltage(parameters, curve.trigger_force)
+    away = {"target": -curve.lift, "rate": curve.retract_rate}
+    towards = {"target": curve.ramp - curve.lift, "rate": curve.approach_rate, "trigger": trigger}
+    steps = (
+        Step(orders.RAMP, **away, then=SETTLE),
+        Step(orders.REST, duration=curve.settle, then=APPROACH),
+        Step(orders.RAMP, **towards, then=DWELL, triggered=DWELL),
+        Step(orders.DWELL, duration=curve.dwell, then=RETRACT),
+        Step(orders.RAMP, **away, then=DONE),
+        Step(orders.DWELL, duration=math.inf),
+    )
+    return Order(Curve((curve.x,), (curve.y,)), steps)
 
 
 def _check(parameters: Tree) -> None:
@@ -107,62 +108,32 @@ def _check(parameters: Tree) -> None:
 
 
 @kernel
-def reference(t: float, r: Any, p: Any) -> None:
-    """See `afm_model.parts.Program`."""
-    for axis in range(3):
-        r.velocity[axis] = r.acceleration[axis] = 0.0
-    r.position[0], r.position[1], r.position[2] = p.x, p.y, p.z_r
-
-
-@kernel
 def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
-    """See `afm_model.parts.Program`. A phase is left at most once in a sample."""
-    phase, passed = s.phase, t - s.since
-    if phase == LIFT:
-        s.offset = max(-p.retract_rate * passed, -p.lift)
-        if s.offset <= -p.lift:
-            s.phase = SETTLE
-    elif phase == SETTLE:
-        s.sum += d.deflection_voltage
-        s.samples += 1.0
-        if passed >= p.settle:
-            s.phase = APPROACH
-    elif phase == APPROACH:
-        way = min(p.approach_rate * passed, p.ramp)
-        s.offset = way - p.lift
-        reached = p.trigger > 0.0 and d.deflection_voltage - s.sum / s.samples >= p.trigger
-        if reached or way >= p.ramp:
-            s.triggered = 1.0 if reached else 0.0
-            s.turn = s.offset
-            s.phase = DWELL
-    elif phase == DWELL:
-        if passed >= p.dwell:
-            s.phase = RETRACT
-    elif phase == RETRACT:
-        s.offset = max(s.turn - p.retract_rate * passed, -p.lift)
-        if s.offset <= -p.lift:
-            s.curves += 1.0
-            s.phase = SETTLE if s.curves < p.count else DONE
-    if s.phase != phase:
-        s.since = t
-        if s.phase == SETTLE:
-            s.sum = s.samples = 0.0
-    r.z_mode, r.z_offset = OPEN, s.offset
+    """See `afm_model.parts.Program`: the steps, again and again."""
+    phase = s.at
+    ordered.watch(t, d, r, p, s)
+    if phase == RETRACT and s.at != RETRACT:
+        s.curves += 1.0
+        if s.curves < p.count:
+            s.at, s.sum, s.samples = SETTLE, 0.0, 0.0
 
 
 FORCE_CURVE = Program(
     name="force_curve",
-    parameters=ForceCurve,
-    constants=CONSTANTS,
+    parameters=ForceCurveParameters,
+    constants=ordered.constants("count"),
     state=STATE,
-    values=_values,
+    values=lambda parameters: {**ordered.values(parameters), "count": parameters.reference.count},
+    start=lambda parameters: {**ordered.start(parameters), "curves": 0.0},
     check=_check,
-    reference=reference,
+    reference=ordered.reference,
     watch=watch,
+    order=ordered.put_in_force,
+    first=_first,
     channels=(
-        Channel("curve_phase", "1", "phase"),
+        Channel("curve_phase", "1", "at"),
         Channel("curves_done", "1", "curves"),
-        Channel("curve_triggered", "1", "triggered"),
+        Channel("curve_triggered", "1", "fired"),
         Channel("z_offset", "m", "offset"),
     ),
 )

@@ -34,25 +34,33 @@ class VerbsParameters(ProgramParameters):
 
 
 _OF_LINES = ("centre_x", "centre_y", "cos", "sin", "speed", "size", "first", "step", "lines", "image", "turn", "shift")
-CONSTANTS = record(
-    "z_r",
-    "number",  # of the order, from 1
-    "motion",  # CURVE, LINES or SAMPLED
-    "begin",  # of the order [s]
-    "curve_time",  # whole, of a curve [s]
-    "last",  # time behind which the motion is at its end with this control tick [s]
-    "curve_x",
-    "curve_y",
-    *_OF_LINES,  # speed [m/s]; image, turn, shift [s]
-    "half_sample",  # [s]
-    "numbers",  # address of the order's numbers, see Order.numbers
-    "length",  # how many
-    "piece_time",  # of a motion SAMPLED: of a piece [s]
-    "pieces",
-    "first_piece",  # where among the numbers
-    arrays=dict.fromkeys(("curve_x", "curve_y"), (DEGREES,)),
-    integers=("numbers", "length", "pieces", "first_piece"),
-)
+
+
+def constants(*more: str) -> np.dtype[Any]:
+    """The record of constants; with `more` fields of another program that does orders."""
+    return record(
+        "z_r",
+        "number",  # of the order, from 1
+        "motion",  # CURVE, LINES or SAMPLED
+        "begin",  # of the order [s]
+        "curve_time",  # whole, of a curve [s]
+        "last",  # time behind which the motion is at its end with this control tick [s]
+        "curve_x",
+        "curve_y",
+        *_OF_LINES,  # speed [m/s]; image, turn, shift [s]
+        "half_sample",  # [s]
+        "numbers",  # address of the order's numbers, see Order.numbers
+        "length",  # how many
+        "piece_time",  # of a motion SAMPLED: of a piece [s]
+        "pieces",
+        "first_piece",  # where among the numbers
+        *more,
+        arrays=dict.fromkeys(("curve_x", "curve_y"), (DEGREES,)),
+        integers=("numbers", "length", "pieces", "first_piece"),
+    )
+
+
+CONSTANTS = constants()
 STATE = record(
     "number",  # of the order in force
     "done",  # 1.0: it is
@@ -67,7 +75,7 @@ STATE = record(
 )
 
 
-def _values(parameters: Tree) -> Numbers:
+def values(parameters: Tree) -> Numbers:
     program = parameters.reference
     zeros: dict[str, Any] = {name: 0.0 for name in CONSTANTS.names or ()}
     x, y = (((place,) + (0.0,) * (DEGREES - 1)) for place in (program.x, program.y))
@@ -75,7 +83,7 @@ def _values(parameters: Tree) -> Numbers:
     return zeros | {"z_r": program.z_r, "curve_time": 1.0, "curve_x": x, "curve_y": y, "half_sample": half}
 
 
-def _start(parameters: Tree) -> Numbers:
+def start(parameters: Tree) -> Numbers:
     zeros = {name: 0.0 for name in STATE.names or ()}
     return zeros | {"done": 1.0, "at": END, "mode": OPEN}
 
@@ -256,8 +264,8 @@ VERBS = Program(
     parameters=VerbsParameters,
     constants=CONSTANTS,
     state=STATE,
-    values=_values,
-    start=_start,
+    values=values,
+    start=start,
     check=_check,
     reference=reference,
     watch=watch,
