@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import Field
 
 from afm_model.law import SampledLaw
-from afm_model.parts import Law, kernel, record
+from afm_model.parts import Law, Record, Vector, kernel
 
 
 class MineParameters(SampledLaw):
@@ -16,8 +16,18 @@ class MineParameters(SampledLaw):
     slowness: float = Field(4.0, gt=0, description="time constant of the loop over control period and delay")
 
 
-CONSTANTS = record("period", "tau", "stiffness", "damping", "volts", vectors=("stiffness", "damping", "volts"))
-STATE = record("velocity", "asked", "started", vectors=("velocity", "asked"))
+class Constants(Record):
+    period: float
+    tau: float
+    stiffness: Vector
+    damping: Vector
+    volts: Vector
+
+
+class State(Record):
+    velocity: Vector
+    asked: Vector
+    started: float
 
 
 def values(parameters: Any) -> dict[str, Any]:
@@ -55,8 +65,8 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
 MINE = Law(
     name="mine",
     parameters=MineParameters,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=values,
     control=control,
     knowledge="positions and velocities of the scanner; its resonances and damping",

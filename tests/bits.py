@@ -29,7 +29,7 @@ import yaml
 
 from afm_model import Controller, Scenario, build, load_scenario, simulate
 from afm_model.microscope import Local, Microscope
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 from afm_model.run import OVER, Latency, Listeners, Replay, Run, SimulatedLink, VirtualClock, simulate_realtime
 
 FILE = Path(__file__).with_suffix(".json")
@@ -138,7 +138,7 @@ class Proportional:
 
     def answer(self, measurement: Any) -> Any:
         """See `afm_model.run.simulated.Law`."""
-        y = measurement.view(MEASUREMENT)[0]
+        y = measurement.view(Measurement)[0]
         error = y.reference_position - np.array([y.position[0], y.position[1], y.deflection])
         return [3e9, 3e9, 5e7] * error + [6e4, 6e4, 8e3] * (y.reference_velocity - y.velocity)
 

@@ -9,7 +9,7 @@ from afm_msgs.msg import Measurement, PiezoDrive
 from afm_model.core import records
 from afm_model.parts import signals
 
-SIZE = {PiezoDrive: 3, Measurement: records.size(signals.MEASUREMENT)}
+SIZE = {PiezoDrive: 3, Measurement: records.size(signals.Measurement)}
 """Numbers in a message without a horizon."""
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from afm_model import SimParameters
 from afm_model.core.records import record_at
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "pd_controller.py"
 
@@ -20,7 +20,7 @@ class Twin:
         self._gains = runpy.run_path(str(EXAMPLE), run_name="read")["GAINS"].values()
 
     def answer(self, measurement: Any) -> Any:
-        y = record_at(measurement, 0, MEASUREMENT)
+        y = record_at(measurement, 0, Measurement)
         positions = (y.position[0], y.position[1], y.deflection)
         drive = np.zeros(3)
         for axis, (gain, damping) in enumerate(self._gains):

@@ -42,7 +42,7 @@ class ControllerNode(Node):
         self.process = parameters.process
         self._controller = Controller(parameters)
         # Compile or load the law before any measurement can come.
-        self._controller.answer(np.zeros(size(signals.MEASUREMENT)))
+        self._controller.answer(np.zeros(size(signals.Measurement)))
         self._controller.reset()
         self._answered = -1  # sequence of the measurement answered last
         self._period_unknown = True  # until measurements have given the control period

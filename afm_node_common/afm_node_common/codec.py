@@ -318,8 +318,8 @@ class BlockEncoder:
 
 
 def measurement_codec(*, fast: bool = True) -> Codec:
-    """Codec of Measurement; values in the order of `afm_model.parts.signals.MEASUREMENT`."""
-    return Codec(Measurement, size(signals.MEASUREMENT), fast=fast)
+    """Codec of Measurement; values in the order of `afm_model.parts.signals.Measurement`."""
+    return Codec(Measurement, size(signals.Measurement), fast=fast)
 
 
 def telemetry_codec() -> Codec:

@@ -1,19 +1,32 @@
 """The instrument now and then as plain numbers, so that a plot shows something at once."""
 
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from afm_msgs.msg import Telemetry as TelemetryMessage
 from rclpy.node import Node
 
-from afm_model.core.records import record, record_at
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.core.records import Record, record_at, size
+from afm_model.parts.signals import Measurement
 from afm_model.run import Run
 from afm_node_common import topics
 from afm_node_common.codec import telemetry_codec
 from afm_node_common.direct import Outbox
 
-_VALUES = record(*list(TelemetryMessage.get_fields_and_field_types())[2:])
+
+class _Values(Record):
+    """Fields of afm_msgs/Telemetry behind its sequence."""
+
+    error_x: Annotated[float, "m"]
+    error_y: Annotated[float, "m"]
+    error_z: Annotated[float, "m"]
+    deflection: Annotated[float, "m"]
+    lateral_force: Annotated[float, "N"]
+    normal_force: Annotated[float, "N"]
+    drive_x: Annotated[float, "V"]
+    drive_y: Annotated[float, "V"]
+    drive_z: Annotated[float, "V"]
+    real_time_factor: float
 
 
 class Telemetry:
@@ -31,8 +44,8 @@ class Telemetry:
         self._run = run
         self._encode = telemetry_codec().encode
         self._outbox = Outbox(node, TelemetryMessage, topics.TELEMETRY, topics.CONTROL_QOS)
-        self._values = np.zeros(len(_VALUES.names or ()))
-        self._named: Any = record_at(self._values, 0, _VALUES)
+        self._values = np.zeros(size(_Values))
+        self._named = record_at(self._values, 0, _Values)
         self._at = 0.0
 
     def publish_at(self, now: float, period: float) -> None:
@@ -42,7 +55,7 @@ class Telemetry:
         # In step with the clock where it can be, and never in a burst.
         self._at = max(self._at + period, now + 0.5 * period)
         run, instrument, v = self._run.snapshot(), self._run.instrument, self._named
-        m = record_at(instrument.measurement, 0, MEASUREMENT)
+        m = record_at(instrument.measurement, 0, Measurement)
         reference = m.reference_position
         v.error_x, v.error_y = reference[0] - m.position[0], reference[1] - m.position[1]
         v.error_z = reference[2] - instrument.parameters.cantilever.a - m.deflection

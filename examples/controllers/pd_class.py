@@ -7,7 +7,7 @@ import numpy as np
 
 from afm_model import SimParameters
 from afm_model.core.records import record_at
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 
 
 class Pd:
@@ -23,7 +23,7 @@ class Pd:
 
     def answer(self, measurement: Any) -> Any:
         """Drive [V], (3,), for a measurement."""
-        y = record_at(measurement, 0, MEASUREMENT)
+        y = record_at(measurement, 0, Measurement)
         error = y.reference_position[:2] - y.position[:2]
         rate = y.reference_velocity[:2] - y.velocity[:2]
         return np.append(self.kp * error + self.kd * rate, y.drive[2])

@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import Field
 
 from afm_model.law import SampledLaw
-from afm_model.parts import Law, kernel, record
+from afm_model.parts import Law, Record, Vector, kernel
 
 
 class PdParameters(SampledLaw):
@@ -16,7 +16,9 @@ class PdParameters(SampledLaw):
     slowness: float = Field(4.0, gt=0, description="time constant of the loop over control period and delay")
 
 
-CONSTANTS = record("kp", "kd", vectors=("kp", "kd"))
+class Constants(Record):
+    kp: Vector
+    kd: Vector
 
 
 def values(parameters: Any) -> dict[str, Any]:
@@ -47,7 +49,7 @@ def warnings(parameters: Any, control_period: float) -> list[str]:
 PD = Law(
     name="pd",
     parameters=PdParameters,
-    constants=CONSTANTS,
+    constants=Constants,
     values=values,
     control=control,
     warnings=warnings,

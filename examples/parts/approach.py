@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from afm_model.parts import Channel, Program, ProgramParameters, Unit, kernel, record
+from afm_model.parts import Channel, Program, ProgramParameters, Record, Unit, kernel
 from afm_model.parts.signals import OPEN
 
 
@@ -16,8 +16,14 @@ class Approach(ProgramParameters):
     touch: Annotated[float, Unit("V")] = Field(0.2, gt=0, description="deflection at which the tip has arrived")
 
 
-CONSTANTS = record("rate", "touch", "z_r")
-STATE = record("arrived")
+class Constants(Record):
+    rate: Annotated[float, "m/s"]
+    touch: Annotated[float, "V"]
+    z_r: Annotated[float, "m"]
+
+
+class State(Record):
+    arrived: float
 
 
 def values(parameters):
@@ -45,8 +51,8 @@ _channels = (Channel("arrived", "1", "arrived"),)
 APPROACH = Program(
     name="approach",
     parameters=Approach,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=values,
     channels=_channels,
     **_functions,

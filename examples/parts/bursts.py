@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from afm_model.parts import Fault, FaultParameters, Unit, kernel, record
+from afm_model.parts import Fault, FaultParameters, Record, Unit, Vector, kernel
 
 
 class Bursts(FaultParameters):
@@ -15,8 +15,16 @@ class Bursts(FaultParameters):
     loss: float = Field(0.1, ge=0, le=1, description="part of the drives that get lost, the last one holds")
 
 
-CONSTANTS = record("probability", "length", "noise", "loss")
-STATE = record("until", "last", vectors=("last",))
+class Constants(Record):
+    probability: float
+    length: Annotated[float, "s"]
+    noise: Annotated[float, "m"]
+    loss: float
+
+
+class State(Record):
+    until: Annotated[float, "s"]
+    last: Annotated[Vector, "V"]
 
 
 def values(parameters):
@@ -51,4 +59,4 @@ def on_drive(k, t, u, p, s, r):
 
 
 _functions = {"draw": draw, "on_measurement": on_measurement, "on_drive": on_drive}
-BURSTS = Fault(name="bursts", parameters=Bursts, constants=CONSTANTS, state=STATE, values=values, draws=3, **_functions)
+BURSTS = Fault(name="bursts", parameters=Bursts, constants=Constants, state=State, values=values, draws=3, **_functions)

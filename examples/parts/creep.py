@@ -4,11 +4,11 @@ piezo.kind: creep:CREEP
 """
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
-from afm_model.parts import Channel, Piezo, PiezoParameters, kernel, record
+from afm_model.parts import Array, Channel, Piezo, PiezoParameters, Record, kernel
 
 POLES = 6  # time constants 1 ms, 10 ms, ... 100 s: one a decade gives the logarithm to 3e-4 of the step
 
@@ -19,38 +19,36 @@ class Creep(PiezoParameters):
     creep: float = Field(0.015, ge=0, lt=0.1, description="part of a step that follows in every decade of time")
 
 
-CONSTANTS = record("creep", *(f"decay_{i}" for i in range(POLES)))
-STATE = record(*(f"slow_{i}" for i in range(POLES)), vectors=tuple(f"slow_{i}" for i in range(POLES)))
+class Constants(Record):
+    creep: float
+    decay: Annotated[Array, (POLES,)]
 
 
-def values(parameters: Any) -> dict[str, float]:
+class State(Record):
+    slow: Annotated[Array, (POLES, 3), "V"]
+
+
+def values(parameters: Any) -> dict[str, Any]:
     T = parameters.detector.sample_period
-    return {"creep": parameters.piezo.creep} | {f"decay_{i}": -math.expm1(-T / 10.0 ** (i - 3)) for i in range(POLES)}
-
-
-@kernel
-def follow(slow, decay, u, axis):
-    """One pole, an exact step under a held drive; what it has crept."""
-    slow[axis] += decay * (u - slow[axis])
-    return slow[axis]
+    return {"creep": parameters.piezo.creep, "decay": [-math.expm1(-T / 10.0 ** (i - 3)) for i in range(POLES)]}
 
 
 @kernel
 def actuate(t, u, v, p, s):
     for axis in range(3):
-        w = u.voltage[axis]
-        crept = follow(s.slow_0, p.decay_0, w, axis) + follow(s.slow_1, p.decay_1, w, axis)
-        crept += follow(s.slow_2, p.decay_2, w, axis) + follow(s.slow_3, p.decay_3, w, axis)
-        crept += follow(s.slow_4, p.decay_4, w, axis) + follow(s.slow_5, p.decay_5, w, axis)
-        v.voltage[axis] = w + p.creep * crept
+        crept = 0.0
+        for i in range(POLES):  # an exact step under a held drive
+            s.slow[i, axis] += p.decay[i] * (u.voltage[axis] - s.slow[i, axis])
+            crept += s.slow[i, axis]
+        v.voltage[axis] = u.voltage[axis] + p.creep * crept
 
 
 CREEP = Piezo(
     name="creep",
     parameters=Creep,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=values,
     actuate=actuate,
-    channels=(Channel("truth/creep_x", "V", "slow_1.x"),),
+    channels=(Channel("truth/creep_x", "V", "slow.x"),),
 )

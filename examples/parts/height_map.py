@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 from scipy.ndimage import spline_filter
 
-from afm_model.parts import Sample, SampleParameters, Unit, kernel, record
+from afm_model.parts import Record, Sample, SampleParameters, Unit, kernel
 
 
 class HeightMap(SampleParameters):
@@ -14,7 +14,9 @@ class HeightMap(SampleParameters):
     size: Annotated[float, Unit("m")] = Field(50e-9, gt=0, description="side of the map")
 
 
-CONSTANTS = record("n", "pitch", integers=("n",))
+class Constants(Record):
+    n: int
+    pitch: Annotated[float, "x0"]
 
 
 def load(parameters):
@@ -56,4 +58,4 @@ def surface(x, y, h, p, map):
     h.curvature = -0.5 * (h.curvature_xx + h.curvature_yy)
 
 
-HEIGHT_MAP = Sample(name="map", parameters=HeightMap, constants=CONSTANTS, values=values, map=load, surface=surface)
+HEIGHT_MAP = Sample(name="map", parameters=HeightMap, constants=Constants, values=values, map=load, surface=surface)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from afm_model.parts import Channel, Onboard, OnboardParameters, Unit, kernel, record
+from afm_model.parts import Channel, Onboard, OnboardParameters, Record, Unit, kernel
 from afm_model.parts.signals import FOLLOW, GIVEN, HOLD
 
 
@@ -14,8 +14,18 @@ class Integral(OnboardParameters):
     range: Annotated[float, Unit("m")] = Field(5e-6, gt=0, description="of z to both sides")
 
 
-CONSTANTS = record("target", "step", "range", "metres")
-STATE = record("z", "error", "mode", "origin")
+class Constants(Record):
+    target: Annotated[float, "V"]
+    step: Annotated[float, "m/V"]
+    range: Annotated[float, "m"]
+    metres: Annotated[float, "m/V"]
+
+
+class State(Record):
+    z: Annotated[float, "m"]
+    error: Annotated[float, "V"]
+    mode: float
+    origin: Annotated[float, "m"]
 
 
 def values(parameters):
@@ -47,8 +57,8 @@ def regulate(t, d, r, u, p, s):
 INTEGRAL = Onboard(
     name="integral",
     parameters=Integral,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=values,
     begin=begin,
     regulate=regulate,

@@ -8,7 +8,7 @@ from pydantic import Field
 from scipy.linalg import solve_discrete_are
 
 from afm_model.law import SampledLaw
-from afm_model.parts import Law, Unit, kernel, record
+from afm_model.parts import Law, Record, Unit, Vector, kernel
 
 
 class Kalman(SampledLaw):
@@ -19,8 +19,22 @@ class Kalman(SampledLaw):
     jerk: Annotated[float, Unit("m/s^2")] = Field(0.5, gt=0, description="rms acceleration that the filter expects")
 
 
-CONSTANTS = record("period", "gain", "gain_rate", "kp", "kd", "volts_x", "volts_y", "w_x", "w_y")
-STATE = record("started", "position", "velocity", vectors=("position", "velocity"))
+class Constants(Record):
+    period: Annotated[float, "s"]
+    gain: float
+    gain_rate: Annotated[float, "1/s"]
+    kp: Annotated[float, "1/s^2"]
+    kd: Annotated[float, "1/s"]
+    volts_x: Annotated[float, "V s^2/m"]
+    volts_y: Annotated[float, "V s^2/m"]
+    w_x: Annotated[float, "rad/s"]
+    w_y: Annotated[float, "rad/s"]
+
+
+class State(Record):
+    started: float
+    position: Annotated[Vector, "m"]
+    velocity: Annotated[Vector, "m/s"]
 
 
 def values(parameters):
@@ -55,4 +69,4 @@ def control(t, y, u, p, s):
     s.started = 1.0
 
 
-KALMAN = Law(name="kalman", parameters=Kalman, constants=CONSTANTS, state=STATE, values=values, control=control)
+KALMAN = Law(name="kalman", parameters=Kalman, constants=Constants, state=State, values=values, control=control)

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from afm_model.parts import Channel, Detector, DetectorParameters, Unit, kernel, record
+from afm_model.parts import Channel, Detector, DetectorParameters, Record, Unit, Vector, kernel
 
 
 class LockIn(DetectorParameters):
@@ -19,8 +19,20 @@ class LockIn(DetectorParameters):
     time_constant: Annotated[float, Unit("s")] = Field(2e-3, gt=0, description="of each of the two low-passes")
 
 
-CONSTANTS = record("a", "deflection_sensitivity", "lateral_sensitivity", "turn", "share")
-STATE = record("angle", "in_phase", "quadrature", "amplitude", "phase", vectors=("in_phase", "quadrature"))
+class Constants(Record):
+    a: Annotated[float, "m"]
+    deflection_sensitivity: Annotated[float, "m/V"]
+    lateral_sensitivity: Annotated[float, "N/V"]
+    turn: Annotated[float, "rad"]
+    share: float
+
+
+class State(Record):
+    angle: Annotated[float, "rad"]
+    in_phase: Annotated[Vector, "m"]
+    quadrature: Annotated[Vector, "m"]
+    amplitude: Annotated[float, "m"]
+    phase: Annotated[float, "rad"]
 
 
 def values(parameters):
@@ -53,5 +65,5 @@ def detect(o, d, p, s, r):
 
 
 CHANNELS = (Channel("lock_in_amplitude", "m", "amplitude"), Channel("lock_in_phase", "rad", "phase"))
-_own = {"constants": CONSTANTS, "state": STATE, "channels": CHANNELS, "values": values, "detect": detect}
+_own = {"constants": Constants, "state": State, "channels": CHANNELS, "values": values, "detect": detect}
 LOCK_IN = Detector(name="lock_in", parameters=LockIn, noisy=lambda _: False, ideal=lambda _: True, **_own)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from afm_model.parts import Sample, SampleParameters, Unit, kernel, record
+from afm_model.parts import Record, Sample, SampleParameters, Unit, kernel
 
 
 class Patches(SampleParameters):
@@ -17,7 +17,9 @@ class Patches(SampleParameters):
     ratio: float = Field(0.5, gt=0, description="friction strength of every other stripe over that of contact.tau")
 
 
-CONSTANTS = record("width", "ratio")
+class Constants(Record):
+    width: Annotated[float, "x0"]
+    ratio: float
 
 
 def values(parameters):
@@ -31,4 +33,4 @@ def surface(x, y, h, p, map):
     h.strength = 1.0 if (x / p.width) % 2.0 < 1.0 else p.ratio
 
 
-PATCHES = Sample(name="patches", parameters=Patches, constants=CONSTANTS, values=values, surface=surface)
+PATCHES = Sample(name="patches", parameters=Patches, constants=Constants, values=values, surface=surface)

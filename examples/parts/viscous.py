@@ -5,15 +5,29 @@ from typing import Annotated
 
 from pydantic import Field
 
-from afm_model.parts import Plant, PlantParameters, Unit, kernel, record, surface
+from afm_model.parts import Plant, PlantParameters, Record, Unit, Vector, kernel, surface
 
 
 class Viscous(PlantParameters):
     film: Annotated[float, Unit("1/s")] = Field(3e3, ge=0, description="damping of the film, force per mass and speed")
 
 
-CONSTANTS = record("dt", "x0", "z0", "film", "mass", "w", "c", "metres", vectors=("w", "c", "metres"))
-STATE = record("x", "v", "tip", "tip_rate", vectors=("x", "v"))
+class Constants(Record):
+    dt: Annotated[float, "s"]
+    x0: Annotated[float, "m"]
+    z0: Annotated[float, "m"]
+    film: Annotated[float, "1/s"]
+    mass: Annotated[float, "kg"]
+    w: Annotated[Vector, "rad/s"]
+    c: Annotated[Vector, "1/s"]
+    metres: Annotated[Vector, "m/V"]
+
+
+class State(Record):
+    x: Annotated[Vector, "m"]
+    v: Annotated[Vector, "m/s"]
+    tip: Annotated[float, "m"]
+    tip_rate: Annotated[float, "m/s"]
 
 
 def values(parameters):
@@ -51,4 +65,4 @@ def observe(p, s, o):
 
 
 _functions = {"rest": rest, "step": step, "observe": observe}
-VISCOUS = Plant(name="viscous", parameters=Viscous, constants=CONSTANTS, state=STATE, values=values, **_functions)
+VISCOUS = Plant(name="viscous", parameters=Viscous, constants=Constants, state=State, values=values, **_functions)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from afm_model import InstrumentParameters, build
 from afm_model.core.records import pointer_at, record_at, size
 from afm_model.instrument.block import Layout
-from afm_model.parts.header import HEADER
-from afm_model.parts.signals import DRIVE
-from afm_model.plant import CONSTANTS, STATE, compliant
+from afm_model.parts.header import BlockHeader
+from afm_model.parts.signals import Drive
+from afm_model.plant import Constants, State, compliant
 
 COMPILER = "cc"
 FLAGS = {
@@ -47,9 +47,9 @@ class CompilerError(RuntimeError):
 @numba.njit(error_model="numpy")
 def advance(m: _Array, u: _Array, hold: int) -> None:
     """Advance the plant of the block `m` by `hold` steps under each row of `u`, the drive (x, y, z) [V]."""
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
-    v = record_at(m, g.effective, DRIVE)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.plant_constants, Constants), record_at(m, g.plant_state, State)
+    v = record_at(m, g.effective, Drive)
     unused = pointer_at(m, 0)
     for i in range(len(u)):
         for axis in range(3):
@@ -73,7 +73,7 @@ def compile_c(folder: Path, name: str) -> Advance:
     function.restype = None
 
     def advance_c(m: _Array, u: _Array, hold: int) -> None:
-        g = record_at(m, 0, HEADER)
+        g = record_at(m, 0, BlockHeader)
         places = (m[place:].ctypes.data for place in (g.plant_state, g.plant_constants, g.sample_constants))
         function(*places, u.ctypes.data, len(u), hold)
 
@@ -95,19 +95,19 @@ def problem() -> tuple[_Array, _Array]:
 
 def gains(m: _Array) -> _Array:
     """Drive in the units of the equations per volt, along x, y, z."""
-    p = record_at(m, record_at(m, 0, HEADER).plant_constants, CONSTANTS)
+    p = record_at(m, record_at(m, 0, BlockHeader).plant_constants, Constants)
     return np.array([p.gain_x, p.gain_y, p.gain_z])
 
 
 def state(m: _Array) -> Any:
     """Record of the plant's state in the block `m`."""
-    return record_at(m, record_at(m, 0, HEADER).plant_state, STATE)
+    return record_at(m, record_at(m, 0, BlockHeader).plant_state, State)
 
 
 def difference(one: _Array, other: _Array) -> float:
     """Largest relative difference of the states in two blocks, component by component."""
     a, b = (np.array(state(m).tolist()) for m in (one, other))
-    assert a.shape == b.shape == (size(STATE),)
+    assert a.shape == b.shape == (size(State),)
     larger = np.maximum(np.abs(a), np.abs(b))
     return float(np.max(np.abs(a - b) / np.where(larger > 0.0, larger, 1.0)))
 

@@ -73,7 +73,7 @@ class End:
 
 
 def _messages() -> tuple[bytes, bytes]:
-    measurement = measurement_codec().encode(0, 0, np.zeros(size(signals.MEASUREMENT)))
+    measurement = measurement_codec().encode(0, 0, np.zeros(size(signals.Measurement)))
     return measurement, drive_codec().encode(0, 0, np.zeros(3))
 
 

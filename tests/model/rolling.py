@@ -11,16 +11,16 @@ from afm_model import InstrumentParameters, build, changed
 from afm_model.core.jit import kernel
 from afm_model.core.records import record_at, size
 from afm_model.instrument.block import Layout
-from afm_model.parts.header import HEADER
-from afm_model.parts.signals import DRIVE
-from afm_model.plant import CONSTANTS, STATE, Z_COMPUTED, Z_HELD, Z_UNIFORM
+from afm_model.parts.header import BlockHeader
+from afm_model.parts.signals import Drive
+from afm_model.plant import Z_COMPUTED, Z_HELD, Z_UNIFORM, Constants, State
 from afm_model.plant import compliant as compliant_plant
 from afm_model.plant import paper as paper_plant
 
 UNIT = 1e-4
 """Time unit 1/w0 of the paper's scales [s]."""
 _Array = NDArray[np.float64]
-_SIZE = size(STATE)
+_SIZE = size(State)
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Bench:
         block = self.block.copy()
         self.layout.record(block, "plant_constants").treatment = treatment
         target = self.layout.record(block, "plant_state")
-        for name in STATE.names or ():
+        for name in State.names or ():
             target[name] = s[name]
         return block
 
@@ -73,9 +73,9 @@ def bench(h: float, **values: Any) -> Bench:
 
 @kernel
 def _compliant(m: _Array, drives: _Array, states: _Array) -> None:
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
-    v = record_at(m, g.effective, DRIVE)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.plant_constants, Constants), record_at(m, g.plant_state, State)
+    v = record_at(m, g.effective, Drive)
     for i in range(len(states)):
         states[i, :] = m[g.plant_state : g.plant_state + _SIZE]
         if i < len(drives):
@@ -85,9 +85,9 @@ def _compliant(m: _Array, drives: _Array, states: _Array) -> None:
 
 @kernel
 def _paper(m: _Array, drives: _Array, drawn: _Array, states: _Array) -> None:
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
-    v = record_at(m, g.effective, DRIVE)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.plant_constants, Constants), record_at(m, g.plant_state, State)
+    v = record_at(m, g.effective, Drive)
     for i in range(len(states)):
         states[i, :] = m[g.plant_state : g.plant_state + _SIZE]
         if i < len(drives):
@@ -97,9 +97,9 @@ def _paper(m: _Array, drives: _Array, drawn: _Array, states: _Array) -> None:
 
 @kernel
 def _held_under_sine(m: _Array, drawn: _Array, amplitude: float, omega: float, every: int, positions: _Array) -> None:
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
-    v = record_at(m, g.effective, DRIVE)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.plant_constants, Constants), record_at(m, g.plant_state, State)
+    v = record_at(m, g.effective, Drive)
     step = 0
     for i in range(len(positions)):
         positions[i, 0] = s.X
@@ -111,12 +111,12 @@ def _held_under_sine(m: _Array, drawn: _Array, amplitude: float, omega: float, e
 
 
 def _named(states: _Array) -> Any:
-    """Rows of numbers as records of STATE."""
-    return states.view(STATE)[:, 0].view(np.recarray)
+    """Rows of numbers as records of State."""
+    return states.view(State)[:, 0].view(np.recarray)
 
 
 def compliant(s: Any, plant: Bench, drives: _Array) -> Any:
-    """States, n + 1 records of STATE, of the compliant plant from `s` on under `drives`, (n, 3), nondimensional."""
+    """States, n + 1 records of State, of the compliant plant from `s` on under `drives`, (n, 3), nondimensional."""
     states = np.empty((len(drives) + 1, _SIZE))
     _compliant(plant.at(s, 0), drives, states)
     return _named(states)

@@ -7,7 +7,7 @@ import numpy as np
 
 from afm_model import Block, Controller, ControllerParameters, Instrument, InstrumentParameters, build
 from afm_model.parameters import Value
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 
 Z_LOOP: dict[str, Value] = {
     "plant.kind": "lever",
@@ -58,7 +58,7 @@ def joined(blocks: list[Block]) -> tuple[Any, np.ndarray, np.ndarray]:
 
 def measured(scope: Instrument) -> Any:
     """The instrument's measurement by name; the next tick writes over it."""
-    return scope.measurement.view(MEASUREMENT)[0]
+    return scope.measurement.view(Measurement)[0]
 
 
 def column(scope: Instrument, channel: str) -> int:

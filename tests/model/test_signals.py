@@ -2,12 +2,12 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from afm_model import ScoreSummary
+from afm_model.core.records import Record, size
 from afm_model.instrument.score import COUNTS, RANGES, VECTORS, columns
 from afm_model.parts import signals
 
@@ -21,14 +21,13 @@ def fields(message: str, after: str) -> list[tuple[str, str]]:
     return [(name, kind) for kind, name in lines[names.index(after) + 1 :]]
 
 
-def described(dtype: np.dtype[Any], name: str) -> tuple[type, tuple[int, ...]]:
+def described(record: type[Record], name: str) -> tuple[type, tuple[int, ...]]:
     """Type and number of the numbers of a field of a record."""
-    kind: np.dtype[Any] = (dtype.fields or {})[name][0]
-    return kind.base.type, kind.shape
+    return record.fields[name][:2]
 
 
 @pytest.mark.parametrize(
-    ("message", "record"), [("Measurement.msg", signals.MEASUREMENT), ("PiezoDrive.msg", signals.COMMAND)]
+    ("message", "record"), [("Measurement.msg", signals.Measurement), ("PiezoDrive.msg", signals.PiezoDrive)]
 )
 def test_record_has_the_order_of_its_message(message, record):
     kinds = {
@@ -44,8 +43,8 @@ def test_record_has_the_order_of_its_message(message, record):
 
 
 def test_record_of_a_measurement_is_the_bytes_of_the_message_behind_its_sequence():
-    numbers = sum(int(np.prod(described(signals.MEASUREMENT, name)[1])) for name in signals.MEASUREMENT.names)
-    assert signals.MEASUREMENT.itemsize == 8 * numbers
+    numbers = sum(int(np.prod(described(signals.Measurement, name)[1])) for name in signals.Measurement.names)
+    assert size(signals.Measurement) == numbers
 
 
 def test_score_has_the_names_and_the_order_of_its_message():

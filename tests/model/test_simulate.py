@@ -21,7 +21,7 @@ from afm_model import (
     flatten,
     simulate,
 )
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 
 from . import session
 from .tables import numbers
@@ -84,7 +84,7 @@ def test_channel_is_its_samples_in_SI_units_and_an_unknown_one_names_those_there
 def test_any_object_that_answers_can_close_the_loop():
     class Hold:
         def answer(self, measurement: np.ndarray) -> np.ndarray:
-            return measurement.view(MEASUREMENT)[0].drive.copy()
+            return measurement.view(Measurement)[0].drive.copy()
 
     done = simulate(simulator(1e-4), Hold())
     assert (done.drive == done.drive[0]).all()

@@ -23,7 +23,7 @@ HEADER = struct.calcsize("<4siII")
 """Encapsulation, stamp, length of frame_id."""
 # One codec for all examples: what a message leaves behind in it must not matter to the next.
 KINDS = [
-    pytest.param(Measurement, records.size(signals.MEASUREMENT), functools.cache(measurement_codec), id="measurement"),
+    pytest.param(Measurement, records.size(signals.Measurement), functools.cache(measurement_codec), id="measurement"),
     pytest.param(PiezoDrive, 3, functools.cache(drive_codec), id="drive"),
 ]
 Make = Callable[..., Codec]
@@ -107,12 +107,12 @@ def test_fast_and_slow_codec_write_the_same_bytes(
 
 
 def test_fields_of_a_measurement_stand_in_the_order_of_the_signals() -> None:
-    values = np.arange(float(records.size(signals.MEASUREMENT)))
+    values = np.arange(float(records.size(signals.Measurement)))
     message = deserialize_message(measurement_codec().encode(0, 0, values), Measurement)
-    record = records.record_at(values, 0, signals.MEASUREMENT)
+    record = records.record_at(values, 0, signals.Measurement)
     header, sequence, *fields = Measurement.get_fields_and_field_types()
     assert (header, sequence) == ("header", "sequence")
-    assert tuple(fields) == signals.MEASUREMENT.names
+    assert tuple(fields) == signals.Measurement.names
     for name in fields:
         told = getattr(message, name)
         if isinstance(told, Vector3):

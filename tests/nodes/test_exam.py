@@ -12,7 +12,7 @@ from afm_bringup.exam.log import Answer, Log, Phase
 from afm_bringup.exam.procedure import Procedure
 from afm_bringup.exam.rules import RULES, Outcome, Terms, exit_code, judge
 from afm_model import SimParameters, build
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 
 DEADLINE = 0.2
 PERIOD = 1e-4
@@ -41,7 +41,7 @@ class VirtualConnection:
         return self._now
 
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
-        y = measurement.view(MEASUREMENT)[0]
+        y = measurement.view(Measurement)[0]
         if self.wrong.ended:
             return
         time = self._now

@@ -13,11 +13,11 @@ from afm_bringup.scenario_input import write_parameters
 from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters, build
 from afm_model.core.errors import MalformedError
 from afm_model.core.records import size
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 from afm_model.studies import CONDITIONS, Comparison, run_trial
 from afm_model.studies.contender import Common
 
-MEASURED = np.zeros(size(MEASUREMENT))
+MEASURED = np.zeros(size(Measurement))
 Answer = tuple[int, object]
 
 

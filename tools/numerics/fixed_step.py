@@ -11,9 +11,9 @@ from afm_model.contact.friction import bound_of_load, project_disc
 from afm_model.contact.jkr import effective_radius_ratio
 from afm_model.core.records import pointer_at, record_at
 from afm_model.parts import surface
-from afm_model.parts.header import HEADER
-from afm_model.parts.signals import DRIVE
-from afm_model.plant import CONSTANTS, STATE, compliant, paper
+from afm_model.parts.header import BlockHeader
+from afm_model.parts.signals import Drive
+from afm_model.plant import Constants, State, compliant, paper
 from afm_model.plant.lateral import kick_lateral
 
 from .problem import AMPLITUDE, OMEGA
@@ -31,19 +31,19 @@ def drive(t: float) -> float:
 @compiled
 def constants_of(m: _Array) -> Any:
     """Record of the plant's constants in the block `m`."""
-    return record_at(m, record_at(m, 0, HEADER).plant_constants, CONSTANTS)
+    return record_at(m, record_at(m, 0, BlockHeader).plant_constants, Constants)
 
 
 @compiled
 def state_of(m: _Array) -> Any:
     """Record of the plant's state in the block `m`."""
-    return record_at(m, record_at(m, 0, HEADER).plant_state, STATE)
+    return record_at(m, record_at(m, 0, BlockHeader).plant_state, State)
 
 
 @compiled
 def drive_of(m: _Array) -> Any:
     """Record of the drive in the block `m`."""
-    return record_at(m, record_at(m, 0, HEADER).effective, DRIVE)
+    return record_at(m, record_at(m, 0, BlockHeader).effective, Drive)
 
 
 @compiled

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from afm_model import load_scenario
 from afm_model.core.records import record_at
 from afm_model.instrument.block import Layout
-from afm_model.parts.header import HEADER
-from afm_model.plant import CONSTANTS, STATE
+from afm_model.parts.header import BlockHeader
+from afm_model.plant import Constants, State
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "model"))
@@ -38,14 +38,14 @@ def _at_rest() -> _Array:
 def start(h: float) -> _Array:
     """Rest at the setpoint: block of the instrument for a step of `h` units. The drive is U itself, not volts."""
     m = _at_rest().copy()
-    record_at(m, record_at(m, 0, HEADER).plant_constants, CONSTANTS).h = h
+    record_at(m, record_at(m, 0, BlockHeader).plant_constants, Constants).h = h
     return m
 
 
 def load() -> float:
     """The load, constant because the tip is held [m_c w0^2 z0]."""
     m = _at_rest()
-    return float(record_at(m, record_at(m, 0, HEADER).plant_state, STATE).N)
+    return float(record_at(m, record_at(m, 0, BlockHeader).plant_state, State).N)
 
 
 def reference(duration: float) -> Trajectory:

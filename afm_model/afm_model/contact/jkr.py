@@ -155,7 +155,7 @@ def effective_radius_ratio(h: Any, r: float) -> float:
 
     Parameters
     ----------
-    h : record of SURFACE
+    h : record of Surface
     r : float [z0]
         Radius of the tip.
     """

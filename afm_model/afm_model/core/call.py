@@ -11,7 +11,7 @@ import numpy as np
 from numba import types as _types
 
 from . import jit
-from .records import record_at, size
+from .records import Record, numbers_at, record_at, size
 
 types: Any = _types
 
@@ -21,7 +21,7 @@ INTEGER = "integer"
 """One int64."""
 POINTER = "pointer"
 """An array of float64, of a length that the part knows."""
-Argument = np.dtype[Any] | str
+Argument = type[Record] | str
 """What a family hands to a function: NUMBER, INTEGER, POINTER, or the type of a record."""
 _CTYPES: dict[Argument, Any] = {NUMBER: ctypes.c_double, INTEGER: ctypes.c_int64}
 _COMPILED_TYPES = {NUMBER: types.float64, INTEGER: types.int64, POINTER: types.CPointer(types.float64)}
@@ -73,7 +73,7 @@ class Function:
         known = _COMPILED.get((function, self._arguments))
         if known is not None:
             return known
-        kinds = (_COMPILED_TYPES[a] if isinstance(a, str) else numba.from_dtype(a) for a in self._arguments)
+        kinds = (_COMPILED_TYPES[a] if isinstance(a, str) else numba.from_dtype(a.dtype) for a in self._arguments)
         try:
             made = jit.callback(types.void(*kinds), function.py_func)
         # Besides its own errors numba lets some of Python's through, such as a KeyError for a field that is not there.
@@ -95,7 +95,7 @@ class Function:
         """Arguments as plain Python hands them over: records of a part as the array from their beginning on."""
         self._guarded(
             *(
-                record_at(value, 0, kind) if isinstance(value, np.ndarray) and isinstance(kind, np.dtype) else value
+                record_at(value, 0, kind) if isinstance(value, np.ndarray) and not isinstance(kind, str) else value
                 for kind, value in zip(self._arguments, given, strict=True)
             )
         )
@@ -110,7 +110,6 @@ class Function:
             return None
         # The arrays of an instrument stay where they are: a record is made once.
         known = self._records.get(value)
-        if known is None or known.dtype != kind:
-            numbers = np.ctypeslib.as_array((ctypes.c_double * size(kind)).from_address(value))
-            known = self._records[value] = numbers.view(kind)[0]
+        if known is None or known.dtype != kind.dtype:
+            known = self._records[value] = record_at(numbers_at(value, size(kind)), 0, kind)
         return known

@@ -13,8 +13,18 @@ docs/imperfections.md.
 import math
 from collections.abc import Mapping
 
-FIELDS = ("filtered", "keep", "new", "old", "noise", "shake")
-"""Of the constants of a part with a low-pass: whether it is on, the above, the rms noise of a sample."""
+from .records import Record
+
+
+class LowPass(Record):
+    """Constants of a low-pass: whether it is on, the above, and the rms noise of a sample."""
+
+    filtered: float
+    keep: float
+    new: float
+    old: float
+    noise: float
+    shake: float
 
 
 def noise_of_density(density: float, bandwidth: float, period: float) -> float:
@@ -38,7 +48,7 @@ def noise_of_density(density: float, bandwidth: float, period: float) -> float:
 
 
 def constants(bandwidth: float, rms: float, period: float) -> Mapping[str, float]:
-    """Values of FIELDS for a bandwidth [Hz], 0: none, and a noise of `rms` in samples `period` [s] apart."""
+    """Values of LowPass for a bandwidth [Hz], 0: none, and a noise of `rms` in samples `period` [s] apart."""
     if bandwidth == 0.0:
         return {"filtered": 0.0, "keep": 0.0, "new": 1.0, "old": 0.0, "noise": rms, "shake": rms}
     way = 2.0 * math.pi * bandwidth * period

@@ -1,84 +1,100 @@
 """Numbers by name: records that are laid into one float64 array, for kernels and for Python alike.
 
-A record type is a list of names; each is one number of 8 bytes, or a few in a row. `record_at` reads it in place at an
-index of the array: no copy, no offset written by hand, and in compiled code no more than a pointer.
+A record is declared once, as a class:
+
+    class State(Record):
+        integral: Annotated[float, "m"]
+        position: Annotated[Vector, "m"]  # three numbers
+        sequence: int
+        horizon: Annotated[Array, (512, 3), "V"]
+
+Every number takes 8 bytes. `record_at` reads a record in place at an index of the array: no copy, no offset written by
+hand, and in compiled code no more than a pointer. No object of the class is ever made: it stands for the type, and
+numba takes it for its `dtype`.
 """
 
 import ctypes
-from collections.abc import Mapping
-from typing import Any
+import inspect
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar, get_args
 
+import numba
 import numpy as np
 from llvmlite import ir as _ir
 from numba import types as _types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic, overload, typeof_impl
 from numpy.typing import NDArray
 
 ir: Any = _ir
 types: Any = _types
 
-Block = NDArray[np.float64]
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Vector = Annotated[Array, (3,)]
+"""Three numbers: x, y, z."""
+Block = Array
+"""An array in which records stand."""
 
 
-def record(
-    *fields: str,
-    vectors: tuple[str, ...] = (),
-    integers: tuple[str, ...] = (),
-    arrays: Mapping[str, tuple[int, ...]] | None = None,
-) -> np.dtype[Any]:
-    """Type of a record.
+class _RecordType(type):
+    """Makes the numpy type of a record from its annotations, behind those of its bases."""
 
-    Parameters
-    ----------
-    *fields : str
-        Names, in the order in which they stand.
-    vectors, integers : tuple of str
-        Those that are three numbers (x, y, z), and those that are whole numbers.
-    arrays : mapping of str to tuple of int, optional
-        Shapes of those that are arrays.
+    dtype: np.dtype[Any]
 
-    Returns
-    -------
-    dtype
-        Every number takes 8 bytes.
+    def __init__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any]) -> None:
+        super().__init__(name, bases, namespace)
+        cls.fields: dict[str, tuple[type, tuple[int, ...], str]] = {}
+        """Of each field: int64 or float64, its shape, its unit."""
+        for base in bases:
+            cls.fields |= getattr(base, "fields", {})
+        for field, annotation in inspect.get_annotations(cls, eval_str=True).items():
+            kind, *described = get_args(annotation) if hasattr(annotation, "__metadata__") else (annotation,)
+            shape = next((each for each in described if isinstance(each, tuple)), ())
+            unit = next((each for each in described if isinstance(each, str)), "")
+            cls.fields[field] = (np.int64 if kind in (int, Integers) else np.float64, shape, unit)
+        cls.dtype = np.dtype((np.record, [(field, kind, shape) for field, (kind, shape, _) in cls.fields.items()]))
 
-    Raises
-    ------
-    ValueError
-        If a name stands twice, or is given as a vector, an integer or an array only.
-    """
-    shapes = {name: (3,) for name in vectors} | dict(arrays or {})
-    if unknown := [name for name in (*shapes, *integers) if name not in fields]:
-        raise ValueError(f"{', '.join(unknown)} must also be one of the fields {', '.join(fields)}")
-    described: list[Any] = []
-    for name in fields:
-        kind = np.int64 if name in integers else np.float64
-        described.append((name, kind, shapes[name]) if name in shapes else (name, kind))
-    return np.dtype((np.record, described))
+    @property
+    def names(cls) -> tuple[str, ...]:
+        """Of the fields, in the order in which they stand."""
+        return tuple(cls.fields)
 
 
-EMPTY = np.dtype((np.record, []))
-"""The record of a part that has no constants, or no state."""
+class Record(metaclass=_RecordType):
+    """Base of records; by itself that of a part without constants, or without a state."""
+
+    if TYPE_CHECKING:  # What numpy's records offer besides their fields.
+
+        def copy(self) -> Self:
+            """A record of its own with the same numbers."""
+
+        def __getitem__(self, field: str) -> Any: ...
+
+        def __setitem__(self, field: str, value: Any) -> None: ...
 
 
-def size(dtype: np.dtype[Any]) -> int:
+_R = TypeVar("_R", bound=Record)
+
+
+@typeof_impl.register(_RecordType)
+def _typeof(value: _RecordType, context: Any) -> Any:
+    return types.DType(numba.from_dtype(value.dtype))
+
+
+def size(record: type[Record]) -> int:
     """How many places of a float64 array a record takes."""
-    return dtype.itemsize // 8
+    return record.dtype.itemsize // 8
 
 
-def place(dtype: np.dtype[Any], field: str) -> int:
+def place(record: type[Record], field: str) -> int:
     """Where in a record a field begins, in places of a float64 array."""
-    fields: Any = dtype.fields or {}
+    fields: Any = record.dtype.fields
     return int(fields[field][1]) // 8
 
 
-def record_at(block: Block, index: int, dtype: np.dtype[Any]) -> Any:
-    """The record of type `dtype` that begins at `block[index]`: reading and writing its fields is reading and writing
-    the array.
-    """
-    if not dtype.names:
-        return np.zeros((), dtype)[()]
-    return block[index : index + size(dtype)].view(dtype)[0]
+def record_at(block: Block, index: int, record: type[_R]) -> _R:
+    """The record that begins at `block[index]`: reading and writing its fields is reading and writing the array."""
+    found: Any = block[index : index + size(record)].view(record.dtype) if record.fields else np.zeros(1, record.dtype)
+    return found[0]
 
 
 def data_pointer(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -86,24 +102,24 @@ def data_pointer(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
 
 
-def _at(typing_context: Any, block: Any, index: Any, dtype: Any) -> Any:
+def _at(typing_context: Any, block: Any, index: Any, record: Any) -> Any:
     """Type and code of `record_at`, as numba wants them."""
-    kind = dtype.dtype
+    kind = record.dtype
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         values, at, _ = arguments
         place = builder.gep(data_pointer(context, builder, block, values), [at], inbounds=True)
         return builder.bitcast(place, context.get_value_type(kind))
 
-    return kind(block, types.intp, dtype), generate
+    return kind(block, types.intp, record), generate
 
 
 _record_at: Any = intrinsic(_at)
 
 
 @overload(record_at, jit_options={"forceinline": True})
-def _compiled(block, index, dtype):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
-    return lambda block, index, dtype: _record_at(block, index, dtype)
+def _compiled(block, index, record):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
+    return lambda block, index, record: _record_at(block, index, record)
 
 
 def pointer_at(block: Block, index: int) -> Block:

@@ -14,7 +14,8 @@ from pydantic import Field, model_validator
 from ..core import low_pass
 from ..core.converter import convert
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.low_pass import LowPass
+from ..core.records import Record
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import DetectorParameters
 from ..parts.part import Detector, Numbers, Tree
@@ -72,34 +73,34 @@ class Photodiode(DetectorParameters):
         return self.noise or low_pass.noise_of_density(density, self.bandwidth, self.sample_period)
 
 
-CONSTANTS = record(
-    "a",
-    "deflection_sensitivity",
-    "lateral_sensitivity",
-    "deflection_gain",
-    "lateral_gain",
-    "lateral_in_deflection",
-    "deflection_in_lateral",
-    *low_pass.FIELDS,
-    "adc_lsb",
-    "adc_limit",
-)
-FILTER = record(
-    "started",
-    "deflection",  # after the low-pass [V]
-    "deflection_in",  # before it, at the last sample
-    "deflection_noise",
-    "lateral",
-    "lateral_in",
-    "lateral_noise",
-)
-"""What the low-pass remembers. It is not recorded: most photodiodes have none."""
+class Constants(LowPass):
+    a: Annotated[float, "m"]
+    deflection_sensitivity: Annotated[float, "m/V"]
+    lateral_sensitivity: Annotated[float, "N/V"]
+    deflection_gain: float
+    lateral_gain: float
+    lateral_in_deflection: float
+    deflection_in_lateral: float
+    adc_lsb: Annotated[float, "V"]
+    adc_limit: Annotated[float, "V"]
+
+
+class State(Record):
+    """What the low-pass remembers. It is not recorded: most photodiodes have none."""
+
+    started: float
+    deflection: Annotated[float, "V"]  # behind the low-pass
+    deflection_in: Annotated[float, "V"]  # before it, at the last sample
+    deflection_noise: Annotated[float, "V"]
+    lateral: Annotated[float, "V"]
+    lateral_in: Annotated[float, "V"]
+    lateral_noise: Annotated[float, "V"]
 
 
 def _values(parameters: Tree) -> Numbers:
     detector = parameters.detector
     adc_on = detector.adc_bits > 0
-    given = (name for name in CONSTANTS.names or () if name in Photodiode.model_fields and name != "noise")
+    given = (name for name in Constants.names if name in Photodiode.model_fields and name != "noise")
     return {
         "a": parameters.cantilever.a,
         **{name: getattr(detector, name) for name in given},
@@ -111,7 +112,7 @@ def _values(parameters: Tree) -> Numbers:
 
 @kernel
 def detect(o: Any, d: Any, p: Any, s: Any, r: Any) -> None:
-    """See `afm_model.parts.Detector`; s is a record of FILTER."""
+    """See `afm_model.parts.Detector`; s is a record of State."""
     z = (o.tip_height - p.a + o.deflection_excess) / p.deflection_sensitivity
     f = (o.friction[0] + o.lateral_excess) / p.lateral_sensitivity
     deflection = p.deflection_gain * z + p.lateral_in_deflection * f
@@ -172,8 +173,8 @@ def _warnings(parameters: Tree) -> list[str]:
 PHOTODIODE = Detector(
     name="photodiode",
     parameters=Photodiode,
-    constants=CONSTANTS,
-    state=FILTER,
+    constants=Constants,
+    state=State,
     recorded=False,
     values=_values,
     detect=detect,

@@ -8,17 +8,17 @@ from typing import Any
 
 from ..core.jit import kernel
 from ..core.records import numbers_at, numbers_of, record_at, size
-from ..parts.signals import COMMAND, copy_command
+from ..parts.signals import PiezoDrive, copy_command
 from ..parts.timing import ticks_of
 from .chance import uniform
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
-from .memory import ON_THEIR_WAY, SENSED, SLOTS
+from .memory import SENSED, SLOTS, OnTheirWay
 
 _KINDS = list(KINDS)
 _LATENCY, _JITTER, _LOSS = (_KINDS.index(name) + 1 for name in ("latency", "jitter", "loss"))
 MEASUREMENT_MESSAGE, DRIVE_MESSAGE = (TARGETS.index(name) for name in MESSAGES)
 _NEVER = -1
-_SIZE = size(ON_THEIR_WAY)
+_SIZE = size(OnTheirWay)
 
 _ticks_of = kernel(ticks_of)
 
@@ -52,7 +52,7 @@ def delay_measurement(k: int, y: Any, e: Any, p: Any, f: Any) -> None:
         arrives = 0
     elif arrives < 0:
         e.lost = 1.0
-    told, sent = numbers_of(y), record_at(numbers_at(f.messages, _SIZE), 0, ON_THEIR_WAY)
+    told, sent = numbers_of(y), record_at(numbers_at(f.messages, _SIZE), 0, OnTheirWay)
     slot = k % SLOTS
     sent.shown_at[slot] = arrives
     for i in range(SENSED):
@@ -71,7 +71,7 @@ def delay_measurement(k: int, y: Any, e: Any, p: Any, f: Any) -> None:
 @kernel
 def delay_command(k: int, u: Any, arrived: Any, p: Any, f: Any) -> None:
     """Write what has arrived by tick k, of the commands up to u of this tick."""
-    v, sent = f.passed_voltage, record_at(numbers_at(f.messages, _SIZE), 0, ON_THEIR_WAY)
+    v, sent = f.passed_voltage, record_at(numbers_at(f.messages, _SIZE), 0, OnTheirWay)
     same = u.voltage[0] == v[0] and u.voltage[1] == v[1] and u.voltage[2] == v[2]
     new = u.sequence != f.passed
     f.passed = u.sequence
@@ -84,11 +84,11 @@ def delay_command(k: int, u: Any, arrived: Any, p: Any, f: Any) -> None:
         # Nor is what the instrument does by itself, as when it retracts the sample: that takes effect at once.
         sent.arrives_at[slot] = k
     if sent.arrives_at[slot] >= 0:
-        copy_command(u, record_at(sent.commands[slot], 0, COMMAND))
+        copy_command(u, record_at(sent.commands[slot], 0, PiezoDrive))
     j = k
     while j > f.in_force and j > k - SLOTS:
         if 0 <= sent.arrives_at[j % SLOTS] <= k:
             f.in_force = j
-            copy_command(record_at(sent.commands[j % SLOTS], 0, COMMAND), arrived)
+            copy_command(record_at(sent.commands[j % SLOTS], 0, PiezoDrive), arrived)
             break
         j -= 1

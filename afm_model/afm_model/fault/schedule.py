@@ -15,7 +15,7 @@ from ..core.schema import Group
 from ..parts.groups import FaultParameters
 from ..parts.part import Fault
 from .entry import DRIVES, KINDS, MESSAGES, NEVER, SENSORS, TARGETS, Entry, problem
-from .memory import CONSTANTS, MEMORY, MOST
+from .memory import MOST, Constants, Memory
 from .message import delay_command, delay_measurement
 from .signal import spoil_drive, spoil_measurement
 from .surface import disturb_sample
@@ -73,7 +73,7 @@ class Table:
     names: list[str]
     """In the order of the table, which is that in which they act."""
     numbers: dict[str, Any]
-    """As in CONSTANTS."""
+    """As in Constants."""
     until: int
     """The tick before which it must be filled again: another fault needs a place."""
 
@@ -139,8 +139,8 @@ def on_measurement(k: int, t: float, y: Any, e: Any, p: Any, s: Any, r: Any) -> 
 SCHEDULED = Fault(
     name="scheduled",
     parameters=Schedule,
-    constants=CONSTANTS,
-    state=MEMORY,
+    constants=Constants,
+    state=Memory,
     recorded=False,
     values=values,
     check=check,

@@ -11,7 +11,7 @@ _X, _Y, _Z = (TARGETS.index(axis) for axis in AXES)
 
 @kernel
 def disturb_sample(k: int, d: Any, p: Any, unused: Any) -> None:
-    """Write what is wrong with the sample during tick k into the record d of DISPLACEMENT."""
+    """Write what is wrong with the sample during tick k into the record d of Displacement."""
     d.there = 0
     d.friction, d.x, d.y, d.z = 1.0, 0.0, 0.0, 0.0
     for i in range(p.count):

@@ -5,81 +5,65 @@ recorded of a tick (states of the parts, measurement, applied drive); what trave
 places of the channels; the line of drives on their way; the maps of sample and plant.
 """
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import ParameterError, PartError
-from ..core.records import place, record, record_at, size
+from ..core.records import Record, place, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.assembly import Assembled, assembled
 from ..parts.channels import OPTIONAL, STANDARD
-from ..parts.header import HEADER
+from ..parts.header import BlockHeader
 from ..parts.part import Channel
 from ..parts.signals import (
-    ACTUATION,
-    COMMAND,
-    DELIVERY,
-    DETECTION,
-    DISPLACEMENT,
-    DRIVE,
-    MEASUREMENT,
-    REFERENCE,
-    SURFACE,
-    TRUTH,
+    Actuation,
+    Delivery,
+    Detection,
+    Displacement,
+    Drive,
+    Measurement,
+    PiezoDrive,
+    Setpoint,
+    Surface,
+    Truth,
 )
-from .drift import DRIFT, DRIFTED, drift_constants
-from .limits import GUARD, LIMITS
-from .score import SUMS
-from .sensors import READ, SENSORS, sensor_constants
+from .drift import DriftConstants, DriftState, drift_constants
+from .limits import GuardState, LimitConstants
+from .score import ScoreSums
+from .sensors import SensorConstants, SensorState, sensor_constants
 
 FAMILIES = ("plant", "detector", "piezo", "onboard", "sample", "program", "fault")
 """Families inside the instrument, in the order of their states in the hash: that of the plant comes first."""
 GROUPS = {family: "reference" if family == "program" else family for family in FAMILIES}
 """Group of parameters in which a part is chosen."""
 
-LOOP = record(
-    "k",  # control tick since the start
-    "row",  # its row in the block that is recorded
-    "draw",  # its row in the random numbers
-    "done",  # ticks done in the last call
-    "substeps",  # integration steps in a control period
-    "stride",  # integration steps in a period of the virtual ADC
-    "update",  # integration steps between two updates of the DAC
-    "delay",  # control periods from a command to the piezo
-    "clipped",  # updates of the drive since the start that were beyond its range
-    "steep",  # that were steeper than the slew limit
-    "in_force",  # measurement that the drive in force answers
-    "received",  # address of the command that has arrived last
-    "score_tick",  # first tick that is scored
-    "control_period",  # [s]
-    "dac_period",  # [s]
-    "period_ns",  # the same [ns]
-    "sample_period",  # of the virtual ADC [s]
-    "drive_lsb",  # [V]
-    "drive_limit",
-    "slew_step",  # largest change at an update [V]; 0: any
-    "deflection_sensitivity",  # [m/V]
-    "lateral_sensitivity",  # [N/V]
-    "halt",  # where in the block the number stands with which ticking stops unless it is 0; 0: nowhere
-    integers=(
-        "k",
-        "row",
-        "draw",
-        "done",
-        "substeps",
-        "stride",
-        "update",
-        "delay",
-        "clipped",
-        "steep",
-        "in_force",
-        "received",
-        "score_tick",
-        "halt",
-    ),
-)
+
+class LoopState(Record):
+    k: int  # control tick since the start
+    row: int  # its row in the block that is recorded
+    draw: int  # its row in the random numbers
+    done: int  # ticks done in the last call
+    substeps: int  # integration steps in a control period
+    stride: int  # integration steps in a period of the virtual ADC
+    update: int  # integration steps between two updates of the DAC
+    delay: int  # control periods from a command to the piezo
+    clipped: int  # updates of the drive since the start that were beyond its range
+    steep: int  # that were steeper than the slew limit
+    in_force: int  # measurement that the drive in force answers
+    received: int  # address of the command that has arrived last
+    score_tick: int  # first tick that is scored
+    control_period: Annotated[float, "s"]
+    dac_period: Annotated[float, "s"]
+    period_ns: Annotated[float, "ns"]  # the same
+    sample_period: Annotated[float, "s"]  # of the virtual ADC
+    drive_lsb: Annotated[float, "V"]
+    drive_limit: Annotated[float, "V"]
+    slew_step: float  # largest change at an update [V]; 0: any
+    deflection_sensitivity: Annotated[float, "m/V"]
+    lateral_sensitivity: Annotated[float, "N/V"]
+    halt: int  # where in the block the number stands with which ticking stops unless it is 0; 0: nowhere
 
 
 class Layout:
@@ -105,9 +89,9 @@ class Layout:
                 f"whose cantilever cannot be excited: take plant.kind = lever"
             )
         self.places: dict[str, int] = {}
-        self._records: dict[str, tuple[int, np.dtype[Any]]] = {}
-        self._end = size(HEADER)
-        self._add("loop", LOOP)
+        self._records: dict[str, tuple[int, type[Record]]] = {}
+        self._end = size(BlockHeader)
+        self._add("loop", LoopState)
         for family, each in self.parts.items():
             self.places |= each.places
             self._add(f"{family}_constants", each.part.constants)
@@ -116,30 +100,30 @@ class Layout:
             if each.part.recorded:
                 self._add(f"{family}_state", each.part.state)
         self.places["hashed_end"] = self._end
-        self._add("measurement", MEASUREMENT)
-        self._add("applied", DRIVE)
+        self._add("measurement", Measurement)
+        self._add("applied", Drive)
         for name in ("regulated", "effective"):
-            self._add(name, ACTUATION)
-        self._add("commanded", COMMAND)
+            self._add(name, Actuation)
+        self._add("commanded", PiezoDrive)
         self.places["received"] = 0
-        self._add("asked", REFERENCE)
-        self._add("asked_next", REFERENCE)
-        self._add("truth", TRUTH)
-        self._add("detection", DETECTION)
-        self._add("surface", SURFACE)
-        self._add("displacement", DISPLACEMENT)
-        self._add("delivery", DELIVERY)
-        self._add("score", SUMS)
-        self._add("sensors", SENSORS)
-        self._add("read", READ)
-        self._add("drift", DRIFT)
-        self._add("drifted", DRIFTED)
-        self._add("limits", LIMITS)
-        self._add("guard", GUARD)
+        self._add("asked", Setpoint)
+        self._add("asked_next", Setpoint)
+        self._add("truth", Truth)
+        self._add("detection", Detection)
+        self._add("surface", Surface)
+        self._add("displacement", Displacement)
+        self._add("delivery", Delivery)
+        self._add("score", ScoreSums)
+        self._add("sensors", SensorConstants)
+        self._add("read", SensorState)
+        self._add("drift", DriftConstants)
+        self._add("drifted", DriftState)
+        self._add("limits", LimitConstants)
+        self._add("guard", GuardState)
         self.channels = self._channels(parameters)
         self.places["channel_count"] = len(self.channels)
         self.places["channels"] = self._reserve(len(self.channels))
-        self.places["line"] = self._reserve(line_slots(parameters) * size(COMMAND))
+        self.places["line"] = self._reserve(line_slots(parameters) * size(PiezoDrive))
         self._map = _map_of(self.parts["sample"], parameters)
         self.places["sample_map"] = self._reserve(self._map.size)
         self._plant_map = _map_of(self.parts["plant"], parameters)
@@ -168,9 +152,9 @@ class Layout:
         index, self._end = self._end, self._end + count
         return index
 
-    def _add(self, name: str, dtype: np.dtype[Any]) -> None:
-        self.places[name] = self._reserve(size(dtype))
-        self._records[name] = (self.places[name], dtype)
+    def _add(self, name: str, record: type[Record]) -> None:
+        self.places[name] = self._reserve(size(record))
+        self._records[name] = (self.places[name], record)
 
     def _channels(self, parameters: InstrumentParameters) -> tuple[Channel, ...]:
         known = {channel.name: channel for channel in OPTIONAL}
@@ -190,16 +174,16 @@ class Layout:
     def place(self, field: str) -> int:
         """Where the number `record.field`, or `record.vector.x`, stands."""
         name, *path = field.split(".")
-        start, dtype = self._records[name]
-        if path[0] not in (dtype.names or ()):
-            raise PartError(f"{name} has no field {path[0]}: it has {', '.join(dtype.names or ())}")
-        return start + place(dtype, path[0]) + ("xyz".index(path[1]) if len(path) > 1 else 0)
+        start, record = self._records[name]
+        if path[0] not in record.names:
+            raise PartError(f"{name} has no field {path[0]}: it has {', '.join(record.names)}")
+        return start + place(record, path[0]) + ("xyz".index(path[1]) if len(path) > 1 else 0)
 
     def make(self, parameters: InstrumentParameters) -> NDArray[np.float64]:
         """A block with header, constants and map; everything else is zero."""
         block = np.zeros(self.size)
-        header = record_at(block, 0, HEADER)
-        for name in HEADER.names or ():
+        header = record_at(block, 0, BlockHeader)
+        for name in BlockHeader.names:
             header[name] = self.places[name]
         for family, each in self.parts.items():
             each.fill_constants(block, self.places[f"{family}_constants"], parameters)
@@ -219,8 +203,8 @@ class Layout:
 
     def array(self, block: NDArray[np.float64], name: str) -> NDArray[np.float64]:
         """The numbers of a record."""
-        start, dtype = self._records[name]
-        return block[start : start + size(dtype)]
+        start, record = self._records[name]
+        return block[start : start + size(record)]
 
 
 def line_slots(parameters: InstrumentParameters) -> int:

@@ -11,8 +11,8 @@ from ..parameters import ControllerParameters
 from ..parts.assembly import Assembled, assembled
 from ..parts.command import Command, CommandRecord
 from ..parts.dispatch import control
-from ..parts.header import LAW_HEADER
-from ..parts.signals import COMMAND, MEASUREMENT
+from ..parts.header import LawHeader
+from ..parts.signals import Measurement, PiezoDrive
 
 _Array = NDArray[np.float64]
 
@@ -20,12 +20,12 @@ _Array = NDArray[np.float64]
 @kernel
 def answer(block: Block, t: float, measurement: _Array, command: _Array) -> None:
     """Write the command that the law answers to a measurement taken at time t [s]."""
-    control(t, record_at(measurement, 0, MEASUREMENT), record_at(command, 0, COMMAND), block)
+    control(t, record_at(measurement, 0, Measurement), record_at(command, 0, PiezoDrive), block)
 
 
 def external_law() -> Block:
     """Block of the law that is somewhere else: it has no function."""
-    return np.zeros(size(LAW_HEADER))
+    return np.zeros(size(LawHeader))
 
 
 class Controller:
@@ -53,7 +53,7 @@ class Controller:
     _state_at: int
 
     def __init__(self, parameters: ControllerParameters) -> None:
-        self._answer = np.zeros(size(COMMAND))
+        self._answer = np.zeros(size(PiezoDrive))
         self._command = CommandRecord(self._answer)
         self._drive, self._horizon_count = self._command.voltage, self._command.horizon_count
         self._law: Assembled | None = None
@@ -70,10 +70,10 @@ class Controller:
     @parameters.setter
     def parameters(self, parameters: ControllerParameters) -> None:
         chosen = assembled("law", parameters.law.kind)
-        constants = size(LAW_HEADER)
+        constants = size(LawHeader)
         state = constants + size(chosen.part.constants)
         block = np.zeros(state + size(chosen.part.state))
-        header = record_at(block, 0, LAW_HEADER)
+        header = record_at(block, 0, LawHeader)
         for name, value in {**chosen.places, "law_constants": constants, "law_state": state}.items():
             header[name] = value
         chosen.fill_constants(block, constants, parameters)
@@ -108,7 +108,7 @@ class Controller:
         Parameters
         ----------
         measurement : ndarray
-            In the order of `afm_model.parts.signals.MEASUREMENT`.
+            In the order of `afm_model.parts.signals.Measurement`.
         time : float [s]
             Simulated time at which it was taken; the paper's laws do not use it.
 

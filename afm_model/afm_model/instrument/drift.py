@@ -8,26 +8,33 @@ resonances of the scanner are faster than any drift by many orders of magnitude.
 """
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record, Vector
 from ..parameters import InstrumentParameters
 from ..parts.part import Numbers
 
-DRIFT = record("on", "rate", "decay", "wander", "keep", "shake", "metres", vectors=("rate", "metres"))
-"""Constants; `decay` in s, 0: none; `metres` per volt of the piezo."""
-DRIFTED = record(
-    "displacement",  # of the sample [m]
-    "rate",  # [m/s]
-    "wandered",  # random part of the displacement at the begin of the tick
-    "wandering",  # random part of the rate, the same during a tick
-    vectors=("displacement", "rate", "wandered", "wandering"),
-)
+
+class DriftConstants(Record):
+    on: float
+    rate: Annotated[Vector, "m/s"]
+    decay: Annotated[float, "s"]  # 0: none
+    wander: float
+    keep: float
+    shake: float
+    metres: Annotated[Vector, "m/V"]  # of the piezo
+
+
+class DriftState(Record):
+    displacement: Annotated[Vector, "m"]  # of the sample
+    rate: Annotated[Vector, "m/s"]
+    wandered: Vector  # random part of the displacement at the begin of the tick
+    wandering: Vector  # random part of the rate, the same during a tick
 
 
 def drift_constants(parameters: InstrumentParameters) -> Numbers:
-    """Values of DRIFT."""
+    """Values of DriftConstants."""
     drift, piezo = parameters.drift, parameters.piezo
     ratio = parameters.plant.control_period / drift.wander_time
     return {

@@ -7,12 +7,12 @@ from ..core.converter import convert
 from ..core.jit import kernel
 from ..core.records import Block, address_at, numbers_at, record_at, size
 from ..parts.dispatch import on_drive
-from ..parts.header import HEADER
-from ..parts.signals import COMMAND, DRIVE, LONGEST_HORIZON, copy_command
-from .block import LOOP
-from .score import SUMS, count_drive
+from ..parts.header import BlockHeader
+from ..parts.signals import LONGEST_HORIZON, Drive, PiezoDrive, copy_command
+from .block import LoopState
+from .score import ScoreSums, count_drive
 
-_SIZE = size(COMMAND)
+_SIZE = size(PiezoDrive)
 _ROUND_OFF = 1e-6
 """Part of a horizon's period by which a time may fall short of it."""
 
@@ -37,28 +37,28 @@ def allowed(u: Any) -> bool:
 @kernel
 def command_at(address: int) -> Any:
     """The command that stands at an address: in the block, or received behind a fault."""
-    return record_at(numbers_at(address, _SIZE), 0, COMMAND)
+    return record_at(numbers_at(address, _SIZE), 0, PiezoDrive)
 
 
 @kernel
 def due(m: Block) -> int:
     """Address of the command that is due at this tick: the one received `delay` ticks ago."""
-    g = record_at(m, 0, HEADER)
-    c = record_at(m, g.loop, LOOP)
+    g = record_at(m, 0, BlockHeader)
+    c = record_at(m, g.loop, LoopState)
     if c.delay == 0:
         return int(c.received)
     slots = c.delay + 1
-    copy_command(command_at(c.received), record_at(m, g.line + _SIZE * (c.k % slots), COMMAND))
+    copy_command(command_at(c.received), record_at(m, g.line + _SIZE * (c.k % slots), PiezoDrive))
     return address_at(m, g.line + _SIZE * ((c.k + 1) % slots))
 
 
 @kernel
 def put_in_force(m: Block, at: int, late: float, faults: Any) -> None:
     """Apply what the command at address `at` holds for a time `late` after the begin of this tick [s]."""
-    g = record_at(m, 0, HEADER)
-    c = record_at(m, g.loop, LOOP)
+    g = record_at(m, 0, BlockHeader)
+    c = record_at(m, g.loop, LoopState)
     u = command_at(at)
-    a = record_at(m, g.applied, DRIVE)
+    a = record_at(m, g.applied, Drive)
     x, y, z = a.voltage[0], a.voltage[1], a.voltage[2]
     i = 0
     if u.horizon_count > 0:
@@ -82,4 +82,4 @@ def put_in_force(m: Block, at: int, late: float, faults: Any) -> None:
     c.clipped += clipped
     c.steep += steep
     if c.k >= c.score_tick:
-        count_drive(record_at(m, g.score, SUMS), a.voltage[0] - x, a.voltage[1] - y, a.voltage[2] - z)
+        count_drive(record_at(m, g.score, ScoreSums), a.voltage[0] - x, a.voltage[1] - y, a.voltage[2] - z)

@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 
 from ..core.errors import ParameterError
 from ..core.records import record_at, size
-from ..fault import CONSTANTS, MEMORY, NEVER, ON_THEIR_WAY, SCHEDULED, SENSED, faults_of, table
+from ..fault import NEVER, SCHEDULED, SENSED, Constants, Memory, OnTheirWay, faults_of, table
 from ..parameters import InstrumentParameters
-from ..parts.header import HEADER
-from ..parts.signals import COMMAND, copy_command
+from ..parts.header import BlockHeader
+from ..parts.signals import PiezoDrive, copy_command
 from .block import Layout
 
 _TOLD = ("begun", "held")
@@ -40,9 +40,9 @@ class Faults:
         """Whether there is any, now or later."""
         self._scheduled = layout.parts["fault"].part is SCHEDULED
         if self._scheduled:
-            self._table = record_at(block, layout.places["fault_constants"], CONSTANTS)
-            self._memory = record_at(block, layout.places["fault_state"], MEMORY)
-        self._header = record_at(block, 0, HEADER)
+            self._table = record_at(block, layout.places["fault_constants"], Constants)
+            self._memory = record_at(block, layout.places["fault_state"], Memory)
+        self._header = record_at(block, 0, BlockHeader)
         self._of_messages = self._received = np.zeros(0)
         self._names: list[str] = []
         self.until = NEVER
@@ -106,14 +106,14 @@ class Faults:
     def _make_room(self) -> None:
         """Have room for messages on their way, empty at first."""
         if self._memory.messages == 0:
-            self._of_messages = np.zeros(size(ON_THEIR_WAY))
+            self._of_messages = np.zeros(size(OnTheirWay))
             self._memory.messages = self._of_messages.ctypes.data
 
     def _receive(self) -> None:
         """What is commanded now has arrived."""
-        self._received = np.zeros(size(COMMAND))
+        self._received = np.zeros(size(PiezoDrive))
         self._header.received = self._received.ctypes.data
-        copy_command(self._layout.record(self._block, "commanded"), record_at(self._received, 0, COMMAND))
+        copy_command(self._layout.record(self._block, "commanded"), record_at(self._received, 0, PiezoDrive))
 
     def _begin_commands(self, tick: int) -> None:
         """From now on commands are remembered: the one of `tick` is in force."""
@@ -123,13 +123,13 @@ class Faults:
         commanded = self._layout.record(self._block, "commanded")
         f.in_force, f.passed = tick, commanded.sequence
         f.passed_voltage[:] = commanded.voltage
-        record_at(self._of_messages, 0, ON_THEIR_WAY).arrives_at[:] = -1
+        record_at(self._of_messages, 0, OnTheirWay).arrives_at[:] = -1
 
     def _begin_measurements(self, tick: int) -> None:
         """From now on sensor values are remembered: those of `tick` have been told."""
         self._make_room()
         self._memory.shown = tick
-        f = record_at(self._of_messages, 0, ON_THEIR_WAY)
+        f = record_at(self._of_messages, 0, OnTheirWay)
         slot = tick % len(f.shown_at)
         f.shown_at[:] = -1
         f.shown_at[slot] = tick

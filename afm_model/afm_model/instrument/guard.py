@@ -9,25 +9,25 @@ from numpy.typing import NDArray
 from ..core.records import place, record_at
 from ..parameters import InstrumentParameters, SimParameters
 from ..parts.timing import ticks_of
-from .block import LOOP, Layout
+from .block import Layout, LoopState
 from .limits import (
     ANSWERED,
     CONTACT_LOST,
     FORCE,
-    GUARD,
     INVALID,
-    LIMITS,
     NO_CONTACT,
     NONE,
     RUNNING,
     TOO_HARD,
     TRAVEL,
+    GuardState,
+    LimitConstants,
     bring_back,
     retract,
 )
 from .validity import valid_forces
 
-_PHASE, _EVENT, _LIMIT, _SINCE = (place(GUARD, name) for name in ("phase", "event", "limit", "since"))
+_PHASE, _EVENT, _LIMIT, _SINCE = (place(GuardState, name) for name in ("phase", "event", "limit", "since"))
 
 
 class Guard:
@@ -42,11 +42,11 @@ class Guard:
 
     def __init__(self, layout: Layout, block: NDArray[np.float64], parameters: InstrumentParameters) -> None:
         self._block, self._parameters = block, parameters
-        self._loop = record_at(block, layout.places["loop"], LOOP)
+        self._loop = record_at(block, layout.places["loop"], LoopState)
         self._guard = layout.array(block, "guard")
         self._numbers = self._guard.view(np.int64)
-        self._record = record_at(block, layout.places["guard"], GUARD)
-        self._limits = record_at(block, layout.places["limits"], LIMITS)
+        self._record = record_at(block, layout.places["guard"], GuardState)
+        self._limits = record_at(block, layout.places["limits"], LimitConstants)
         onboard: Any = layout.parts["onboard"].part
         program: Any = layout.parts["program"].part
         _fill(self._limits, parameters, z_inside=onboard.moves_z, ordered=program.order is not None)
@@ -82,7 +82,7 @@ class Guard:
 
     def counts(self) -> dict[str, int]:
         """Withdrawals, and ticks in which the instrument had the drive, by their names in `run.Counts`."""
-        return {name: int(self._record[name]) for name in (GUARD.names or ())[-5:]}
+        return {name: int(self._record[name]) for name in GuardState.names[-5:]}
 
     def retract(self) -> None:
         """Take the drive: the controller is silent."""
@@ -114,7 +114,7 @@ class Guard:
 
 
 def _fill(p: Any, parameters: InstrumentParameters, *, z_inside: bool, ordered: bool) -> None:
-    """Write a record of LIMITS. An instrument without `safety` among its parameters has no limits."""
+    """Write a record of LimitConstants. An instrument without `safety` among its parameters has no limits."""
     p.z_inside, p.ordered = z_inside, ordered
     if not isinstance(parameters, SimParameters):
         return

@@ -12,8 +12,8 @@ from ..core.records import address_at, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.command import Command, CommandRecord, problem
 from ..parts.part import Channel
-from ..parts.signals import COMMAND, TRUTH
-from .block import LOOP, Layout, line_slots
+from ..parts.signals import PiezoDrive, Truth
+from .block import Layout, LoopState, line_slots
 from .controller import Controller, external_law
 from .draws import Draws
 from .faults import Faults
@@ -32,7 +32,7 @@ _ZERO_AT_START = (
 )
 """Records that are empty when a run begins."""
 _K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP = (
-    list(LOOP.names or ()).index(name) for name in ("k", "row", "draw", "done", "clipped", "steep")
+    LoopState.names.index(name) for name in ("k", "row", "draw", "done", "clipped", "steep")
 )
 
 
@@ -120,9 +120,9 @@ class Instrument:
             if part.state.names:
                 part.begin(parameters, layout.record(block, f"{family}_state"), held)
         line = layout.places["line"]
-        on_their_way = [line + slot * size(COMMAND) for slot in range(line_slots(parameters))]
+        on_their_way = [line + slot * size(PiezoDrive) for slot in range(line_slots(parameters))]
         for command in (layout.places["commanded"], *on_their_way):
-            u = record_at(block, command, COMMAND)
+            u = record_at(block, command, PiezoDrive)
             u.sequence, u.voltage[:], u.horizon_count = -1, held, 0
         loop = layout.record(block, "loop")
         loop.in_force, loop.received = -1, address_at(block, layout.places["commanded"])
@@ -156,12 +156,12 @@ class Instrument:
 
     @property
     def truth(self) -> Any:
-        """Copy of what the plant is doing now, a record of `afm_model.parts.signals.TRUTH`: without noise."""
+        """Copy of what the plant is doing now, a record of `afm_model.parts.signals.Truth`: without noise."""
         return self._layout.record(self._block, "truth").copy()
 
     def truth_of(self, states: _Array) -> NDArray[Any]:
-        """What the plant was doing at recorded states (`Block.states`): records (ticks,) of TRUTH."""
-        return truth_of_rows(np.ascontiguousarray(states), self._block.copy()).view(TRUTH)[:, 0].view(np.recarray)
+        """What the plant was doing at recorded states (`Block.states`): records (ticks,) of Truth."""
+        return truth_of_rows(np.ascontiguousarray(states), self._block.copy()).view(Truth)[:, 0].view(np.recarray)
 
     @property
     def in_contact(self) -> bool:

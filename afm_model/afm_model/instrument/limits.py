@@ -4,12 +4,12 @@ It looks at what the plant really does, not at what sensors with noise and fault
 tick: a force that comes and goes between two ticks is not seen.
 """
 
-from typing import Any
+from typing import Annotated, Any
 
 from ..core.jit import kernel
-from ..core.records import Block, record, record_at
-from ..parts.header import HEADER
-from ..parts.signals import COMMAND, DRIVE, TRUTH
+from ..core.records import Block, Record, Vector, record_at
+from ..parts.header import BlockHeader
+from ..parts.signals import Drive, PiezoDrive, Truth
 
 RUNNING, RETRACTED, WITHDRAWN, APPROACHING = range(4)
 """Who has the drive: the controller; the instrument, because the controller is silent; the instrument, because a limit
@@ -17,56 +17,53 @@ was passed; the instrument, on the way back to the tip.
 """
 NONE, TRAVEL, FORCE, INVALID, CONTACT_LOST, TOO_HARD, NO_CONTACT, RESUMED, APPROACHED, SILENT, ANSWERED = range(11)
 """Why the phase has changed. The first four behind NONE are limits; the next two are of an approach that failed."""
-LIMITS = record(
-    "on",  # whether there is any limit to look at
-    "z_inside",  # whether a loop inside the instrument moves z
-    "ordered",  # whether verbs are ordered: an approach is one of them then
-    "travel",  # [m]
-    "force",  # [N]
-    "low",  # normal forces between which the plant holds [N]
-    "high",
-    "approach_force",  # [N]
-    "contact_ticks",  # 0: any time out of contact is allowed
-    "resume_ticks",  # 0: not by itself
-    "settle_ticks",
-    "approach_ticks",
-    "ramp_ticks",
-    "rise",  # of z in a tick of an approach [V]
-    "distance",  # [V]
-    "sign",  # of the sensitivity of z
-    "retracted",  # z of a retracted sample [V]
-    "retract_time",  # [s]
-    "control_period",
-    "rest",  # drive of the start [V]
-    vectors=("rest",),
-    integers=("contact_ticks", "resume_ticks", "settle_ticks", "approach_ticks"),
-)
-"""What the limits go by. Those that are off are infinite."""
-GUARD = record(
-    "phase",
-    "event",  # why it is what it is
-    "limit",  # the limit passed last, as long as the instrument has the drive
-    "since",  # tick at which this phase began
-    "lost",  # ticks out of contact in a row
-    "touching",  # ticks in contact in a row, of an approach
-    "x",  # what passed a limit: where the scanner was [m], and the force [N]
-    "y",
-    "normal_force",
-    "drive",  # the instrument's own [V]
-    "target",
-    "moves",  # [V] in a tick
-    "withdrawals",
-    "ticks_withdrawn",
-    "scored_ticks_withdrawn",
-    "ticks_retracted",
-    "scored_ticks_retracted",
-    vectors=("drive", "target", "moves"),
-    integers=(
-        *("phase", "event", "limit", "since", "lost", "touching", "withdrawals"),
-        *("ticks_withdrawn", "scored_ticks_withdrawn", "ticks_retracted", "scored_ticks_retracted"),
-    ),
-)
-"""Where the limits stand. It is no state of a part, and not in the hash."""
+
+
+class LimitConstants(Record):
+    """What the limits go by. Those that are off are infinite."""
+
+    on: float  # whether there is any limit to look at
+    z_inside: float  # whether a loop inside the instrument moves z
+    ordered: float  # whether verbs are ordered: an approach is one of them then
+    travel: Annotated[float, "m"]
+    force: Annotated[float, "N"]
+    low: Annotated[float, "N"]  # normal forces between which the plant holds
+    high: Annotated[float, "N"]
+    approach_force: Annotated[float, "N"]
+    contact_ticks: int  # 0: any time out of contact is allowed
+    resume_ticks: int  # 0: not by itself
+    settle_ticks: int
+    approach_ticks: int
+    ramp_ticks: float
+    rise: Annotated[float, "V"]  # of z in a tick of an approach
+    distance: Annotated[float, "V"]
+    sign: float  # of the sensitivity of z
+    retracted: Annotated[float, "V"]  # z of a retracted sample
+    retract_time: Annotated[float, "s"]
+    control_period: Annotated[float, "s"]
+    rest: Annotated[Vector, "V"]  # drive of the start
+
+
+class GuardState(Record):
+    """Where the limits stand. It is no state of a part, and not in the hash."""
+
+    phase: int
+    event: int  # why it is what it is
+    limit: int  # the limit passed last, as long as the instrument has the drive
+    since: int  # tick at which this phase began
+    lost: int  # ticks out of contact in a row
+    touching: int  # ticks in contact in a row, of an approach
+    x: float  # what passed a limit: where the scanner was [m], and the force [N]
+    y: float
+    normal_force: float
+    drive: Annotated[Vector, "V"]  # the instrument's own
+    target: Annotated[Vector, "V"]
+    moves: Vector  # [V] in a tick
+    withdrawals: int
+    ticks_withdrawn: int
+    scored_ticks_withdrawn: int
+    ticks_retracted: int
+    scored_ticks_retracted: int
 
 
 @kernel
@@ -78,9 +75,9 @@ def has_z(s: Any) -> bool:
 @kernel
 def take_drive(m: Block, scored: bool) -> None:
     """Write the instrument's own drive for the next tick, scored or not, into the command."""
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.limits, LIMITS), record_at(m, g.guard, GUARD)
-    u = record_at(m, g.commanded, COMMAND)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.limits, LimitConstants), record_at(m, g.guard, GuardState)
+    u = record_at(m, g.commanded, PiezoDrive)
     if s.phase == RETRACTED:
         s.ticks_retracted += 1
         s.scored_ticks_retracted += scored
@@ -107,8 +104,8 @@ def _enter(phase: int, event: int, k: int, s: Any) -> None:
 @kernel
 def _hold(m: Block, s: Any) -> None:
     """Begin with the drive that is applied; along z with what a loop inside has made of it."""
-    g = record_at(m, 0, HEADER)
-    a, w = record_at(m, g.applied, DRIVE), record_at(m, g.regulated, DRIVE)
+    g = record_at(m, 0, BlockHeader)
+    a, w = record_at(m, g.applied, Drive), record_at(m, g.regulated, Drive)
     s.drive[0], s.drive[1], s.drive[2] = a.voltage[0], a.voltage[1], w.voltage[2]
     for axis in range(3):
         s.target[axis] = s.drive[axis]
@@ -162,9 +159,9 @@ def bring_back(m: Block, k: int) -> int:
 
     An approach is a verb where verbs are ordered: the tip stays withdrawn then, z is the loop's again.
     """
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.limits, LIMITS), record_at(m, g.guard, GUARD)
-    passed = _passed(p, s, record_at(m, g.truth, TRUTH))
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.limits, LimitConstants), record_at(m, g.guard, GuardState)
+    passed = _passed(p, s, record_at(m, g.truth, Truth))
     if passed == NONE:
         if p.ordered != 0.0:
             _give_back(RESUMED, k, s)
@@ -177,8 +174,8 @@ def bring_back(m: Block, k: int) -> int:
 @kernel
 def retract(m: Block, k: int) -> None:
     """Take the drive from a controller that is silent: z goes below its rest, by the same step in each tick."""
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.limits, LIMITS), record_at(m, g.guard, GUARD)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.limits, LimitConstants), record_at(m, g.guard, GuardState)
     _hold(m, s)
     s.target[2] = p.retracted
     s.moves[2] = (p.retracted - s.drive[2]) / p.retract_time * p.control_period
@@ -188,13 +185,13 @@ def retract(m: Block, k: int) -> None:
 @kernel
 def watch_limits(m: Block, k: int) -> None:
     """Look at what came of the tick just made, before tick k."""
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.limits, LIMITS), record_at(m, g.guard, GUARD)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.limits, LimitConstants), record_at(m, g.guard, GuardState)
     if s.phase == WITHDRAWN:
         if 0 < p.resume_ticks <= k - s.since:
             bring_back(m, k)
         return
-    o = record_at(m, g.truth, TRUTH)
+    o = record_at(m, g.truth, Truth)
     passed = _passed(p, s, o)
     if passed == NONE and s.phase == APPROACHING:
         if not s.normal_force <= p.approach_force:

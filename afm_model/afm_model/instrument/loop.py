@@ -6,7 +6,7 @@ from ..parameters import InstrumentParameters
 
 
 def fill_loop(c: Any, parameters: InstrumentParameters) -> None:
-    """Write them into a record of `block.LOOP`."""
+    """Write them into a record of `block.LoopState`."""
     plant, detector, piezo = parameters.plant, parameters.detector, parameters.piezo
     c.substeps = plant.substeps
     c.stride = round(detector.sample_period / plant.dt)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..core.errors import ParameterError
 from ..core.records import record_at
 from ..parameters import InstrumentParameters
-from .block import LOOP, Layout
+from .block import Layout, LoopState
 
 
 class Orders:
@@ -28,7 +28,7 @@ class Orders:
         self._first: Any = program.first
         self.taken = program.order is not None and program.first is None
         """Whether the program takes orders."""
-        self._loop = record_at(block, layout.places["loop"], LOOP)
+        self._loop = record_at(block, layout.places["loop"], LoopState)
         self._done = block[layout.place("program_state.done") :] if self.taken else None
 
     def _put(self, order: Any, tick: int) -> None:
@@ -69,7 +69,7 @@ class Orders:
 
     @property
     def asked(self) -> Any:
-        """Copy of the reference of this tick, a record of `afm_model.parts.signals.REFERENCE`."""
+        """Copy of the reference of this tick, a record of `afm_model.parts.signals.Setpoint`."""
         return self._layout.record(self._block, "asked").copy()
 
     @property

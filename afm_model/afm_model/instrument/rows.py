@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parts.signals import MEASUREMENT
+from ..core.records import size
+from ..parts.signals import Measurement
 
 _Array = NDArray[np.float64]
 
@@ -18,7 +19,7 @@ class Block:
     """A stretch of consecutive control ticks, as recorded. Fields of records by name: `measurements["position"]`."""
 
     first_tick: int
-    measurements: NDArray[Any]  # (ticks,) records of afm_model.parts.signals.MEASUREMENT
+    measurements: NDArray[Any]  # (ticks,) records of afm_model.parts.signals.Measurement
     drives: _Array  # (ticks, 3) [V], applied from each tick on
     first_sample: int
     samples: _Array  # (channels, samples), in the order of Instrument.channels; times Channel.scale in SI units
@@ -49,7 +50,7 @@ class Rows:
 
     def __init__(self, ticks: int, state_size: int, channels: int, samples_per_tick: int, *, hashed: bool) -> None:
         self._state_size, self._samples_per_tick, self._hashed = state_size, samples_per_tick, hashed
-        self.rows = np.zeros((ticks, state_size + MEASUREMENT.itemsize // 8 + 3))
+        self.rows = np.zeros((ticks, state_size + size(Measurement) + 3))
         """(ticks, numbers): states, measurement and drive of each tick; another array after each `cut`."""
         self.samples = np.zeros((channels, ticks * samples_per_tick))
         """(channels, samples)."""
@@ -105,7 +106,7 @@ class Rows:
     def block(self, cut: Cut) -> Block:
         """A block of what was cut off."""
         end = cut.rows.shape[1] - 3
-        measurements = np.ascontiguousarray(cut.rows[:, self._state_size : end]).view(MEASUREMENT)
+        measurements = np.ascontiguousarray(cut.rows[:, self._state_size : end]).view(Measurement)
         return Block(
             first_tick=cut.first_tick,
             measurements=measurements.reshape(len(cut.rows)).view(np.recarray),

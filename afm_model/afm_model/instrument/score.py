@@ -1,35 +1,34 @@
 """The score of a run: running sums kept by the compiled loop, and the one list of what a score holds."""
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core import registry
 from ..core.jit import kernel
-from ..core.records import Block, record, record_at
+from ..core.records import Block, Record, Vector, record_at
 from ..parameters import InstrumentParameters
 
 _Array = NDArray[np.float64]
 
-SUMS = record(
-    "ticks",
-    "steps",
-    "stuck_steps",
-    "phases",
-    "was_stuck",
-    "lost_steps",
-    "square",  # sum of squared errors [m^2]
-    "largest",  # largest error [m]
-    "variation",  # total variation of the drive [V]
-    "extent",  # largest position [m]
-    "friction_low",  # [N]
-    "friction_high",
-    "normal_low",
-    "normal_high",
-    vectors=("square", "largest", "variation", "extent"),
-)
+
+class ScoreSums(Record):
+    ticks: float
+    steps: float
+    stuck_steps: float
+    phases: float
+    was_stuck: float
+    lost_steps: float
+    square: Annotated[Vector, "m^2"]  # sum of squared errors
+    largest: Annotated[Vector, "m"]  # largest error
+    variation: Annotated[Vector, "V"]  # total variation of the drive
+    extent: Annotated[Vector, "m"]  # largest position
+    friction_low: Annotated[float, "N"]
+    friction_high: Annotated[float, "N"]
+    normal_low: Annotated[float, "N"]
+    normal_high: Annotated[float, "N"]
 
 
 @kernel
@@ -69,8 +68,8 @@ def count_step(t: Any, o: Any, a: Any, b: Any, f: float, period: float) -> None:
 
     Parameters
     ----------
-    t, o : records of SUMS and TRUTH
-    a, b : records of REFERENCE
+    t, o : records of ScoreSums and TRUTH
+    a, b : records of Setpoint
         At the control ticks before and after.
     f, period : float
         Part of the control period that has passed at the end of the step; the control period [s].
@@ -147,14 +146,14 @@ def row(score: ScoreSummary) -> dict[str, float | int]:
 
 def summarize(block: Block, index: int, parameters: InstrumentParameters) -> ScoreSummary:
     """Score of a run from its running sums, which stand at `block[index]`."""
-    t = record_at(block, index, SUMS).copy()
+    t = record_at(block, index, ScoreSums).copy()
     height = registry.find("sample", parameters.sample.kind).height(parameters)
     amplitude = np.abs([*parameters.reference.amplitude, height])
     ticks, steps = np.float64(t.ticks), np.float64(t.steps)
     with np.errstate(divide="ignore", invalid="ignore"):
         # What nothing was counted for is not zero but not known.
         if not ticks:
-            for name in SUMS.names or ():
+            for name in ScoreSums.names:
                 t[name] = np.nan
             t.phases = 0.0
         largest = np.array(t.largest)

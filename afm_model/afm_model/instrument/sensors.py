@@ -7,28 +7,37 @@ v[k] = keep v[k-1] + (1 - keep) difference[k].
 """
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 from ..core import low_pass, registry
 from ..core.converter import convert
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.low_pass import LowPass
+from ..core.records import Record, Vector
 from ..parameters import InstrumentParameters
 from ..parts.part import Numbers
 
-SENSORS = record("positions", "deflection", *low_pass.FIELDS, "lsb", "limit", "period", "rate_keep")
-"""Constants; the first two: whether positions and deflection are measured, not told."""
-READ = record(
-    "started",
-    "low",  # positions behind the low-pass [m]
-    "last",  # before it
-    "noise",
-    "position",  # as read at the last sample [m]
-    "velocity",  # [m/s]
-    "deflection",  # as read at the last sample [m]
-    "rate",  # [m/s]
-    vectors=("low", "last", "noise", "position", "velocity"),
-)
+
+class SensorConstants(LowPass):
+    """Of the low-pass of the positions; whether positions and deflection are measured, not told."""
+
+    positions: float
+    deflection: float
+    lsb: Annotated[float, "m"]
+    limit: Annotated[float, "m"]
+    period: Annotated[float, "s"]  # of the virtual ADC
+    rate_keep: float
+
+
+class SensorState(Record):
+    started: float
+    low: Annotated[Vector, "m"]  # positions behind the low-pass
+    last: Vector  # before it
+    noise: Vector
+    position: Annotated[Vector, "m"]  # as read at the last sample
+    velocity: Annotated[Vector, "m/s"]
+    deflection: Annotated[float, "m"]  # as read at the last sample
+    rate: Annotated[float, "m/s"]
 
 
 def position_noise(parameters: InstrumentParameters) -> float:
@@ -40,7 +49,7 @@ def position_noise(parameters: InstrumentParameters) -> float:
 
 
 def sensor_constants(parameters: InstrumentParameters) -> Numbers:
-    """Values of SENSORS."""
+    """Values of SensorConstants."""
     d = parameters.detector
     period = d.sample_period
     rms = position_noise(parameters)
@@ -62,12 +71,12 @@ def sense(o: Any, deflection: float, drifted: Any, p: Any, s: Any, r: Any) -> No
 
     Parameters
     ----------
-    o : record of TRUTH
+    o : record of Truth
     deflection : float
         As the photodetector has read it [m].
     drifted : record of DRIFTED
         A displacement that the sensors do not see.
-    p, s : records of SENSORS and READ
+    p, s : records of SensorConstants and SensorState
     r : random numbers, three
     """
     if p.positions != 0.0:

@@ -26,32 +26,32 @@ from ..parts.dispatch import (
     step,
     watch,
 )
-from ..parts.header import HEADER, LAW_HEADER
+from ..parts.header import BlockHeader, LawHeader
 from ..parts.signals import (
-    ACTUATION,
-    COMMAND,
-    DELIVERY,
-    DETECTION,
-    DISPLACEMENT,
-    DRIVE,
     GIVEN,
-    MEASUREMENT,
-    REFERENCE,
-    TRUTH,
+    Actuation,
+    Delivery,
+    Detection,
+    Displacement,
+    Drive,
+    Measurement,
+    PiezoDrive,
+    Setpoint,
+    Truth,
 )
-from .block import LOOP
-from .drift import DRIFT, DRIFTED, drift, wander
+from .block import LoopState
+from .drift import DriftConstants, DriftState, drift, wander
 from .drive import allowed, command_at, due, put_in_force
-from .limits import GUARD, LIMITS, RUNNING, has_z, take_drive, watch_limits
-from .score import SUMS, count_step
-from .sensors import READ, SENSORS, sense, tell_sensors
+from .limits import RUNNING, GuardState, LimitConstants, has_z, take_drive, watch_limits
+from .score import ScoreSums, count_step
+from .sensors import SensorConstants, SensorState, sense, tell_sensors
 
 _Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED, STOPPED = range(4)
 """What became of a tick. STOPPED: it moved, and with it an order was done or the drive has changed hands."""
 RANGE = 1e-3
 """Position beyond which the motion has diverged: hundreds of times the range of any scanner [m]."""
-_REFERENCE_SIZE = size(REFERENCE)
+_REFERENCE_SIZE = size(Setpoint)
 DRAW_TICKS = 256
 """Random numbers are drawn for so many ticks at a time, wherever blocks are taken: a run depends on its seed alone."""
 
@@ -61,31 +61,31 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
     """Write the measurement of control tick k, whose reference is asked for already; noise and faults are its random
     numbers.
     """
-    g = record_at(m, 0, HEADER)
-    c = record_at(m, g.loop, LOOP)
-    y = record_at(m, g.measurement, MEASUREMENT)
-    o = record_at(m, g.truth, TRUTH)
-    d = record_at(m, g.detection, DETECTION)
-    a = record_at(m, g.applied, DRIVE)
+    g = record_at(m, 0, BlockHeader)
+    c = record_at(m, g.loop, LoopState)
+    y = record_at(m, g.measurement, Measurement)
+    o = record_at(m, g.truth, Truth)
+    d = record_at(m, g.detection, Detection)
+    a = record_at(m, g.applied, Drive)
     detect(o, d, noise, m)
     y.deflection_voltage = d.deflection_voltage
     y.lateral_voltage = d.lateral_voltage
     y.deflection = y.deflection_voltage * c.deflection_sensitivity
     y.lateral_force = y.lateral_voltage * c.lateral_sensitivity
-    drifted = record_at(m, g.drifted, DRIFTED)
-    sensors, read = record_at(m, g.sensors, SENSORS), record_at(m, g.read, READ)
+    drifted = record_at(m, g.drifted, DriftState)
+    sensors, read = record_at(m, g.sensors, SensorConstants), record_at(m, g.read, SensorState)
     sense(o, y.deflection, drifted, sensors, read, position_noise)
     tell_sensors(y, o, drifted, sensors, read)
     for axis in range(3):
         y.drive[axis] = a.voltage[axis]
     y.drive_sequence = c.in_force
     y.newest_drive_sequence = command_at(c.received).sequence
-    r = record_at(m, g.asked, REFERENCE)
+    r = record_at(m, g.asked, Setpoint)
     for axis in range(3):
         y.reference_position[axis] = r.position[axis]
         y.reference_velocity[axis] = r.velocity[axis]
         y.reference_acceleration[axis] = r.acceleration[axis]
-    delivery = record_at(m, g.delivery, DELIVERY)
+    delivery = record_at(m, g.delivery, Delivery)
     delivery.lost = 0.0
     on_measurement(k, k * c.control_period, y, delivery, faults, m)
 
@@ -93,16 +93,16 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
 @kernel
 def start(m: Block, noise: Any, position_noise: Any, faults: Any) -> None:
     """The first measurement, of the plant as it stands."""
-    g = record_at(m, 0, HEADER)
-    observe(record_at(m, g.truth, TRUTH), m)
-    reference(0.0, record_at(m, g.asked, REFERENCE), m)
+    g = record_at(m, 0, BlockHeader)
+    observe(record_at(m, g.truth, Truth), m)
+    reference(0.0, record_at(m, g.asked, Setpoint), m)
     measure(m, 0, noise, position_noise, faults)
 
 
 @kernel
 def sample_channels(m: Block, samples: _Array, j: int) -> None:
     """Sample every channel into column j."""
-    g = record_at(m, 0, HEADER)
+    g = record_at(m, 0, BlockHeader)
     for channel in range(g.channel_count):
         samples[channel, j] = m[int(m[g.channels + channel])]
 
@@ -126,18 +126,18 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
         What is recorded: states of the parts and measurement at tick k, drive applied from it on.
     samples : ndarray (channels, rows * samples per tick)
     """
-    g = record_at(m, 0, HEADER)
-    c = record_at(m, g.loop, LOOP)
-    if not allowed(record_at(m, g.commanded, COMMAND)):
+    g = record_at(m, 0, BlockHeader)
+    c = record_at(m, g.loop, LoopState)
+    if not allowed(record_at(m, g.commanded, PiezoDrive)):
         return REFUSED
-    a = record_at(m, g.applied, DRIVE)
-    w = record_at(m, g.regulated, ACTUATION)
-    v = record_at(m, g.effective, ACTUATION)
-    o = record_at(m, g.truth, TRUTH)
-    d = record_at(m, g.detection, DETECTION)
-    r = record_at(m, g.asked, REFERENCE)
-    following = record_at(m, g.asked_next, REFERENCE)
-    sums = record_at(m, g.score, SUMS)
+    a = record_at(m, g.applied, Drive)
+    w = record_at(m, g.regulated, Actuation)
+    v = record_at(m, g.effective, Actuation)
+    o = record_at(m, g.truth, Truth)
+    d = record_at(m, g.detection, Detection)
+    r = record_at(m, g.asked, Setpoint)
+    following = record_at(m, g.asked_next, Setpoint)
+    sums = record_at(m, g.score, ScoreSums)
     drawn = c.draw * g.draws
     faults = pointer_at(random, drawn + g.faults)
     disturbance = pointer_at(random, drawn + g.disturbance)
@@ -145,16 +145,16 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     h, stride = c.control_period / c.substeps, c.stride
     j = c.row * (c.substeps // stride)
     scored = c.k >= c.score_tick
-    on_sample(c.k, record_at(m, g.displacement, DISPLACEMENT), m)
+    on_sample(c.k, record_at(m, g.displacement, Displacement), m)
     if g.fault_on_command != 0:
         c.received = g.received
-        on_command(c.k, record_at(m, g.commanded, COMMAND), command_at(g.received), m)
+        on_command(c.k, record_at(m, g.commanded, PiezoDrive), command_at(g.received), m)
     command = due(m)
     c.in_force = command_at(command).sequence
     put_in_force(m, command, 0.0, faults)
-    guard = record_at(m, g.guard, GUARD)
-    z_given = record_at(m, g.limits, LIMITS).z_inside != 0.0 and has_z(guard)
-    drifting, drifted = record_at(m, g.drift, DRIFT), record_at(m, g.drifted, DRIFTED)
+    guard = record_at(m, g.guard, GuardState)
+    z_given = record_at(m, g.limits, LimitConstants).z_inside != 0.0 and has_z(guard)
+    drifting, drifted = record_at(m, g.drift, DriftConstants), record_at(m, g.drifted, DriftState)
     if drifting.on != 0.0:
         wander(c.k, c.control_period, drifting, drifted, pointer_at(random, drawn + g.wander))
     if scored:
@@ -168,7 +168,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     sample_channels(m, samples, j)
 
     noise, position_noise = drawn + g.noise, drawn + g.position_noise
-    sensors, read = record_at(m, g.sensors, SENSORS), record_at(m, g.read, READ)
+    sensors, read = record_at(m, g.sensors, SensorConstants), record_at(m, g.read, SensorState)
     update = c.update
     for i in range(c.substeps):
         if i % stride == 0:
@@ -238,15 +238,15 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
     -------
     int
         Outcome of the last tick tried. The loop's record tells how many were done, one that diverged included. They
-        are fewer where the program's order is done (`halt` of LOOP), once, or a limit has acted.
+        are fewer where the program's order is done (`halt` of LoopState), once, or a limit has acted.
     """
-    g = record_at(m, 0, HEADER)
-    c = record_at(m, g.loop, LOOP)
-    y = record_at(m, g.measurement, MEASUREMENT)
-    u = record_at(m, g.commanded, COMMAND)
-    external = record_at(law, 0, LAW_HEADER).law_control == 0
-    delivery = record_at(m, g.delivery, DELIVERY)
-    guard, limited = record_at(m, g.guard, GUARD), record_at(m, g.limits, LIMITS).on != 0.0
+    g = record_at(m, 0, BlockHeader)
+    c = record_at(m, g.loop, LoopState)
+    y = record_at(m, g.measurement, Measurement)
+    u = record_at(m, g.commanded, PiezoDrive)
+    external = record_at(law, 0, LawHeader).law_control == 0
+    delivery = record_at(m, g.delivery, Delivery)
+    guard, limited = record_at(m, g.guard, GuardState), record_at(m, g.limits, LimitConstants).on != 0.0
     c.done = 0
     outcome = MOVED
     while c.done < ticks and outcome == MOVED:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record, Vector
 from ..core.schema import Positive, Unit
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Numbers, Tree
@@ -23,13 +23,21 @@ class Chirp(LawParameters):
     )
 
 
-CONSTANTS = record("amplitude", "f_low", "f_high", "sweep_time")
-STATE = record("started", "held", vectors=("held",))
+class Constants(Record):
+    amplitude: float
+    f_low: float
+    f_high: float
+    sweep_time: float
+
+
+class State(Record):
+    started: float
+    held: Vector
 
 
 def _values(parameters: Tree) -> Numbers:
     law = parameters.law
-    return {name: getattr(law, name) for name in CONSTANTS.names or ()}
+    return {name: getattr(law, name) for name in Constants.names}
 
 
 @kernel
@@ -50,4 +58,4 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     s.started = 1.0
 
 
-CHIRP = Law(name="chirp", parameters=Chirp, constants=CONSTANTS, state=STATE, values=_values, control=control)
+CHIRP = Law(name="chirp", parameters=Chirp, constants=Constants, state=State, values=_values, control=control)

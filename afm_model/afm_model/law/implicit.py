@@ -9,11 +9,11 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import sampled, scanner
-from .sampled import FeedbackLaw, lateral_axes, pole
+from . import sampled
+from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole
 from .scanner import error_ahead, feed_forward, follow_flight, place_poles, reference_at, send
 
 
@@ -29,8 +29,15 @@ class ImplicitLaw(FeedbackLaw):
     )
 
 
-CONSTANTS = record(*sampled.FIELDS, "k_1", "k_2", "bound", "friction", vectors=(*scanner.VECTORS, "k_1", "k_2"))
-STATE = record(*sampled.STATE_FIELDS, vectors=scanner.STATE_VECTORS)
+class Constants(SampledConstants):
+    k_1: Vector
+    k_2: Vector
+    bound: float
+    friction: float
+
+
+class State(SampledState):
+    """Nothing more."""
 
 
 def lateral_unit(parameters: Tree) -> float:
@@ -81,8 +88,8 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
 IMPLICIT = Law(
     name="implicit",
     parameters=ImplicitLaw,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     control=control,
     knowledge="positions and velocities of the scanner, deflection; scanner, cantilever; a bound on friction",

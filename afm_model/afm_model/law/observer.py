@@ -9,11 +9,11 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Vector
 from ..core.schema import NonNegative, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import sampled, scanner
-from .sampled import FeedbackLaw, lateral_axes, pole, time_constant
+from . import sampled
+from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole, time_constant
 from .scanner import drive_between, error_ahead, feed_forward, follow_flight, place_poles, position, rate, send
 
 
@@ -28,10 +28,16 @@ class ObserverLaw(FeedbackLaw):
     )
 
 
-_LATERAL = ("k_1", "k_2")
-CONSTANTS = record(*sampled.FIELDS, *_LATERAL, "gain", vectors=(*scanner.VECTORS, *_LATERAL))
-_MEMORY = ("before_1", "before_2", "load")
-STATE = record(*sampled.STATE_FIELDS, *_MEMORY, vectors=(*scanner.STATE_VECTORS, *_MEMORY))
+class Constants(SampledConstants):
+    k_1: Vector
+    k_2: Vector
+    gain: float
+
+
+class State(SampledState):
+    before_1: Vector
+    before_2: Vector
+    load: Vector
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -68,8 +74,8 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
 OBSERVER = Law(
     name="observer",
     parameters=ObserverLaw,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     control=control,
     knowledge="positions and velocities of the scanner, deflection; scanner, cantilever",

@@ -1,12 +1,13 @@
 """The paper's control laws, docs/theory.md (28), from a measurement in SI to a piezo drive in volts."""
 
 import math
-from typing import Any, Literal
+from collections import defaultdict
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record, Vector
 from ..core.schema import NonNegative, Positive
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Numbers, Tree
@@ -42,17 +43,32 @@ class PaperLaw(LawParameters):
     )
 
 
-_AXIS = ("c", "cdot", "p2", "p4", "M", "alpha", "eta", "xi", "volts")
-CONSTANTS = record(
-    "kind", "tip_rate", *(f"{name}_{axis}" for axis in "xyz" for name in _AXIS), "eta_c", "mu", "a", "x0", "z0", "w0"
-)
-"""Nondimensional gains; `volts_x` is the drive voltage per unit of U_x."""
+class Constants(Record):
+    """Nondimensional gains and the microscope; vectors are of x, y and z."""
+
+    kind: float  # OPEN_LOOP, SGN or TANH
+    tip_rate: float  # whether the rate along z is that of the tip
+    c: Vector
+    cdot: Vector
+    p2: Vector
+    p4: Vector
+    M: Vector
+    alpha: Vector
+    eta: Annotated[Vector, "w0"]
+    xi: Vector
+    volts: Annotated[Vector, "V"]  # drive per unit of U
+    eta_c: Annotated[float, "w0"]
+    mu: Annotated[float, "1"]
+    a: Annotated[float, "z0"]
+    x0: Annotated[float, "m"]
+    z0: Annotated[float, "m"]
+    w0: Annotated[float, "rad/s"]
 
 
 def _values(parameters: Tree) -> Numbers:
     law = parameters.law
     scanner, scales = parameters.scanner, parameters.scales
-    values: dict[str, float] = {
+    values: dict[str, Any] = {
         "kind": KINDS[law.kind],
         "tip_rate": law.z_rate == "tip",
         "eta_c": 2.0 * math.pi * parameters.cantilever.f_c / scales.w0,
@@ -62,6 +78,7 @@ def _values(parameters: Tree) -> Numbers:
         "z0": scales.z0,
         "w0": scales.w0,
     }
+    vectors: dict[str, list[float]] = defaultdict(list)
     for axis, length in (("x", scales.x0), ("y", scales.x0), ("z", scales.z0)):
         c, cdot = getattr(law, f"c_{axis}"), getattr(law, f"cdot_{axis}")
         P = lyapunov_matrix(c, cdot)
@@ -78,8 +95,9 @@ def _values(parameters: Tree) -> Numbers:
             # Static displacement is U / eta^2 in units of length.
             "volts": length / (eta**2 * getattr(parameters.piezo, f"sensitivity_{axis}")),
         }
-        values |= {f"{name}_{axis}": float(value) for name, value in of_axis.items()}
-    return values
+        for name, value in of_axis.items():
+            vectors[name].append(float(value))
+    return values | vectors
 
 
 @kernel
@@ -102,8 +120,8 @@ def control(t: float, y: Any, u: Any, g: Any, s: Any) -> None:
     x_r = y.reference_position[0] / g.x0
     y_r = y.reference_position[1] / g.x0
     if g.kind == OPEN_LOOP:
-        u.voltage[0] = g.volts_x * x_r
-        u.voltage[1] = g.volts_y * y_r
+        u.voltage[0] = g.volts[0] * x_r
+        u.voltage[1] = g.volts[1] * y_r
         u.voltage[2] = y.drive[2]
         return
 
@@ -115,10 +133,10 @@ def control(t: float, y: Any, u: Any, g: Any, s: Any) -> None:
     x2 = y.velocity[0] / speed
     e = x1 - x_r
     e_rate = x2 - y.reference_velocity[0] / speed
-    v = -g.M_x * switching(g.kind, g.p2_x * e + g.p4_x * e_rate, g.alpha_x)
+    v = -g.M[0] * switching(g.kind, g.p2[0] * e + g.p4[0] * e_rate, g.alpha[0])
     feedforward = y.reference_acceleration[0] / acceleration
-    u.voltage[0] = g.volts_x * (
-        -g.c_x * e - g.cdot_x * e_rate + feedforward + g.eta_x * g.eta_x * x1 + 2.0 * g.xi_x * g.eta_x * x2 + v
+    u.voltage[0] = g.volts[0] * (
+        -g.c[0] * e - g.cdot[0] * e_rate + feedforward + g.eta[0] * g.eta[0] * x1 + 2.0 * g.xi[0] * g.eta[0] * x2 + v
     )
 
     # y
@@ -126,10 +144,10 @@ def control(t: float, y: Any, u: Any, g: Any, s: Any) -> None:
     x4 = y.velocity[1] / speed
     e = x3 - y_r
     e_rate = x4 - y.reference_velocity[1] / speed
-    v = -g.M_y * switching(g.kind, g.p2_y * e + g.p4_y * e_rate, g.alpha_y)
+    v = -g.M[1] * switching(g.kind, g.p2[1] * e + g.p4[1] * e_rate, g.alpha[1])
     feedforward = y.reference_acceleration[1] / acceleration
-    u.voltage[1] = g.volts_y * (
-        -g.c_y * e - g.cdot_y * e_rate + feedforward + g.eta_y * g.eta_y * x3 + 2.0 * g.xi_y * g.eta_y * x4 + v
+    u.voltage[1] = g.volts[1] * (
+        -g.c[1] * e - g.cdot[1] * e_rate + feedforward + g.eta[1] * g.eta[1] * x3 + 2.0 * g.xi[1] * g.eta[1] * x4 + v
     )
 
     # z: the tip height z_c = a + deflection is driven to the setpoint
@@ -137,11 +155,11 @@ def control(t: float, y: Any, u: Any, g: Any, s: Any) -> None:
     rate = y.deflection_rate if g.tip_rate else y.velocity[2]
     x6 = rate / (g.z0 * g.w0)
     e = x5 - y.reference_position[2] / g.z0
-    v = -g.M_z * switching(g.kind, g.p2_z * e + g.p4_z * x6, g.alpha_z)
-    u.voltage[2] = g.volts_z * (
-        (g.eta_z * g.eta_z + g.eta_c * g.eta_c / g.mu) * x5
-        + 2.0 * g.xi_z * g.eta_z * x6
-        + (1.0 + 1.0 / g.mu) * (-g.c_z * e - g.cdot_z * x6 + v)
+    v = -g.M[2] * switching(g.kind, g.p2[2] * e + g.p4[2] * x6, g.alpha[2])
+    u.voltage[2] = g.volts[2] * (
+        (g.eta[2] * g.eta[2] + g.eta_c * g.eta_c / g.mu) * x5
+        + 2.0 * g.xi[2] * g.eta[2] * x6
+        + (1.0 + 1.0 / g.mu) * (-g.c[2] * e - g.cdot[2] * x6 + v)
     )
 
 
@@ -165,7 +183,7 @@ def _warnings(parameters: Tree, control_period: float) -> list[str]:
 
 
 def _law(name: str) -> Law:
-    return Law(name=name, parameters=PaperLaw, constants=CONSTANTS, values=_values, warnings=_warnings, control=control)
+    return Law(name=name, parameters=PaperLaw, constants=Constants, values=_values, warnings=_warnings, control=control)
 
 
 PARTS = tuple(_law(name) for name in KINDS)

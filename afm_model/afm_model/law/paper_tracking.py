@@ -9,11 +9,10 @@ from typing import Any
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
 from ..parts.part import Law, Numbers, Tree
 from . import paper, sampled, scanner
 from .paper import PaperLaw
-from .sampled import SampledLaw
+from .sampled import SampledConstants, SampledLaw, SampledState
 
 
 class PaperTracking(PaperLaw, SampledLaw):
@@ -22,10 +21,8 @@ class PaperTracking(PaperLaw, SampledLaw):
     kind: str = Field("tanh_tracking", description="control law")
 
 
-# Cantilever and scales mean the same to both.
-_FIELDS = tuple(dict.fromkeys((*(paper.CONSTANTS.names or ()), *sampled.FIELDS)))
-CONSTANTS = record(*_FIELDS, vectors=scanner.VECTORS)
-STATE = record(*sampled.STATE_FIELDS, vectors=scanner.STATE_VECTORS)
+class Constants(paper.Constants, SampledConstants):
+    """Cantilever, scales and volts mean the same to both."""
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -48,8 +45,8 @@ PARTS = tuple(
     Law(
         name=f"{kind}_tracking",
         parameters=PaperTracking,
-        constants=CONSTANTS,
-        state=STATE,
+        constants=Constants,
+        state=SampledState,
         values=_values,
         control=control,
         knowledge="positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction",

@@ -9,11 +9,11 @@ import numpy as np
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Vector
 from ..core.schema import Positive
 from ..parts.part import Law, Numbers, Tree
-from . import sampled, scanner
-from .sampled import SampledLaw
+from . import sampled
+from .sampled import SampledConstants, SampledLaw, SampledState
 from .scanner import feed_forward, follow_flight, free_axes, position, reference_at, send
 
 
@@ -44,9 +44,23 @@ class Gains(NamedTuple):
     a_2: float
 
 
-_MEMORY = ("sum", "one", "two")
-CONSTANTS = record(*sampled.FIELDS, "feedforward", "pid_z", *Gains._fields, vectors=(*scanner.VECTORS, *Gains._fields))
-STATE = record(*sampled.STATE_FIELDS, *_MEMORY, vectors=(*scanner.STATE_VECTORS, *_MEMORY))
+class Constants(SampledConstants):
+    feedforward: float
+    pid_z: float
+    gain: Vector
+    integral: Vector
+    reset: Vector
+    b_0: Vector
+    b_1: Vector
+    b_2: Vector
+    a_1: Vector
+    a_2: Vector
+
+
+class State(SampledState):
+    sum: Vector
+    one: Vector
+    two: Vector
 
 
 def tustin(b: list[float], a: list[float], hold: float) -> tuple[float, ...]:
@@ -139,8 +153,8 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
 PID = Law(
     name="pid",
     parameters=PidLaw,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     control=control,
     knowledge="positions of the scanner, deflection; scanner, cantilever",

@@ -14,7 +14,17 @@ from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import LawParameters, PlantParameters
 from ..parts.part import Tree
 from . import scanner
-from .scanner import Axis, drive_between, free_axes, place_poles, position, predict, send
+from .scanner import (
+    Axis,
+    ScannerConstants,
+    ScannerState,
+    drive_between,
+    free_axes,
+    place_poles,
+    position,
+    predict,
+    send,
+)
 
 
 class SampledLaw(LawParameters):
@@ -66,12 +76,24 @@ def disagreements(law: LawParameters, plant: PlantParameters) -> list[str]:
     return told
 
 
-_HEIGHT = ("k_z1", "k_z2", "alpha_h", "beta_h", "eta_c", "mu", "w", "a")
-FIELDS = (*scanner.FIELDS, *_HEIGHT)
-"""Constants: those of the scanner; along z feedback on height and rate of the sample, gains of the filter, cantilever,
-load."""
-STATE_FIELDS = (*scanner.STATE_FIELDS, "surface", "surface_rate")
-"""State: that of the scanner; what the tip is above the sample's stage, Q - Z [z0], and its rate."""
+class SampledConstants(ScannerConstants):
+    """Those of the scanner, and of the loop along z."""
+
+    k_z1: float  # feedback on height and rate of the sample
+    k_z2: float
+    alpha_h: float  # gains of the filter
+    beta_h: float
+    eta_c: Annotated[float, "w0"]  # the cantilever
+    mu: Annotated[float, "1"]
+    w: float  # load
+    a: Annotated[float, "z0"]
+
+
+class SampledState(ScannerState):
+    """That of the scanner, and of the loop along z."""
+
+    surface: Annotated[float, "z0"]  # what the tip is above the sample's stage, Q - Z
+    surface_rate: Annotated[float, "z0 w0"]
 
 
 class FeedbackLaw(SampledLaw):
@@ -99,7 +121,7 @@ def lateral_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
 
 
 def sampled_values(parameters: Tree) -> dict[str, Any]:
-    """Values of FIELDS.
+    """Values of SampledConstants.
 
     Along z the time constant of feedback and filter is one control period, and never below that of the cantilever's
     resonance: what is faster than that is the contact ringing, not the surface.

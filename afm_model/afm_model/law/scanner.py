@@ -5,43 +5,54 @@ along x and y, and N / mu along z. docs/laws.md (1.1) to (1.3).
 """
 
 import math
-from typing import Any, NamedTuple
+from collections import defaultdict
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.jit import kernel
+from ..core.records import Record, Vector
 from ..parts.part import Tree
 
 _Array = NDArray[np.float64]
 
-VECTORS = (
-    "length",  # x0, x0, z0 [m]
-    "volts",  # drive per unit of U [V]
-    "limit",  # largest |U|; infinite without piezo.limit
-    "phi_11",  # exact step over one period: phi e + gamma U
-    "phi_12",
-    "phi_21",
-    "phi_22",
-    "gamma_1",
-    "gamma_2",
-    "weight_1",  # gamma / |gamma|^2: the drive that comes closest to a wanted change
-    "weight_2",
-    "ahead_11",  # phi to the power delay_ticks
-    "ahead_12",
-    "ahead_21",
-    "ahead_22",
-    "due_1",  # ahead gamma: what the drive that comes into force has stood for among those in flight
-    "due_2",
-    "flown_1",  # what a unit of U held over all the delay makes
-    "flown_2",
-)
-"""Constants of x, y and z each."""
-FIELDS = ("hold", "ahead", "w0", "delayed", *VECTORS)
-"""All constants; first control period and delay [1/w0], w0 [rad/s], 1.0 if there is a delay."""
-STATE_VECTORS = ("last", "flight_1", "flight_2")
-STATE_FIELDS = ("started", *STATE_VECTORS)
-"""State: the drive answered last [U], and what the drives in flight will have made of a scanner at rest."""
+
+class ScannerConstants(Record):
+    """The free scanner over one control period T, w0 and the delay; vectors are of x, y and z."""
+
+    hold: Annotated[float, "1/w0"]  # T
+    ahead: Annotated[float, "1/w0"]  # the delay
+    w0: Annotated[float, "rad/s"]
+    delayed: float  # 1.0 if there is a delay
+    length: Annotated[Vector, "m"]  # x0, x0, z0
+    volts: Annotated[Vector, "V"]  # drive per unit of U
+    limit: Vector  # largest |U|; infinite without piezo.limit
+    phi_11: Vector  # exact step over one period: phi e + gamma U
+    phi_12: Vector
+    phi_21: Vector
+    phi_22: Vector
+    gamma_1: Vector
+    gamma_2: Vector
+    weight_1: Vector  # gamma / |gamma|^2: the drive that comes closest to a wanted change
+    weight_2: Vector
+    ahead_11: Vector  # phi to the power delay_ticks
+    ahead_12: Vector
+    ahead_21: Vector
+    ahead_22: Vector
+    due_1: Vector  # ahead gamma: what the drive that comes into force has stood for among those in flight
+    due_2: Vector
+    flown_1: Vector  # what a unit of U held over all the delay makes
+    flown_2: Vector
+
+
+class ScannerState(Record):
+    """The drive answered last [U], and what the drives in flight will have made of a scanner at rest."""
+
+    started: float
+    last: Vector
+    flight_1: Vector
+    flight_2: Vector
 
 
 class Axis(NamedTuple):
@@ -83,9 +94,9 @@ def place_poles(axis: Axis, one: float, other: float) -> tuple[float, float]:
 
 
 def scanner_values(parameters: Tree) -> dict[str, Any]:
-    """Values of FIELDS for a law that is made for a period and a delay."""
+    """Values of ScannerConstants for a law that is made for a period and a delay."""
     law, scales, piezo = parameters.law, parameters.scales, parameters.piezo
-    columns: dict[str, list[float]] = {name: [] for name in VECTORS}
+    columns: dict[str, list[float]] = defaultdict(list)
     lengths = (scales.x0, scales.x0, scales.z0)
     for axis, name, length in zip(free_axes(parameters), "xyz", lengths, strict=True):
         volts = length / (axis.eta**2 * getattr(piezo, f"sensitivity_{name}"))

@@ -11,12 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
-from . import sampled, scanner
+from . import sampled
 from .implicit import lateral_unit
-from .sampled import FeedbackLaw, lateral_axes, pole
+from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole
 from .scanner import Axis, feed_forward, follow_flight, place_poles, position, rate, reference_at, send
 
 K_1, K_2 = 1.5, 1.1
@@ -41,9 +41,19 @@ class SuperTwistingLaw(FeedbackLaw):
     )
 
 
-_VECTORS = ("k_1", "k_2", "c_1", "c_2")
-CONSTANTS = record(*sampled.FIELDS, *_VECTORS, "bound", "root_L", "fastest", vectors=(*scanner.VECTORS, *_VECTORS))
-STATE = record(*sampled.STATE_FIELDS, "twist_x", "twist_y", vectors=scanner.STATE_VECTORS)
+class Constants(SampledConstants):
+    k_1: Vector
+    k_2: Vector
+    c_1: Vector
+    c_2: Vector
+    bound: float
+    root_L: float
+    fastest: float
+
+
+class State(SampledState):
+    twist_x: float
+    twist_y: float
 
 
 def sliding_row(axis: Axis, K: tuple[float, float]) -> tuple[float, float]:
@@ -119,8 +129,8 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
 SUPER_TWISTING = Law(
     name="super_twisting",
     parameters=SuperTwistingLaw,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     control=control,
     knowledge="positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction and rate",

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from ..core.records import place
-from ..parts.signals import MEASUREMENT
+from ..parts.signals import Measurement
 from ..program import orders
 from ..program.orders import END, Order, Step
 from .collect import Collector, RecordCollector
@@ -55,7 +55,7 @@ class Execution:
     def standing(self) -> Standing:
         """Where everything is."""
         instrument, (x, y) = self.view.instrument, self.view.place
-        deflection = float(instrument.measurement[place(MEASUREMENT, "deflection_voltage")])
+        deflection = float(instrument.measurement[place(Measurement, "deflection_voltage")])
         return Standing(instrument.time, x, y, self.view.z, deflection)
 
     def recorder(

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import OnboardParameters
 from ..parts.part import ONBOARD_SETTINGS, Channel, Numbers, Onboard, Tree
@@ -60,14 +60,28 @@ class PiParameters(OnboardParameters):
 
 
 MODES = {"on": FOLLOW, "hold": HOLD, "off": HOLD, "external": GIVEN}
-CONSTANTS = record("P", "I_step", "by_reference", "setpoint", "a", "volts", "metres", "low", "high", "hold", "feedback")
-STATE = record(
-    "integral",  # [m]
-    "z",  # [m]
-    "error",  # [V]
-    "mode",  # what it does with z, see afm_model.parts.signals
-    "origin",  # z without the offset that it is moved by [m]
-)
+
+
+class Constants(Record):
+    P: float
+    I_step: float
+    by_reference: float
+    setpoint: float
+    a: float
+    volts: float
+    metres: float
+    low: float
+    high: float
+    hold: float
+    feedback: float
+
+
+class State(Record):
+    integral: Annotated[float, "m"]
+    z: Annotated[float, "m"]
+    error: Annotated[float, "V"]
+    mode: float  # what it does with z, see afm_model.parts.signals
+    origin: Annotated[float, "m"]  # z without the offset that it is moved by
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -161,8 +175,8 @@ def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
 PI = Onboard(
     name="pi",
     parameters=PiParameters,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     check=_check,
     moves_z=True,

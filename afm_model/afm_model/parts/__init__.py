@@ -1,7 +1,7 @@
 """Parts of the instrument, and what is needed to make one: docs/extending.md."""
 
 from ..core.jit import kernel
-from ..core.records import EMPTY, record
+from ..core.records import Array, Integers, Record, Vector
 from ..core.schema import Unit
 from .dispatch import surface
 from .groups import (
@@ -17,13 +17,14 @@ from .groups import (
 from .part import Channel, Corrugation, Detector, Fault, Law, Onboard, Part, Piezo, Plant, Program, Sample
 
 __all__ = [
-    "EMPTY",
+    "Array",
     "Channel",
     "Corrugation",
     "Detector",
     "DetectorParameters",
     "Fault",
     "FaultParameters",
+    "Integers",
     "Law",
     "LawParameters",
     "Onboard",
@@ -35,10 +36,11 @@ __all__ = [
     "PlantParameters",
     "Program",
     "ProgramParameters",
+    "Record",
     "Sample",
     "SampleParameters",
     "Unit",
+    "Vector",
     "kernel",
-    "record",
     "surface",
 ]

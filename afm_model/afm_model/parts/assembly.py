@@ -3,12 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from ..core import registry
 from ..core.call import Function
 from ..core.errors import ParameterError, PartError
-from ..core.records import Block, record_at, size
+from ..core.records import Block, Record, record_at, size
 from .part import Numbers, Part
 
 
@@ -75,13 +73,13 @@ class Assembled:
                 f"some parameter of {self.title} is too large or too small to compute with ({error})"
             ) from None
 
-    def _fill(self, block: Block, index: int, dtype: np.dtype[Any], values: Numbers, what: str) -> None:
-        names = dtype.names or ()
+    def _fill(self, block: Block, index: int, record: type[Record], values: Numbers, what: str) -> None:
+        names = record.names
         if set(values) != set(names):
             odd = ", ".join(sorted(set(values) ^ set(names)))
             raise PartError(f"{self.title}: the values of its {what} and the fields of the record differ: {odd}")
         if names:
-            target = record_at(block, index, dtype)
+            target = record_at(block, index, record)
             for name in names:
                 target[name] = values[name]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import DriveError
 from ..core.records import place, record_at
-from .signals import COMMAND, LONGEST_HORIZON
+from .signals import LONGEST_HORIZON, PiezoDrive
 
 _Array = NDArray[np.float64]
 
@@ -64,22 +64,22 @@ class Command:
 
 
 class CommandRecord:
-    """A record of `afm_model.parts.signals.COMMAND` as Python reads and writes it.
+    """A record of `afm_model.parts.signals.PiezoDrive` as Python reads and writes it.
 
     Its fields are views that are made once: reading a field of the record itself takes numpy ten microseconds.
 
     Parameters
     ----------
     array : ndarray, float64
-        Where it stands, (size(COMMAND),).
+        Where it stands, (size(PiezoDrive),).
     """
 
     def __init__(self, array: _Array) -> None:
-        record, integers = record_at(array, 0, COMMAND), array.view(np.int64)
+        record, integers = record_at(array, 0, PiezoDrive), array.view(np.int64)
         self.voltage: _Array = record.voltage
-        self.sequence: NDArray[np.int64] = integers[place(COMMAND, "sequence") :]
-        self.horizon_count: NDArray[np.int64] = integers[place(COMMAND, "horizon_count") :]
-        self._horizon_period, self._horizon = array[place(COMMAND, "horizon_period") :], record.horizon
+        self.sequence: NDArray[np.int64] = integers[place(PiezoDrive, "sequence") :]
+        self.horizon_count: NDArray[np.int64] = integers[place(PiezoDrive, "horizon_count") :]
+        self._horizon_period, self._horizon = array[place(PiezoDrive, "horizon_period") :], record.horizon
 
     def write(self, command: Command) -> None:
         """Write drive and horizon."""

@@ -17,9 +17,9 @@ from numba.extending import intrinsic, overload
 from ..core.call import INTEGER, NUMBER, PLAIN, Argument
 from ..core.jit import kernel
 from ..core.records import Block, data_pointer, place, record_at
-from .header import HEADER, LAW_HEADER
+from .header import BlockHeader, LawHeader
 from .part import CONSTANTS, MAP, STATE, WHOLE, Detector, Fault, Law, Onboard, Part, Piezo, Plant, Program, Sample
-from .signals import DISPLACEMENT, SURFACE
+from .signals import Displacement, Surface
 
 ir: Any = _ir
 types: Any = _types
@@ -35,7 +35,7 @@ def dispatcher(family: type[Part], name: str) -> Callable[..., None]:
     part without this function is left alone.
     """
     kinds = family.functions[name]
-    header = LAW_HEADER if family is Law else HEADER
+    header = LawHeader if family is Law else BlockHeader
     address = place(header, f"{family.family}_{name}")
     places: dict[Argument, int | None] = {WHOLE: None}
     places |= {kind: place(header, f"{family.family}_{kind}") for kind in (CONSTANTS, STATE, MAP) if kind in kinds}
@@ -100,11 +100,11 @@ _surface = dispatcher(Sample, "surface")
 
 @kernel
 def surface(x: float, y: float, m: Block) -> Any:
-    """The sample of the block m at (x, y) [x0], as a record of SURFACE that the next call writes over."""
-    g = record_at(m, 0, HEADER)
-    h = record_at(m, g.surface, SURFACE)
+    """The sample of the block m at (x, y) [x0], as a record of Surface that the next call writes over."""
+    g = record_at(m, 0, BlockHeader)
+    h = record_at(m, g.surface, Surface)
     h.adhesion = 1.0
-    d = record_at(m, g.displacement, DISPLACEMENT)
+    d = record_at(m, g.displacement, Displacement)
     if d.there != 0:
         x -= d.x
         y -= d.y

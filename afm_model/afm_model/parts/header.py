@@ -1,65 +1,78 @@
-"""The beginning of an instrument's block: which parts were chosen, and where everything stands in it."""
+"""The beginning of an instrument's block: the functions of its parts, and where everything stands in it."""
 
-from ..core.records import record
-from .part import FAMILIES, Law, Part
-
-
-def _places(family: type[Part]) -> list[str]:
-    """What a kernel needs to know of a part: the addresses of its functions, its records."""
-    name = family.family
-    return [*(f"{name}_{function}" for function in family.functions), f"{name}_constants", f"{name}_state"]
+from ..core.records import Record
 
 
-_OF_PARTS = [place for family in FAMILIES if family is not Law for place in _places(family)]
-_OF_THE_LOOP = [
-    "loop",
-    "measurement",
-    "commanded",
-    "received",
-    "applied",
-    "regulated",
-    "effective",
-    "asked",
-    "asked_next",
-    "truth",
-    "detection",
-    "surface",
-    "displacement",
-    "delivery",
-    "sample_map",
-    "plant_map",
-    "score",
-    "hashed",
-    "hashed_end",
-    "line",
-    "channels",
-    "channel_count",
-    "disturbance",
-    "sensors",
-    "read",
-    "drift",
-    "drifted",
-    "limits",
-    "guard",
-    "position_noise",
-    "noise",
-    "wander",
-    "faults",
-    "draws",
-]
-HEADER = record(*_OF_PARTS, *_OF_THE_LOOP, integers=(*_OF_PARTS, *_OF_THE_LOOP))
-"""Of each part: the addresses of its functions (0: it has none), where its constants and its state begin.
+class BlockHeader(Record):
+    """Of each part the addresses of its functions, 0 for one that it does not have, and the places of its records; the
+    places of all else. Last, where in a row of the random numbers those of each source begin, and how long a row is.
+    """
 
-Then where the rest begins: the record of the loop; measurement; the drive as commanded, as received behind a fault
-(its address), as applied (behind range, resolution, delay), as changed by the onboard part, as the piezo makes it; the
-reference at this tick and at the next; truth, detection, surface; what a fault does to the sample and to a
-measurement; the maps of sample and plant; sums of the score; what is hashed; the line of drives on their way; the
-places of the channels; constants of the position sensors and what they have read; the same of the drift; the limits,
-and where they stand.
+    program_reference: int
+    program_watch: int
+    program_constants: int
+    program_state: int
+    fault_on_sample: int
+    fault_on_command: int
+    fault_on_drive: int
+    fault_on_measurement: int
+    fault_constants: int
+    fault_state: int
+    piezo_actuate: int
+    piezo_constants: int
+    piezo_state: int
+    onboard_regulate: int
+    onboard_constants: int
+    onboard_state: int
+    plant_step: int
+    plant_observe: int
+    plant_constants: int
+    plant_state: int
+    sample_surface: int
+    sample_constants: int
+    sample_state: int
+    detector_detect: int
+    detector_constants: int
+    detector_state: int
+    loop: int
+    measurement: int
+    commanded: int  # the drive as commanded
+    received: int  # behind a fault: its address
+    applied: int  # behind range, resolution, delay
+    regulated: int  # as changed by the onboard part
+    effective: int  # as the piezo makes it
+    asked: int  # the reference at this tick
+    asked_next: int  # and at the next
+    truth: int
+    detection: int
+    surface: int
+    displacement: int  # what a fault does to the sample
+    delivery: int  # and to a measurement
+    sample_map: int
+    plant_map: int
+    score: int  # its sums
+    hashed: int  # states of the parts, as recorded and hashed
+    hashed_end: int
+    line: int  # of drives on their way
+    channels: int  # their places
+    channel_count: int
+    disturbance: int  # random numbers of the plant
+    sensors: int
+    read: int  # what the position sensors have read
+    drift: int
+    drifted: int
+    limits: int
+    guard: int
+    position_noise: int
+    noise: int  # of the detector
+    wander: int  # of the drift
+    faults: int
+    draws: int  # length of a row
 
-Last, where in a row of the random numbers those of the plant, the sensors, the detector, the drift and the fault begin,
-and how long a row is.
-"""
 
-LAW_HEADER = record(*_places(Law), integers=tuple(_places(Law)))
-"""The same for the block of a law, which stands apart: it may be in another process."""
+class LawHeader(Record):
+    """The same for the block of a law, which stands apart: it may be in another process."""
+
+    law_control: int
+    law_constants: int
+    law_state: int

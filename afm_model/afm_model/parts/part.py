@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.call import INTEGER, NUMBER, POINTER, Argument
-from ..core.records import EMPTY
+from ..core.records import Record
 from ..core.schema import Group
 from .signals import (
-    ACTUATION,
-    COMMAND,
-    DELIVERY,
-    DETECTION,
-    DISPLACEMENT,
-    DRIVE,
-    MEASUREMENT,
-    REFERENCE,
-    SURFACE,
-    TRUTH,
+    Actuation,
+    Delivery,
+    Detection,
+    Displacement,
+    Drive,
+    Measurement,
+    PiezoDrive,
+    Setpoint,
+    Surface,
+    Truth,
 )
 
 Numbers = Mapping[str, Any]
@@ -93,8 +93,7 @@ class Part:
         By which a scenario chooses it.
     parameters : type[Group]
         Its parameters; the family's own ones must be among them.
-    constants, state : dtype
-        Records, from `afm_model.parts.record`.
+    constants, state : type[Record]
     values : callable
         Parameters (the whole tree of the instrument, or of the controller) -> values of `constants`. Raises ValueError
         if the part cannot be made of them.
@@ -117,8 +116,8 @@ class Part:
 
     name: str
     parameters: type[Group]
-    constants: np.dtype[Any] = field(default_factory=lambda: EMPTY)
-    state: np.dtype[Any] = field(default_factory=lambda: EMPTY)
+    constants: type[Record] = Record
+    state: type[Record] = Record
     values: Callable[[Tree], Numbers] = _none
     start: Callable[[Tree], Numbers] | None = None
     check: Callable[[Tree], None] = _anything
@@ -135,7 +134,7 @@ class Part:
 
 @dataclass(frozen=True, kw_only=True)
 class Program(Part):
-    """Reference and setpoint over time: `reference(t, r, p)` writes the record r of REFERENCE at time t [s].
+    """Reference and setpoint over time: `reference(t, r, p)` writes the record r of Setpoint at time t [s].
 
     It is a function of time alone, so that it can be asked for any time.
 
@@ -149,8 +148,8 @@ class Program(Part):
 
     family = "program"
     functions: ClassVar = {
-        "reference": (NUMBER, REFERENCE, CONSTANTS),
-        "watch": (NUMBER, DETECTION, REFERENCE, CONSTANTS, STATE),
+        "reference": (NUMBER, Setpoint, CONSTANTS),
+        "watch": (NUMBER, Detection, Setpoint, CONSTANTS, STATE),
     }
 
     reference: Kernel
@@ -167,7 +166,7 @@ class Program(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Law(Part):
-    """A control law: `control(t, y, u, p, s)` writes into u of COMMAND what answers measurement y, taken at time t [s].
+    """A control law: `control(t, y, u, p, s)` writes into u, a PiezoDrive, what answers measurement y of time t [s].
 
     That is `u.voltage`, and for a law that looks ahead the horizon: further drives with their times.
 
@@ -176,7 +175,7 @@ class Law(Part):
     """
 
     family = "law"
-    functions: ClassVar = {"control": (NUMBER, MEASUREMENT, COMMAND, CONSTANTS, STATE)}
+    functions: ClassVar = {"control": (NUMBER, Measurement, PiezoDrive, CONSTANTS, STATE)}
 
     control: Kernel
     warnings: Callable[[Tree, float], list[str]] = lambda parameters, control_period: []
@@ -196,10 +195,10 @@ class Fault(Part):
     Parameters
     ----------
     on_sample : callable
-        `on_sample(k, d, p, s)`, at the begin of the tick: write what is wrong with the sample into d of DISPLACEMENT.
+        `on_sample(k, d, p, s)`, at the begin of the tick: write what is wrong with the sample into d of Displacement.
     on_command : callable
-        `on_command(k, u, v, p, s)`, then: u is what the controller has commanded, v of COMMAND what has arrived, which
-        stays from tick to tick.
+        `on_command(k, u, v, p, s)`, then: u is what the controller has commanded, v what has arrived, both of
+        PiezoDrive; v stays from tick to tick.
     on_drive : callable
         `on_drive(k, t, u, p, s, r)`, when a drive is put in force, at each update of the DAC, at time t [s].
     on_measurement : callable
@@ -211,10 +210,10 @@ class Fault(Part):
 
     family = "fault"
     functions: ClassVar = {
-        "on_sample": (INTEGER, DISPLACEMENT, CONSTANTS, STATE),
-        "on_command": (INTEGER, COMMAND, COMMAND, CONSTANTS, STATE),
-        "on_drive": (INTEGER, NUMBER, DRIVE, CONSTANTS, STATE, POINTER),
-        "on_measurement": (INTEGER, NUMBER, MEASUREMENT, DELIVERY, CONSTANTS, STATE, POINTER),
+        "on_sample": (INTEGER, Displacement, CONSTANTS, STATE),
+        "on_command": (INTEGER, PiezoDrive, PiezoDrive, CONSTANTS, STATE),
+        "on_drive": (INTEGER, NUMBER, Drive, CONSTANTS, STATE, POINTER),
+        "on_measurement": (INTEGER, NUMBER, Measurement, Delivery, CONSTANTS, STATE, POINTER),
     }
 
     on_sample: Kernel | None = None
@@ -239,7 +238,7 @@ class Piezo(Part):
     """
 
     family = "piezo"
-    functions: ClassVar = {"actuate": (NUMBER, DRIVE, DRIVE, CONSTANTS, STATE)}
+    functions: ClassVar = {"actuate": (NUMBER, Drive, Drive, CONSTANTS, STATE)}
 
     actuate: Kernel
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
@@ -271,11 +270,11 @@ class Onboard(Part):
     """
 
     family = "onboard"
-    functions: ClassVar = {"regulate": (NUMBER, DETECTION, REFERENCE, ACTUATION, CONSTANTS, STATE)}
+    functions: ClassVar = {"regulate": (NUMBER, Detection, Setpoint, Actuation, CONSTANTS, STATE)}
 
     regulate: Kernel | None = None
     excites: bool = False
-    """It also writes how the cantilever is excited: `amplitude` and the fields behind it of u, an ACTUATION, which stay
+    """It also writes how the cantilever is excited: `amplitude` and the fields behind it of u, an Actuation, which stay
     until it writes others.
     """
     moves_z: bool = False
@@ -302,8 +301,8 @@ ONBOARD_SETTINGS = (
 @dataclass(frozen=True, kw_only=True)
 class Plant(Part):
     """Equations of motion: `step(t, v, r, p, s, m)` advances s by one integration step that begins at time t [s],
-    under v of ACTUATION: the drive [V], and for a plant that takes it the excitation; r holds the part's random
-    numbers. `observe(p, s, o)` tells the state as a record o of TRUTH.
+    under v of Actuation: the drive [V], and for a plant that takes it the excitation; r holds the part's random
+    numbers. `observe(p, s, o)` tells the state as a record o of Truth.
 
     The sample is asked through m: `afm_model.parts.surface(x, y, m)` with x, y in x0.
 
@@ -326,8 +325,8 @@ class Plant(Part):
 
     family = "plant"
     functions: ClassVar = {
-        "step": (NUMBER, ACTUATION, POINTER, CONSTANTS, STATE, WHOLE),
-        "observe": (CONSTANTS, STATE, TRUTH),
+        "step": (NUMBER, Actuation, POINTER, CONSTANTS, STATE, WHOLE),
+        "observe": (CONSTANTS, STATE, Truth),
     }
 
     step: Kernel
@@ -342,7 +341,7 @@ class Plant(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Sample(Part):
-    """The sample: `surface(x, y, h, p, map)` writes the record h of SURFACE at (x, y), in units of x0 and z0.
+    """The sample: `surface(x, y, h, p, map)` writes the record h of Surface at (x, y), in units of x0 and z0.
 
     Parameters
     ----------
@@ -361,7 +360,7 @@ class Sample(Part):
     """
 
     family = "sample"
-    functions: ClassVar = {"surface": (NUMBER, NUMBER, SURFACE, CONSTANTS, MAP)}
+    functions: ClassVar = {"surface": (NUMBER, NUMBER, Surface, CONSTANTS, MAP)}
 
     surface: Kernel
     map: Callable[[Any], NDArray[np.float64]] | None = None
@@ -373,7 +372,7 @@ class Sample(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Detector(Part):
-    """The photodetector: `detect(o, d, p, s, r)` writes a sample d of DETECTION from the truth o.
+    """The photodetector: `detect(o, d, p, s, r)` writes a sample d of Detection from the truth o.
 
     r holds two standard normal numbers for this sample.
 
@@ -389,7 +388,7 @@ class Detector(Part):
     """
 
     family = "detector"
-    functions: ClassVar = {"detect": (TRUTH, DETECTION, CONSTANTS, STATE, POINTER)}
+    functions: ClassVar = {"detect": (Truth, Detection, CONSTANTS, STATE, POINTER)}
 
     detect: Kernel
     noisy: Callable[[Tree], bool] = lambda parameters: True

@@ -1,65 +1,60 @@
 """What travels between the parts, as records in SI units. Their order is that of the messages in afm_msgs."""
 
-from typing import Any
+from typing import Annotated, Any
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Array, Record, Vector
 
-MEASUREMENT = record(
-    "deflection",  # cantilever deflection z_c - a, as read from the photodetector [m]
-    "deflection_rate",  # the true one if the detector is ideal, else the difference of two readings [m/s]
-    "lateral_force",  # force of the sample on the tip along x, as read from the photodetector [N]
-    "deflection_voltage",  # photodetector signals [V]
-    "lateral_voltage",
-    "position",  # scanner x, y, z, as read from its sensors [m]
-    "velocity",  # the same of the position sensors [m/s]
-    "reference_position",  # reference to track: scanner x, y; tip height z [m]
-    "reference_velocity",  # [m/s]
-    "reference_acceleration",  # [m/s^2]
-    "drive",  # drive applied until this instant [V]
-    "drive_sequence",  # measurement that it answers; -1: none, it is the drive of the start
-    "newest_drive_sequence",  # measurement that the newest drive received answers; those between are on their way
-    integers=("drive_sequence", "newest_drive_sequence"),
-    vectors=(
-        "position",
-        "velocity",
-        "reference_position",
-        "reference_velocity",
-        "reference_acceleration",
-        "drive",
-    ),
-)
-"""Everything sampled at one control tick, and the reference to track there: afm_msgs/Measurement after its sequence."""
 
-DRIVE = record("voltage", vectors=("voltage",))
-"""Drive of x, y, z [V]."""
+class Measurement(Record):
+    """All that is sampled at one control tick, and the reference there: afm_msgs/Measurement after its sequence."""
 
-ACTUATION = record(
-    "voltage",  # drive of x, y, z [V]
-    "amplitude",  # of the motion of the cantilever's base [m]
-    "angular_frequency",  # [rad/s]
-    "phase",  # [rad]
-    "since",  # [s]
-    vectors=("voltage",),
-)
-"""What reaches the plant: a DRIVE, and how a dither piezo moves the base of the cantilever, across it:
-amplitude cos(phase + angular_frequency (t - since)).
-"""
+    deflection: Annotated[float, "m"]  # cantilever deflection z_c - a, as read from the photodetector
+    # The true one if the detector is ideal, else the difference of two readings.
+    deflection_rate: Annotated[float, "m/s"]
+    lateral_force: Annotated[float, "N"]  # force of the sample on the tip along x, as read from the photodetector
+    deflection_voltage: Annotated[float, "V"]  # photodetector signals
+    lateral_voltage: Annotated[float, "V"]
+    position: Annotated[Vector, "m"]  # scanner x, y, z, as read from its sensors
+    velocity: Annotated[Vector, "m/s"]  # the same of the position sensors
+    reference_position: Annotated[Vector, "m"]  # reference to track: scanner x, y; tip height z
+    reference_velocity: Annotated[Vector, "m/s"]
+    reference_acceleration: Annotated[Vector, "m/s^2"]
+    drive: Annotated[Vector, "V"]  # drive applied until this instant
+    drive_sequence: int  # measurement that it answers; -1: none, it is the drive of the start
+    newest_drive_sequence: int  # measurement that the newest drive received answers; those between are on their way
+
+
+class Drive(Record):
+    """Drive of x, y, z [V]."""
+
+    voltage: Vector
+
+
+class Actuation(Drive):
+    """What reaches the plant: a drive, and how a dither piezo moves the base of the cantilever, across it:
+    amplitude cos(phase + angular_frequency (t - since)).
+    """
+
+    amplitude: Annotated[float, "m"]
+    angular_frequency: Annotated[float, "rad/s"]
+    phase: Annotated[float, "rad"]
+    since: Annotated[float, "s"]
+
 
 LONGEST_HORIZON = 512
 """Further drives that one answer may hold at most."""
 
-COMMAND = record(
-    "sequence",  # measurement answered; -1: none
-    "voltage",  # drive of x, y, z from the arrival of the answer on [V]
-    "horizon_period",  # time between two drives of the horizon [s]
-    "horizon_count",  # further drives; 0: `voltage` is held
-    "horizon",  # drive i is in force from (i + 1) horizon_period after the measurement was taken [V]
-    vectors=("voltage",),
-    integers=("sequence", "horizon_count"),
-    arrays={"horizon": (LONGEST_HORIZON, 3)},
-)
-"""What answers a measurement: afm_msgs/PiezoDrive from its sequence on. A law without a horizon writes `voltage`."""
+
+class PiezoDrive(Record):
+    """What answers a measurement: afm_msgs/PiezoDrive from its sequence on; a law without horizon writes `voltage`."""
+
+    sequence: int  # measurement answered; -1: none
+    voltage: Annotated[Vector, "V"]  # drive of x, y, z from the arrival of the answer on
+    horizon_period: Annotated[float, "s"]  # time between two drives of the horizon
+    horizon_count: int  # further drives; 0: `voltage` is held
+    # Drive i is in force from (i + 1) horizon_period after the measurement was taken.
+    horizon: Annotated[Array, (LONGEST_HORIZON, 3), "V"]
 
 
 @kernel
@@ -80,62 +75,70 @@ when this began; pass on the drive along z that it is given. The last one the in
 it goes before whatever the part does otherwise.
 """
 
-REFERENCE = record(
-    "position",  # scanner x, y; tip height z [m]
-    "velocity",  # [m/s]
-    "acceleration",  # [m/s^2]
-    "z_mode",  # FOLLOW, HOLD or OPEN; FOLLOW if nobody writes it
-    "z_offset",  # of z under OPEN [m]
-    vectors=("position", "velocity", "acceleration"),
-)
-"""Reference of a program, and what it asks of a z loop inside the instrument."""
 
-SURFACE = record(
-    "height",  # [z0]
-    "slope_x",  # [z0/x0]
-    "slope_y",
-    "curvature",  # signed mean curvature, positive on a hill [z0/x0^2]
-    "curvature_xx",  # second derivatives [z0/x0^2]
-    "curvature_yy",
-    "curvature_xy",
-    "strength",  # friction strength over that of contact.tau [1]
-    "adhesion",  # work of adhesion over that of the plant [1]; 1 if the sample does not write it; plant lever
-    "potential_x",  # of a sample with a lattice: slope of its potential [N]
-    "potential_y",
-    "potential_xx",  # its second derivatives [N/m]
-    "potential_yy",
-    "potential_xy",
-)
-"""The sample at one place."""
+class Setpoint(Record):
+    """Reference of a program, and what it asks of a z loop inside the instrument."""
 
-DISPLACEMENT = record(
-    "there",  # 0: the sample is as it should be, and the rest does not count
-    "friction",  # friction strength over that of the sample [1]
-    "x",  # how far the sample has moved [x0]
-    "y",
-    "z",  # [z0]
-    integers=("there",),
-)
-"""What a fault does to the sample."""
+    position: Annotated[Vector, "m"]  # scanner x, y; tip height z
+    velocity: Annotated[Vector, "m/s"]
+    acceleration: Annotated[Vector, "m/s^2"]
+    z_mode: float  # FOLLOW, HOLD or OPEN; FOLLOW if nobody writes it
+    z_offset: Annotated[float, "m"]  # of z under OPEN
 
-DELIVERY = record("lost")
-"""What a fault does to a measurement as a message: 1.0 if it gets lost, so that nobody answers it."""
 
-TRUTH = record(
-    "position",  # scanner x, y, z; z is the height of the sample [m]
-    "velocity",  # [m/s]
-    "tip_height",  # z_c [m]
-    "tip_rate",  # [m/s]
-    "friction",  # of the sample on the tip, x and y [N]; z is not used
-    "friction_bound",  # largest friction possible [N]
-    "normal_force",  # [N]
-    "contact",  # 1.0 in contact, 0.0 out of it
-    "stuck",  # 1.0 while the contact does not slide at all
-    "deflection_excess",  # deflection that the photodiode shows beyond tip_height [m]
-    "lateral_excess",  # lateral force that it shows beyond friction [N]
-    vectors=("position", "velocity", "friction"),
-)
-"""What a plant tells of its state, without noise."""
+class Surface(Record):
+    """The sample at one place."""
 
-DETECTION = record("deflection_voltage", "lateral_voltage")
-"""One sample of the photodetector [V]."""
+    height: Annotated[float, "z0"]
+    slope_x: Annotated[float, "z0/x0"]
+    slope_y: Annotated[float, "z0/x0"]
+    curvature: Annotated[float, "z0/x0^2"]  # signed mean curvature, positive on a hill
+    curvature_xx: Annotated[float, "z0/x0^2"]  # second derivatives
+    curvature_yy: Annotated[float, "z0/x0^2"]
+    curvature_xy: Annotated[float, "z0/x0^2"]
+    strength: Annotated[float, "1"]  # friction strength over that of contact.tau
+    adhesion: float  # work of adhesion over that of the plant [1]; 1 if the sample does not write it; plant lever
+    potential_x: Annotated[float, "N"]  # of a sample with a lattice: slope of its potential
+    potential_y: Annotated[float, "N"]
+    potential_xx: Annotated[float, "N/m"]  # its second derivatives
+    potential_yy: Annotated[float, "N/m"]
+    potential_xy: Annotated[float, "N/m"]
+
+
+class Displacement(Record):
+    """What a fault does to the sample."""
+
+    there: int  # 0: the sample is as it should be, and the rest does not count
+    friction: Annotated[float, "1"]  # friction strength over that of the sample
+    x: Annotated[float, "x0"]  # how far the sample has moved
+    y: Annotated[float, "x0"]
+    z: Annotated[float, "z0"]
+
+
+class Delivery(Record):
+    """What a fault does to a measurement as a message: 1.0 if it gets lost, so that nobody answers it."""
+
+    lost: float
+
+
+class Truth(Record):
+    """What a plant tells of its state, without noise."""
+
+    position: Annotated[Vector, "m"]  # scanner x, y, z; z is the height of the sample
+    velocity: Annotated[Vector, "m/s"]
+    tip_height: Annotated[float, "m"]  # z_c
+    tip_rate: Annotated[float, "m/s"]
+    friction: Vector  # of the sample on the tip, x and y [N]; z is not used
+    friction_bound: Annotated[float, "N"]  # largest friction possible
+    normal_force: Annotated[float, "N"]
+    contact: float  # 1.0 in contact, 0.0 out of it
+    stuck: float  # 1.0 while the contact does not slide at all
+    deflection_excess: Annotated[float, "m"]  # deflection that the photodiode shows beyond tip_height
+    lateral_excess: Annotated[float, "N"]  # lateral force that it shows beyond friction
+
+
+class Detection(Record):
+    """One sample of the photodetector [V]."""
+
+    deflection_voltage: float
+    lateral_voltage: float

@@ -21,7 +21,7 @@ from annotated_types import Ge, Lt
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Array, Record, Vector
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import PiezoParameters
 from ..parts.part import Channel, Numbers, Piezo, Tree
@@ -57,30 +57,26 @@ class CeramicParameters(PiezoParameters):
     )
 
 
-CONSTANTS = record(
-    "lagging",  # whether the amplifier has a bandwidth
-    "follow",  # 1 - exp(-2 pi bandwidth T)
-    "hysteretic",
-    "linear",  # p of each axis
-    "threshold",  # r_i [V]
-    "weight",  # w_i
-    "creep",  # of a step in a decade
-    "share",  # of each exponential
-    "decay",  # 1 - exp(-T / time constant)
-    "at_once",  # response to a step before any exponential, less 1
-    vectors=("linear",),
-    arrays={"threshold": (PLAYS, 3), "weight": (PLAYS, 3), "decay": (EXPONENTIALS,)},
-)
-STATE = record(
-    "origin",  # drive that holds the start [V]
-    "amplified",  # after the amplifier [V]
-    "play",  # P_i [V]
-    "slow",  # h after each exponential [V]
-    "hysteresis",  # h - u [V]
-    "creep",  # contribution of creep [V]
-    vectors=("origin", "amplified", "hysteresis", "creep"),
-    arrays={"play": (PLAYS, 3), "slow": (EXPONENTIALS, 3)},
-)
+class Constants(Record):
+    lagging: float  # whether the amplifier has a bandwidth
+    follow: float  # 1 - exp(-2 pi bandwidth T)
+    hysteretic: float
+    linear: Vector  # p of each axis
+    threshold: Annotated[Array, (PLAYS, 3), "V"]  # r_i
+    weight: Annotated[Array, (PLAYS, 3)]  # w_i
+    creep: float  # of a step in a decade
+    share: float  # of each exponential
+    decay: Annotated[Array, (EXPONENTIALS,)]  # 1 - exp(-T / time constant)
+    at_once: float  # what of a step is there before any exponential has begun, less 1
+
+
+class State(Record):
+    origin: Annotated[Vector, "V"]  # drive that holds the start
+    amplified: Annotated[Vector, "V"]  # behind the amplifier
+    play: Annotated[Array, (PLAYS, 3), "V"]  # P_i
+    slow: Annotated[Array, (EXPONENTIALS, 3), "V"]  # h behind each exponential
+    hysteresis: Annotated[Vector, "V"]  # h - u
+    creep: Annotated[Vector, "V"]  # what creep adds
 
 
 def _strokes(parameters: Tree) -> dict[str, float]:
@@ -186,8 +182,8 @@ def _channels(what: str) -> tuple[Channel, ...]:
 CERAMIC = Piezo(
     name="ceramic",
     parameters=CeramicParameters,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     check=_check,
     actuate=actuate,

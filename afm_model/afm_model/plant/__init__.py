@@ -2,25 +2,25 @@
 
 from ..core.registry import register
 from .compliant import COMPLIANT
-from .constants import CONSTANTS, plant_constants
+from .constants import Constants, plant_constants
 from .groups import PlantGroup
 from .lever import LEVER
 from .paper import PAPER, Z_COMPUTED, Z_HELD, Z_UNIFORM
-from .state import STATE
+from .state import State
 from .steps import stable_step
 
 register(COMPLIANT, PAPER, LEVER)
 
 __all__ = [
     "COMPLIANT",
-    "CONSTANTS",
     "LEVER",
     "PAPER",
-    "STATE",
     "Z_COMPUTED",
     "Z_HELD",
     "Z_UNIFORM",
+    "Constants",
     "PlantGroup",
+    "State",
     "plant_constants",
     "stable_step",
 ]

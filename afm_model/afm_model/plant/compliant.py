@@ -17,11 +17,11 @@ from ..contact.jkr import INDENTATION_FIXED_GRIPS, effective_radius_ratio, load_
 from ..core.jit import kernel
 from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree
-from .constants import CONSTANTS, observe, plant_constants
+from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest, start_free
 from .lateral import kick_lateral, store_friction
-from .state import STATE
+from .state import State
 from .steps import require_contact_at_rest, require_resolved_step
 
 
@@ -33,11 +33,11 @@ def step(t: float, v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     ----------
     t : float [s]
         At the begin of the step.
-    v : record of ACTUATION
+    v : record of Actuation
         Its drive [V] counts; an excitation does not.
         Held over the step.
     unused : random numbers
-    p, s : records of CONSTANTS and STATE
+    p, s : records of Constants and State
     m : block of the instrument, for the sample
     """
     u_x = p.gain_x * v.voltage[0]
@@ -107,8 +107,8 @@ def _rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float
 COMPLIANT = Plant(
     name="compliant",
     parameters=PlantGroup,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=plant_constants,
     check=_check,
     rest=_rest,

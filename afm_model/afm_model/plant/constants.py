@@ -5,46 +5,46 @@ docs/theory.md (22), (23), and (2), (3), (13) for the contact.
 """
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 from ..contact.jkr import radius_at_zero_load
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..parts.part import Numbers, Tree
 
-CONSTANTS = record(
-    "h",  # integration step [1/w0]
-    "eta_x",  # resonances [w0]
-    "eta_y",
-    "eta_z",
-    "eta_c",
-    "xi_x",  # damping ratios [1]
-    "xi_y",
-    "xi_z",
-    "xi_c",
-    "mu",  # m_p / m_c [1]
-    "w",  # load [m_c w0^2 z0]
-    "a",  # height of the cantilever's rest position [z0]
-    "r",  # tip radius [z0]
-    "L_s",  # |L_s| on a flat sample [m_c w0^2 z0]
-    "delta_0",  # a_0^2 / R on a flat sample [z0]
-    "f_s",  # friction at pull-off on a flat sample [m_p w0^2 x0]
-    "zeta_n",  # damping ratio of the normal contact [1]
-    "gain_x",  # U per volt: a static displacement of one sensitivity
-    "gain_y",
-    "gain_z",
-    "x0",  # [m]
-    "z0",
-    "lateral_speed",  # [m/s]
-    "vertical_speed",
-    "lateral_force",  # [N]
-    "normal_force",
-    "treatment",  # of z, by the paper's plant alone
-)
+
+class Constants(Record):
+    h: Annotated[float, "1/w0"]  # integration step
+    eta_x: Annotated[float, "w0"]  # resonances
+    eta_y: Annotated[float, "w0"]
+    eta_z: Annotated[float, "w0"]
+    eta_c: Annotated[float, "w0"]
+    xi_x: Annotated[float, "1"]  # damping ratios
+    xi_y: Annotated[float, "1"]
+    xi_z: Annotated[float, "1"]
+    xi_c: Annotated[float, "1"]
+    mu: Annotated[float, "1"]  # m_p / m_c
+    w: Annotated[float, "m_c w0^2 z0"]  # load
+    a: Annotated[float, "z0"]  # height of the cantilever's rest position
+    r: Annotated[float, "z0"]  # tip radius
+    L_s: Annotated[float, "m_c w0^2 z0"]  # |L_s| on a flat sample
+    delta_0: Annotated[float, "z0"]  # a_0^2 / R on a flat sample
+    f_s: Annotated[float, "m_p w0^2 x0"]  # friction at pull-off on a flat sample
+    zeta_n: Annotated[float, "1"]  # damping ratio of the normal contact
+    gain_x: float  # U per volt: a static displacement of one sensitivity
+    gain_y: float
+    gain_z: float
+    x0: Annotated[float, "m"]
+    z0: Annotated[float, "m"]
+    lateral_speed: Annotated[float, "m/s"]
+    vertical_speed: Annotated[float, "m/s"]
+    lateral_force: Annotated[float, "N"]
+    normal_force: Annotated[float, "N"]
+    treatment: float  # of z, by the paper's plant alone
 
 
 def plant_constants(parameters: Tree, treatment: int = 0) -> Numbers:
-    """Values of CONSTANTS.
+    """Values of Constants.
 
     Raises
     ------

@@ -17,7 +17,7 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> Voltage:
     Parameters
     ----------
     parameters : InstrumentParameters
-    p, s : records of CONSTANTS and STATE
+    p, s : records of Constants and State
         s is zero, and written.
     m : block of the instrument
 

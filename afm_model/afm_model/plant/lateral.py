@@ -15,7 +15,7 @@ def kick_lateral(s: Any, p: Any, u_x: float, u_y: float, f: float) -> tuple[floa
 
     Parameters
     ----------
-    s : record of STATE
+    s : record of State
         Positions at mid-step, velocities at the start of the step.
     p : record of plant constants
     u_x, u_y : float [w0^2 x0]

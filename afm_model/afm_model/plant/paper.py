@@ -20,11 +20,11 @@ from ..contact.jkr import effective_radius_ratio
 from ..core.jit import kernel
 from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree
-from .constants import CONSTANTS, observe, plant_constants
+from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest
 from .lateral import kick_lateral, store_friction
-from .state import STATE
+from .state import State
 from .statics import place_sample, static_indentation, static_load
 from .steps import require_contact_at_rest, require_resolved_step
 
@@ -40,12 +40,12 @@ def step(t: float, v: Any, r: Any, p: Any, s: Any, m: Any) -> None:
     ----------
     t : float [s]
         At the begin of the step.
-    v : record of ACTUATION
+    v : record of Actuation
         Its drive [V] counts; an excitation does not.
         Held over the step.
     r : pointer
         The drawn f_z [w0^2 z0], used by Z_UNIFORM alone.
-    p, s : records of CONSTANTS and STATE
+    p, s : records of Constants and State
     m : block of the instrument, for the sample
     """
     u_x = p.gain_x * v.voltage[0]
@@ -136,8 +136,8 @@ def _check(parameters: Tree) -> None:
 PAPER = Plant(
     name="paper",
     parameters=PlantGroup,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=_values,
     check=_check,
     draws=1,

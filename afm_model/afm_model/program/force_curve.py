@@ -15,7 +15,6 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from ..core.jit import kernel
-from ..core.records import record
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Program, Tree
@@ -67,7 +66,12 @@ class ForceCurveParameters(ProgramParameters):
         return self
 
 
-STATE = record(*(ordered.STATE.names or ()), "curves")  # that are done
+class Constants(ordered.Constants):
+    count: float  # curves
+
+
+class State(ordered.State):
+    curves: float  # that are done
 
 
 def _first(parameters: Tree) -> Order:
@@ -121,8 +125,8 @@ def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
 FORCE_CURVE = Program(
     name="force_curve",
     parameters=ForceCurveParameters,
-    constants=ordered.constants("count"),
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=lambda parameters: {**ordered.values(parameters), "count": parameters.reference.count},
     start=lambda parameters: {**ordered.start(parameters), "curves": 0.0},
     check=_check,

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import numbers_at, pointer_at, record, record_at, size
+from ..core.records import Array, Record, numbers_at, pointer_at, record_at, size
 from ..core.schema import Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
 from ..parts.signals import OPEN
 from ..parts.timing import ticks_of
-from .orders import CURVE, DEGREES, END, FOLLOW, LINES, PROFILE, RAMP, REST, SAMPLED, STEP, Lines, Order, Sampled
+from .orders import CURVE, DEGREES, END, FOLLOW, LINES, PROFILE, RAMP, REST, SAMPLED, Lines, Order, Sampled, StepRecord
 
-_STEP = size(STEP)
+_STEP = size(StepRecord)
 
 
 class VerbsParameters(ProgramParameters):
@@ -33,58 +33,58 @@ class VerbsParameters(ProgramParameters):
     y: Annotated[float, Unit("m")] = Field(0.0, description="place of the scanner along y at the start")
 
 
-_OF_LINES = ("centre_x", "centre_y", "cos", "sin", "speed", "size", "first", "step", "lines", "image", "turn", "shift")
+class Constants(Record):
+    z_r: float
+    number: float  # of the order, from 1
+    motion: float  # CURVE, LINES or SAMPLED
+    begin: Annotated[float, "s"]  # of the order
+    curve_time: Annotated[float, "s"]  # whole, of a curve
+    last: Annotated[float, "s"]  # time behind which the motion is at its end with this control tick
+    curve_x: Annotated[Array, (DEGREES,), "m"]
+    curve_y: Annotated[Array, (DEGREES,), "m"]
+    centre_x: Annotated[float, "m"]  # of lines: middle, direction
+    centre_y: Annotated[float, "m"]
+    cos: float
+    sin: float
+    speed: Annotated[float, "m/s"]
+    size: Annotated[float, "m"]
+    first: Annotated[float, "m"]  # slow coordinate of the first line
+    step: Annotated[float, "m"]
+    lines: float
+    image: Annotated[float, "s"]
+    turn: Annotated[float, "s"]
+    shift: Annotated[float, "s"]
+    half_sample: Annotated[float, "s"]
+    numbers: int  # address of the order's numbers, see Order.numbers
+    length: int  # how many
+    piece_time: Annotated[float, "s"]  # of a motion SAMPLED: of a piece
+    pieces: int
+    first_piece: int  # where among the numbers
 
 
-def constants(*more: str) -> np.dtype[Any]:
-    """The record of constants; with `more` fields of another program that does orders."""
-    return record(
-        "z_r",
-        "number",  # of the order, from 1
-        "motion",  # CURVE, LINES or SAMPLED
-        "begin",  # of the order [s]
-        "curve_time",  # whole, of a curve [s]
-        "last",  # time behind which the motion is at its end with this control tick [s]
-        "curve_x",
-        "curve_y",
-        *_OF_LINES,  # speed [m/s]; image, turn, shift [s]
-        "half_sample",  # [s]
-        "numbers",  # address of the order's numbers, see Order.numbers
-        "length",  # how many
-        "piece_time",  # of a motion SAMPLED: of a piece [s]
-        "pieces",
-        "first_piece",  # where among the numbers
-        *more,
-        arrays=dict.fromkeys(("curve_x", "curve_y"), (DEGREES,)),
-        integers=("numbers", "length", "pieces", "first_piece"),
-    )
-
-
-CONSTANTS = constants()
-STATE = record(
-    "number",  # of the order in force
-    "done",  # 1.0: it is
-    "at",  # step of the table; END: none
-    "since",  # when it began [s]
-    "mode",  # of z
-    "offset",  # of z [m]
-    "origin",  # the same when the step began [m]
-    "sum",  # of the deflection in the last REST [V]
-    "samples",
-    "fired",  # 1.0 if the last step with a trigger has ended by it
-)
+class State(Record):
+    number: float  # of the order in force
+    done: float  # 1.0: it is
+    at: float  # step of the table; END: none
+    since: Annotated[float, "s"]  # when it began
+    mode: float  # of z
+    offset: Annotated[float, "m"]  # of z
+    origin: Annotated[float, "m"]  # the same when the step began
+    sum: Annotated[float, "V"]  # of the deflection in the last REST
+    samples: float
+    fired: float  # 1.0 if the last step with a trigger has ended by it
 
 
 def values(parameters: Tree) -> Numbers:
     program = parameters.reference
-    zeros: dict[str, Any] = {name: 0.0 for name in CONSTANTS.names or ()}
+    zeros: dict[str, Any] = {name: 0.0 for name in Constants.names}
     x, y = (((place,) + (0.0,) * (DEGREES - 1)) for place in (program.x, program.y))
     half = 0.5 * parameters.detector.sample_period
     return zeros | {"z_r": program.z_r, "curve_time": 1.0, "curve_x": x, "curve_y": y, "half_sample": half}
 
 
 def start(parameters: Tree) -> Numbers:
-    zeros = {name: 0.0 for name in STATE.names or ()}
+    zeros = {name: 0.0 for name in State.names}
     return zeros | {"done": 1.0, "at": END, "mode": OPEN}
 
 
@@ -191,7 +191,7 @@ def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
     """See `afm_model.parts.Program`. A step is left at most once in a sample."""
     if s.at >= 0.0:
         numbers = numbers_at(p.numbers, p.length)
-        step = record_at(numbers, int(s.at) * _STEP, STEP)
+        step = record_at(numbers, int(s.at) * _STEP, StepRecord)
         kind, after, fired = step.kind, t - s.since + p.half_sample, False
         if kind == RAMP:
             s.mode = OPEN
@@ -217,7 +217,7 @@ def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
                 s.fired = 1.0 if fired else 0.0
             s.at = step.triggered if fired else step.then
             s.since, s.origin = t, s.offset
-            if s.at >= 0.0 and record_at(numbers, int(s.at) * _STEP, STEP).kind == REST:
+            if s.at >= 0.0 and record_at(numbers, int(s.at) * _STEP, StepRecord).kind == REST:
                 s.sum = s.samples = 0.0
     s.done = 1.0 if s.at < 0.0 and t > p.last else 0.0
     r.z_mode, r.z_offset = s.mode, s.offset
@@ -262,8 +262,8 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
 VERBS = Program(
     name="verbs",
     parameters=VerbsParameters,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=values,
     start=start,
     check=_check,

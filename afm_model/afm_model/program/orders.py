@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from ..core.records import record, size
+from ..core.records import Record, size
 
 DEGREES = 6
 """Coefficients of a polynomial."""
@@ -42,8 +42,19 @@ class Step(NamedTuple):
     period: float = 1.0  # of PROFILE: from one to the next [s]
 
 
-STEP = record(*(name for name in Step._fields if name != "profile"), "begin", "count")
-"""A step in an order's numbers; `begin` and `count` say where among them its profile is."""
+class StepRecord(Record):
+    """A step in an order's numbers; `begin` and `count` say where among them its profile is."""
+
+    kind: float
+    duration: float
+    target: float
+    rate: float
+    trigger: float
+    then: float
+    triggered: float
+    period: float
+    begin: float
+    count: float
 
 
 @dataclass(frozen=True)
@@ -113,10 +124,10 @@ class Order:
     """Beginning with the first; none: z stays as it is."""
 
     def numbers(self) -> NDArray[np.float64]:
-        """What a kernel reads of it beside the block: its steps (STEP), their profiles, the pieces of its motion."""
-        rows = np.zeros(len(self.steps), STEP)
+        """What a kernel reads beside the block: steps (StepRecord), their profiles, the pieces of the motion."""
+        rows = np.zeros(len(self.steps), StepRecord)
         profiles = [np.asarray(step.profile, np.float64) for step in self.steps]
-        begin = len(self.steps) * size(STEP)
+        begin = len(self.steps) * size(StepRecord)
         for row, step, profile in zip(rows, self.steps, profiles, strict=True):
             for name, value in zip(Step._fields, step, strict=True):
                 if name != "profile":

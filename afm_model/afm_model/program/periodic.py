@@ -7,7 +7,7 @@ from annotated_types import Gt, Lt
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Numbers, Program, Tree
@@ -51,13 +51,20 @@ class Reference(ProgramParameters):
         )
 
 
-CONSTANTS = record("shape_x", "shape_y", "amplitude_x", "amplitude_y", "omega_x", "omega_y", "z_r")
+class Constants(Record):
+    shape_x: float
+    shape_y: float
+    amplitude_x: float
+    amplitude_y: float
+    omega_x: float
+    omega_y: float
+    z_r: float
 
 
 def _values(parameters: Tree) -> Numbers:
     reference = parameters.reference
     shapes = {"shape_x": SHAPES[reference.shape_x], "shape_y": SHAPES[reference.shape_y]}
-    return shapes | {name: getattr(reference, name) for name in CONSTANTS.names or () if name not in shapes}
+    return shapes | {name: getattr(reference, name) for name in Constants.names if name not in shapes}
 
 
 @kernel
@@ -96,4 +103,4 @@ def reference(t: float, r: Any, p: Any) -> None:
     r.acceleration[2] = 0.0
 
 
-PERIODIC = Program(name="periodic", parameters=Reference, constants=CONSTANTS, values=_values, reference=reference)
+PERIODIC = Program(name="periodic", parameters=Reference, constants=Constants, values=_values, reference=reference)

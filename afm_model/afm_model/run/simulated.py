@@ -30,7 +30,7 @@ class Law(Protocol):
     """Anything that answers measurements."""
 
     def answer(self, measurement: _Array, /) -> Any:
-        """Drive [V], (3,), or Command, for a measurement in the order of `afm_model.parts.signals.MEASUREMENT`."""
+        """Drive [V], (3,), or Command, for a measurement in the order of `afm_model.parts.signals.Measurement`."""
         ...
 
 

@@ -43,8 +43,8 @@ class Simulation:
 
     parameters: SimParameters
     time: _Array  # (n,) simulated time of the ticks [s]
-    measurements: NDArray[Any]  # (n,) records of afm_model.parts.signals.MEASUREMENT
-    truth: NDArray[Any]  # (n,) records of afm_model.parts.signals.TRUTH: what no sensor sees, at the ticks
+    measurements: NDArray[Any]  # (n,) records of afm_model.parts.signals.Measurement
+    truth: NDArray[Any]  # (n,) records of afm_model.parts.signals.Truth: what no sensor sees, at the ticks
     drive: _Array  # (n, 3) applied from each tick on [V]
     time_samples: _Array  # (m,) [s]
     samples: _Array  # (channels, m)

@@ -12,7 +12,7 @@ from annotated_types import Gt, Le
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
@@ -31,20 +31,19 @@ class Grating(SampleParameters):
     edge_radius: Annotated[Positive, Unit("m")] = Field(20e-9, description="radius of the rounded edges")
 
 
-CONSTANTS = record(
-    "pitch",
-    "foot",  # start of the slope, after the inner arc; [m] from the middle, as all places here
-    "foot_flat",  # where the inner arc begins
-    "head",  # where the outer arc begins
-    "head_flat",  # where it ends
-    "slope",
-    "step",
-    "inner",  # radii of the arcs [m]
-    "outer",
-    "bend",  # mean curvature of the edges [1/m]
-    "x0",
-    "z0",
-)
+class Constants(Record):
+    pitch: float
+    foot: float  # where the slope begins, behind the inner arc; [m] from the middle, as all places here
+    foot_flat: float  # where the inner arc begins
+    head: float  # where the outer arc begins
+    head_flat: float  # where it ends
+    slope: float
+    step: float
+    inner: Annotated[float, "m"]  # radii of the arcs
+    outer: Annotated[float, "m"]
+    bend: Annotated[float, "1/m"]  # mean curvature of the edges
+    x0: Annotated[float, "1/m"]
+    z0: Annotated[float, "1/m"]
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -127,7 +126,7 @@ def _curvature(parameters: Tree) -> float:
 GRATING = Sample(
     name="grating",
     parameters=Grating,
-    constants=CONSTANTS,
+    constants=Constants,
     values=_values,
     check=_check,
     height=lambda parameters: 0.5 * parameters.sample.step,

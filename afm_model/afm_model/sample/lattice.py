@@ -12,7 +12,7 @@ from pydantic import Field
 
 from ..core import registry
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..core.schema import NonNegative, Positive, Unit
 from ..core.sincos import sincos
 from ..parts.groups import SampleParameters
@@ -49,7 +49,15 @@ class Lattice(SampleParameters):
         return self.barrier or self.peak_force * self.constant / math.pi
 
 
-CONSTANTS = record("kind", "q", "cos", "sin", "energy", "height", "x0", "z0", integers=("kind",))
+class Constants(Record):
+    kind: int
+    q: float
+    cos: float
+    sin: float
+    energy: float
+    height: float
+    x0: float
+    z0: float
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -158,7 +166,7 @@ def _corrugation(parameters: Tree) -> Corrugation:
 LATTICE = Sample(
     name="lattice",
     parameters=Lattice,
-    constants=CONSTANTS,
+    constants=Constants,
     values=_values,
     check=_check,
     height=lambda parameters: 0.5 * parameters.sample.height,

@@ -6,13 +6,13 @@ over it; or it is refused, with the place.
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..parts.groups import SampleParameters
 from ..parts.part import Sample, Tree
 
@@ -22,19 +22,18 @@ FINER = 3
 LEAST_RADIUS, LARGEST_RADIUS = 0.25, 4.0
 """Bounds of R_e / R on a dilated map: in a kink the tip touches at two places, which is no contact of one radius."""
 
-CONSTANTS = record(
-    "columns",
-    "rows",
-    "pitch_x",  # [m]
-    "pitch_y",
-    "wrap",  # 1.0: the map is repeated; 0.0: mirrored at its borders
-    "materials",  # 1.0: strengths and adhesions follow the heights
-    "dilated",
-    "R",  # radius of the tip [m]
-    "x0",
-    "z0",
-    integers=("columns", "rows"),
-)
+
+class Constants(Record):
+    columns: int
+    rows: int
+    pitch_x: Annotated[float, "m"]
+    pitch_y: Annotated[float, "m"]
+    wrap: float  # 1.0: the map is repeated; 0.0: mirrored at its borders
+    materials: float  # 1.0: strengths and adhesions follow the heights
+    dilated: float
+    R: Annotated[float, "m"]  # radius of the tip
+    x0: Annotated[float, "m"]
+    z0: Annotated[float, "m"]
 
 
 class Scales(NamedTuple):
@@ -245,7 +244,7 @@ def map_sample(
     return Sample(
         name=name,
         parameters=parameters,
-        constants=CONSTANTS,
+        constants=Constants,
         values=lambda parameters: of(parameters).constants,
         check=check,
         map=lambda parameters: of(parameters).numbers,

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..core.schema import NonNegative, Unit
 from ..core.sincos import sincos
 from ..parts.groups import SampleParameters
@@ -23,7 +23,10 @@ class PaperSample(SampleParameters):
     k_y: Annotated[NonNegative, Unit("rad/m")] = Field(2e9, description="wave number along y")
 
 
-CONSTANTS = record("beta", "k_x", "k_y")
+class Constants(Record):
+    beta: float
+    k_x: float
+    k_y: float
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -58,7 +61,7 @@ def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
 PAPER = Sample(
     name="paper",
     parameters=PaperSample,
-    constants=CONSTANTS,
+    constants=Constants,
     values=_values,
     height=lambda parameters: abs(parameters.sample.beta),
     curvature=_curvature,

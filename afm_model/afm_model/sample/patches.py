@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
@@ -24,7 +24,11 @@ class Patches(SampleParameters):
     )
 
 
-CONSTANTS = record("width", "squares", "strength", "adhesion")
+class Constants(Record):
+    width: float
+    squares: float
+    strength: float
+    adhesion: float
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -53,7 +57,7 @@ def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
 PATCHES = Sample(
     name="patches",
     parameters=Patches,
-    constants=CONSTANTS,
+    constants=Constants,
     values=_values,
     contrast=lambda parameters: (min(1.0, parameters.sample.adhesion**2), max(1.0, parameters.sample.adhesion**2)),
     surface=surface,

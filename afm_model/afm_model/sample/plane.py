@@ -7,7 +7,7 @@ from annotated_types import Gt, Lt
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import record
+from ..core.records import Record
 from ..core.schema import Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
@@ -22,7 +22,9 @@ class Plane(SampleParameters):
     angle_y: Angle = Field(0.0, description="angle of the plane along y")
 
 
-CONSTANTS = record("slope_x", "slope_y")
+class Constants(Record):
+    slope_x: float
+    slope_y: float
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -41,4 +43,4 @@ def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
     h.strength = 1.0
 
 
-PLANE = Sample(name="plane", parameters=Plane, constants=CONSTANTS, values=_values, surface=surface)
+PLANE = Sample(name="plane", parameters=Plane, constants=Constants, values=_values, surface=surface)

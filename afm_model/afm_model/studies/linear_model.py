@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from ..contact.friction import bound_of_load
 from ..contact.jkr import stiffness_of_u, u_of_load
 from ..core.jit import plain
-from ..core.records import place, record_at, size
+from ..core.records import Record, place, record_at, size
 from ..core.registry import find
 from ..instrument import Instrument
 from ..instrument.controller import Controller, answer
 from ..parameters import SimParameters, Value, changed, flatten
-from ..parts.signals import COMMAND, MEASUREMENT
+from ..parts.signals import Measurement, PiezoDrive
 from ..plant.constants import plant_constants
 
 _Array = NDArray[np.float64]
@@ -82,10 +82,10 @@ def plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, _
 
 def sensors(sim: SimParameters) -> _Array:
     """Measurement [SI] from the plant's states and the drive in force [V]."""
-    C = np.zeros((size(MEASUREMENT), STATES + 3))
+    C = np.zeros((size(Measurement), STATES + 3))
     x0, z0, w0 = sim.scales.x0, sim.scales.z0, sim.scales.w0
     for column in range(STATES + 3):
-        y = record_at(C[:, column].copy(), 0, MEASUREMENT)
+        y = record_at(C[:, column].copy(), 0, Measurement)
         axis = min(column // 2, 2)
         length = z0 if axis == 2 else x0
         if column < 6:
@@ -107,7 +107,7 @@ def measurement_at_rest(sim: SimParameters) -> _Array:
     quiet: dict[str, Value] = dict.fromkeys(_NOISES & flatten(sim).keys(), 0.0)
     instrument = Instrument(changed(sim, quiet | {"fault.kind": "none"}), 1, hashed=False)
     y = instrument.measurement.copy()
-    record = record_at(y, 0, MEASUREMENT)
+    record = record_at(y, 0, Measurement)
     record.velocity[:] = record.reference_velocity[:] = record.reference_acceleration[:] = 0.0
     record.drive_sequence = record.newest_drive_sequence = 0
     record.deflection_rate = record.lateral_force = record.lateral_voltage = 0.0
@@ -120,10 +120,10 @@ class LinearError(ValueError):
 
 
 def _ask(law: Controller, y: _Array) -> _Array:
-    command = np.zeros(size(COMMAND))
+    command = np.zeros(size(PiezoDrive))
     answer(law.block, 0.0, y, command)
     law.raise_errors()
-    return command[place(COMMAND, "voltage") :][:3]
+    return command[place(PiezoDrive, "voltage") :][:3]
 
 
 def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Array:
@@ -136,10 +136,10 @@ def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Arra
     period = sim.plant.control_period if sampled else min(sim.plant.control_period, sim.plant.dt)
     delay = sim.plant.delay_ticks if sampled else 0
     A, B, load = plant_matrices(sim, period)
-    force = record_at(y := at_rest.copy(), 0, MEASUREMENT)
+    force = record_at(y := at_rest.copy(), 0, Measurement)
     force.lateral_force = nominal_friction(sim)[0] * sim.units.lateral_force
     force.lateral_voltage = force.lateral_force / sim.detector.lateral_sensitivity
-    start = record_at(at_rest, 0, MEASUREMENT).drive.copy()
+    start = record_at(at_rest, 0, Measurement).drive.copy()
     flight = [start] * (delay + 1)
     x, last = np.zeros(STATES + 3), np.zeros(STATES)
     law.reset()
@@ -179,12 +179,9 @@ def law_scales(law: Controller, sliding: _Array, C: _Array) -> tuple[_Array, _Ar
 
 def _integers(law: Controller) -> NDArray[np.bool_]:
     """Which numbers of the law's state are whole numbers: those are not changed by a little."""
-    dtype: Any = find("law", law.parameters.law.kind).state
-    flags = np.zeros(size(dtype), bool)
-    for name in dtype.names or ():
-        kind, offset = dtype.fields[name][:2]
-        flags[offset // 8 : (offset + kind.itemsize) // 8] = kind.base.kind == "i"
-    return flags
+    state: type[Record] = find("law", law.parameters.law.kind).state
+    flags = [np.full(shape, kind is np.int64).ravel() for kind, shape, _ in state.fields.values()]
+    return np.concatenate([np.zeros(0, bool), *flags])
 
 
 def jacobian(law: Controller, sliding: _Array, states: _Array, inputs: _Array) -> tuple[_Array, _Array]:

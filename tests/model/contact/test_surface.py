@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afm_model.contact.jkr import effective_radius_ratio
-from afm_model.parts.signals import SURFACE
+from afm_model.parts.signals import Surface
 from afm_model.sample import paper
 
 from ..tables import record_of
@@ -18,8 +18,8 @@ places = st.floats(-300.0, 300.0)
 
 def surface(X: float, Y: float) -> object:
     """The test sample at a place."""
-    h = record_of(SURFACE)
-    paper.surface(X, Y, h, record_of(paper.CONSTANTS, beta=BETA, k_x=KX, k_y=KY), 0)
+    h = record_of(Surface)
+    paper.surface(X, Y, h, record_of(paper.Constants, beta=BETA, k_x=KX, k_y=KY), 0)
     return h
 
 

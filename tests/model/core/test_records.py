@@ -3,19 +3,26 @@
 import numpy as np
 
 from afm_model.core.jit import kernel
-from afm_model.core.records import numbers_at, record, record_at, size
+from afm_model.core.records import Record, numbers_at, record_at, size
 
-CURVE = record("address", "count", integers=("address", "count"))
-POINT = record("x", "y")
+
+class Curve(Record):
+    address: int
+    count: int
+
+
+class Point(Record):
+    x: float
+    y: float
 
 
 @kernel
 def _sum(block, out):
-    c = record_at(block, 0, CURVE)
+    c = record_at(block, 0, Curve)
     numbers = numbers_at(c.address, 2 * c.count)
     out[0] = 0.0
     for i in range(c.count):
-        point = record_at(numbers, 2 * i, POINT)
+        point = record_at(numbers, 2 * i, Point)
         out[0] += point.x * point.y
         numbers[2 * i] = -1.0
 
@@ -25,9 +32,9 @@ def test_kernel_reads_and_writes_an_array_of_any_length_by_its_address():
         for count in (1, 7, 1000):
             curve = np.arange(2.0 * count)
             expected = float(curve[0::2] @ curve[1::2])
-            block, out = np.zeros(size(CURVE)), np.zeros(1)
-            record_at(block, 0, CURVE).address = curve.ctypes.data
-            record_at(block, 0, CURVE).count = count
+            block, out = np.zeros(size(Curve)), np.zeros(1)
+            record_at(block, 0, Curve).address = curve.ctypes.data
+            record_at(block, 0, Curve).count = count
             called(block, out)
             assert out[0] == expected
             assert (curve[0::2] == -1.0).all()

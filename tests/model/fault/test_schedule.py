@@ -22,7 +22,7 @@ from afm_model.fault.chance import normal, uniform
 from afm_model.fault.entry import KINDS, SENSORS, Entry, problem
 from afm_model.instrument import faults as faults_of_instrument
 from afm_model.parameters.simulator_parameters import SimParameters as Parameters
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 from afm_model.run import Replay, recorded_parameters
 
 PERIOD = 2e-6
@@ -122,7 +122,7 @@ class Push:
     def answer(self, measurement: np.ndarray) -> np.ndarray:
         self.count += 1
         if self.count == 1:
-            self.start = measurement.view(MEASUREMENT)[0].drive.copy()
+            self.start = measurement.view(Measurement)[0].drive.copy()
         drive = self.start.copy()
         drive[:2] = self.push * self.count
         return drive

@@ -9,7 +9,7 @@ from afm_model import DivergenceError, DriveError, Instrument
 from afm_model.core.records import size
 from afm_model.instrument.tick import DRAW_TICKS
 from afm_model.parameters import Value
-from afm_model.parts.header import LAW_HEADER
+from afm_model.parts.header import LawHeader
 
 from .. import session
 from ..tables import numbers
@@ -92,7 +92,7 @@ def test_skipped_blocks_still_count_in_the_hash():
 def test_compiled_loop_ends_with_the_sentence_and_at_the_tick_of_the_loop_tick_by_tick(error):
     law = session.controller({})
     # No parameter makes our law answer so: spoil its constants.
-    law.block[size(LAW_HEADER) :] *= np.nan if error is DriveError else -1e3
+    law.block[size(LawHeader) :] *= np.nan if error is DriveError else -1e3
     ends = []
     for step in (
         lambda scope: scope.tick(law.answer(scope.measurement)),

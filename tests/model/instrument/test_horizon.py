@@ -9,7 +9,7 @@ import pytest
 from pydantic import Field
 
 from afm_model import Command, Controller, DriveError, Instrument, InstrumentParameters, ParameterError, build
-from afm_model.parts import Law, LawParameters, kernel, record
+from afm_model.parts import Law, LawParameters, Record, kernel
 from afm_model.run import Replay
 
 from .. import session
@@ -132,7 +132,13 @@ class Ahead(LawParameters):
     period: float = Field(DAC, description="horizon_period [s]")
 
 
-CONSTANTS, STATE = record("count", "period", integers=("count",)), record("ticks")
+class Constants(Record):
+    count: int
+    period: float
+
+
+class State(Record):
+    ticks: float
 
 
 @kernel
@@ -152,8 +158,8 @@ def control(t, y, u, p, s):
 AHEAD = Law(
     name="ahead",
     parameters=Ahead,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=lambda parameters: {"count": parameters.law.count, "period": parameters.law.period},
     control=control,
 )

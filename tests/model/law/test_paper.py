@@ -12,7 +12,7 @@ from afm_model import Controller, ControllerParameters, DivergenceError, SimPara
 from afm_model.core import registry
 from afm_model.core.records import size
 from afm_model.law.paper import SGN, TANH, switching
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 
 from ..tables import array_of, record_of
 
@@ -53,7 +53,7 @@ def equation_6(p: ControllerParameters, y: Any) -> np.ndarray:
 
 def answer(law: dict[str, object], **measured: object) -> np.ndarray:
     """Drive [V] that a law with these parameters answers to a measurement with these fields, zero in all others."""
-    return Controller(build(ControllerParameters, law)).answer(array_of(record_of(MEASUREMENT, **measured)))
+    return Controller(build(ControllerParameters, law)).answer(array_of(record_of(Measurement, **measured)))
 
 
 parameters = st.fixed_dictionaries(
@@ -75,11 +75,11 @@ parameters = st.fixed_dictionaries(
 ones = st.floats(-1.0, 1.0)
 
 
-@given(parameters, st.lists(ones, min_size=size(MEASUREMENT), max_size=size(MEASUREMENT)))
+@given(parameters, st.lists(ones, min_size=size(Measurement), max_size=size(Measurement)))
 def test_answer_is_equation_6(values, numbers):
     # Positions of 20 x0 and a tenth of z0, with the rates that the scales give them.
     measurement = np.array(numbers)
-    y = measurement.view(MEASUREMENT)[0]
+    y = measurement.view(Measurement)[0]
     y.deflection *= 0.1 * Z0
     y.deflection_rate *= 0.1 * Z0 * W0
     for name, unit in (
@@ -141,7 +141,7 @@ def test_tanh_becomes_sgn_as_it_steepens():
 
 
 def test_new_parameters_hold_from_the_next_answer_on():
-    y = array_of(record_of(MEASUREMENT, position=(X0, 0.0, 0.0)))
+    y = array_of(record_of(Measurement, position=(X0, 0.0, 0.0)))
     law = Controller(ControllerParameters())
     before = law.answer(y).copy()
     law.parameters = build(ControllerParameters, {"law.M_x": 5.0})
@@ -152,7 +152,7 @@ def test_new_parameters_hold_from_the_next_answer_on():
 
 
 def test_answer_does_not_change_the_measurement(rng):
-    y = rng.normal(size=size(MEASUREMENT)) * 1e-9
+    y = rng.normal(size=size(Measurement)) * 1e-9
     kept = y.copy()
     Controller(ControllerParameters()).answer(y)
     np.testing.assert_array_equal(y, kept)

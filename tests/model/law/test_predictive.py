@@ -19,7 +19,7 @@ from afm_model import (
 )
 from afm_model.core import registry
 from afm_model.core.records import record_at
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 from afm_model.run import Latency, simulate_realtime
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
@@ -175,7 +175,7 @@ def test_a_reserve_bridges_a_controller_that_stands_still_for_20_ms(delay):
         length.append(len(drive.horizon))
         if not 600 <= tick < 680:
             held = drive, tick
-        y = record_at(instrument.measurement, 0, MEASUREMENT)
+        y = record_at(instrument.measurement, 0, Measurement)
         if tick > 450:
             worst = max(worst, *(abs(y.position - y.reference_position)[:2] / 5e-9 * 100.0))
     assert worst < 0.2

@@ -10,10 +10,10 @@ from afm_model.law.predictive import PREDICTIVE
 from afm_model.law.predictive.asked import continue_reference, take_reference
 from afm_model.law.predictive.map import NODES, read_map, write_map
 from afm_model.law.predictive.nominal_plant import beyond
-from afm_model.law.predictive.predictive_constants import CONSTANTS, values
-from afm_model.law.predictive.predictive_state import STATE, start
+from afm_model.law.predictive.predictive_constants import Constants, values
+from afm_model.law.predictive.predictive_state import State, start
 from afm_model.law.predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 
 from ..tables import record_of
 
@@ -23,7 +23,7 @@ X0, W0 = 2.5e-10, 1e4
 def records(**law):
     """Constants and state of the law."""
     parameters = build(ControllerParameters, {"law.kind": "predictive", **{f"law.{k}": v for k, v in law.items()}})
-    return record_of(CONSTANTS, **values(parameters)), record_of(STATE, **start(parameters))
+    return record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
 
 
 SINE = (
@@ -42,7 +42,7 @@ def test_a_sine_a_parabola_and_a_line_are_continued_as_they_go_on(course):
     for k in range(4):
         t = 2.0 * k
         y = record_of(
-            MEASUREMENT,
+            Measurement,
             reference_position=(X0 * position(t), 0.0, 0.0),
             reference_velocity=(X0 * W0 * rate(t), 0.0, 0.0),
             reference_acceleration=(X0 * W0**2 * acceleration(t), 0.0, 0.0),

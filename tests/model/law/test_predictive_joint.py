@@ -19,8 +19,8 @@ from afm_model.law.predictive.joint import (
 )
 from afm_model.law.predictive.kalman import weigh
 from afm_model.law.predictive.nominal_plant import look, nominal_bound
-from afm_model.law.predictive.predictive_constants import CONSTANTS, values
-from afm_model.law.predictive.predictive_state import STATE, start
+from afm_model.law.predictive.predictive_constants import Constants, values
+from afm_model.law.predictive.predictive_state import State, start
 from afm_model.law.predictive.sample_estimate import VALUE
 
 from ..tables import record_of
@@ -30,7 +30,7 @@ def records():
     """Constants and state of the law at 1 ms, the tip slipping along x."""
     told = {"law.kind": "predictive", "law.period": 1e-3, "law.packet": 20, "law.surface": "known"}
     parameters = build(ControllerParameters, told)
-    p, s = record_of(CONSTANTS, **values(parameters)), record_of(STATE, **start(parameters))
+    p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
     s.V_X, s.v[0] = 0.1, 0.1
     s.weights[RATIO] = 1.0
     return p, s

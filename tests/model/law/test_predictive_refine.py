@@ -8,8 +8,8 @@ import pytest
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive.asked import ask
 from afm_model.law.predictive.decide import decide, left_by, refine
-from afm_model.law.predictive.predictive_constants import CONSTANTS, values
-from afm_model.law.predictive.predictive_state import STATE, start
+from afm_model.law.predictive.predictive_constants import Constants, values
+from afm_model.law.predictive.predictive_state import State, start
 
 from ..tables import record_of
 
@@ -20,7 +20,7 @@ def decided(rng, **law):
     """Constants, and a state with the drive of least squares, somewhere on a sine of 20 x0 with its scanner near it."""
     told = {"law.kind": "predictive", "law.period": 1e-3, "law.surface": "known", "law.friction": "nominal"}
     parameters = build(ControllerParameters, told | {f"law.{name}": value for name, value in law.items()})
-    p, s = record_of(CONSTANTS, **values(parameters)), record_of(STATE, **start(parameters))
+    p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
     w, phase = 0.005, rng.uniform(0.0, 2.0 * math.pi)
     for axis in range(2):
         s.p[axis], s.v[axis] = 20.0 * math.sin(phase), 20.0 * w * math.cos(phase)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, build
-from afm_model.law.predictive.predictive_constants import CONSTANTS, values
-from afm_model.law.predictive.predictive_state import STATE, start
+from afm_model.law.predictive.predictive_constants import Constants, values
+from afm_model.law.predictive.predictive_state import State, start
 from afm_model.law.predictive.together import AT_X, AT_Y, RATIO, SPEED, begin_together, carry, take
 
 from ..tables import record_of
@@ -21,7 +21,7 @@ def records(**law):
     """Constants and state of the law that is told nothing but positions, deflection and lateral force."""
     told = {"law.kind": "predictive", "law.feedback": "measured", "law.period": 2e-4}
     made = build(ControllerParameters, told | {f"law.{k}": v for k, v in law.items()})
-    p, s = record_of(CONSTANTS, **values(made)), record_of(STATE, **start(made))
+    p, s = record_of(Constants, **values(made)), record_of(State, **start(made))
     begin_together(p, s)
     return p, s
 

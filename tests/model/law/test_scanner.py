@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
 from afm_model.law import SampledLaw, scanner
 from afm_model.law.scanner import follow_flight, free_axis, place_poles, predict, scanner_values, send
-from afm_model.parts import Law, kernel, record
+from afm_model.parts import Law, Vector, kernel
 
 ETA, XI = 0.42, 0.0366
 
@@ -40,7 +40,9 @@ class ProbeParameters(SampledLaw):
     """No parameters but period and delay."""
 
 
-STATE = record(*scanner.STATE_FIELDS, "ahead", "rate_ahead", vectors=(*scanner.STATE_VECTORS, "ahead", "rate_ahead"))
+class State(scanner.ScannerState):
+    ahead: Vector
+    rate_ahead: Vector
 
 
 @kernel
@@ -58,8 +60,8 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
 PROBE = Law(
     name="probe",
     parameters=ProbeParameters,
-    constants=record(*scanner.FIELDS, vectors=scanner.VECTORS),
-    state=STATE,
+    constants=scanner.ScannerConstants,
+    state=State,
     values=scanner_values,
     control=control,
 )

@@ -26,7 +26,7 @@ from afm_model import (
 from afm_model.core import registry
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
-LIMIT = 60
+LIMIT = 75
 """Lines that an own part may take."""
 SHORT = {"run.duration": 2e-3, "score.start": 0.0}
 IN_PYTHON = """

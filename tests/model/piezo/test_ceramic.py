@@ -9,7 +9,7 @@ import pytest
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.core.records import record_at, size
-from afm_model.parts.signals import DRIVE
+from afm_model.parts.signals import Drive
 from afm_model.piezo import CERAMIC
 
 OPENING, STROKE, SENSITIVITY = 0.12, 90e-6, 500e-9
@@ -33,7 +33,7 @@ class Ceramic:
             self.p[name] = value
         self.s = record_at(np.zeros(size(CERAMIC.state)), 0, CERAMIC.state)
         CERAMIC.begin(parameters, self.s, (start, 0.0, 0.0))
-        self.u, self.v = (record_at(np.zeros(3), 0, DRIVE) for _ in range(2))
+        self.u, self.v = (record_at(np.zeros(3), 0, Drive) for _ in range(2))
 
     def __call__(self, drive: np.ndarray) -> np.ndarray:
         out = np.empty(len(drive))

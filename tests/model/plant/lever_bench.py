@@ -8,9 +8,9 @@ from afm_model import InstrumentParameters, build
 from afm_model.core.jit import kernel
 from afm_model.core.records import pointer_at, record_at
 from afm_model.instrument.block import Layout
-from afm_model.parts.header import HEADER
-from afm_model.parts.signals import ACTUATION
-from afm_model.plant.lever import CONSTANTS, LEVER, STATE
+from afm_model.parts.header import BlockHeader
+from afm_model.parts.signals import Actuation
+from afm_model.plant.lever import LEVER, Constants, State
 from afm_model.plant.lever.lever_step import step as lever_step
 
 BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
@@ -18,9 +18,9 @@ BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
 
 @kernel
 def _advance(m: np.ndarray, u: np.ndarray, states: np.ndarray) -> None:
-    g = record_at(m, 0, HEADER)
-    p, s = record_at(m, g.plant_constants, CONSTANTS), record_at(m, g.plant_state, STATE)
-    v = record_at(m, g.effective, ACTUATION)
+    g = record_at(m, 0, BlockHeader)
+    p, s = record_at(m, g.plant_constants, Constants), record_at(m, g.plant_state, State)
+    v = record_at(m, g.effective, Actuation)
     for i in range(len(u)):
         for axis in range(3):
             v.voltage[axis] = u[i, axis]
@@ -53,7 +53,7 @@ class LeverBench:
         """States (n,) as records, of n steps under drives moved from the held one by (n, 3) metres of the scanner."""
         states = np.empty((len(moved), len(self.numbers)))
         _advance(self.block, self.held + moved / np.array(self.p.metres), states)
-        return states.view(STATE)[:, 0].view(np.recarray)
+        return states.view(State)[:, 0].view(np.recarray)
 
     def stay(self, n: int) -> Any:
         """The same with the drive held."""

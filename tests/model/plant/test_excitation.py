@@ -7,13 +7,20 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument, ParameterError, build
+from afm_model.core.records import size
 from afm_model.parameters import InstrumentParameters
-from afm_model.parts import Onboard, OnboardParameters, kernel, record
+from afm_model.parts import Onboard, OnboardParameters, Record, kernel
 from afm_model.plant import beam
 
-SHAKE = record("amplitude", "angular_frequency", "phase", "until")
 AMPLITUDE, PHASE, Q = 1e-11, 0.7, 30.0
 FREE = {"plant.kind": "lever", "sample.kind": "flat", "plant.gap": 1e-6, "plant.Q": Q, "plant.control_period": 1e-5}
+
+
+class Shake(Record):
+    amplitude: float
+    angular_frequency: float
+    phase: float
+    until: float
 
 
 class Shaker(OnboardParameters):
@@ -36,7 +43,7 @@ def _shake(t, d, r, u, p, s):
     u.angular_frequency, u.phase, u.since = p.angular_frequency, p.phase, 0.0
 
 
-SHAKER = Onboard(name="shaker", parameters=Shaker, constants=SHAKE, values=_values, regulate=_shake, excites=True)
+SHAKER = Onboard(name="shaker", parameters=Shaker, constants=Shake, values=_values, regulate=_shake, excites=True)
 
 
 def motion(ticks: int, **values: Any) -> tuple[Instrument, Any]:
@@ -48,7 +55,7 @@ def motion(ticks: int, **values: Any) -> tuple[Instrument, Any]:
         scope.tick(drive)
     states = scope.take_block().states
     plant = scope._layout.parts["plant"].part
-    return scope, np.ascontiguousarray(states[:, : plant.state.itemsize // 8]).view(plant.state)[:, 0]
+    return scope, np.ascontiguousarray(states[:, : size(plant.state)]).view(plant.state.dtype)[:, 0]
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2])

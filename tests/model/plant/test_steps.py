@@ -16,7 +16,7 @@ from afm_model import (
     build,
     simulate,
 )
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 from afm_model.plant.steps import ACCURATE, reachable_load, resolved_load, stable_step
 
 from ..rests import CHANNELS, rests
@@ -57,7 +57,7 @@ class Approach:
 
     def answer(self, measurement: np.ndarray) -> np.ndarray:
         if self._ticks == 0:
-            self._start = measurement.view(MEASUREMENT)[0].drive[2]
+            self._start = measurement.view(Measurement)[0].drive[2]
         self._ticks += 1
         return np.array([0.0, 0.0, self._start + min(self._ticks * TICK * 500.0, 2.0)])
 

@@ -122,7 +122,7 @@ def regulated(modes: list[tuple[int, float]], values: dict[str, Any]) -> np.ndar
 
     parameters = build(InstrumentParameters, {"onboard.kind": "pi"} | values)
     numbers = pi.PI.values(parameters)
-    p, s = np.zeros(1, pi.CONSTANTS).view(np.recarray)[0], np.zeros(1, pi.STATE).view(np.recarray)[0]
+    p, s = np.zeros(1, pi.Constants).view(np.recarray)[0], np.zeros(1, pi.State).view(np.recarray)[0]
     for name, number in numbers.items():
         p[name] = number
     pi.PI.begin(parameters, s, (0.0, 0.0, 1.0))

@@ -17,7 +17,7 @@ from afm_model import (
     flatten,
     simulate,
 )
-from afm_model.parts.signals import MEASUREMENT
+from afm_model.parts.signals import Measurement
 from afm_model.run import Latency, RealtimeSimulation, Replay, State, recorded_parameters, simulate_realtime
 
 PERIOD = 1e-3
@@ -53,7 +53,7 @@ class Counting:
 
     def answer(self, measurement: NDArray[np.float64]) -> NDArray[np.float64]:
         self.count += 1
-        return np.array([1e-3 * self.count, 0.0, measurement.view(MEASUREMENT)[0].drive[2]])
+        return np.array([1e-3 * self.count, 0.0, measurement.view(Measurement)[0].drive[2]])
 
 
 def test_drives_that_come_within_the_period_give_the_lockstep_run_to_the_last_bit() -> None:

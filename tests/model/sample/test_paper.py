@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afm_model.parts.signals import SURFACE
+from afm_model.parts.signals import Surface
 from afm_model.sample import paper
 
 from ..tables import record_of
@@ -17,9 +17,9 @@ places = st.floats(-300.0, 300.0)
 
 
 def surface(X: float, Y: float, k_y: float = KY) -> Any:
-    """The sample at a place, as a record of SURFACE."""
-    h = record_of(SURFACE)
-    paper.surface(X, Y, h, record_of(paper.CONSTANTS, beta=BETA, k_x=KX, k_y=k_y), 0)
+    """The sample at a place, as a record of Surface."""
+    h = record_of(Surface)
+    paper.surface(X, Y, h, record_of(paper.Constants, beta=BETA, k_x=KX, k_y=k_y), 0)
     return h
 
 

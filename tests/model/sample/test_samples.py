@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from afm_model import InstrumentParameters, ParameterError, build
-from afm_model.core.records import record_at
+from afm_model.core.records import record_at, size
 from afm_model.core.registry import find
 from afm_model.instrument.block import Layout
-from afm_model.parts.signals import SURFACE
+from afm_model.parts.signals import Surface
 from afm_model.sample.map_files import read_field
 
 from ..plant.lever_bench import LeverBench
@@ -31,8 +31,8 @@ class Place:
         self._sample = find("sample", self.parameters.sample.kind)
         self._p = layout.record(block, "sample_constants")
         self._map = block[layout.places["sample_map"] :]
-        self._numbers = np.zeros(SURFACE.itemsize // 8)
-        self._h = record_at(self._numbers, 0, SURFACE)
+        self._numbers = np.zeros(size(Surface))
+        self._h = record_at(self._numbers, 0, Surface)
 
     def __call__(self, x: float, y: float = 0.0) -> Any:
         scales = self.parameters.scales

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
-from afm_model.parts import Law, LawParameters, kernel, record
+from afm_model.parts import Law, LawParameters, Record, kernel
 from afm_model.studies.linear import at_timing, is_stable, largest, linearise
 from afm_model.studies.linear_model import LinearError, plant_matrices
 
@@ -80,6 +80,10 @@ class CountingParameters(LawParameters):
     """None of its own."""
 
 
+class State(Record):
+    number: int
+
+
 @kernel
 def count(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
     """The drive as it is; every measurement counts."""
@@ -88,9 +92,7 @@ def count(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
         u.voltage[axis] = y.drive[axis]
 
 
-COUNTING = Law(
-    name="counting", parameters=CountingParameters, state=record("number", integers=("number",)), control=count
-)
+COUNTING = Law(name="counting", parameters=CountingParameters, state=State, control=count)
 
 
 def test_law_that_counts_has_no_linear_model(monkeypatch):

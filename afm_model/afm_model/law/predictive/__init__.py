@@ -1,16 +1,16 @@
 """Friction-predicting control, docs/laws.md: a law that knows that friction sticks, and acts before it does."""
 
 from ...parts.part import Law
-from .predictive_constants import ANSWERS, CONSTANTS, longest, values
+from .predictive_constants import ANSWERS, Constants, longest, values
 from .predictive_control import control
 from .predictive_law import PredictiveLaw, check, warnings
-from .predictive_state import STATE, start
+from .predictive_state import State, start
 
 PREDICTIVE = Law(
     name="predictive",
     parameters=PredictiveLaw,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=values,
     start=start,
     check=check,

@@ -1,12 +1,13 @@
 """Constants of the friction-predicting law, from the parameters of the controller."""
 
 import math
+from typing import Annotated
 
 import numpy as np
 
 from ...contact.friction import bound_of_load
 from ...contact.jkr import indentation_of_u, radius_at_zero_load, u_of_load
-from ...core.records import record
+from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from ...parts.signals import LONGEST_HORIZON
 from .gains import gains, grid, observer_gains, transition
@@ -88,33 +89,69 @@ _SCALARS = (
     "lateral_force",
     "normal_force",
 )
-CONSTANTS = record(
-    *_SCALARS,
-    "stiffness",
-    "damping",
-    "volts",  # per unit of U
-    "K",
-    "Phi",
-    "Gamma",
-    "G",
-    "L",  # of the observer
-    "free",  # a control period of the free scanner, mean of x and y: transition, and of a drive
-    "of_drive",
-    vectors=("stiffness", "damping", "volts"),
-    integers=(
-        *("slots", "delay", "count", "reserve", "longest", "fine", "horizon", "refined", "steps"),
-        *("surface", "identified", "measured", "together"),
-    ),
-    arrays={
-        "K": (3, 2),
-        "L": (3, 2),
-        "free": (2, 2),
-        "of_drive": (2,),
-        "Phi": (3, 2, 2),
-        "Gamma": (3, 2),
-        "G": (3, INTERVALS, 2),
-    },
-)
+
+
+class Constants(Record):
+    hold: float
+    slot: float
+    slots: int
+    delay: int
+    count: int
+    reserve: int
+    longest: int
+    fine: int
+    horizon: int
+    tau: float
+    refined: int
+    turn: float
+    ring: float
+    steps: int
+    dt: float
+    surface: int
+    identified: int
+    mu: float
+    w: float
+    a: float
+    eta_c2: float
+    delta: float
+    delta_load: float
+    delta_curvature: float
+    f_0: float
+    f_1: float
+    f_2: float
+    f_load: float
+    load_0: float
+    beta: float
+    k_x: float
+    k_y: float
+    height: float
+    wave_number: float
+    ripple: float
+    measured: int
+    together: int
+    position_noise: float
+    force_noise: float
+    uneven: float
+    astray: float
+    wander: float
+    uncertain: float
+    height_noise: float
+    ratio_noise: float
+    x0: float
+    z0: float
+    w0: float
+    lateral_force: float
+    normal_force: float
+    stiffness: Vector
+    damping: Vector
+    volts: Vector  # per unit of U
+    K: Annotated[Array, (3, 2)]
+    Phi: Annotated[Array, (3, 2, 2)]
+    Gamma: Annotated[Array, (3, 2)]
+    G: Annotated[Array, (3, INTERVALS, 2)]
+    L: Annotated[Array, (3, 2)]  # of the observer
+    free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
+    of_drive: Annotated[Array, (2,)]
 
 
 def longest(parameters: Tree) -> int:
@@ -124,7 +161,7 @@ def longest(parameters: Tree) -> int:
 
 
 def values(parameters: Tree) -> Numbers:
-    """Values of CONSTANTS."""
+    """Values of Constants."""
     law, scanner, cantilever, contact = parameters.law, parameters.scanner, parameters.cantilever, parameters.contact
     scales, piezo, sample = parameters.scales, parameters.piezo, parameters.sample
     w0, x0, z0 = scales.w0, scales.x0, scales.z0

@@ -1,137 +1,102 @@
 """State of the friction-predicting law."""
 
+from typing import Annotated
+
 import numpy as np
 
-from ...core.records import record
+from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
 from .predictive_constants import ANSWERS, INTERVALS, SLOTS
 from .sample_estimate import MEAN, VALUE
 
-STATE = record(
-    "started",
-    "answered",  # the last measurements answered
-    "lengths",  # of the drives of each answer
-    "sent",  # address of the drives of each answer
-    "last",  # number of the last measurement
-    "estimate",  # position and rate there
-    "grip",  # measured friction along its direction; no measurement: zero
-    "spread",  # covariance of position and speed along the motion, variance across it, over that of a position
-    "joint",  # covariance of the states of afm_model.law.predictive.joint
-    "heading",  # direction of the motion there
-    "calm",  # forces in succession that were as expected
-    "uncertainty",  # covariance of what one filter estimates: afm_model.law.predictive.together
-    "carried",  # what a Kalman filter needs between two steps
-    "half",
-    "held",
-    "gains",
-    "weights",
-    "change",
-    "across",  # variance of the position across the motion
-    "bound",  # of friction, in place of the one believed in, for the copy; zero: none
-    "X",  # the scanner as measured or estimated, then as predicted
-    "Y",
-    "Z",
-    "V_X",
-    "V_Y",
-    "V_Z",
-    "Q",  # the tip
-    "load",  # on it
-    "doubt",  # variance of an estimated position
-    "rise",  # acceleration along z by more than following the surface takes
-    "at_x",  # where the scanner was at the last measurement
-    "at_y",
-    "H",  # height of the sample under the tip there, and its slopes along the way: sample_estimate.py
-    "ratio",  # bound of friction over the nominal one there, in the same way
-    "slips",  # measurements of it
-    "here",  # strength at the place looked at
-    "height",  # the sample at one place, as afm_model.parts.signals.SURFACE
-    "slope_x",
-    "slope_y",
-    "curvature",
-    "curvature_xx",
-    "curvature_yy",
-    "curvature_xy",
-    "strength",
-    "plan",  # drives of the slots from now on
-    "reserve_end",  # the reserve: number of the slot behind it, the predicted scanner there, its drives
-    "reserved",
-    "kept",
-    "line_x",  # the line: a place on it, its direction, distance of the nodes, part of it visited [nodes]
-    "line_y",
-    "line_tx",
-    "line_ty",
-    "pitch",
-    "least",
-    "most",
-    "way",  # gone on it
-    "written",
-    "gripped",
-    "map_H",  # the map along it, and its covariance over that of the prior
-    "map_ratio",
-    "covariance",
-    "prior",
-    "visited",  # way at the first visit
-    "gain",
-    "fastest",  # speed of the reference so far
-    "p",  # reference now: position, rate, acceleration of x, y; as it was; sums of its frequency
-    "v",
-    "acc",
-    "p_last",
-    "acc_last",
-    "sum_pa",
-    "sum_pp",
-    "omega",
-    "path",  # reference at the ends of the fine intervals: X, Y, Z and rates
-    "asked",  # what each fine interval asks for
-    "friction",  # bound of friction in it
-    "direction",  # and its direction
-    integers=("answered", "lengths", "sent", "last", "reserve_end"),
-    arrays={
-        "H": (10,),
-        "ratio": (10,),
-        "estimate": (6,),
-        "spread": (4,),
-        "joint": (4, 4),
-        "heading": (2,),
-        "uncertainty": (5, 5),
-        "carried": (5, 5),
-        "half": (5, 5),
-        "held": (5, 5),
-        "gains": (5,),
-        "weights": (5,),
-        "change": (5,),
-        "answered": (ANSWERS,),
-        "lengths": (ANSWERS,),
-        "plan": (SLOTS, 3),
-        "reserved": (6,),
-        "kept": (SLOTS, 3),
-        "map_H": (NODES,),
-        "map_ratio": (NODES,),
-        "covariance": (NODES, NODES),
-        "prior": (NODES,),
-        "gain": (NODES,),
-        "visited": (NODES,),
-        "p": (3,),
-        "v": (3,),
-        "acc": (3,),
-        "p_last": (2,),
-        "acc_last": (2,),
-        "sum_pa": (2,),
-        "sum_pp": (2,),
-        "omega": (2,),
-        "path": (INTERVALS + 1, 3, 2),
-        "asked": (INTERVALS, 3, 2),
-        "friction": (INTERVALS + 1,),
-        "direction": (INTERVALS, 2),
-    },
-)
+
+class State(Record):
+    started: float
+    answered: Annotated[Integers, (ANSWERS,)]  # the last measurements answered
+    lengths: Annotated[Integers, (ANSWERS,)]  # of the drives of each answer
+    sent: int  # address of the drives of each answer
+    last: int  # number of the last measurement
+    estimate: Annotated[Array, (6,)]  # position and rate there
+    grip: float  # measured friction along its direction; no measurement: zero
+    # Covariance of position and speed along the motion, variance across it, over that of a position.
+    spread: Annotated[Array, (4,)]
+    joint: Annotated[Array, (4, 4)]  # covariance of the states of afm_model.law.predictive.joint
+    heading: Annotated[Array, (2,)]  # direction of the motion there
+    calm: float  # forces in succession that were as expected
+    uncertainty: Annotated[Array, (5, 5)]  # covariance of what one filter estimates: afm_model.law.predictive.together
+    carried: Annotated[Array, (5, 5)]  # what a Kalman filter needs between two steps
+    half: Annotated[Array, (5, 5)]
+    held: Annotated[Array, (5, 5)]
+    gains: Annotated[Array, (5,)]
+    weights: Annotated[Array, (5,)]
+    change: Annotated[Array, (5,)]
+    across: float  # variance of the position across the motion
+    bound: float  # of friction, in place of the one believed in, for the copy; zero: none
+    X: float  # the scanner as measured or estimated, then as predicted
+    Y: float
+    Z: float
+    V_X: float
+    V_Y: float
+    V_Z: float
+    Q: float  # the tip
+    load: float  # on it
+    doubt: float  # variance of an estimated position
+    rise: float  # acceleration along z by more than following the surface takes
+    at_x: float  # where the scanner was at the last measurement
+    at_y: float
+    # Height of the sample under the tip there, and its slopes along the way: sample_estimate.py.
+    H: Annotated[Array, (10,)]
+    ratio: Annotated[Array, (10,)]  # bound of friction over the nominal one there, in the same way
+    slips: float  # measurements of it
+    here: float  # strength at the place looked at
+    height: float  # the sample at one place, as afm_model.parts.signals.Surface
+    slope_x: float
+    slope_y: float
+    curvature: float
+    curvature_xx: float
+    curvature_yy: float
+    curvature_xy: float
+    strength: float
+    plan: Annotated[Array, (SLOTS, 3)]  # drives of the slots from now on
+    reserve_end: int  # the reserve: number of the slot behind it, the predicted scanner there, its drives
+    reserved: Annotated[Array, (6,)]
+    kept: Annotated[Array, (SLOTS, 3)]
+    line_x: float  # the line: a place on it, its direction, distance of the nodes, part of it visited
+    line_y: float
+    line_tx: float
+    line_ty: float
+    pitch: float
+    least: float
+    most: float
+    way: float  # gone on it
+    written: float
+    gripped: float
+    map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior
+    map_ratio: Annotated[Array, (NODES,)]
+    covariance: Annotated[Array, (NODES, NODES)]
+    prior: Annotated[Array, (NODES,)]
+    visited: Annotated[Array, (NODES,)]  # way at the first visit
+    gain: Annotated[Array, (NODES,)]
+    fastest: float  # speed of the reference so far
+    p: Annotated[Array, (3,)]  # reference now: position, rate, acceleration of x, y; as it was; sums of its frequency
+    v: Annotated[Array, (3,)]
+    acc: Annotated[Array, (3,)]
+    p_last: Annotated[Array, (2,)]
+    acc_last: Annotated[Array, (2,)]
+    sum_pa: Annotated[Array, (2,)]
+    sum_pp: Annotated[Array, (2,)]
+    omega: Annotated[Array, (2,)]
+    path: Annotated[Array, (INTERVALS + 1, 3, 2)]  # reference at the ends of the fine intervals: X, Y, Z and rates
+    asked: Annotated[Array, (INTERVALS, 3, 2)]  # what each fine interval asks for
+    friction: Annotated[Array, (INTERVALS + 1,)]  # bound of friction in it
+    direction: Annotated[Array, (INTERVALS, 2)]  # and its direction
 
 
 def start(parameters: Tree) -> Numbers:
     """Nothing is known; a bound of friction that is to be found is approached from below."""
-    first = np.zeros(1, STATE)[0]
+    first = np.zeros(1, State)[0]
     law = parameters.law
     first["ratio"][[VALUE, MEAN]] = 1.0 - UNKNOWN if law.friction == "identified" else 1.0
     noise = law.position_noise / parameters.scales.x0
@@ -143,4 +108,4 @@ def start(parameters: Tree) -> Numbers:
     first["covariance"] = [np.roll(first["prior"], node) for node in range(NODES)]
     first["answered"] = first["reserve_end"] = -1
     first["visited"] = np.inf
-    return {name: first[name] for name in STATE.names or ()}
+    return {name: first[name] for name in State.names}

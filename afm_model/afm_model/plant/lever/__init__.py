@@ -3,16 +3,16 @@
 from ...contact.contact_table import table
 from ...parts.part import Channel, Plant
 from .lever_check import check, warnings
-from .lever_constants import CONSTANTS, lever_constants, rows
+from .lever_constants import Constants, lever_constants, rows
 from .lever_parameters import LeverGroup
 from .lever_start import rest
-from .lever_step import STATE, observe, step
+from .lever_step import State, observe, step
 
 LEVER = Plant(
     name="lever",
     parameters=LeverGroup,
-    constants=CONSTANTS,
-    state=STATE,
+    constants=Constants,
+    state=State,
     values=lever_constants,
     check=check,
     rest=rest,
@@ -35,4 +35,4 @@ LEVER = Plant(
     ),
 )
 
-__all__ = ["CONSTANTS", "LEVER", "STATE", "LeverGroup"]
+__all__ = ["LEVER", "Constants", "LeverGroup", "State"]

@@ -52,10 +52,6 @@ APEX_CONSTANTS = (
     "apex_noise",  # rms thermal force in a step [N]
     "apex_key",  # of its random numbers
 )
-APEX_STATE = (
-    "V_Ax",  # rate of the place that the tip holds on to, on a lattice [m/s]
-    "V_Ay",
-)
 _OF_LATTICES = ("apex_stiffness", "apex_mass", "apex_damping")
 
 

@@ -2,75 +2,82 @@
 
 import cmath
 import math
-from typing import Any
+from typing import Annotated, Any
 
 from ...contact.contact_table import transitions
 from ...core import registry
-from ...core.records import record
+from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from .. import beam
 from ..random_numbers import THERMAL, key_of
-from .lever_apex import APEX_CONSTANTS, BOLTZMANN, apex_constants
+from .lever_apex import BOLTZMANN, apex_constants
 
-_OF_MODES = ("mode_w2", "mode_inverse", "mode_push", "mode_base", "kick", "mode_y", "mode_z", "mode_shown")
-CONSTANTS = record(
-    "half",  # half the integration step [s]
-    "h",
-    "x0",  # scales of the sample's coordinates [m]
-    "z0",
-    "rise",  # height per place in these, z0/x0
-    "metres",  # static displacement of the scanner per volt [m/V]
-    "w2",  # of the scanner: frequency of the scheme squared [1/s^2]
-    "inverse",  # 1/D, D = 1 + h xi w + h^2 w^2 / 4
-    "push",  # change of the rate at mid-step per force [m/s/N]
-    "mode_w2",  # the same of the bending modes
-    "mode_inverse",
-    "mode_push",
-    "mode_base",  # change of the rate at mid-step per acceleration of the base [s]
-    "kick",  # rms change of the rate by the thermal force of a step [m/s]
-    "mode_y",  # how the tip moves with a mode, which is counted by the deflection of the end [1]
-    "mode_z",
-    "base_y",  # how the base moves when it is excited [1]
-    "base_z",
-    "mode_shown",  # deflection that the photodiode shows per deflection of the end in a mode [1]
-    "twist_w2",  # as mode_w2, ..., of torsion, which is counted by the twist of the end
-    "twist_inverse",
-    "twist_push",  # by a force on the tip along x [rad/s/N]
-    "twist_kick",  # [rad/s]
-    "thermal",  # 1.0 if there is thermal noise
-    "thermal_key",  # of its random numbers
-    "arm",  # from the neutral axis down to the tip [m]
-    "rest_x",  # compliance of the tip that follows a force without delay [m/N]
-    "rest_yy",
-    "rest_yz",
-    "rest_zz",
-    "shown_y",  # deflection shown, without delay, per force on the tip [m/N]
-    "shown_z",
-    "twist_x",  # twist that follows without delay, per force on the tip along x [rad/N]
-    "force_per_twist",  # lateral force that the photodiode shows [N/rad]
-    "W_x",  # displacement of the sample against the tip at mid-step, per force on the tip [m/N]
-    "W_yy",
-    "W_yz",
-    "W_zz",
-    "a",  # height of the free tip [m]
-    "R",  # tip radius [m]
-    "unit_force",  # of the contact, see afm_model.contact.maugis
-    "unit_radius",
-    "unit_indentation",
-    "hamaker_radius",  # Hamaker constant times R [J m]
-    "stiffness_per_radius",  # 8 G* [Pa]
-    "friction_per_area",  # tau [Pa]
-    "strengthening",  # growth of friction with the velocity [1]
-    "slow_way",  # velocity from which it grows, times h [m]
-    "rows",  # of the contact's table
-    "row_first",  # its transition parameter, and the step from row to row
-    "row_step",
-    "transition",  # transition parameter on a flat sample
-    *APEX_CONSTANTS,
-    vectors=("metres", "w2", "inverse", "push"),
-    arrays={name: (beam.MODES,) for name in _OF_MODES},
-    integers=("rows", "thermal_key", "apex_key"),
-)
+_MODES = ("mode_w2", "mode_inverse", "mode_push", "mode_base", "kick", "mode_y", "mode_z", "mode_shown")
+_OfModes = Annotated[Array, (beam.MODES,)]
+
+
+class Constants(Record):
+    half: Annotated[float, "s"]  # half the integration step
+    h: Annotated[float, "s"]
+    x0: Annotated[float, "m"]  # scales of the sample's coordinates
+    z0: Annotated[float, "m"]
+    rise: float  # height per place in these, z0/x0
+    metres: Annotated[Vector, "m/V"]  # static displacement of the scanner per volt
+    w2: Annotated[Vector, "1/s^2"]  # of the scanner: frequency of the scheme squared
+    inverse: Vector  # 1/D, D = 1 + h xi w + h^2 w^2 / 4
+    push: Annotated[Vector, "m/s/N"]  # change of the rate at mid-step per force
+    mode_w2: _OfModes  # the same of the bending modes
+    mode_inverse: _OfModes
+    mode_push: _OfModes
+    mode_base: Annotated[_OfModes, "s"]  # change of the rate at mid-step per acceleration of the base
+    kick: Annotated[_OfModes, "m/s"]  # rms change of the rate by the thermal force of a step
+    mode_y: Annotated[_OfModes, "1"]  # how the tip moves with a mode, which is counted by the deflection of the end
+    mode_z: Annotated[_OfModes, "1"]
+    base_y: float  # how the base moves when it is excited
+    base_z: float
+    mode_shown: Annotated[_OfModes, "1"]  # deflection that the photodiode shows per deflection of the end in a mode
+    twist_w2: float  # as mode_w2, ..., of torsion, which is counted by the twist of the end
+    twist_inverse: float
+    twist_push: Annotated[float, "rad/s/N"]  # by a force on the tip along x
+    twist_kick: Annotated[float, "rad/s"]
+    thermal: float  # 1.0 if there is thermal noise
+    thermal_key: int  # of its random numbers
+    arm: Annotated[float, "m"]  # from the neutral axis down to the tip
+    rest_x: Annotated[float, "m/N"]  # compliance of the tip that follows a force without delay
+    rest_yy: Annotated[float, "m/N"]
+    rest_yz: Annotated[float, "m/N"]
+    rest_zz: Annotated[float, "m/N"]
+    shown_y: Annotated[float, "m/N"]  # deflection shown, without delay, per force on the tip
+    shown_z: Annotated[float, "m/N"]
+    twist_x: Annotated[float, "rad/N"]  # twist that follows without delay, per force on the tip along x
+    force_per_twist: Annotated[float, "N/rad"]  # lateral force that the photodiode shows
+    W_x: Annotated[float, "m/N"]  # displacement of the sample against the tip at mid-step, per force on the tip
+    W_yy: Annotated[float, "m/N"]
+    W_yz: Annotated[float, "m/N"]
+    W_zz: Annotated[float, "m/N"]
+    a: Annotated[float, "m"]  # height of the free tip
+    R: Annotated[float, "m"]  # tip radius
+    unit_force: float  # of the contact, see afm_model.contact.maugis
+    unit_radius: float
+    unit_indentation: float
+    hamaker_radius: Annotated[float, "J m"]  # Hamaker constant times R
+    stiffness_per_radius: Annotated[float, "Pa"]  # 8 G*
+    friction_per_area: Annotated[float, "Pa"]  # tau
+    strengthening: Annotated[float, "1"]  # growth of friction with the velocity
+    slow_way: Annotated[float, "m"]  # velocity from which it grows, times h
+    rows: int  # of the contact's table
+    row_first: float  # its transition parameter, and the step from row to row
+    row_step: float
+    transition: float  # transition parameter on a flat sample
+    lattice: float
+    lattice_period: float
+    lattice_force: float
+    lattice_slope: float
+    apex_compliance: float
+    apex_hold: float
+    apex_carry: float
+    apex_noise: float
+    apex_key: int
 
 
 def rows(parameters: Tree) -> Any:
@@ -133,7 +140,7 @@ def kick(w2: float, inverse: float, compliance: float, temperature: float, h: fl
 
 
 def lever_constants(parameters: Tree) -> Numbers:
-    """Values of CONSTANTS."""
+    """Values of Constants."""
     plant, piezo, scales = parameters.plant, parameters.piezo, parameters.scales
     c, s, pair = plant.cantilever_numbers, plant.scanner_numbers, plant.pair_numbers
     h = plant.dt
@@ -147,7 +154,7 @@ def lever_constants(parameters: Tree) -> Numbers:
         """(y, z) of a vector given along the cantilever and across it."""
         return cos * along + sin * across, cos * across - sin * along
 
-    modes = {name: [0.0] * beam.MODES for name in _OF_MODES}
+    modes = {name: [0.0] * beam.MODES for name in _MODES}
     for i, mode in enumerate(beam.MODE[: plant.modes]):
         w2, inverse = _oscillator(c.f0 * mode.frequency, 0.5 / c.Q, h)
         modes["mode_w2"][i], modes["mode_inverse"][i] = w2, inverse

@@ -23,7 +23,7 @@ def on_surface(
         Place of the tip on the sample at mid-step, if it felt no force.
     P_z, tip_z : floats [m]
         Height of the scanner and deflection of the tip there, likewise.
-    p, s : records of CONSTANTS and STATE
+    p, s : records of Constants and State
     m, at : block of the instrument, where the table of the contact begins
 
     Returns

@@ -66,7 +66,7 @@ def on_lattice(P_x: float, P_y: float, P_z: float, p: Any, s: Any, m: Any, at: i
     P_x, P_y, P_z : floats [m]
         Place of the tip on the sample at mid-step and how far the sample without its height stands above it, if it felt
         no force.
-    p, s : records of CONSTANTS and STATE
+    p, s : records of Constants and State
     m, at : block of the instrument, where the table of the contact begins
 
     Returns

@@ -8,7 +8,7 @@ from ...core.errors import ParameterError
 from ...core.jit import plain
 from ...core.records import record_at
 from ...parts.dispatch import surface
-from ...parts.header import HEADER
+from ...parts.header import BlockHeader
 from ...parts.part import Tree
 from .lever_apex import require_resolved_apex
 from .lever_check import require_blunt_sample
@@ -28,7 +28,7 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     Parameters
     ----------
     parameters : InstrumentParameters
-    p, s : records of CONSTANTS and STATE
+    p, s : records of Constants and State
         s is zero, and written.
     m : block of the instrument
 
@@ -45,7 +45,7 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     """
     require_blunt_sample(parameters)
     plant = parameters.plant
-    at = record_at(m, 0, HEADER).plant_map
+    at = record_at(m, 0, BlockHeader).plant_map
     scanner = plant.scanner_numbers
     # Static compliance: the modes' part is what they take in a step without inertia.
     each = [push / (p.half * w2 * inverse) if w2 else 0.0 for push, w2, inverse in _modes(p)]

@@ -7,56 +7,62 @@ implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (2
 """
 
 import math
-from typing import Any
+from typing import Annotated, Any
 
 from ...core.jit import kernel
-from ...core.records import record, record_at
-from ...parts.header import HEADER
+from ...core.records import Array, Record, record_at
+from ...parts.header import BlockHeader
 from ..beam import MODES
 from ..random_numbers import normal
-from .lever_apex import APEX_STATE
-from .lever_contact import FRAME
 from .lever_friction import on_surface
 from .lever_lattice import on_lattice
 
-STATE = record(
-    "X",  # scanner [m], [m/s]
-    "V_X",
-    "Y",
-    "V_Y",
-    "Z",
-    "V_Z",
-    "q",  # bending modes: deflection of the end of the cantilever in each [m], [m/s]
-    "v",
-    "phi",  # mode of torsion: twist of the end in it [rad], [rad/s]
-    "v_phi",
-    "A_x",  # place on the sample that the tip holds on to [m]
-    "A_y",
-    "U_x",  # place under the tip at the last mid-step [m]
-    "U_y",
-    "S_x",  # way of that place in the last step if the tip was sliding [m]
-    "S_y",
-    "delta",  # indentation at the last mid-step, along the normal [m]
-    "a",  # contact radius [m]
-    "N",  # normal force of the last step [N]
-    "F_x",  # force of the sample on the tip [N]
-    "F_y",
-    "F_z",
-    "T_x",  # of it, friction along x and y [N]
-    "T_y",
-    "F_max",  # friction bound [N]
-    "d_1",  # direction of the last sliding, along the two tangents
-    "d_2",
-    "stuck",  # 1.0 if the tip has not moved on the sample in the last step
-    "tip",  # deflection of the tip, upwards, with that of the base [m]
-    "tip_rate",  # [m/s]
-    "shown",  # deflection that the photodiode shows [m]
-    "twist",  # of the end [rad]
-    "steps",  # since the start
-    *FRAME,
-    *APEX_STATE,
-    arrays={"q": (MODES,), "v": (MODES,)},
-)
+_OfModes = Annotated[Array, (MODES,)]
+
+
+class State(Record):
+    X: float  # scanner [m], [m/s]
+    V_X: float
+    Y: float
+    V_Y: float
+    Z: float
+    V_Z: float
+    q: _OfModes  # bending modes: deflection of the end of the cantilever in each [m], [m/s]
+    v: _OfModes
+    phi: float  # mode of torsion: twist of the end in it [rad], [rad/s]
+    v_phi: float
+    A_x: Annotated[float, "m"]  # place on the sample that the tip holds on to
+    A_y: Annotated[float, "m"]
+    U_x: Annotated[float, "m"]  # place under the tip at the last mid-step
+    U_y: Annotated[float, "m"]
+    S_x: Annotated[float, "m"]  # way of that place in the last step if the tip was sliding
+    S_y: Annotated[float, "m"]
+    delta: Annotated[float, "m"]  # indentation at the last mid-step, along the normal
+    a: Annotated[float, "m"]  # contact radius
+    N: Annotated[float, "N"]  # normal force of the last step
+    F_x: Annotated[float, "N"]  # force of the sample on the tip
+    F_y: Annotated[float, "N"]
+    F_z: Annotated[float, "N"]
+    T_x: Annotated[float, "N"]  # of it, friction along x and y
+    T_y: Annotated[float, "N"]
+    F_max: Annotated[float, "N"]  # friction bound
+    d_1: float  # direction of the last sliding, along the two tangents
+    d_2: float
+    stuck: float  # 1.0 if the tip has not moved on the sample in the last step
+    tip: Annotated[float, "m"]  # deflection of the tip, upwards, with that of the base
+    tip_rate: Annotated[float, "m/s"]
+    shown: Annotated[float, "m"]  # deflection that the photodiode shows
+    twist: Annotated[float, "rad"]  # of the end
+    steps: float  # since the start
+    unit_force: Annotated[float, "N"]  # units of the contact at this place, see afm_model.contact.maugis
+    unit_radius: Annotated[float, "m"]
+    unit_indentation: Annotated[float, "m"]
+    hamaker_radius: Annotated[float, "J m"]  # Hamaker constant times effective radius
+    row: float  # in the table of the contact
+    end: Annotated[float, "m"]  # indentation at which contact begins and ends
+    tau: Annotated[float, "Pa"]  # friction per area
+    V_Ax: Annotated[float, "m/s"]  # rate of the place that the tip holds on to, on a lattice
+    V_Ay: Annotated[float, "m/s"]
 
 
 @kernel
@@ -80,13 +86,13 @@ def step(t: float, v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     ----------
     t : float [s]
         At the begin of the step.
-    v : record of ACTUATION
+    v : record of Actuation
         Drive, held over the step, and how the base of the cantilever moves.
     unused : random numbers
-    p, s : records of CONSTANTS and STATE
+    p, s : records of Constants and State
     m : block of the instrument, for the sample and the table of the contact
     """
-    g = record_at(m, 0, HEADER)
+    g = record_at(m, 0, BlockHeader)
     half = p.half
     moved = acceleration = end = 0.0
     if v.amplitude != 0.0:
