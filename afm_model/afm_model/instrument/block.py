@@ -207,6 +207,26 @@ class Layout:
         return block[start : start + size(record)]
 
 
+def fill_loop(c: LoopState, parameters: InstrumentParameters) -> None:
+    """Write the constants of the compiled loop itself into its record."""
+    plant, detector, piezo = parameters.plant, parameters.detector, parameters.piezo
+    c.substeps = plant.substeps
+    c.stride = round(detector.sample_period / plant.dt)
+    dac_period = piezo.dac_period or plant.control_period
+    c.update = round(dac_period / plant.dt)
+    c.dac_period = dac_period
+    c.delay = plant.delay_ticks
+    c.score_tick = parameters.score_tick
+    c.control_period = plant.control_period
+    c.period_ns = plant.control_period * 1e9
+    c.sample_period = detector.sample_period
+    c.drive_lsb = 2.0 * piezo.limit / 2**piezo.dac_bits if piezo.dac_bits > 0 else 0.0
+    c.drive_limit = piezo.limit
+    c.slew_step = piezo.slew_limit * dac_period
+    c.deflection_sensitivity = detector.deflection_sensitivity
+    c.lateral_sensitivity = detector.lateral_sensitivity
+
+
 def line_slots(parameters: InstrumentParameters) -> int:
     """Places in the line of commands on their way: one for each, and one for the newest."""
     delay = parameters.plant.delay_ticks
