@@ -21,6 +21,7 @@ from afm_model.parameters.scenario import ALL, NAMESPACE
 from afm_model.studies import Contender
 
 from .domain import claim_domain
+from .exam.procedure import Connection
 from .processes import Processes
 from .scenario_input import write_parameters
 
@@ -36,34 +37,18 @@ _SIMULATOR, _CONTROLLER = "/**/afm_sim_node", "/**/afm_controller_node"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class Connection(Protocol):
+class DriveConnection(Connection, Protocol):
     """How measurements reach the node, and its drives come back."""
-
-    def now(self) -> float:
-        """Steady wall time [s]."""
-        ...
-
-    def publish(self, sequence: int, measurement: _Array) -> None:
-        """Send a measurement."""
-        ...
 
     def take_drive(self) -> tuple[int, _Array | Command | DriveError] | None:
         """Sequence and drive of the oldest message not yet taken; None if there is none."""
-        ...
-
-    def wait(self, timeout: float) -> None:
-        """Wait until a message may have come, or for `timeout` seconds."""
-        ...
-
-    def problem(self) -> str:
-        """How the node has ended before the run was over; empty if it has not."""
         ...
 
 
 class NodeLaw:
     """A law whose answers come from a node."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: DriveConnection) -> None:
         self._connection = connection
         self._sequence = 0
 

@@ -177,7 +177,7 @@ class ScanSession(Session):
         """The files of an image, in the folder of what is under way."""
         from afm_model.files import write_gwy, write_sheet, write_table
 
-        from .scan_picture import write_scan_picture
+        from .session_pictures import write_scan_picture
 
         title = self._scenario.header.title or self._scenario.name
         work = self._folder.work

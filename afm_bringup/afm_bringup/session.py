@@ -302,7 +302,7 @@ class Session:
         try:
             write_scorecard(card, work / CARD)
             if recording is not None and self._picture:
-                from .picture import draw_overview
+                from .session_pictures import draw_overview
 
                 draw_overview(recording, title, work / PICTURE)
         except OSError as error:

@@ -20,20 +20,19 @@ from afm_model.core.schema import specifications
 from afm_model.microscope.arrays import Arrays, Variable, arrays_of
 from afm_model.microscope.image import Image, Line
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome, Record, Standing
-from afm_model.microscope.verb import Verb, all_verbs, find
+from afm_model.microscope.verb import Verb, find
 
 ANY = "verb"
 """Name of the action for every verb that has none of its own."""
 _TOLD = ("success", "message")
-ACTIONS: dict[str, Any] = {
-    name: getattr(action, verb.__name__) for name, verb in all_verbs().items() if hasattr(action, verb.__name__)
-} | {ANY: action.Verb}
+_TYPES = {name: "".join(part.capitalize() for part in name.split("_")) for name in (*registry.names("verb"), ANY)}
+ACTIONS: dict[str, Any] = {name: getattr(action, kind) for name, kind in _TYPES.items() if hasattr(action, kind)}
 """Types of actions by their names, which are those of the verbs."""
 
 
 def action_of(verb: Verb) -> str:
     """Name of the action by which a verb is asked for."""
-    return verb.name if verb.name in ACTIONS and all_verbs()[verb.name] is type(verb) else ANY
+    return verb.name if verb.name in ACTIONS and find(verb.name) is type(verb) else ANY
 
 
 def goal_of(verb: Verb) -> Any:
@@ -149,9 +148,8 @@ def _encoded(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return numbers(value)
     if isinstance(value, Record):
-        data = np.concatenate([np.zeros(0), *value.channels.values()])
-        units = [value.units[name] for name in value.channels]
-        return msg.Record(time=numbers(value.time), channels=list(value.channels), units=units, data=numbers(data))
+        units, data = [value.units[name] for name in value.channels], numbers(*value.channels.values())
+        return msg.Record(time=numbers(value.time), channels=list(value.channels), units=units, data=data)
     if dataclasses.is_dataclass(value):
         return _put(value, getattr(msg, type(value).__name__)())
     return value if isinstance(value, str | bool) else value.item() if isinstance(value, np.generic) else value
@@ -178,14 +176,18 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, str | bool | int | float) else np.array(value, np.float64)
 
 
-def numbers(values: Any) -> Any:
-    """As the messages hold them, without a Python object for each."""
-    return array.array("d", np.ascontiguousarray(values, np.float64).tobytes())
+def numbers(*arrays: Any) -> Any:
+    """Arrays one after the other as the messages hold them, without a Python object for each number."""
+    found = array.array("d")
+    for values in arrays:
+        found.frombytes(np.ascontiguousarray(values, np.float64).data.cast("B") if np.size(values) else b"")
+    return found
 
 
 def channels_of(message: Any, length: int) -> tuple[dict[str, Any], dict[str, str]]:
     """Channels of a message that has `channels`, `units` and `data` one after the other; their units."""
-    data = np.array(message.data, np.float64).reshape(len(message.channels), length)
+    # A message that has arrived is nobody else's: its numbers are not copied.
+    data = np.frombuffer(message.data).reshape(len(message.channels), length)
     units = dict(zip(message.channels, message.units, strict=True))
     return dict(zip(message.channels, data, strict=True)), units
 

@@ -12,24 +12,17 @@ from std_msgs.msg import Header
 from afm_node_common import topics
 from afm_node_common.diagnostics import entry, stamped
 
+from .recorder import RecordedCounts
+
 _DIAGNOSTICS_PERIOD = 1.0
 """Wall time between two messages on /diagnostics [s]; sooner if the recorder has begun or stopped to work."""
 
 
 @dataclass(frozen=True)
-class Health:
+class Health(RecordedCounts):
     """The fields of afm_msgs/RecorderStatus, which describes them."""
 
-    path: str
     ready: bool
-    ticks: int
-    samples: int
-    ticks_lost: int
-    samples_lost: int
-    ticks_unwritten: int
-    samples_unwritten: int
-    lines: int
-    lines_lost: int
     messages_dropped: int
     writing: bool
     detail: str

@@ -35,7 +35,7 @@ class Log(Protocol):
 
 
 @dataclass(frozen=True)
-class Counts:
+class RecordedCounts:
     """What the present run has brought. Fields are named as in afm_msgs/RecorderStatus."""
 
     path: str
@@ -182,11 +182,11 @@ class Recorder:
         if not self._resetting:
             self._writer.parameter_change(self.time_ns, node, name, old, new)
 
-    def counts(self) -> Counts:
+    def counts(self) -> RecordedCounts:
         """What the present run has brought up to now."""
         ticks = self._intake.streams[_CONTROL]
         channels = [self._intake.streams[signal.entity] for signal in layout.CHANNELS]
-        return Counts(
+        return RecordedCounts(
             path=str(self._writer.path),
             ticks=ticks.received,
             samples=min(channel.received for channel in channels),

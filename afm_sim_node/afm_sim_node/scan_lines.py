@@ -65,7 +65,7 @@ class ScanLines:
             time=line.time,
             channels=list(line.channels),
             units=[image.units[name] for name in line.channels],
-            data=numbers(np.concatenate(list(line.channels.values()))),
+            data=numbers(*line.channels.values()),
         )
         message.header.frame_id = topics.FRAME
         message.header.stamp = stamp(self._stamp_ns)

@@ -185,7 +185,7 @@ def test_kernels_of_the_loop_do_not_depend_on_files_and_studies(tmp_path):
 
     before = Sources(None).fingerprint("afm_copy.instrument.tick", str(tick))[0]
     for file in (
-        "files/gsf.py",
+        "files/gwyddion.py",
         "microscope/operator.py",
         "run/run.py",
         "studies/sweep.py",

@@ -39,7 +39,7 @@ _FAULTS: dict[str, dict[str, Value]] = {
 
 
 class Connection(Protocol):
-    """How measurements reach the controller under test, and its drives come back."""
+    """How measurements reach a controller."""
 
     def now(self) -> float:
         """Steady wall time [s]."""
@@ -49,16 +49,20 @@ class Connection(Protocol):
         """Send a measurement."""
         ...
 
-    def take(self, phase: Phase) -> Answer | None:
-        """The oldest message not yet taken; None if there is none."""
-        ...
-
     def wait(self, timeout: float) -> None:
         """Wait until a message may have come, or for `timeout` seconds."""
         ...
 
     def problem(self) -> str:
         """How the controller has ended by itself; empty if it has not."""
+        ...
+
+
+class TestConnection(Connection, Protocol):
+    """How measurements reach the controller under test, and its drives come back."""
+
+    def take(self, phase: Phase) -> Answer | None:
+        """The oldest message not yet taken; None if there is none."""
         ...
 
     def restart(self) -> bool:
@@ -75,11 +79,11 @@ class Procedure:
 
     Parameters
     ----------
-    connection : Connection
+    connection : TestConnection
     parameters : SimParameters
     """
 
-    def __init__(self, connection: Connection, parameters: SimParameters) -> None:
+    def __init__(self, connection: TestConnection, parameters: SimParameters) -> None:
         self._connection = connection
         self._parameters = parameters
         self._instrument = Instrument(parameters, 1, hashed=False)

@@ -20,6 +20,14 @@ class Estimate(NamedTuple):
         return f"{self.value:.6g} +- {self.uncertainty:.2g}"
 
 
+def same_length(**lists: ArrayLike) -> tuple[_Array, ...]:
+    """Two lists of numbers, given by their names, as arrays; ValueError if they have not the same length."""
+    (one, x), (other, y) = ((name, np.asarray(each, np.float64)) for name, each in lists.items())
+    if x.ndim != 1 or x.shape != y.shape:
+        raise ValueError(f"{one} {x.shape} and {other} {y.shape} must be two lists of the same length")
+    return x, y
+
+
 class StraightLine(NamedTuple):
     """A straight line y = slope x + intercept, as found."""
 
@@ -57,8 +65,8 @@ def straight_line(x: ArrayLike, y: ArrayLike) -> StraightLine:
     )
 
 
-def mean(y: ArrayLike) -> Estimate:
-    """Mean of independent samples; one alone has an uncertainty of NaN.
+def mean(y: ArrayLike, together: float = 1.0) -> Estimate:
+    """Mean of samples, of which so many `together` count as one; a single one has an uncertainty of NaN.
 
     Raises
     ------
@@ -68,7 +76,9 @@ def mean(y: ArrayLike) -> Estimate:
     y = np.asarray(y, np.float64)
     if y.size == 0:
         raise ValueError("a mean needs at least one sample: there is none")
-    return Estimate(float(y.mean()), float(y.std(ddof=1)) / math.sqrt(y.size) if y.size > 1 else math.nan)
+    if y.size == 1:
+        return Estimate(float(y[0]), math.nan)
+    return Estimate(float(y.mean()), float(y.std(ddof=1)) / math.sqrt(y.size / together))
 
 
 def propagated(function: Callable[..., float], *inputs: Estimate | float) -> Estimate:
@@ -117,20 +127,9 @@ def correlation_length(left: ArrayLike) -> float:
 
 
 def correlated_mean(y: ArrayLike) -> Estimate:
-    """Mean of samples that may be correlated, in the order of measurement; NaN as uncertainty of a single one.
-
-    Raises
-    ------
-    ValueError
-        If there are none.
-    """
+    """`mean` of samples that may be correlated, in the order of measurement; raises ValueError as that does."""
     y = np.asarray(y, np.float64)
-    if y.size == 0:
-        raise ValueError("a mean needs at least one sample: there is none")
-    if y.size == 1:
-        return Estimate(float(y[0]), math.nan)
-    independent = y.size / correlation_length(y)
-    return Estimate(float(y.mean()), float(y.std(ddof=1)) / math.sqrt(independent))
+    return mean(y, correlation_length(y) if y.size else 1.0)
 
 
 def binned(y: NDArray[np.float64], width: int) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, StraightLine, mean, straight_line
+from .estimate import Estimate, StraightLine, mean, same_length, straight_line
 
 _Array = NDArray[np.float64]
 _FREE = 0.2
@@ -39,9 +39,7 @@ class CurveAnalysis(NamedTuple):
 
 def _split(z: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array, _Array, _Array]:
     """z and signal of approach and retract; the dwell between them is not used."""
-    z, signal = np.asarray(z, np.float64), np.asarray(signal, np.float64)
-    if z.ndim != 1 or z.shape != signal.shape:
-        raise ValueError(f"z {z.shape} and signal {signal.shape} must be two lists of the same length")
+    z, signal = same_length(z=z, signal=signal)
     top = np.flatnonzero(z == z.max())
     if not (top[0] >= _FEWEST and z.size - top[-1] > _FEWEST):
         raise ValueError("z must rise and fall: there is no approach, or no retract")

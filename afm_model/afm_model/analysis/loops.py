@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, correlated_mean, mean, straight_line
+from .estimate import Estimate, correlated_mean, mean, same_length, straight_line
 
 _Array = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def means(position: ArrayLike, signal: ArrayLike, low: float, high: float) -> tu
     ValueError
         If nothing lies between, in either direction.
     """
-    position, signal = _pair(position, signal)
+    position, signal = same_length(position=position, signal=signal)
     change = np.gradient(position)
     inside = (position >= low) & (position <= high)
     return mean(signal[inside & (change > 0.0)]), mean(signal[inside & (change < 0.0)])
@@ -65,7 +65,7 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     ValueError
         If there are fewer than two turns, or the loop is not open: trace and retrace are equal.
     """
-    position, signal = _pair(position, signal)
+    position, signal = same_length(position=position, signal=signal)
     turns = _turns(position)
     if len(turns) < 2:
         raise ValueError(f"a friction loop needs at least two turns of the position: there are {len(turns)}")
@@ -76,13 +76,10 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
         way = np.abs(x - x[0])
         slid[bool(x[-1] > x[0])].append(y[way >= (1.0 - sliding) * way[-1]])
     trace, retrace = (mean(np.concatenate(slid[forth])) for forth in (True, False))
-    half = 0.5 * (trace.value - retrace.value)
-    offset = 0.5 * (trace.value + retrace.value)
-    both = 0.5 * math.hypot(trace.uncertainty, retrace.uncertainty)
-    if not half > 0.0:
-        raise ValueError("the loop is not open: the signal of the trace is not above that of the retrace")
-    slopes = [_stick_slope(position[travel], signal[travel], offset, stick * half) for travel in travels]
-    return FrictionLoop(Estimate(half, both), Estimate(offset, both), _weighted(slopes))
+    half, offset = _half_and_offset(trace, retrace)
+    reach = stick * half.value
+    slopes = [_stick_slope(position[travel], signal[travel], offset.value, reach) for travel in travels]
+    return FrictionLoop(half, offset, _weighted(slopes))
 
 
 def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float = 0.5) -> FrictionLoop:
@@ -118,15 +115,22 @@ def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float
         raise ValueError(f"sliding = {sliding:g} is not allowed: it must be > 0 and <= 1")
     reach = sliding * (x[-1] - x[0])
     forth, back = correlated_mean(trace[x >= x[-1] - reach]), correlated_mean(retrace[x <= x[0] + reach])
-    half, offset = 0.5 * (forth.value - back.value), 0.5 * (forth.value + back.value)
-    both = 0.5 * math.hypot(forth.uncertainty, back.uncertainty)
-    if not half > 0.0:
-        raise ValueError("the loop is not open: the signal of the trace is not above that of the retrace")
+    half, offset = _half_and_offset(forth, back)
     ways = ((x, trace), (x[::-1], retrace[::-1]))
     slopes = [
-        _stick_slope(way, signal, offset, 0.6 * half) for way, signal in ways if _sticks(signal, offset, half, way)
+        _stick_slope(way, signal, offset.value, 0.6 * half.value)
+        for way, signal in ways
+        if _sticks(signal, offset.value, half.value, way)
     ]
-    return FrictionLoop(Estimate(half, both), Estimate(offset, both), _weighted(slopes))
+    return FrictionLoop(half, offset, _weighted(slopes))
+
+
+def _half_and_offset(trace: Estimate, retrace: Estimate) -> tuple[Estimate, Estimate]:
+    """Half the difference and half the sum; ValueError if the loop is not open."""
+    half, both = 0.5 * (trace.value - retrace.value), 0.5 * math.hypot(trace.uncertainty, retrace.uncertainty)
+    if not half > 0.0:
+        raise ValueError("the loop is not open: the signal of the trace is not above that of the retrace")
+    return Estimate(half, both), Estimate(0.5 * (trace.value + retrace.value), both)
 
 
 def _sticks(signal: _Array, offset: float, half: float, way: _Array) -> bool:
@@ -171,10 +175,3 @@ def _turns(position: _Array) -> list[int]:
         if 0 < turn < position.size - 1:
             turns.append(turn)
     return turns
-
-
-def _pair(position: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array]:
-    position, signal = np.asarray(position, np.float64), np.asarray(signal, np.float64)
-    if position.ndim != 1 or position.shape != signal.shape:
-        raise ValueError(f"position {position.shape} and signal {signal.shape} must be two lists of the same length")
-    return position, signal

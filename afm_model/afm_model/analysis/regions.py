@@ -143,9 +143,7 @@ def roughness(heights: ArrayLike) -> Roughness:
     ValueError
         If fewer than four pixels are there.
     """
-    image = np.asarray(heights, np.float64)
-    if image.ndim != 2:
-        raise ValueError(f"an image has lines and pixels: this one has the shape {image.shape}")
+    image = _image(heights)
     i, j = np.nonzero(np.isfinite(image))
     if i.size < 4:
         raise ValueError(f"a plane needs at least four pixels: there are {i.size}")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, correlation_length, mean
+from .estimate import Estimate, correlated_mean, mean
 from .regions import two_levels
 
 _Array = NDArray[np.float64]
@@ -100,9 +100,7 @@ def step_height(x: ArrayLike, heights: ArrayLike) -> Estimate:
         raise ValueError("there is no plateau with a neighbour on both sides: a line needs at least two edges")
     if len(of_lines) == 1:
         return mean(of_lines[0])
-    values = np.array([np.mean(each) for each in of_lines])
-    independent = values.size / correlation_length(values)
-    return Estimate(float(values.mean()), float(values.std(ddof=1)) / math.sqrt(independent))
+    return correlated_mean([float(np.mean(each)) for each in of_lines])
 
 
 def _heights(x: _Array, z: _Array) -> list[float]:

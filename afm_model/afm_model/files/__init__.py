@@ -3,9 +3,8 @@
 What a format needs (gwyfile, h5py, matplotlib) is imported when a file is written, not before.
 """
 
-from .curves import write_curve_tab, write_curves
-from .gsf import write_gsf
-from .gwy import write_gwy
+from .curve_files import write_curve_tab, write_curves
+from .gwyddion import write_gsf, write_gwy
 from .layers import Layer, layer, layers
 from .level import lines as level_lines
 from .level import plane as level_plane

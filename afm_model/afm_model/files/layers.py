@@ -1,11 +1,13 @@
-"""The layers of a scan: every channel in each direction, and combinations of trace and retrace."""
+"""The layers of a scan, every channel in each direction and combinations of trace and retrace, and its notes."""
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.prefix import text
 from ..microscope.image import DIRECTIONS, TRACE, Image, as_image
 
 if TYPE_CHECKING:
@@ -68,3 +70,33 @@ def layer(image: "Image | xarray.Dataset", name: str) -> Layer:
     if name not in every:
         raise ValueError(f"the scan has no layer {name!r}: it must be one of {', '.join(every)}")
     return every[name]
+
+
+def description(image: Image) -> dict[str, str]:
+    """Names and texts, as programs list them: the frame, how it was scanned, how far it came, and the scan's own notes.
+
+    Parameters
+    ----------
+    image : Image
+
+    Returns
+    -------
+    dict of str to str
+        Without line breaks. Numbers in base units are in the files besides; these are to be read by people.
+    """
+    scan = image.scan
+    slow = (
+        f"{scan.direction}, from the {'least' if scan.direction == 'up' else 'largest'} y" if scan.slow_axis else "off"
+    )
+    words = {
+        "Scan size": f"{text(scan.size_x, 'm')} x {text(scan.height, 'm')}",
+        "Scan centre": f"x = {text(scan.centre_x, 'm')}, y = {text(scan.centre_y, 'm')}",
+        "Scan angle": f"{math.degrees(scan.angle):.6g} deg, of the fast direction against x, counterclockwise",
+        "Pixels": f"{scan.pixels} x {scan.lines}",
+        "Line rate": f"{image.line_rate or scan.line_rate:.6g} Hz, a line is trace and retrace",
+        "Overscan": f"{scan.overscan:.6g}",
+        "Slow axis": slow,
+        "Lines measured": f"{image.lines_done} of {scan.lines}",
+        "Start": f"{image.start:.9g} s of simulated time",
+    }
+    return words | {str(name): " ".join(str(value).split()) for name, value in image.metadata.items()}

@@ -11,7 +11,7 @@ from ..core.prefix import prefixed, text
 from ..microscope.image import Image, as_image
 from . import level
 from .layers import Layer, layer, layers
-from .writing import checked, replacing
+from .result_files import checked, replacing
 
 if TYPE_CHECKING:
     import xarray

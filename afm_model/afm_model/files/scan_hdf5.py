@@ -21,8 +21,7 @@ from ..core.errors import ParameterError, ResultFileError
 from ..core.schema import build
 from ..microscope.image import DIRECTIONS, RETRACE, Image, Line, as_image
 from ..microscope.verbs import Scan
-from .disk import Disk
-from .writing import checked, reason
+from .result_files import Disk, checked, reason
 
 if TYPE_CHECKING:
     import xarray

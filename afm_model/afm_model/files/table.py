@@ -11,9 +11,8 @@ import numpy as np
 from ..core.prefix import prefixed
 from ..microscope.image import Image, as_image
 from . import level
-from .describing import description
-from .layers import Layer, layers
-from .writing import replacing
+from .layers import Layer, description, layers
+from .result_files import replacing
 
 if TYPE_CHECKING:
     import xarray

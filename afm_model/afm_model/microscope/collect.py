@@ -226,7 +226,7 @@ class LineCollector(Collector):
         line, back = divmod(number, 2)
         values = self._pixel_values * self._factors
         if back:
-            values = values[:, ::-1].copy()
+            values = values[:, ::-1]
         begin = self.first + self._turn + number * (self._image + self._turn)
         channels = dict(zip(self.signals, values, strict=True))
         self._put(Line(line, RETRACE if back else TRACE, begin * self.sample_period, channels))

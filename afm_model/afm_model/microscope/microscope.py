@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..core import registry
 from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
 from ..parameters import ControllerParameters, SimParameters, changed
@@ -28,7 +29,7 @@ from .backend import Backend, LoopSettings, OnLine, OnProgress
 from .interrupts import Interrupted
 from .local import Local
 from .results import COMPLETE, MicroscopeState, Outcome
-from .verb import Verb, all_verbs, find
+from .verb import Verb, find
 
 if TYPE_CHECKING:
     import xarray
@@ -150,12 +151,13 @@ class Microscope(LoopSettings):
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         """The word of a verb: `microscope.friction_loop(length=20e-9)`."""
-        if name.startswith("_") or name not in all_verbs():
-            raise AttributeError(f"a microscope has no {name}; its verbs are {', '.join(all_verbs())}")
+        verbs = registry.names("verb")
+        if name not in verbs:
+            raise AttributeError(f"a microscope has no {name}; its verbs are {', '.join(verbs)}")
         return partial(self.do, name)
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *all_verbs()]
+        return [*super().__dir__(), *registry.names("verb")]
 
     # Words made of verbs.
 

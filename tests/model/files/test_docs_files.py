@@ -7,7 +7,7 @@ import gwyfile
 import pytest
 
 from afm_model.files import layers
-from afm_model.files.curves import UNITS
+from afm_model.files.curve_files import UNITS
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "files.md").read_text()

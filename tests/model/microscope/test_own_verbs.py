@@ -9,6 +9,7 @@ import pytest
 from quick_lever import LEVER
 
 from afm_model import ParameterError, VerbError
+from afm_model.core import registry
 from afm_model.microscope import Approach, Microscope, Scan, Withdraw
 
 from .test_local import APPROACH, local
@@ -63,6 +64,22 @@ def test_verb_of_ones_own_is_refused_and_named_as_ours_are():
         microscope.do("lift")
     with pytest.raises(AttributeError, match="a microscope has no lift; its verbs are approach, withdraw"):
         microscope.lift()
+
+
+def test_verb_of_an_installed_package_is_a_word_of_the_microscope(tmp_path, monkeypatch):
+    metadata = tmp_path / "lift-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: lift\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text("[afm_model.verb]\nlift_line = lift:LiftLine\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    registry._offered.cache_clear()
+    try:
+        microscope = Microscope(local())
+        assert "lift_line" in dir(microscope)
+        with pytest.raises(VerbError, match="LiftLine is not allowed while the tip is withdrawn"):
+            microscope.lift_line(lift=20e-9)
+    finally:
+        registry._offered.cache_clear()
 
 
 def test_verb_that_raises_fails_in_a_sentence_with_the_tip_withdrawn(tmp_path, monkeypatch):

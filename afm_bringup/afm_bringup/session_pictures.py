@@ -1,4 +1,4 @@
-"""The picture of a scan: height and friction side by side."""
+"""The pictures of a session: the overview of a run; height and friction of a scan, side by side."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,10 +7,27 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from afm_model.files.layers import layers
-from afm_model.files.picture import draw
+from afm_model.files.picture import draw as draw_layer
 from afm_model.microscope.image import Image
+from afm_model.run.plotting import SIZE, Curves, draw
+from afm_recorder_node.reader import Recording
 
 _SIZE = (9.0, 4.4)
+
+
+def draw_overview(recording: Recording, title: str, path: Path) -> None:
+    """Draw a recording into a PNG file; see `afm_model.run.plotting.draw`."""
+    figure = Figure(figsize=SIZE, layout="constrained")
+    curves = Curves(
+        time=recording.time_ticks,
+        position=recording.position,
+        reference=recording.reference,
+        error=recording.error,
+        drive=recording.drive,
+        lateral_force=np.interp(recording.time_ticks, recording.time_samples, recording.lateral_force),
+    )
+    draw(figure, curves, title)
+    figure.savefig(path, dpi=120)
 
 
 def write_scan_picture(path: Path, image: Image, title: str) -> None:
@@ -29,6 +46,6 @@ def write_scan_picture(path: Path, image: Image, title: str) -> None:
     for axes, found in zip(figure.subplots(1, len(chosen), squeeze=False)[0], chosen, strict=True):
         if found.name == "height_trace" and found.measured.any():
             found = replace(found, values=found.values - np.nanmin(found.values))
-        draw(axes, image, found, "none")
+        draw_layer(axes, image, found, "none")
     figure.suptitle(title)
     figure.savefig(path, dpi=120)

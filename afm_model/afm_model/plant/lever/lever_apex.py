@@ -9,14 +9,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..core import registry
-from ..core.errors import ParameterError
-from ..core.schema import NonNegative, Unit
-from ..parts.groups import PlantParameters
-from ..parts.part import Corrugation, Numbers, Tree
-from .lever_thermal import BOLTZMANN
-from .random_numbers import key_of
+from ...core import registry
+from ...core.errors import ParameterError
+from ...core.schema import NonNegative, Unit
+from ...parts.groups import PlantParameters
+from ...parts.part import Corrugation, Numbers, Tree
+from ..random_numbers import key_of
 
+BOLTZMANN = 1.380649e-23
+"""[J/K]."""
 ELECTRONVOLT = 1.602176634e-19
 """[J]"""
 RESOLVED = 0.5
@@ -40,9 +41,16 @@ class ApexParameters(PlantParameters):
     )
 
 
-_CONSTANTS = (
-    *("lattice", "lattice_period", "lattice_force", "lattice_slope", "apex_compliance", "apex_hold"),
-    *("apex_carry", "apex_noise", "apex_key"),
+APEX_CONSTANTS = (
+    "lattice",  # 1.0 on a sample of atoms
+    "lattice_period",  # [m]
+    "lattice_force",  # largest force of the potential along a row of minima [N]
+    "lattice_slope",  # and how much more per load [1]
+    "apex_compliance",  # of the tip's apex [m/N]
+    "apex_hold",  # of its inertia and damping at mid-step: force per way from the start of the step [N/m]
+    "apex_carry",  # and per rate there [N s/m]
+    "apex_noise",  # rms thermal force in a step [N]
+    "apex_key",  # of its random numbers
 )
 _OF_LATTICES = ("apex_stiffness", "apex_mass", "apex_damping")
 
@@ -54,10 +62,10 @@ def lattice_of(parameters: Tree) -> Corrugation | None:
 
 
 def apex_constants(parameters: Tree) -> Numbers:
-    """Values of those of the lever's constants that a lattice needs."""
+    """Values of APEX_CONSTANTS."""
     found = lattice_of(parameters)
     if found is None:
-        return dict.fromkeys(_CONSTANTS, 0.0)
+        return dict.fromkeys(APEX_CONSTANTS, 0.0)
     plant, h = parameters.plant, parameters.plant.dt
     mass, damping = plant.apex_mass, plant.apex_damping
     return {

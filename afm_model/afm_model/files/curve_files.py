@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..microscope.verbs.force_curve import Curve, as_curves
 from ..program.force_curve import APPROACH, RETRACT
-from .writing import replacing
+from .result_files import replacing
 
 if TYPE_CHECKING:
     import xarray
