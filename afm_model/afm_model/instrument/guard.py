@@ -27,11 +27,11 @@ from .limits import (
 )
 from .validity import valid_forces
 
-_PHASE, _EVENT, _LIMIT, _SINCE = (place(GuardState, name) for name in ("phase", "event", "limit", "since"))
+_PHASE, _EVENT, _LIMIT = (place(GuardState, name) for name in ("phase", "event", "limit"))
 
 
 class Guard:
-    """The limits of one instrument (`limits`): who has the drive, why, and since when.
+    """The limits of one instrument (`limits`): who has the drive, and why.
 
     Parameters
     ----------
@@ -54,6 +54,7 @@ class Guard:
     def reset(self, rest: NDArray[np.float64]) -> None:
         """Give the drive to the controller, as at the start with the drive `rest` [V]."""
         self._guard[:] = 0.0
+        self._numbers[_PHASE] = RUNNING
         self._limits.rest[:] = rest
 
     @property
@@ -74,11 +75,6 @@ class Guard:
     def limit(self) -> int:
         """The limit that was passed last, as long as the instrument has the drive because of it; else NONE."""
         return self._numbers.item(_LIMIT)
-
-    @property
-    def since(self) -> int:
-        """Tick at which the phase began."""
-        return self._numbers.item(_SINCE)
 
     def counts(self) -> dict[str, int]:
         """Withdrawals, and ticks in which the instrument had the drive, by their names in `run.Counts`."""

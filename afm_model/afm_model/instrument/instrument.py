@@ -13,12 +13,11 @@ from ..parameters import InstrumentParameters
 from ..parts.command import Command, CommandRecord, problem
 from ..parts.part import Channel
 from ..parts.signals import PiezoDrive, Truth
-from .block import Layout, LoopState, line_slots
+from .block import Layout, LoopState, fill_loop, line_slots
 from .controller import Controller, external_law
 from .draws import Draws
 from .faults import Faults
 from .guard import Guard
-from .loop import fill_loop
 from .orders import Orders
 from .rows import Block, Cut, Rows
 from .score import ScoreSummary, summarize
@@ -28,7 +27,7 @@ from .truth import truth_of_rows
 _Array = NDArray[np.float64]
 _ZERO_AT_START = (
     *("measurement", "applied", "commanded", "regulated", "effective"),
-    *("truth", "detection", "displacement", "score"),
+    *("truth", "detection", "displacement", "score", "asked", "asked_next", "delivery", "read", "drifted"),
 )
 """Records that are empty when a run begins."""
 _K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP = (
@@ -58,7 +57,6 @@ class Instrument:
 
     def __init__(self, parameters: InstrumentParameters, block_ticks: int = 500, *, hashed: bool = True) -> None:
         self.parameters = parameters
-        self._hashed = hashed
         try:
             self._layout = layout = Layout(parameters)
             self._block = layout.make(parameters)
@@ -95,10 +93,6 @@ class Instrument:
         self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
         for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
-        for name in ("asked", "asked_next"):
-            layout.array(block, name)[:] = 0.0
-        for name in ("delivery", "read", "drifted"):
-            layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
             each.fill_start(block, layout.places[f"{family}_state"], parameters)
         self.orders.reset()
@@ -113,7 +107,7 @@ class Instrument:
                     f"{parameters.reference.z_r:g} m takes {volts:.4g} V along {axis}"
                 )
         for name in ("applied", "regulated", "effective"):
-            layout.array(block, name)[:] = held
+            layout.array(block, name)[:3] = held
         self.guard.reset(layout.array(block, "applied"))
         for family in ("onboard", "piezo"):
             part: Any = layout.parts[family].part

@@ -11,9 +11,9 @@ from ..core.records import Block, Record, Vector, record_at
 from ..parts.header import BlockHeader
 from ..parts.signals import Drive, PiezoDrive, Truth
 
-RUNNING, RETRACTED, WITHDRAWN, APPROACHING = range(4)
-"""Who has the drive: the controller; the instrument, because the controller is silent; the instrument, because a limit
-was passed; the instrument, on the way back to the tip.
+RUNNING, RETRACTED, WITHDRAWN, APPROACHING = 1, 4, 8, 9
+"""Who has the drive, by the numbers of `run.State`: the controller; the instrument, because the controller is silent,
+because a limit was passed, on the way back to the tip.
 """
 NONE, TRAVEL, FORCE, INVALID, CONTACT_LOST, TOO_HARD, NO_CONTACT, RESUMED, APPROACHED, SILENT, ANSWERED = range(11)
 """Why the phase has changed. The first four behind NONE are limits; the next two are of an approach that failed."""

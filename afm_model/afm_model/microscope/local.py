@@ -140,7 +140,8 @@ class Local(Backend):
 
     def close(self) -> None:
         """See `Backend`."""
-        if self.state.near:
+        # After a fault nothing moves any more.
+        if self.state.near and self.engine.ticking:
             self.execute(Withdraw())
 
 

@@ -31,6 +31,17 @@ class Drive(Record):
     voltage: Vector
 
 
+class Actuation(Drive):
+    """What reaches the plant: a drive, and how a dither piezo moves the base of the cantilever, across it:
+    amplitude cos(phase + angular_frequency (t - since)).
+    """
+
+    amplitude: Annotated[float, "m"]
+    angular_frequency: Annotated[float, "rad/s"]
+    phase: Annotated[float, "rad"]
+    since: Annotated[float, "s"]
+
+
 LONGEST_HORIZON = 512
 """Further drives that one answer may hold at most."""
 

@@ -26,12 +26,15 @@ from .steps import require_contact_at_rest, require_resolved_step
 
 
 @kernel
-def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
+def step(t: float, v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
     """Advance the state by one step h in place: half drift, kick at mid-step, half drift (second order in slip).
 
     Parameters
     ----------
-    v : record of Drive [V]
+    t : float [s]
+        At the begin of the step.
+    v : record of Actuation
+        Its drive [V] counts; an excitation does not.
         Held over the step.
     unused : random numbers
     p, s : records of Constants and State

@@ -33,12 +33,15 @@ TREATMENTS = {"computed": Z_COMPUTED, "held": Z_HELD, "uniform": Z_UNIFORM}
 
 
 @kernel
-def step(v: Any, r: Any, p: Any, s: Any, m: Any) -> None:
+def step(t: float, v: Any, r: Any, p: Any, s: Any, m: Any) -> None:
     """Advance the state by one step h in place, with the scheme of the compliant plant.
 
     Parameters
     ----------
-    v : record of Drive [V]
+    t : float [s]
+        At the begin of the step.
+    v : record of Actuation
+        Its drive [V] counts; an excitation does not.
         Held over the step.
     r : pointer
         The drawn f_z [w0^2 z0], used by Z_UNIFORM alone.

@@ -12,7 +12,7 @@ from .counts import Counts
 from .link import Link
 from .listeners import Listeners
 from .pacing import Pacing
-from .state import BACK, EVENTS, OVER, PHASES, REASONS, TICKING, Cause, Life, State
+from .state import BACK, EVENTS, OVER, REASONS, TICKING, Cause, Life, State
 from .timing import Stopwatch, VirtualClock
 
 _TAKEN_AWAY = (State.WITHDRAWN, State.RETRACTED)
@@ -25,31 +25,24 @@ class Operator(Protocol):
     @property
     def busy(self) -> bool:
         """Whether something is being done."""
-        ...
 
     def begin(self, verb: Any) -> None:
         """Begin something; raises VerbError."""
-        ...
 
     def look(self) -> None:
         """Go on if the order in force is done."""
-        ...
 
     def take(self, block: Block) -> None:
         """A recorded block, each in order."""
-        ...
 
     def cancel(self, reason: str) -> None:
         """Bring what is being done to a safe end."""
-        ...
 
     def give_up(self, reason: str) -> None:
         """End what is being done here and now: simulated time does not go on."""
-        ...
 
     def outcome(self) -> Any:
         """How the last thing that was done has ended."""
-        ...
 
 
 class Engine:
@@ -133,7 +126,7 @@ class Engine:
     @property
     def phase(self) -> State:
         """Who has the drive while simulated time goes on."""
-        return PHASES[self.instrument.guard.phase]
+        return State(self.instrument.guard.phase)
 
     @property
     def reason(self) -> str:

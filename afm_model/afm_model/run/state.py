@@ -117,13 +117,6 @@ BACK = {
     State.APPROACHING: (Cause.BACK_APPROACHING, "the approach goes on"),
 }
 """What goes on behind a pause while the instrument has the drive."""
-PHASES = {
-    limits.RUNNING: State.RUNNING,
-    limits.RETRACTED: State.RETRACTED,
-    limits.WITHDRAWN: State.WITHDRAWN,
-    limits.APPROACHING: State.APPROACHING,
-}
-"""Who has the drive, as a state of the run that goes on."""
 EVENTS = {
     limits.TRAVEL: Cause.TRAVEL,
     limits.FORCE: Cause.FORCE,
@@ -133,10 +126,8 @@ EVENTS = {
     limits.NO_CONTACT: Cause.NOT_APPROACHED,
     limits.RESUMED: Cause.RESUME,
     limits.APPROACHED: Cause.APPROACHED,
-    limits.SILENT: Cause.SILENT,
-    limits.ANSWERED: Cause.ANSWERED,
 }
-"""What changes hands of the drive, as a cause."""
+"""Why the drive has changed hands behind a tick, as a cause."""
 
 
 class Life:

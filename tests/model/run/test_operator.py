@@ -1,5 +1,7 @@
 """Verbs of a run: the bytes of verbs in process, simulated time stands still between them, and every end is told."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 from quick_lever import INSTRUMENT, LAW
@@ -237,3 +239,13 @@ def test_another_instrument_begins_anew() -> None:
     bench.do(Withdraw())
     assert bench.run.instrument.trajectory_sha256() != sha
     assert bench.run.instrument.parameters.plant.gap == 15e-9
+
+
+def test_microscope_whose_run_has_failed_says_so_and_is_let_go_of() -> None:
+    parameters = build(SimParameters, INSTRUMENT | LAW)
+    assert parameters.controller_inside is not None
+    with closing(Local(parameters, parameters.controller_inside)) as local:
+        local.execute(APPROACH)
+        local.engine.fail("the motion diverged")
+        with pytest.raises(VerbError, match="the run is fault"):
+            local.execute(SCAN)

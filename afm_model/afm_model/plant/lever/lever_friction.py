@@ -6,8 +6,8 @@ Equations: docs/lever.md (16) to (23).
 import math
 from typing import Any
 
-from ..core.jit import kernel
-from ..parts.dispatch import surface
+from ...core.jit import kernel
+from ...parts.dispatch import surface
 from .lever_contact import hold, indent, place_frame, slide
 
 

@@ -7,26 +7,16 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 import math
 from typing import Any
 
-from ..contact.contact_table import attraction, end_of_contact, look_up
-from ..core.jit import kernel
+from ...contact.contact_table import attraction, end_of_contact, look_up
+from ...core.jit import kernel
 
-FRAME = (
-    "unit_force",  # units of the contact at this place, see afm_model.contact.maugis
-    "unit_radius",
-    "unit_indentation",
-    "hamaker_radius",  # Hamaker constant times effective radius [J m]
-    "row",  # in the table
-    "end",  # indentation at which contact begins and ends [m]
-    "tau",  # friction per area [Pa]
-)
-"""The contact at one place: numbers in the state of the plant."""
 _CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""
 
 
 @kernel
 def place_frame(H: Any, p: Any, f: Any, m: Any, at: int) -> None:
-    """Write the contact at a place of the sample, H, into f, a record with FRAME."""
+    """Write the contact at a place of the sample, H, into f, the State."""
     rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
     contrast = H.adhesion
     # (w^2 R_e)^(1/3), and the other powers by it.
@@ -46,7 +36,7 @@ def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float,
 
     Parameters
     ----------
-    f, p : records of State, with FRAME, and Constants
+    f, p : records of State and Constants
     m, at : the table begins at m[at]
     """
     F, S, a, b = look_up(delta / f.unit_indentation, f.row, m, at, p.rows)

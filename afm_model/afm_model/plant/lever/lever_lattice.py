@@ -8,10 +8,10 @@ load follow from it.
 import math
 from typing import Any
 
-from ..core.jit import kernel, routine
-from ..parts.dispatch import surface
+from ...core.jit import kernel, routine
+from ...parts.dispatch import surface
+from ..random_numbers import normal as standard_normal
 from .lever_contact import indent, normal, place_frame
-from .random_numbers import normal as standard_normal
 
 _LONGEST = 1.0 / 32.0
 """Way of the apex, in lattice constants, in one part of its way down to a minimum."""
