@@ -20,7 +20,7 @@ from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Program, Tree
 from ..parts.signals import Detection, Setpoint
 from . import ordered, orders
-from .orders import Curve, Order, Step
+from .orders import Order, Polynomial, Step
 
 LIFT, SETTLE, APPROACH, DWELL, RETRACT, DONE = range(6)
 """Phases, as the channel `curve_phase` tells them."""
@@ -91,7 +91,7 @@ def _first(parameters: Tree) -> Order:
         Step(orders.RAMP, **away, then=DONE),
         Step(orders.DWELL, duration=math.inf),
     )
-    return Order(Curve((curve.x,), (curve.y,)), steps)
+    return Order(Polynomial((curve.x,), (curve.y,)), steps)
 
 
 def _check(parameters: Tree) -> None:

@@ -20,7 +20,21 @@ from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
 from ..parts.signals import OPEN, Detection, Setpoint
 from ..parts.timing import ticks_of
-from .orders import CURVE, DEGREES, END, FOLLOW, LINES, PROFILE, RAMP, REST, SAMPLED, Lines, Order, Sampled, StepRecord
+from .orders import (
+    DEGREES,
+    END,
+    FOLLOW,
+    LINES,
+    POLYNOMIAL,
+    PROFILE,
+    RAMP,
+    REST,
+    SAMPLED,
+    Lines,
+    Order,
+    Sampled,
+    StepRecord,
+)
 
 _STEP = size(StepRecord)
 
@@ -36,7 +50,7 @@ class VerbsParameters(ProgramParameters):
 class Constants(Record):
     z_r: float
     number: float  # of the order, from 1
-    motion: float  # CURVE, LINES or SAMPLED
+    motion: float  # POLYNOMIAL, LINES or SAMPLED
     begin: Annotated[float, "s"]  # of the order
     curve_time: Annotated[float, "s"]  # whole, of a curve
     last: Annotated[float, "s"]  # time behind which the motion is at its end with this control tick
@@ -246,7 +260,7 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
         ticks = ticks_of(motion.pieces * motion.period, control)
     else:
         ticks = motion.ticks
-        p.motion, p.curve_time = CURVE, max(ticks, 1) * control
+        p.motion, p.curve_time = POLYNOMIAL, max(ticks, 1) * control
         for name, coefficients in (("curve_x", motion.x), ("curve_y", motion.y)):
             p[name][:] = 0.0
             p[name][: len(coefficients)] = coefficients
