@@ -18,7 +18,7 @@ from ..core.jit import kernel
 from ..core.records import Block
 from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree
-from ..parts.signals import Drive
+from ..parts.signals import Actuation
 from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest, start_free
@@ -28,7 +28,7 @@ from .steps import require_contact_at_rest, require_resolved_step
 
 
 @kernel
-def step(t: float, v: Drive, unused: Block, p: Constants, s: State, m: Block) -> None:
+def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place: half drift, kick at mid-step, half drift (second order in slip).
 
     Parameters

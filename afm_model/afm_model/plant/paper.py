@@ -19,7 +19,7 @@ from ..core.jit import kernel
 from ..core.records import Block
 from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree
-from ..parts.signals import Drive, Surface
+from ..parts.signals import Actuation, Surface
 from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest
@@ -33,7 +33,7 @@ TREATMENTS = {"computed": Z_COMPUTED, "held": Z_HELD, "uniform": Z_UNIFORM}
 
 
 @kernel
-def step(t: float, v: Drive, r: Block, p: Constants, s: State, m: Block) -> None:
+def step(t: float, v: Actuation, r: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place, with the scheme of the compliant plant.
 
     Parameters

@@ -12,7 +12,7 @@ from typing import Annotated
 from ...core.jit import kernel
 from ...core.records import Array, Block, Record, record_at
 from ...parts.header import BlockHeader
-from ...parts.signals import Drive, Truth
+from ...parts.signals import Actuation, Truth
 from ..beam import MODES
 from ..random_numbers import normal
 from .lever_constants import Constants
@@ -81,7 +81,7 @@ def mode_rate(i: int, base: float, p: Constants, s: State) -> float:
 
 
 @kernel
-def step(t: float, v: Drive, unused: Block, p: Constants, s: State, m: Block) -> None:
+def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place.
 
     Parameters
