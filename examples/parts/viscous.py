@@ -45,7 +45,7 @@ def rest(parameters, p, s, m):
 
 
 @kernel
-def step(v, r, p, s, m):
+def step(t, v, r, p, s, m):
     for axis in range(3):
         w2 = p.w[axis] * p.w[axis]
         damping = p.c[axis] + (p.film if axis < 2 else 0.0)

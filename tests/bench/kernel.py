@@ -55,7 +55,7 @@ def advance(m: _Array, u: _Array, hold: int) -> None:
         for axis in range(3):
             v.voltage[axis] = u[i, axis]
         for _ in range(hold):
-            compliant.step(v, unused, p, s, m)
+            compliant.step(0.0, v, unused, p, s, m)
 
 
 def compile_c(folder: Path, name: str) -> Advance:

@@ -80,7 +80,7 @@ def _compliant(m: _Array, drives: _Array, states: _Array) -> None:
         states[i, :] = m[g.plant_state : g.plant_state + _SIZE]
         if i < len(drives):
             v.voltage[0], v.voltage[1], v.voltage[2] = drives[i, 0], drives[i, 1], drives[i, 2]
-            compliant_plant.step(v, drives, p, s, m)
+            compliant_plant.step(0.0, v, drives, p, s, m)
 
 
 @kernel
@@ -92,7 +92,7 @@ def _paper(m: _Array, drives: _Array, drawn: _Array, states: _Array) -> None:
         states[i, :] = m[g.plant_state : g.plant_state + _SIZE]
         if i < len(drives):
             v.voltage[0], v.voltage[1], v.voltage[2] = drives[i, 0], drives[i, 1], drives[i, 2]
-            paper_plant.step(v, drawn, p, s, m)
+            paper_plant.step(0.0, v, drawn, p, s, m)
 
 
 @kernel
@@ -106,7 +106,7 @@ def _held_under_sine(m: _Array, drawn: _Array, amplitude: float, omega: float, e
         positions[i, 1] = s.Y
         for _ in range(every):
             v.voltage[0] = v.voltage[1] = amplitude * math.sin(omega * (step + 0.5) * p.h)
-            paper_plant.step(v, drawn, p, s, m)
+            paper_plant.step(0.0, v, drawn, p, s, m)
             step += 1
 
 

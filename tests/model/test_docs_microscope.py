@@ -10,7 +10,7 @@ import pytest
 from afm_model import flatten, load_scenario, simulate
 from afm_model.parameters import SimParameters, build
 from afm_model.plant import LEVER, presets
-from afm_model.plant.lever_parameters import LeverGroup
+from afm_model.plant.lever.lever_parameters import LeverGroup
 
 MARKED = r"<!-- (\w+) -->\n```\w+\n(.*?)```\n<!-- end -->"
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "microscope.md").read_text()

@@ -17,7 +17,18 @@ from ..parts.assembly import Assembled, assembled
 from ..parts.channels import OPTIONAL, STANDARD
 from ..parts.header import BlockHeader
 from ..parts.part import Channel
-from ..parts.signals import Delivery, Detection, Displacement, Drive, Measurement, PiezoDrive, Setpoint, Surface, Truth
+from ..parts.signals import (
+    Actuation,
+    Delivery,
+    Detection,
+    Displacement,
+    Drive,
+    Measurement,
+    PiezoDrive,
+    Setpoint,
+    Surface,
+    Truth,
+)
 from .drift import DriftConstants, DriftState, drift_constants
 from .limits import GuardState, LimitConstants
 from .score import ScoreSums
@@ -70,6 +81,13 @@ class Layout:
         self.parts: dict[str, Assembled] = {
             family: assembled(family, getattr(parameters, GROUPS[family]).kind) for family in FAMILIES
         }
+        onboard: Any = self.parts["onboard"].part
+        plant: Any = self.parts["plant"].part
+        if onboard.excites and not plant.takes_excitation:
+            raise ParameterError(
+                f"onboard.kind = {parameters.onboard.kind} is not allowed with plant.kind = {parameters.plant.kind}, "
+                f"whose cantilever cannot be excited: take plant.kind = lever"
+            )
         self.places: dict[str, int] = {}
         self._records: dict[str, tuple[int, type[Record]]] = {}
         self._end = size(BlockHeader)
@@ -83,8 +101,9 @@ class Layout:
                 self._add(f"{family}_state", each.part.state)
         self.places["hashed_end"] = self._end
         self._add("measurement", Measurement)
-        for name in ("applied", "regulated", "effective"):
-            self._add(name, Drive)
+        self._add("applied", Drive)
+        for name in ("regulated", "effective"):
+            self._add(name, Actuation)
         self._add("commanded", PiezoDrive)
         self.places["received"] = 0
         self._add("asked", Setpoint)

@@ -107,7 +107,7 @@ class Instrument:
                     f"{parameters.reference.z_r:g} m takes {volts:.4g} V along {axis}"
                 )
         for name in ("applied", "regulated", "effective"):
-            layout.array(block, name)[:] = held
+            layout.array(block, name)[:3] = held
         self.guard.reset(layout.array(block, "applied"))
         for family in ("onboard", "piezo"):
             part: Any = layout.parts[family].part

@@ -5,8 +5,6 @@ at every sample of the virtual ADC the program looks, the onboard part and the p
 the plant is stepped, the detector samples it, the score counts it; then everything is measured for the next tick.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +25,18 @@ from ..parts.dispatch import (
     watch,
 )
 from ..parts.header import BlockHeader, LawHeader
-from ..parts.signals import GIVEN, Delivery, Detection, Displacement, Drive, Measurement, PiezoDrive, Setpoint, Truth
+from ..parts.signals import (
+    GIVEN,
+    Actuation,
+    Delivery,
+    Detection,
+    Displacement,
+    Drive,
+    Measurement,
+    PiezoDrive,
+    Setpoint,
+    Truth,
+)
 from .block import LoopState
 from .drift import DriftConstants, DriftState, drift, wander
 from .drive import allowed, command_at, due, put_in_force
@@ -46,7 +55,7 @@ DRAW_TICKS = 256
 
 
 @kernel
-def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> None:
+def measure(m: Block, k: int, noise: Block, position_noise: Block, faults: Block) -> None:
     """Write the measurement of control tick k, whose reference is asked for already; noise and faults are its random
     numbers.
     """
@@ -80,8 +89,13 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
 
 
 @kernel
+<<<<<<< HEAD
 def start(m: Block, noise: Any, position_noise: Any, faults: Any) -> None:
     """The first measurement, of the plant at its start."""
+=======
+def start(m: Block, noise: Block, position_noise: Block, faults: Block) -> None:
+    """The first measurement, of the plant as it stands."""
+>>>>>>> cbb48e3e4a8a75929d5c5786abd11e1466fba4a7
     g = record_at(m, 0, BlockHeader)
     observe(record_at(m, g.truth, Truth), m)
     reference(0.0, record_at(m, g.asked, Setpoint), m)
@@ -120,8 +134,8 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     if not allowed(record_at(m, g.commanded, PiezoDrive)):
         return REFUSED
     a = record_at(m, g.applied, Drive)
-    w = record_at(m, g.regulated, Drive)
-    v = record_at(m, g.effective, Drive)
+    w = record_at(m, g.regulated, Actuation)
+    v = record_at(m, g.effective, Actuation)
     o = record_at(m, g.truth, Truth)
     d = record_at(m, g.detection, Detection)
     r = record_at(m, g.asked, Setpoint)
@@ -131,7 +145,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     faults = pointer_at(random, drawn + g.faults)
     disturbance = pointer_at(random, drawn + g.disturbance)
     t = c.k * c.control_period
-    stride = c.stride
+    h, stride = c.control_period / c.substeps, c.stride
     j = c.row * (c.substeps // stride)
     scored = c.k >= c.score_tick
     on_sample(c.k, record_at(m, g.displacement, Displacement), m)
@@ -190,9 +204,10 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
                 for axis in range(3):
                     w.voltage[axis] = convert(w.voltage[axis], c.drive_lsb, c.drive_limit)
             actuate(now, w, v, m)
+            v.amplitude, v.angular_frequency, v.phase, v.since = w.amplitude, w.angular_frequency, w.phase, w.since
             if drifting.on != 0.0:
                 drift(now, late, v, drifting, drifted)
-        step(v, disturbance, m)
+        step(t + i * h, v, disturbance, m)
         observe(o, m)
         if scored:
             count_step(sums, o, r, following, (i + 1) / c.substeps, c.control_period)

@@ -15,7 +15,7 @@ from ..core.schema import Group, Unit, Value, build, chosen_group
 from ..detector import Photodiode
 from ..law.sampled import SampledLaw
 from ..piezo import PiezoParameters
-from ..plant.lever_parameters import LeverGroup
+from ..plant.lever.lever_parameters import LeverGroup
 from .instrument_parameters import ControllerParameters, InstrumentParameters
 
 PREFIX = "microscope."

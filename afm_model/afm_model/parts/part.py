@@ -15,7 +15,18 @@ from numpy.typing import NDArray
 from ..core.call import INTEGER, NUMBER, POINTER, Argument
 from ..core.records import Record
 from ..core.schema import Group
-from .signals import Delivery, Detection, Displacement, Drive, Measurement, PiezoDrive, Setpoint, Surface, Truth
+from .signals import (
+    Actuation,
+    Delivery,
+    Detection,
+    Displacement,
+    Drive,
+    Measurement,
+    PiezoDrive,
+    Setpoint,
+    Surface,
+    Truth,
+)
 
 Numbers = Mapping[str, Any]
 """Values of a record by the names of its fields."""
@@ -259,9 +270,13 @@ class Onboard(Part):
     """
 
     family = "onboard"
-    functions: ClassVar = {"regulate": (NUMBER, Detection, Setpoint, Drive, CONSTANTS, STATE)}
+    functions: ClassVar = {"regulate": (NUMBER, Detection, Setpoint, Actuation, CONSTANTS, STATE)}
 
     regulate: Kernel | None = None
+    excites: bool = False
+    """It also writes how the cantilever is excited: `amplitude` and the fields behind it of u, an Actuation, which stay
+    until it writes others.
+    """
     moves_z: bool = False
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
@@ -285,8 +300,9 @@ ONBOARD_SETTINGS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Plant(Part):
-    """Equations of motion: `step(v, r, p, s, m)` advances s by one integration step under drive v [V]; r holds the
-    part's random numbers. `observe(p, s, o)` tells the state as a record o of Truth.
+    """Equations of motion: `step(t, v, r, p, s, m)` advances s by one integration step that begins at time t [s],
+    under v of Actuation: the drive [V], and for a plant that takes it the excitation; r holds the part's random
+    numbers. `observe(p, s, o)` tells the state as a record o of Truth.
 
     The sample is asked through m: `afm_model.parts.surface(x, y, m)` with x, y in x0.
 
@@ -301,13 +317,15 @@ class Plant(Part):
         whether its tip touches the sample in one point.
     takes_lattice : bool
         Its friction can be the potential that a sample with `lattice` writes.
+    takes_excitation : bool
+        It moves the base of its cantilever as v tells.
     warnings : callable
         Parameters -> what is implausible, a sentence each.
     """
 
     family = "plant"
     functions: ClassVar = {
-        "step": (Drive, POINTER, CONSTANTS, STATE, WHOLE),
+        "step": (NUMBER, Actuation, POINTER, CONSTANTS, STATE, WHOLE),
         "observe": (CONSTANTS, STATE, Truth),
     }
 
@@ -317,6 +335,7 @@ class Plant(Part):
     map: Callable[[Any], NDArray[np.float64]] | None = None
     sample_in_si: bool = False
     takes_lattice: bool = False
+    takes_excitation: bool = False
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 

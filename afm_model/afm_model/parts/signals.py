@@ -1,6 +1,6 @@
 """What travels between the parts, as records in SI units. Their order is that of the messages in afm_msgs."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from ..core.jit import kernel
 from ..core.records import Array, Record, Vector
@@ -31,6 +31,17 @@ class Drive(Record):
     voltage: Vector
 
 
+class Actuation(Drive):
+    """What reaches the plant: a drive, and how a dither piezo moves the base of the cantilever, across it:
+    amplitude cos(phase + angular_frequency (t - since)).
+    """
+
+    amplitude: Annotated[float, "m"]
+    angular_frequency: Annotated[float, "rad/s"]
+    phase: Annotated[float, "rad"]
+    since: Annotated[float, "s"]
+
+
 LONGEST_HORIZON = 512
 """Further drives that one answer may hold at most."""
 
@@ -47,7 +58,7 @@ class PiezoDrive(Record):
 
 
 @kernel
-def copy_command(source: Any, target: Any) -> None:
+def copy_command(source: PiezoDrive, target: PiezoDrive) -> None:
     """Copy what a command holds, not what its horizon does not use."""
     target.sequence = source.sequence
     target.horizon_period = source.horizon_period

@@ -12,11 +12,22 @@ WAVE_NUMBERS = (1.8751040687119611, 4.694091132974174, 7.854757438237613)
 MODES = len(WAVE_NUMBERS)
 
 
+def _end(x: float) -> tuple[float, float]:
+    """Deflection of a mode of mean square 1 at the end, and what clamps it: sinh and sin over cosh and cos."""
+    ratio = (math.sinh(x) - math.sin(x)) / (math.cosh(x) + math.cos(x))
+    return math.cosh(x) - math.cos(x) - ratio * (math.sinh(x) - math.sin(x)), ratio
+
+
 def end_slope(x: float) -> float:
     """Slope of a mode at the end times the length, over its deflection there."""
-    ratio = (math.sinh(x) - math.sin(x)) / (math.cosh(x) + math.cos(x))
-    deflection = math.cosh(x) - math.cos(x) - ratio * (math.sinh(x) - math.sin(x))
+    deflection, ratio = _end(x)
     return x * (math.sinh(x) + math.sin(x) - ratio * (math.cosh(x) - math.cos(x))) / deflection
+
+
+def end_by_base(x: float) -> float:
+    """Mean of a mode over its mean square, with the deflection 1 at the end; docs/lever.md (38)."""
+    deflection, ratio = _end(x)
+    return 2.0 * deflection * ratio / x
 
 
 @dataclass(frozen=True)
@@ -26,9 +37,10 @@ class Mode:
     frequency: float  # over that of the first
     compliance: float  # static deflection of the end in this mode under a unit force there
     slope: float  # of the end over its deflection
+    base: float  # force of inertia on it over that on its mass at the end, as the base moves across
 
 
-MODE = tuple(Mode((x / WAVE_NUMBERS[0]) ** 2, 12.0 / x**4, end_slope(x)) for x in WAVE_NUMBERS)
+MODE = tuple(Mode((x / WAVE_NUMBERS[0]) ** 2, 12.0 / x**4, end_slope(x), end_by_base(x)) for x in WAVE_NUMBERS)
 
 
 @dataclass(frozen=True)

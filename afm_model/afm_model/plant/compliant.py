@@ -15,8 +15,10 @@ from typing import Any
 from ..contact.friction import bound_of_area
 from ..contact.jkr import INDENTATION_FIXED_GRIPS, effective_radius_ratio, load_of_u, stiffness_of_u, u_of_indentation
 from ..core.jit import kernel
+from ..core.records import Block
 from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree
+from ..parts.signals import Actuation
 from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest, start_free
@@ -26,12 +28,15 @@ from .steps import require_contact_at_rest, require_resolved_step
 
 
 @kernel
-def step(v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
+def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place: half drift, kick at mid-step, half drift (second order in slip).
 
     Parameters
     ----------
-    v : record of Drive [V]
+    t : float [s]
+        At the begin of the step.
+    v : record of Actuation
+        Its drive [V] counts; an excitation does not.
         Held over the step.
     unused : random numbers
     p, s : records of Constants and State

@@ -9,10 +9,9 @@ from afm_model.core.jit import kernel
 from afm_model.core.records import pointer_at, record_at
 from afm_model.instrument.block import Layout
 from afm_model.parts.header import BlockHeader
-from afm_model.parts.signals import Drive
-from afm_model.plant import LEVER, lever
-from afm_model.plant.lever_constants import Constants
-from afm_model.plant.lever_state import State
+from afm_model.parts.signals import Actuation
+from afm_model.plant.lever import LEVER, Constants, State
+from afm_model.plant.lever.lever_step import step as lever_step
 
 BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
 
@@ -21,11 +20,11 @@ BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
 def _advance(m: np.ndarray, u: np.ndarray, states: np.ndarray) -> None:
     g = record_at(m, 0, BlockHeader)
     p, s = record_at(m, g.plant_constants, Constants), record_at(m, g.plant_state, State)
-    v = record_at(m, g.effective, Drive)
+    v = record_at(m, g.effective, Actuation)
     for i in range(len(u)):
         for axis in range(3):
             v.voltage[axis] = u[i, axis]
-        lever.step(v, pointer_at(m, 0), p, s, m)
+        lever_step(i * p.h, v, pointer_at(m, 0), p, s, m)
         for j in range(states.shape[1]):
             states[i, j] = m[g.plant_state + j]
 

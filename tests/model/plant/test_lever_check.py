@@ -9,7 +9,7 @@ import pytest
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.plant import LEVER
 from afm_model.plant.beam import MODE
-from afm_model.plant.lever_check import RESOLVED
+from afm_model.plant.lever.lever_check import RESOLVED
 
 from .lever_bench import BASE, LeverBench
 

@@ -4,14 +4,16 @@ import cmath
 import math
 from typing import Annotated, Any
 
-from ..contact.contact_table import transitions
-from ..core import registry
-from ..core.records import Record, Vector
-from ..parts.part import Numbers, Tree
-from . import beam
-from .lever_apex import apex_constants
-from .lever_thermal import kick
-from .random_numbers import THERMAL, key_of
+from ...contact.contact_table import transitions
+from ...core import registry
+from ...core.records import Array, Record, Vector
+from ...parts.part import Numbers, Tree
+from .. import beam
+from ..random_numbers import THERMAL, key_of
+from .lever_apex import BOLTZMANN, apex_constants
+
+_MODES = ("mode_w2", "mode_inverse", "mode_push", "mode_base", "kick", "mode_y", "mode_z", "mode_shown")
+_OfModes = Annotated[Array, (beam.MODES,)]
 
 
 class Constants(Record):
@@ -24,13 +26,16 @@ class Constants(Record):
     w2: Annotated[Vector, "1/s^2"]  # of the scanner: frequency of the scheme squared
     inverse: Vector  # 1/D, D = 1 + h xi w + h^2 w^2 / 4
     push: Annotated[Vector, "m/s/N"]  # change of the rate at mid-step per force
-    mode_w2: Vector  # the same of the bending modes
-    mode_inverse: Vector
-    mode_push: Vector
-    kick: Annotated[Vector, "m/s"]  # rms change of the rate by the thermal force of a step
-    mode_y: Annotated[Vector, "1"]  # how the tip moves with a mode, which is counted by the deflection of the end
-    mode_z: Annotated[Vector, "1"]
-    mode_shown: Annotated[Vector, "1"]  # deflection that the photodiode shows per deflection of the end in a mode
+    mode_w2: _OfModes  # the same of the bending modes
+    mode_inverse: _OfModes
+    mode_push: _OfModes
+    mode_base: Annotated[_OfModes, "s"]  # change of the rate at mid-step per acceleration of the base
+    kick: Annotated[_OfModes, "m/s"]  # rms change of the rate by the thermal force of a step
+    mode_y: Annotated[_OfModes, "1"]  # how the tip moves with a mode, which is counted by the deflection of the end
+    mode_z: Annotated[_OfModes, "1"]
+    base_y: float  # how the base moves when it is excited
+    base_z: float
+    mode_shown: Annotated[_OfModes, "1"]  # deflection that the photodiode shows per deflection of the end in a mode
     twist_w2: float  # as mode_w2, ..., of torsion, which is counted by the twist of the end
     twist_inverse: float
     twist_push: Annotated[float, "rad/s/N"]  # by a force on the tip along x
@@ -64,14 +69,16 @@ class Constants(Record):
     row_first: float  # its transition parameter, and the step from row to row
     row_step: float
     transition: float  # transition parameter on a flat sample
-    lattice: float
-    lattice_period: float
-    lattice_force: float
-    lattice_slope: float
-    apex_compliance: float
-    apex_hold: float
-    apex_carry: float
-    apex_noise: float
+    lattice: float  # 1.0 on a sample of atoms
+    lattice_period: Annotated[float, "m"]
+    lattice_force: Annotated[float, "N"]  # largest force of the potential along a row of minima
+    lattice_slope: Annotated[float, "1"]  # and how much more per load
+    apex_compliance: Annotated[float, "m/N"]  # of the tip's apex
+    apex_hold: Annotated[
+        float, "N/m"
+    ]  # of its inertia and damping at mid-step: force per way from the start of the step
+    apex_carry: Annotated[float, "N s/m"]  # and per rate there
+    apex_noise: Annotated[float, "N"]  # rms thermal force in a step
     apex_key: int
 
 
@@ -118,6 +125,22 @@ def _ringing(frequency: float, damping: float, h: float) -> tuple[float, float]:
     return w2, 1.0 / (1.0 + 0.5 * h * loss + 0.25 * h * h * w2)
 
 
+def kick(w2: float, inverse: float, compliance: float, temperature: float, h: float) -> float:
+    """Rms change of the rate at mid-step by the thermal force on an oscillator of the scheme, docs/lever.md (28).
+
+    Parameters
+    ----------
+    w2, inverse : float
+        Frequency of the scheme squared [1/s^2], and 1/D.
+    compliance : float
+        Static displacement per force (or angle per torque).
+    temperature : float [K]
+    h : float [s]
+    """
+    loss = (1.0 / inverse - 1.0 - 0.25 * h * h * w2) * 2.0 / h
+    return 0.5 * h * inverse * math.sqrt(2.0 * loss * BOLTZMANN * temperature * w2 * compliance / h)
+
+
 def lever_constants(parameters: Tree) -> Numbers:
     """Values of Constants."""
     plant, piezo, scales = parameters.plant, parameters.piezo, parameters.scales
@@ -133,16 +156,16 @@ def lever_constants(parameters: Tree) -> Numbers:
         """(y, z) of a vector given along the cantilever and across it."""
         return cos * along + sin * across, cos * across - sin * along
 
-    modes: dict[str, list[float]] = {
-        name: [0.0] * 3 for name in ("mode_w2", "mode_inverse", "mode_push", "kick", "mode_y", "mode_z", "mode_shown")
-    }
+    modes = {name: [0.0] * beam.MODES for name in _MODES}
     for i, mode in enumerate(beam.MODE[: plant.modes]):
         w2, inverse = _oscillator(c.f0 * mode.frequency, 0.5 / c.Q, h)
         modes["mode_w2"][i], modes["mode_inverse"][i] = w2, inverse
         modes["mode_push"][i] = half * w2 * inverse * mode.compliance / c.k
+        modes["mode_base"][i] = half * inverse * mode.base
         modes["kick"][i] = kick(w2, inverse, mode.compliance / c.k, plant.temperature, h)
         modes["mode_y"][i], modes["mode_z"][i] = lab(arm * mode.slope / L, 1.0)
         modes["mode_shown"][i] = 2.0 / 3.0 * mode.slope
+    base_y, base_z = lab(0.0, 1.0)
     # Of torsion the first mode moves, or nothing; bending sideways never does.
     twist = dict.fromkeys(("twist_w2", "twist_inverse", "twist_push", "twist_kick"), 0.0)
     share = 0.0
@@ -198,6 +221,8 @@ def lever_constants(parameters: Tree) -> Numbers:
         "thermal": float(plant.temperature > 0.0),
         "thermal_key": key_of(plant.seed, THERMAL),
         "arm": arm,
+        "base_y": base_y,
+        "base_z": base_z,
         "force_per_twist": c.k_torsion / arm,
         "a": parameters.cantilever.a,
         "R": c.tip_radius,

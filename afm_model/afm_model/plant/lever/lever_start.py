@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from ..core.errors import ParameterError
-from ..core.jit import plain
-from ..core.records import record_at
-from ..parts.dispatch import surface
-from ..parts.header import BlockHeader
-from ..parts.part import Tree
+from ...core.errors import ParameterError
+from ...core.jit import plain
+from ...core.records import record_at
+from ...parts.dispatch import surface
+from ...parts.header import BlockHeader
+from ...parts.part import Tree
 from .lever_apex import require_resolved_apex
 from .lever_check import require_blunt_sample
 from .lever_contact import normal, place_frame

@@ -2,14 +2,14 @@
 
 import math
 
-from ..core import registry
-from ..core.errors import ParameterError
-from ..core.schema import flatten
-from ..parts.part import Tree
-from . import beam
+from ...core import registry
+from ...core.errors import ParameterError
+from ...core.schema import flatten
+from ...parts.part import Tree
+from .. import beam
+from ..physics import Cantilever, Contact, Scanner
 from .lever_apex import apex_warnings, check_apex
 from .lever_constants import sample_curvature
-from .physics import Cantilever, Contact, Scanner
 
 RESOLVED = (0.75, 1.5, 1.5)
 """Angle [rad] by which the fastest mode of bending may turn in a step, with 1, 2, 3 of them; docs/lever.md section 3.

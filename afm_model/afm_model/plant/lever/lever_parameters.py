@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
-from ..core.schema import NonNegative, Positive, Unit
-from . import beam
+from ...core.schema import NonNegative, Positive, Unit
+from .. import beam
+from ..presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
 from .lever_apex import ApexParameters
-from .presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
 
 _PRESET = "0: that of the preset"
 _Newton_per_metre = Annotated[NonNegative, Unit("N/m")]

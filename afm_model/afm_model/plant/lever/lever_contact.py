@@ -5,28 +5,24 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
-from ..contact.contact_table import attraction, end_of_contact, look_up
-from ..core.jit import kernel
+from ...contact.contact_table import attraction, end_of_contact, look_up
+from ...core.jit import kernel
+from ...core.records import Block
+from ...parts.signals import Surface
+from .lever_constants import Constants
 
-FRAME = (
-    "unit_force",  # units of the contact at this place, see afm_model.contact.maugis
-    "unit_radius",
-    "unit_indentation",
-    "hamaker_radius",  # Hamaker constant times effective radius [J m]
-    "row",  # in the table
-    "end",  # indentation at which contact begins and ends [m]
-    "tau",  # friction per area [Pa]
-)
-"""The contact at one place: numbers in the state of the plant."""
+if TYPE_CHECKING:
+    from .lever_step import State
+
 _CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""
 
 
 @kernel
-def place_frame(H: Any, p: Any, f: Any, m: Any, at: int) -> None:
-    """Write the contact at a place of the sample, H, into f, a record with FRAME."""
+def place_frame(H: Surface, p: Constants, f: "State", m: Block, at: int) -> None:
+    """Write the contact at a place of the sample, H, into f, the State."""
     rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
     contrast = H.adhesion
     # (w^2 R_e)^(1/3), and the other powers by it.
@@ -41,12 +37,12 @@ def place_frame(H: Any, p: Any, f: Any, m: Any, at: int) -> None:
 
 
 @kernel
-def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float, float, float, float]:
+def normal(delta: float, f: "State", p: Constants, m: Block, at: int) -> tuple[float, float, float, float, float]:
     """Normal force [N] and friction bound [N] at indentation delta [m], each with its slope [N/m], and contact radius.
 
     Parameters
     ----------
-    f, p : records of State, with FRAME, and Constants
+    f, p : records of State and Constants
     m, at : the table begins at m[at]
     """
     F, S, a, b = look_up(delta / f.unit_indentation, f.row, m, at, p.rows)
@@ -63,7 +59,7 @@ def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float,
 
 @kernel
 def indent(
-    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Any, at: int
+    delta: float, target: float, w_n: float, w_f: float, f: "State", p: Constants, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """Solve delta + w_n N(delta) + w_f F_max(delta) = target, from the last indentation on.
 
@@ -92,7 +88,7 @@ def indent(
 
 @kernel
 def _march(
-    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Any, at: int
+    delta: float, target: float, w_n: float, w_f: float, f: "State", p: Constants, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """The same by steps until the balance changes sign, then by bisection: through folds and jumps."""
     N, _, bound, _, a = normal(delta, f, p, m, at)
@@ -127,7 +123,7 @@ def hold(e_1: float, e_2: float, k: float, w_11: float, w_12: float, w_22: float
 
 
 @kernel
-def strengthened(bound: float, drawn: float, give: float, p: Any) -> float:
+def strengthened(bound: float, drawn: float, give: float, p: Constants) -> float:
     """Friction of a tip that slides faster the larger it is, F = F_max (1 + b ln(1 + v / v_0)), docs/lever.md (24).
 
     Parameters
@@ -168,9 +164,9 @@ def slide(
     w_11: float,
     w_12: float,
     w_22: float,
-    f: Any,
-    p: Any,
-    m: Any,
+    f: "State",
+    p: Constants,
+    m: Block,
     at: int,
 ) -> tuple[float, float, float, float, float, float]:
     """Indentation and direction of a tip that slides, together: Newton's method in both, docs/lever.md (22).

@@ -9,14 +9,15 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..core import registry
-from ..core.errors import ParameterError
-from ..core.schema import NonNegative, Unit
-from ..parts.groups import PlantParameters
-from ..parts.part import Corrugation, Numbers, Tree
-from .lever_thermal import BOLTZMANN
-from .random_numbers import key_of
+from ...core import registry
+from ...core.errors import ParameterError
+from ...core.schema import NonNegative, Unit
+from ...parts.groups import PlantParameters
+from ...parts.part import Corrugation, Numbers, Tree
+from ..random_numbers import key_of
 
+BOLTZMANN = 1.380649e-23
+"""[J/K]."""
 ELECTRONVOLT = 1.602176634e-19
 """[J]"""
 RESOLVED = 0.5
@@ -50,10 +51,6 @@ APEX_CONSTANTS = (
     "apex_carry",  # and per rate there [N s/m]
     "apex_noise",  # rms thermal force in a step [N]
     "apex_key",  # of its random numbers
-)
-APEX_STATE = (
-    "V_Ax",  # rate of the place that the tip holds on to, on a lattice [m/s]
-    "V_Ay",
 )
 _OF_LATTICES = ("apex_stiffness", "apex_mass", "apex_damping")
 

@@ -1,0 +1,38 @@
+"""Plant `lever`: scanner, cantilever and contact as in a laboratory; docs/lever.md."""
+
+from ...contact.contact_table import table
+from ...parts.part import Channel, Plant
+from .lever_check import check, warnings
+from .lever_constants import Constants, lever_constants, rows
+from .lever_parameters import LeverGroup
+from .lever_start import rest
+from .lever_step import State, observe, step
+
+LEVER = Plant(
+    name="lever",
+    parameters=LeverGroup,
+    constants=Constants,
+    state=State,
+    values=lever_constants,
+    check=check,
+    rest=rest,
+    step=step,
+    observe=observe,
+    map=lambda parameters: table(parameters.plant.contact, rows(parameters)),
+    sample_in_si=True,
+    takes_lattice=True,
+    takes_excitation=True,
+    warnings=warnings,
+    channels=(
+        Channel("truth/lateral_force", "N", "F_x"),
+        Channel("truth/torsion", "rad", "twist"),
+        Channel("truth/place_x", "m", "U_x"),
+        Channel("truth/place_y", "m", "U_y"),
+        Channel("truth/apex_x", "m", "A_x"),
+        Channel("truth/apex_y", "m", "A_y"),
+        Channel("truth/indentation", "m", "delta"),
+        Channel("truth/contact_radius", "m", "a"),
+    ),
+)
+
+__all__ = ["LEVER", "Constants", "LeverGroup", "State"]

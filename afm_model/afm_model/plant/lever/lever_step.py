@@ -1,0 +1,186 @@
+"""State and step of the plant `lever`: stiff scanner, cantilever that bends and twists, tip that sticks and slides.
+
+The scanner is three damped oscillators, the bending of the cantilever one to three, its torsion one or none; bending
+sideways and the higher modes follow the force without delay. Friction acts between tip and sample, set-valued, behind
+the lateral stiffness 8 G* a of the contact; on a sample of atoms the tip moves in their potential instead. Scheme:
+implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (23).
+"""
+
+import math
+from typing import Annotated
+
+from ...core.jit import kernel
+from ...core.records import Array, Block, Record, record_at
+from ...parts.header import BlockHeader
+from ...parts.signals import Actuation, Truth
+from ..beam import MODES
+from ..random_numbers import normal
+from .lever_constants import Constants
+from .lever_friction import on_surface
+from .lever_lattice import on_lattice
+
+_OfModes = Annotated[Array, (MODES,)]
+
+
+class State(Record):
+    X: float  # scanner [m], [m/s]
+    V_X: float
+    Y: float
+    V_Y: float
+    Z: float
+    V_Z: float
+    q: _OfModes  # bending modes: deflection of the end of the cantilever in each [m], [m/s]
+    v: _OfModes
+    phi: float  # mode of torsion: twist of the end in it [rad], [rad/s]
+    v_phi: float
+    A_x: Annotated[float, "m"]  # place on the sample that the tip holds on to
+    A_y: Annotated[float, "m"]
+    U_x: Annotated[float, "m"]  # place under the tip at the last mid-step
+    U_y: Annotated[float, "m"]
+    S_x: Annotated[float, "m"]  # way of that place in the last step if the tip was sliding
+    S_y: Annotated[float, "m"]
+    delta: Annotated[float, "m"]  # indentation at the last mid-step, along the normal
+    a: Annotated[float, "m"]  # contact radius
+    N: Annotated[float, "N"]  # normal force of the last step
+    F_x: Annotated[float, "N"]  # force of the sample on the tip
+    F_y: Annotated[float, "N"]
+    F_z: Annotated[float, "N"]
+    T_x: Annotated[float, "N"]  # of it, friction along x and y
+    T_y: Annotated[float, "N"]
+    F_max: Annotated[float, "N"]  # friction bound
+    d_1: float  # direction of the last sliding, along the two tangents
+    d_2: float
+    stuck: float  # 1.0 if the tip has not moved on the sample in the last step
+    tip: Annotated[float, "m"]  # deflection of the tip, upwards, with that of the base
+    tip_rate: Annotated[float, "m/s"]
+    shown: Annotated[float, "m"]  # deflection that the photodiode shows
+    twist: Annotated[float, "rad"]  # of the end
+    steps: float  # since the start
+    unit_force: Annotated[float, "N"]  # units of the contact at this place, see afm_model.contact.maugis
+    unit_radius: Annotated[float, "m"]
+    unit_indentation: Annotated[float, "m"]
+    hamaker_radius: Annotated[float, "J m"]  # Hamaker constant times effective radius
+    row: float  # in the table of the contact
+    end: Annotated[float, "m"]  # indentation at which contact begins and ends
+    tau: Annotated[float, "Pa"]  # friction per area
+    V_Ax: Annotated[float, "m/s"]  # rate of the place that the tip holds on to, on a lattice
+    V_Ay: Annotated[float, "m/s"]
+
+
+@kernel
+def mode_rate(i: int, base: float, p: Constants, s: State) -> float:
+    """Rate of bending mode i at mid-step without a force at the tip, docs/lever.md (14); `base` is the acceleration of
+    the base.
+    """
+    rate = (s.v[i] - p.half * p.mode_w2[i] * s.q[i]) * p.mode_inverse[i]
+    if base != 0.0:
+        rate -= p.mode_base[i] * base
+    if p.thermal != 0.0:
+        rate += p.kick[i] * normal(p.thermal_key, 4 * int(s.steps) + i)
+    return float(rate)
+
+
+@kernel
+def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block) -> None:
+    """Advance the state by one step h in place.
+
+    Parameters
+    ----------
+    t : float [s]
+        At the begin of the step.
+    v : record of Actuation
+        Drive, held over the step, and how the base of the cantilever moves.
+    unused : random numbers
+    p, s : records of Constants and State
+    m : block of the instrument, for the sample and the table of the contact
+    """
+    g = record_at(m, 0, BlockHeader)
+    half = p.half
+    moved = acceleration = end = 0.0
+    if v.amplitude != 0.0:
+        # At mid-step as the scheme sees a base that stands at each step where it should, docs/lever.md (39).
+        angle, turn = v.phase + v.angular_frequency * (t + half - v.since), v.angular_frequency * half
+        moved = v.amplitude * math.cos(turn) * math.cos(angle)
+        acceleration = -moved * (math.tan(turn) / half) ** 2
+        end = v.amplitude * math.cos(angle + turn)
+
+    # Rates at mid-step if the tip felt no force, docs/lever.md (15); positions there.
+    r_x = (s.V_X + half * p.w2[0] * (p.metres[0] * v.voltage[0] - s.X)) * p.inverse[0]
+    r_y = (s.V_Y + half * p.w2[1] * (p.metres[1] * v.voltage[1] - s.Y)) * p.inverse[1]
+    r_z = (s.V_Z + half * p.w2[2] * (p.metres[2] * v.voltage[2] - s.Z)) * p.inverse[2]
+    rates = (
+        mode_rate(0, acceleration, p, s),
+        mode_rate(1, acceleration, p, s),
+        mode_rate(2, acceleration, p, s),
+    )
+    v_phi = (s.v_phi - half * p.twist_w2 * s.phi) * p.twist_inverse
+    if p.thermal != 0.0:
+        v_phi += p.twist_kick * normal(p.thermal_key, 4 * int(s.steps) + 3)
+    tip_x = p.arm * (s.phi + half * v_phi)
+    tip_y, tip_z = p.base_y * moved, p.base_z * moved
+    for i in range(MODES):
+        q = s.q[i] + half * rates[i]
+        tip_y += p.mode_y[i] * q
+        tip_z += p.mode_z[i] * q
+
+    # Force of the sample on the tip, from where the tip would be on the sample without it.
+    P_x, P_y, P_z = s.X + half * r_x - tip_x, s.Y + half * r_y - tip_y, s.Z + half * r_z
+    if p.lattice != 0.0:
+        F_x, F_y, F_z = on_lattice(P_x, P_y, P_z - p.a - tip_z, p, s, m, g.plant_map)
+        s.T_x, s.T_y = F_x, F_y
+    else:
+        F_x, F_y, F_z = on_surface(P_x, P_y, P_z, tip_z, p, s, m, g.plant_map)
+    s.F_x, s.F_y, s.F_z = F_x, F_y, F_z
+
+    # The whole step at the rates of its middle.
+    r_x -= p.push[0] * F_x
+    r_y -= p.push[1] * F_y
+    r_z -= p.push[2] * F_z
+    h = p.h
+    for i in range(MODES):
+        rate = rates[i] + p.mode_push[i] * (p.mode_y[i] * F_y + p.mode_z[i] * F_z)
+        s.q[i] += h * rate
+        s.v[i] = 2.0 * rate - s.v[i]
+    v_phi += p.twist_push * F_x
+    s.X += h * r_x
+    s.Y += h * r_y
+    s.Z += h * r_z
+    s.V_X, s.V_Y, s.V_Z = 2.0 * r_x - s.V_X, 2.0 * r_y - s.V_Y, 2.0 * r_z - s.V_Z
+    s.phi += h * v_phi
+    s.v_phi = 2.0 * v_phi - s.v_phi
+    s.steps += 1.0
+    show(p.base_z * end, p, s, h)
+
+
+@kernel
+def show(base: float, p: Constants, s: State, h: float) -> None:
+    """What follows without delay: where the tip is, with its base moved by `base`, what the photodiode shows; rates
+    over a step of length h.
+    """
+    tip, shown = base, 0.0
+    for i in range(MODES):
+        tip += p.mode_z[i] * s.q[i]
+        shown += p.mode_shown[i] * s.q[i]
+    tip += p.rest_yz * s.F_y
+    tip += p.rest_zz * s.F_z
+    s.tip_rate = (tip - s.tip) / h
+    s.tip = tip
+    s.shown = shown + (p.shown_y * s.F_y + p.shown_z * s.F_z)
+    s.twist = s.phi + p.twist_x * s.F_x
+
+
+@kernel
+def observe(p: Constants, s: State, o: Truth) -> None:
+    """See `afm_model.parts.Plant`. `friction` is the part of the force that lies in the surface."""
+    o.position[0], o.position[1], o.position[2] = s.X, s.Y, s.Z
+    o.velocity[0], o.velocity[1], o.velocity[2] = s.V_X, s.V_Y, s.V_Z
+    o.tip_height = p.a + s.tip
+    o.tip_rate = s.tip_rate
+    o.friction[0], o.friction[1] = s.T_x, s.T_y
+    o.friction_bound = s.F_max
+    o.normal_force = s.N
+    o.contact = 1.0 if s.a > 0.0 else 0.0
+    o.stuck = s.stuck
+    # The photodiode moves with the base: it shows the deflection alone.
+    o.deflection_excess = s.shown - s.tip
+    o.lateral_excess = p.force_per_twist * s.twist - s.T_x
