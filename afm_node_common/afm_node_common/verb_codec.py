@@ -19,7 +19,7 @@ from afm_model.core.errors import ParameterError
 from afm_model.core.schema import specifications
 from afm_model.microscope.arrays import Arrays, Variable, arrays_of
 from afm_model.microscope.image import Image, Line
-from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome, Record, Standing
+from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome, Standing, TimeSeries
 from afm_model.microscope.verb import Verb, find
 
 ANY = "verb"
@@ -147,7 +147,7 @@ def _put(found: Any, message: Any) -> Any:
 def _encoded(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return numbers(value)
-    if isinstance(value, Record):
+    if isinstance(value, TimeSeries):
         units, data = [value.units[name] for name in value.channels], numbers(*value.channels.values())
         return msg.Record(time=numbers(value.time), channels=list(value.channels), units=units, data=data)
     if dataclasses.is_dataclass(value):
@@ -156,8 +156,8 @@ def _encoded(value: Any) -> Any:
 
 
 def _decoded(kind: Any, message: Any, **given: Any) -> Any:
-    if kind is Record:
-        return Record(np.array(message.time, np.float64), *channels_of(message, len(message.time)))
+    if kind is TimeSeries:
+        return TimeSeries(np.array(message.time, np.float64), *channels_of(message, len(message.time)))
     values = {}
     for name, hint in get_type_hints(kind).items():
         if name in given:

@@ -5,8 +5,6 @@ at every sample of the virtual ADC the program looks, the onboard part and the p
 the plant is stepped, the detector samples it, the score counts it; then everything is measured for the next tick.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,7 +55,7 @@ DRAW_TICKS = 256
 
 
 @kernel
-def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> None:
+def measure(m: Block, k: int, noise: Block, position_noise: Block, faults: Block) -> None:
     """Write the measurement of control tick k, whose reference is asked for already; noise and faults are its random
     numbers.
     """
@@ -91,7 +89,7 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
 
 
 @kernel
-def start(m: Block, noise: Any, position_noise: Any, faults: Any) -> None:
+def start(m: Block, noise: Block, position_noise: Block, faults: Block) -> None:
     """The first measurement, of the plant as it stands."""
     g = record_at(m, 0, BlockHeader)
     observe(record_at(m, g.truth, Truth), m)

@@ -12,7 +12,7 @@ from .local import Local
 from .microscope import Microscope
 from .operator import Operator
 from .prepare import with_verbs
-from .results import Calibration, MicroscopeState, Outcome, Progress, Record, Standing
+from .results import Calibration, MicroscopeState, Outcome, Progress, Standing, TimeSeries
 from .verb import Verb, all_verbs
 from .verbs import (
     Approach,
@@ -54,12 +54,12 @@ __all__ = [
     "Outcome",
     "PathRecord",
     "Progress",
-    "Record",
     "Scan",
     "ScanPath",
     "Standing",
     "Task",
     "ThermalTune",
+    "TimeSeries",
     "Variable",
     "Verb",
     "Withdraw",

@@ -10,7 +10,7 @@ from ..core.jit import kernel
 from ..instrument import Block, Instrument
 from .image import RETRACE, TRACE, Line
 from .plan import LinePlan
-from .results import Record
+from .results import TimeSeries
 
 _Array = NDArray[np.float64]
 
@@ -169,12 +169,12 @@ class RecordCollector(Collector):
         self._count_in = accumulate(values, 0, values.shape[1], self._per, self._sums, self._count_in, out)
         self._parts.append(out * self._factors)
 
-    def record(self) -> Record:
+    def record(self) -> TimeSeries:
         """What is there up to now."""
         parts = self._parts or [np.empty((len(self.signals), 0))]
         values = np.concatenate(parts, axis=1)
         middle: _Array = self.first + 0.5 * (self._per - 1) + np.arange(values.shape[1], dtype=np.float64) * self._per
-        return Record(middle * self.sample_period, dict(zip(self.signals, values, strict=True)), self.units)
+        return TimeSeries(middle * self.sample_period, dict(zip(self.signals, values, strict=True)), self.units)
 
 
 class LineCollector(Collector):

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from ..core.errors import VerbError
-from ..program.orders import Curve, Lines
+from ..program.orders import Lines, Polynomial
 from .view import InstrumentView
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def _rotated(scan: "Scan", place: _Place) -> _Place:
     return scan.centre_x + c * place[0] - s * place[1], scan.centre_y + s * place[0] + c * place[1]
 
 
-def path(places: Sequence[_Place], speed: float, view: InstrumentView) -> list[Curve]:
+def path(places: Sequence[_Place], speed: float, view: InstrumentView) -> list[Polynomial]:
     """Straight lines at even speed from rest to rest, with rounded corners.
 
     A corner is rounded within a period of the scanner's resonance, or over half of a line that takes less.
@@ -103,5 +103,5 @@ def path(places: Sequence[_Place], speed: float, view: InstrumentView) -> list[C
             ticks = round(rest / speed / period)
             if ticks > 0:
                 end = (leave[0] + after[0] / speed * rest, leave[1] + after[1] / speed * rest)
-                pieces.append(Curve((leave[0], end[0] - leave[0]), (leave[1], end[1] - leave[1]), ticks))
+                pieces.append(Polynomial((leave[0], end[0] - leave[0]), (leave[1], end[1] - leave[1]), ticks))
     return pieces

@@ -6,9 +6,10 @@ from ..core import registry
 from ..core.errors import ParameterError
 from ..core.schema import Value
 from ..parameters import InstrumentParameters, changed
+from .view import ERROR_CHANNEL, Z_CHANNEL
 
 P = TypeVar("P", bound=InstrumentParameters)
-CHANNELS = ("z_loop", "z_loop_error", "verb_number", "verb_step")
+CHANNELS = (Z_CHANNEL, ERROR_CHANNEL, "verb_number", "verb_step")
 """Sampled for the verbs, besides those of every run."""
 GAP = 500e-9
 """How far the tip is off the sample at the start where the parameters do not say it [m]."""
@@ -40,8 +41,14 @@ def with_verbs(parameters: P) -> P:
     if parameters.onboard.kind == "none":
         anew.append("onboard")
         news["onboard.kind"] = "pi"
+    kind = str(news.get("onboard.kind", parameters.onboard.kind))
+    known = {channel.name for channel in registry.find("onboard", kind).channels}
+    if Z_CHANNEL not in known:
+        raise ParameterError(
+            f"onboard.kind = {kind} is not allowed with verbs: it has no channel {Z_CHANNEL}, by which a loop tells "
+            f"where it has moved z"
+        )
     given = [name.strip() for name in parameters.detector.channels.split(",") if name.strip()]
-    known = {channel.name for channel in registry.find("onboard", str(news.get("onboard.kind", "pi"))).channels}
     wanted = [name for name in CHANNELS if name in known or name.startswith("verb")]
     news["detector.channels"] = ", ".join(dict.fromkeys([*given, *wanted]))
     return changed(parameters, news, anew)

@@ -44,7 +44,7 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class Record:
+class TimeSeries:
     """Signals over time."""
 
     time: _Array  # of each sample, in simulated time [s]

@@ -30,7 +30,7 @@ Volts = Annotated[NonNegative, Unit("V")]
 Rate = Annotated[Positive, Unit("Hz")]
 Force = Annotated[NonNegative, Unit("N")]
 Count = Annotated[int, Ge(1), Le(1_000_000)]
-Lines = Annotated[int, Ge(1), Le(8192)]
+LineCount = Annotated[int, Ge(1), Le(8192)]
 SampleRate = Annotated[float, Ge(1e-3), Le(1e9), Unit("Hz")]
 Places = Annotated[tuple[float, ...], Unit("m")]
 

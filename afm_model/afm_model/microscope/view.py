@@ -10,7 +10,7 @@ from ..instrument import Instrument
 from ..parameters import changed
 from ..parts.part import Onboard
 from ..parts.timing import ticks_of
-from ..program.orders import Curve, quintic
+from ..program.orders import Polynomial, quintic
 
 Z_CHANNEL, ERROR_CHANNEL = "z_loop", "z_loop_error"
 """Channels of a loop that moves z: z as driven [m], positive towards the sample; setpoint less deflection [V]."""
@@ -176,12 +176,12 @@ class InstrumentView:
         """Control ticks that take this time [s] at least, one or more."""
         return max(1, ticks_of(duration, self.control_period))
 
-    def stay(self, duration: float = 0.0) -> Curve:
+    def stay(self, duration: float = 0.0) -> Polynomial:
         """x and y where they are."""
         x, y = self.place
-        return Curve((x,), (y,), self.ticks(duration) if duration else 0)
+        return Polynomial((x,), (y,), self.ticks(duration) if duration else 0)
 
-    def move(self, x: float, y: float, speed: float) -> Curve:
+    def move(self, x: float, y: float, speed: float) -> Polynomial:
         """On a straight line from rest to rest, `speed` [m/s] at most, and no faster than the scanner can follow."""
         at = self.place
         way = math.hypot(x - at[0], y - at[1])
@@ -195,15 +195,15 @@ class InstrumentView:
         ticks: int,
         begin: tuple[tuple[float, float], tuple[float, float]],
         end: tuple[tuple[float, float], tuple[float, float]],
-    ) -> Curve:
+    ) -> Polynomial:
         """From place and velocity to place and velocity, without acceleration at both ends."""
         x, y = (
             quintic(ticks, self.control_period, (begin[0][i], begin[1][i], 0.0), (end[0][i], end[1][i], 0.0))
             for i in range(2)
         )
-        return Curve(x, y, ticks)
+        return Polynomial(x, y, ticks)
 
-    def brake(self) -> Curve:
+    def brake(self) -> Polynomial:
         """From whatever motion to rest."""
         asked = self.instrument.orders.asked
         ticks = self.ticks(_SETTLING / self.resonance)
@@ -213,4 +213,4 @@ class InstrumentView:
             end = p + 0.5 * v * ticks * self.control_period
             end = min(max(end, -self.travel[axis]), self.travel[axis])
             curves.append(quintic(ticks, self.control_period, (p, v, a), (end, 0.0, 0.0)))
-        return Curve(curves[0], curves[1], ticks)
+        return Polynomial(curves[0], curves[1], ticks)

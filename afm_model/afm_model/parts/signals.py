@@ -1,6 +1,6 @@
 """What travels between the parts, as records in SI units. Their order is that of the messages in afm_msgs."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from ..core.jit import kernel
 from ..core.records import Array, Record, Vector
@@ -58,7 +58,7 @@ class PiezoDrive(Record):
 
 
 @kernel
-def copy_command(source: Any, target: Any) -> None:
+def copy_command(source: PiezoDrive, target: PiezoDrive) -> None:
     """Copy what a command holds, not what its horizon does not use."""
     target.sequence = source.sequence
     target.horizon_period = source.horizon_period

@@ -9,7 +9,7 @@ the detector does not matter.
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
@@ -18,8 +18,9 @@ from ..core.jit import kernel
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Program, Tree
+from ..parts.signals import Detection, Setpoint
 from . import ordered, orders
-from .orders import Curve, Order, Step
+from .orders import Order, Polynomial, Step
 
 LIFT, SETTLE, APPROACH, DWELL, RETRACT, DONE = range(6)
 """Phases, as the channel `curve_phase` tells them."""
@@ -90,7 +91,7 @@ def _first(parameters: Tree) -> Order:
         Step(orders.RAMP, **away, then=DONE),
         Step(orders.DWELL, duration=math.inf),
     )
-    return Order(Curve((curve.x,), (curve.y,)), steps)
+    return Order(Polynomial((curve.x,), (curve.y,)), steps)
 
 
 def _check(parameters: Tree) -> None:
@@ -112,7 +113,7 @@ def _check(parameters: Tree) -> None:
 
 
 @kernel
-def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
+def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
     """See `afm_model.parts.Program`: the steps, again and again."""
     phase = s.at
     ordered.watch(t, d, r, p, s)

@@ -18,9 +18,23 @@ from ..core.schema import Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
-from ..parts.signals import OPEN
+from ..parts.signals import OPEN, Detection, Setpoint
 from ..parts.timing import ticks_of
-from .orders import CURVE, DEGREES, END, FOLLOW, LINES, PROFILE, RAMP, REST, SAMPLED, Lines, Order, Sampled, StepRecord
+from .orders import (
+    DEGREES,
+    END,
+    FOLLOW,
+    LINES,
+    POLYNOMIAL,
+    PROFILE,
+    RAMP,
+    REST,
+    SAMPLED,
+    Lines,
+    Order,
+    Sampled,
+    StepRecord,
+)
 
 _STEP = size(StepRecord)
 
@@ -36,7 +50,7 @@ class VerbsParameters(ProgramParameters):
 class Constants(Record):
     z_r: float
     number: float  # of the order, from 1
-    motion: float  # CURVE, LINES or SAMPLED
+    motion: float  # POLYNOMIAL, LINES or SAMPLED
     begin: Annotated[float, "s"]  # of the order
     curve_time: Annotated[float, "s"]  # whole, of a curve
     last: Annotated[float, "s"]  # time behind which the motion is at its end with this control tick
@@ -107,7 +121,7 @@ def smooth(s: float) -> tuple[float, float, float]:
 
 
 @kernel
-def along_line(tau: float, p: Any) -> tuple[float, float, float, float, float, float]:
+def along_line(tau: float, p: Constants) -> tuple[float, float, float, float, float, float]:
     """Fast and slow coordinate, velocities and accelerations at time tau of an order LINES."""
     half = p.image + p.turn
     q = tau - p.turn
@@ -150,7 +164,7 @@ def polynomial(c: Any, s: float) -> tuple[float, float, float]:
 
 
 @kernel
-def reference(t: float, r: Any, p: Any) -> None:
+def reference(t: float, r: Setpoint, p: Constants) -> None:
     """See `afm_model.parts.Program`."""
     r.position[2], r.velocity[2], r.acceleration[2] = p.z_r, 0.0, 0.0
     tau = t - p.begin
@@ -187,7 +201,7 @@ def along_profile(late: float, numbers: Any, step: Any) -> tuple[float, bool]:
 
 
 @kernel
-def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
+def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
     """See `afm_model.parts.Program`. A step is left at most once in a sample."""
     if s.at >= 0.0:
         numbers = numbers_at(p.numbers, p.length)
@@ -246,7 +260,7 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
         ticks = ticks_of(motion.pieces * motion.period, control)
     else:
         ticks = motion.ticks
-        p.motion, p.curve_time = CURVE, max(ticks, 1) * control
+        p.motion, p.curve_time = POLYNOMIAL, max(ticks, 1) * control
         for name, coefficients in (("curve_x", motion.x), ("curve_y", motion.y)):
             p[name][:] = 0.0
             p[name][: len(coefficients)] = coefficients

@@ -15,7 +15,7 @@ from ..core.records import Record, size
 
 DEGREES = 6
 """Coefficients of a polynomial."""
-CURVE, LINES, SAMPLED = range(3)
+POLYNOMIAL, LINES, SAMPLED = range(3)
 """Motions along x and y."""
 FOLLOW, DWELL, REST, RAMP, PROFILE = range(5)
 """What z does in a step: follow the setpoint; stay; stay while the mean of the deflection is taken; move at a rate;
@@ -58,7 +58,7 @@ class StepRecord(Record):
 
 
 @dataclass(frozen=True)
-class Curve:
+class Polynomial:
     """Polynomials of time: x = sum of x[i] s^i [m], s from 0 to 1 in `ticks` control periods; six coefficients at most.
 
     With one coefficient each the scanner stays; without ticks it stays for ever, and the order is done with its table.
@@ -119,7 +119,7 @@ class Lines:
 class Order:
     """A motion of x and y, and what z does."""
 
-    motion: Curve | Lines | Sampled
+    motion: Polynomial | Lines | Sampled
     steps: tuple[Step, ...] = ()
     """Beginning with the first; none: z stays as it is."""
 

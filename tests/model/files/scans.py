@@ -3,7 +3,7 @@
 import numpy as np
 
 from afm_model.microscope.image import DIRECTIONS, TRACE, Image, Line
-from afm_model.microscope.results import Record
+from afm_model.microscope.results import TimeSeries
 from afm_model.microscope.verbs import Scan
 from afm_model.microscope.verbs.force_curve import Curve
 from afm_model.program.force_curve import APPROACH, DWELL, RETRACT
@@ -59,5 +59,5 @@ def curve(x: float = 0.0, y: float = 0.0, dwell: int = 100) -> Curve:
     phase = np.concatenate([np.full(2001, APPROACH), np.full(dwell, DWELL), np.full(2001, RETRACT)]).astype(float)
     time = 12.5 + 2e-5 * np.arange(len(z))
     channels = {"z": z, "deflection": deflection, "lateral": 0.01 * z / 1e-7, "phase": phase}
-    record = Record(time, channels, {"z": "m", "deflection": "V", "lateral": "V", "phase": "1"})
+    record = TimeSeries(time, channels, {"z": "m", "deflection": "V", "lateral": "V", "phase": "1"})
     return Curve(record, True, x, y, 2.5e-6, 2.5e-6, 1e-7, 0.2, trigger=0.4)

@@ -7,7 +7,7 @@ import xarray
 from afm_model.files import text_table, write_curve_tab, write_curves, write_gwy
 from afm_model.microscope.arrays import to_xarray
 from afm_model.microscope.image import as_image
-from afm_model.microscope.results import Calibration, Record
+from afm_model.microscope.results import Calibration, TimeSeries
 from afm_model.microscope.verbs import FrictionLoop, ScanPath
 from afm_model.microscope.verbs.friction_loop import Loop
 from afm_model.microscope.verbs.scan_path import PathRecord
@@ -20,7 +20,7 @@ def results() -> dict[str, object]:
     time = np.linspace(0.0, 1.0, 5)
     loop = Loop(FrictionLoop(), 1e-9 * time, 2e-9 * time, 3e-9 * time, time)
     names = {"x": "m", "y": "m", "height": "m", "error": "V", "lateral": "N"}
-    path = Record(time, {name: number * time for number, name in enumerate(names)}, names)
+    path = TimeSeries(time, {name: number * time for number, name in enumerate(names)}, names)
     return {
         "image": scans.scanned(20, angle=0.5, direction="down"),
         "curve": scans.curve(),

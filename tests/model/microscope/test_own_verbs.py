@@ -16,7 +16,6 @@ from .test_local import APPROACH, local
 
 pytest.importorskip("xarray")
 LIFT = {"size": 40e-9, "lift": 30e-9, "line_rate": 10.0}
-VOLTS = {"onboard.kind": "integral:INTEGRAL"}
 
 
 @pytest.fixture(autouse=True)
@@ -25,12 +24,23 @@ def examples(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def volts(monkeypatch: pytest.MonkeyPatch) -> Iterator[Microscope]:
-    """A microscope with an integrator as z loop."""
+def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Without the parameters of our loop; a module `poor` with loops that offer less."""
     for name in ("onboard.setpoint_force", "onboard.integral_gain"):
         monkeypatch.delitem(LEVER, name)
-    monkeypatch.setitem(LEVER, "onboard.kind", "integral:INTEGRAL")
-    with Microscope(local()) as made:
+    (tmp_path / "poor.py").write_text(
+        "from dataclasses import replace\n"
+        "from integral import INTEGRAL\n"
+        "BLIND = replace(INTEGRAL, channels=(), setpoint=None)\n"
+        "MUTE = replace(INTEGRAL, channels=INTEGRAL.channels[:1], setpoint=None, settings={})\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+
+@pytest.fixture
+def volts(bare: None) -> Iterator[Microscope]:
+    """A microscope with an integrator as z loop."""
+    with Microscope(local(onboard__kind="integral:INTEGRAL")) as made:
         yield made
 
 
@@ -134,3 +144,15 @@ def test_what_a_z_loop_lacks_is_refused_in_words(volts, call, lacking):
     assert np.isnan(volts.state.integral_gain)
     assert volts.objection(Approach()) == ""
     assert "it must be approached first" in volts.objection(Scan())
+
+
+def test_loop_that_moves_no_z_is_refused_with_verbs(bare):
+    with pytest.raises(ParameterError, match="is not allowed with verbs: it has no channel z_loop"):
+        local(onboard__kind="poor:BLIND")
+
+
+def test_z_loop_without_setpoint_and_error_moves_and_is_not_approached(bare):
+    with Microscope(local(onboard__kind="poor:MUTE")) as microscope:
+        assert microscope.objection(Approach()) == "Approach is not allowed with a setpoint of nan V: it must be > 0 V"
+        microscope.move_to(x=5e-9, y=0.0)
+        assert microscope.state.place[0] == pytest.approx(5e-9)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.program import orders
-from afm_model.program.orders import Curve, Lines, Order, Sampled, Step, quintic
+from afm_model.program.orders import Lines, Order, Polynomial, Sampled, Step, quintic
 
 QUICK = {
     "plant.kind": "lever",
@@ -24,7 +24,7 @@ QUICK = {
 LINES = Lines(x=20e-9, y=-10e-9, angle=0.3, size=40e-9, first=-5e-9, step=2e-9, lines=3, image=160, turn=40)
 
 
-def followed(motion: Curve | Lines, ticks: int, period: float = 40e-6) -> NDArray[np.float64]:
+def followed(motion: Polynomial | Lines, ticks: int, period: float = 40e-6) -> NDArray[np.float64]:
     """Position, velocity, acceleration of x and y asked for, (ticks, 3, 2), from the tick behind the order on."""
     scope = Instrument(build(InstrumentParameters, QUICK | {"plant.control_period": period}), ticks)
     scope.order(Order(motion))
@@ -70,7 +70,7 @@ def test_quintic_joins_two_states():
 
 
 def test_a_curve_is_followed_and_stays_at_its_end():
-    told = followed(Curve(quintic(50, 40e-6, (0.0,) * 3, (30e-9, 0.0, 0.0)), (0.0, 5e-9), 50), 70)
+    told = followed(Polynomial(quintic(50, 40e-6, (0.0,) * 3, (30e-9, 0.0, 0.0)), (0.0, 5e-9), 50), 70)
     assert told[49:, 0].tolist() == [told[49, 0].tolist()] * 20
     assert told[49, 0] == pytest.approx([30e-9, 5e-9], rel=1e-12)
     assert np.abs(told[:, 1, 0]).max() == pytest.approx(1.875 * 30e-9 / 2e-3, rel=1e-3)
@@ -101,7 +101,7 @@ def test_z_follows_a_profile_of_any_length_in_a_table_of_any_length():
         Step(orders.RAMP, target=0.0, rate=10e-6, then=41),
         Step(orders.PROFILE, profile=profile, period=25e-6),
     )
-    scope.order(Order(Curve((0.0,), (0.0,)), steps))
+    scope.order(Order(Polynomial((0.0,), (0.0,)), steps))
     while not scope.orders.done:
         scope.tick(np.zeros(3))
     rows = {each.name: row for each, row in zip(scope.channels, scope.take_block().samples, strict=True)}
@@ -124,7 +124,7 @@ def test_steps_of_z_last_as_long_as_they_say_and_ticking_stops_behind_the_last_o
         Step(orders.DWELL, duration=0.2e-3, then=3),
         Step(orders.RAMP, target=-5e-9, rate=20e-6),
     )
-    scope.order(Order(Curve((0.0,), (0.0,)), steps))
+    scope.order(Order(Polynomial((0.0,), (0.0,)), steps))
     scope.close_loop(law, 1000)
     # 0.3 + 0.5 + 0.2 + 0.5 ms and the sample at which the last one ends, to the end of its tick.
     end = math.ceil((1.5e-3 + 10e-6) / 40e-6)
@@ -145,7 +145,7 @@ def test_steps_of_z_last_as_long_as_they_say_and_ticking_stops_behind_the_last_o
 def test_reset_begins_anew_without_what_was_ordered():
     scope = Instrument(build(InstrumentParameters, QUICK), 200)
     first = scope.orders.program.tolist()
-    scope.order(Order(Curve((1e-9, 1e-9), (0.0,), 10), (Step(orders.RAMP, target=1e-9, rate=1e-6),)))
+    scope.order(Order(Polynomial((1e-9, 1e-9), (0.0,), 10), (Step(orders.RAMP, target=1e-9, rate=1e-6),)))
     for _ in range(50):
         scope.tick(np.zeros(3))
     assert scope.orders.program.tolist() != first
@@ -170,4 +170,4 @@ def test_an_instrument_without_what_verbs_need_is_refused_in_a_sentence(values, 
 def test_a_program_that_takes_no_orders_says_so():
     scope = Instrument(build(InstrumentParameters, {}), 10)
     with pytest.raises(ParameterError, match=r"reference.kind = periodic takes no orders"):
-        scope.order(Order(Curve((0.0,), (0.0,))))
+        scope.order(Order(Polynomial((0.0,), (0.0,))))

@@ -17,7 +17,7 @@ from ..collect import RecordCollector
 from ..execution import Execution, Task
 from ..plan import LinePlan, lines
 from ..results import Calibration, MicroscopeState
-from ..verb import Lines, Metre, Rate, Verb, saturating
+from ..verb import LineCount, Metre, Rate, Verb, saturating
 from ..view import InstrumentView
 from .move_to import MoveTo
 from .scan import Scan, frame
@@ -49,7 +49,7 @@ class CalibrateLateral(Verb):
     setpoint_to: Annotated[Positive, Unit("N")] = Field(40e-9, description="largest setpoint")
     setpoints: Annotated[int, Ge(2), Le(100)] = Field(4, description="in even steps")
     line_rate: Rate = Field(1.0, description="lines a second; a line is trace and retrace")
-    lines: Lines = Field(2, description="at each setpoint; the first one is not used")
+    lines: LineCount = Field(2, description="at each setpoint; the first one is not used")
 
     def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
         """See `Verb`."""

@@ -17,7 +17,7 @@ from ...program.orders import Order, Step
 from ..arrays import Arrays, Variable, plain, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task, landing
-from ..results import MicroscopeState, Record
+from ..results import MicroscopeState, TimeSeries
 from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast
 from ..view import InstrumentView
 
@@ -41,7 +41,7 @@ _UNITS = {
 class Curve:
     """One force curve: approach, dwell, retract."""
 
-    record: Record
+    record: TimeSeries
     """Channels `z` (as driven, positive towards the sample) [m], `deflection` [V], `lateral` [V], `phase`."""
     triggered: bool  # the approach ended by its trigger
     x: float  # place [m]
@@ -113,7 +113,7 @@ def as_curves(curves: "Curve | Sequence[Curve] | xarray.Dataset") -> list[Curve]
 
 def _curve(dataset: Any, time: Any, numbers: Mapping[str, Any]) -> Curve:
     variables = {str(name): each for name, each in dataset.data_vars.items() if name not in ("force", "time")}
-    record = Record(
+    record = TimeSeries(
         np.asarray(time, dtype=np.float64),
         {name: np.asarray(values, dtype=np.float64) for name, values in variables.items()},
         {name: values.attrs["units"] for name, values in variables.items()},
@@ -238,7 +238,7 @@ class ForceCurve(Verb):
         units = {_NAMES[name]: unit for name, unit in record.units.items()}
         x, y = view.place
         return Curve(
-            Record(record.time[part], values | {"phase": phase[part]}, units),
+            TimeSeries(record.time[part], values | {"phase": phase[part]}, units),
             triggered=triggered,
             x=x,
             y=y,

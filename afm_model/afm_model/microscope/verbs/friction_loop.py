@@ -14,7 +14,7 @@ from ..arrays import Arrays, attributes, variable
 from ..execution import Execution, Task
 from ..plan import LinePlan, lines
 from ..results import MicroscopeState
-from ..verb import Angle, Length, Lines, Rate, SampleRate, Verb
+from ..verb import Angle, Length, LineCount, Rate, SampleRate, Verb
 from ..view import InstrumentView
 from .move_to import MoveTo
 from .scan import Scan, frame
@@ -51,7 +51,7 @@ class FrictionLoop(Verb):
     length: Length = Field(10e-9, description="of the line, whose middle is where the scanner stands")
     angle: Angle = Field(0.0, description="of the line against x, counterclockwise")
     line_rate: Rate = Field(10.0, description="lines a second; a line is trace and retrace")
-    count: Lines = Field(2, description="lines; the first one begins in the middle and is not part of the result")
+    count: LineCount = Field(2, description="lines; the first one begins in the middle and is not part of the result")
     sample_rate: SampleRate = Field(50e3, description="samples of the result; each is a mean over samples of the ADC")
 
     def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:

@@ -14,7 +14,7 @@ from ..image import Image, Line
 from ..notes import notes
 from ..plan import LinePlan, lines
 from ..results import MicroscopeState
-from ..verb import Angle, Length, Lines, Metre, Rate, Speed, Verb, outside
+from ..verb import Angle, Length, LineCount, Metre, Rate, Speed, Verb, outside
 from ..view import InstrumentView
 
 _AT_THE_END = 1e-12
@@ -36,7 +36,7 @@ class Scan(Verb):
     )
     angle: Angle = Field(0.0, description="of the fast direction against x, counterclockwise")
     pixels: Annotated[int, Ge(2), Le(8192)] = Field(128, description="in a line")
-    lines: Lines = Field(128, description="of the image")
+    lines: LineCount = Field(128, description="of the image")
     line_rate: Rate = Field(1.0, description="lines a second; a line is trace and retrace")
     overscan: Annotated[float, Ge(0.01), Le(2.0)] = Field(
         0.1, description="time of a turn over that of the image part of a line; the turns are rounded"

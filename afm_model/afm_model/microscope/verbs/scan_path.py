@@ -12,7 +12,7 @@ from ...program.orders import Order
 from ..arrays import Arrays, attributes
 from ..execution import Execution, Task
 from ..plan import path
-from ..results import MicroscopeState, Record
+from ..results import MicroscopeState, TimeSeries
 from ..verb import Places, SampleRate, Speed, Verb, outside
 from ..view import InstrumentView
 from .move_to import MoveTo
@@ -25,7 +25,7 @@ class PathRecord:
     """What was measured along a path."""
 
     verb: "ScanPath"
-    record: Record
+    record: TimeSeries
     """Channels `x`, `y` (as asked for) [m], `height` [m], `error` [V], `lateral` [N]."""
 
     def arrays(self) -> Arrays:
@@ -82,7 +82,7 @@ class ScanPath(Verb):
             record = recorder.record()
             channels = dict(zip(_CHANNELS.values(), record.channels.values(), strict=True))
             units = dict(zip(_CHANNELS.values(), record.units.values(), strict=True))
-            return PathRecord(self, Record(record.time, channels, units))
+            return PathRecord(self, TimeSeries(record.time, channels, units))
 
         run.result = result
         run.total = sum(piece.ticks for piece in pieces) * period
