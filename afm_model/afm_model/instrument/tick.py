@@ -89,13 +89,8 @@ def measure(m: Block, k: int, noise: Block, position_noise: Block, faults: Block
 
 
 @kernel
-<<<<<<< HEAD
-def start(m: Block, noise: Any, position_noise: Any, faults: Any) -> None:
-    """The first measurement, of the plant at its start."""
-=======
 def start(m: Block, noise: Block, position_noise: Block, faults: Block) -> None:
-    """The first measurement, of the plant as it stands."""
->>>>>>> cbb48e3e4a8a75929d5c5786abd11e1466fba4a7
+    """The first measurement, of the plant at its start."""
     g = record_at(m, 0, BlockHeader)
     observe(record_at(m, g.truth, Truth), m)
     reference(0.0, record_at(m, g.asked, Setpoint), m)

@@ -1,4 +1,4 @@
-"""Callbacks for the events of a run."""
+"""Callbacks of a run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ def _ignore(*_: object) -> None:
 
 @dataclass(frozen=True)
 class Listeners:
-    """Callbacks, which `Engine` calls between two ticks."""
+    """Callbacks of a run: `Engine` calls them between two ticks."""
 
     changed: Callable[[], None] = _ignore
     """changed(): the state or its detail has changed."""
