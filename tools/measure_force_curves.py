@@ -113,7 +113,7 @@ def recovered(one: Curve) -> Recovered:
 def table(curves: int) -> list[str]:
     """Rows: means over curves, and their scatter."""
     rows = [
-        "| rate [µm/s] | E* [%] | uncertainty told of E* [%] | pull-off [%] | work of adhesion [%] "
+        "| rate [µm/s] | E* [%] | uncertainty of E* [%] | pull-off [%] | work of adhesion [%] "
         "| way of the snap-in [%] |",
         "| --- | --- | --- | --- | --- | --- |",
     ]

@@ -18,9 +18,10 @@ from afm_node_common.runner import Interrupted
 
 from .domain import claimed_domain, end
 from .exam.connection import TopicConnection
+from .exam.judgement import Outcome, Verdict, exit_code, judge
 from .exam.log import Log
 from .exam.procedure import Procedure
-from .exam.rules import Outcome, Terms, Verdict, exit_code, judge
+from .exam.rules import Terms
 from .processes import Processes
 from .scenario_input import read_scenario, write_parameters
 

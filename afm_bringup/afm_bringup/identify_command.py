@@ -10,7 +10,8 @@ from rich.table import Table
 
 from afm_model import ParameterError
 from afm_model.analysis.identification import AXES, Resonator, Scanner, identify, write_parameters
-from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import IncompleteRecording, RecordingError
 
 from .domain import end
 

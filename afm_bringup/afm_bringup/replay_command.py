@@ -9,7 +9,8 @@ from afm_model import DivergenceError, DriveError, ParameterError, PartError
 from afm_model.core.progress import bar
 from afm_model.run import Replay, recorded_parameters
 from afm_model.run.simulation import run
-from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import IncompleteRecording, RecordingError
 
 from .domain import end
 

@@ -17,7 +17,7 @@ from afm_model.instrument.scorecard import AXES, number
 from afm_model.instrument.scorecard import scorecard as scored
 
 if TYPE_CHECKING:
-    from afm_recorder_node.reader import Recording
+    from afm_recorder_node.recording import Recording
 
 _PERCENTILES = ("p50", "p99", "p99_9", "max")
 

@@ -29,7 +29,7 @@ from .results_folder import RECORDING
 from .session import INSIDE, Session, SessionError, say
 
 if TYPE_CHECKING:
-    from afm_recorder_node.reader import Recording
+    from afm_recorder_node.recording import Recording
 
 PNG, SHEET, GWY, TABLE = "scan.png", "channels.png", "scan.gwy", "scan.csv"
 _LINES_TIMEOUT = 10.0
@@ -159,7 +159,8 @@ class ScanSession(Session):
         self._monitor.spin_until(lambda: self._check_alive() or told(), _LINES_TIMEOUT)
 
     def _finish(self, missing: str | None) -> None:
-        from afm_recorder_node.reader import RecordingError, read_recording
+        from afm_recorder_node.reader import read_recording
+        from afm_recorder_node.recording import RecordingError
 
         image, recording = self._image, None
         if image is None:

@@ -281,7 +281,8 @@ class Session:
     def _finish(self, missing: str | None) -> None:
         """Make the results and give them their final names, all at once; `missing` is missing in the recording."""
         # Here: a second in which a session that starts would only be importing.
-        from afm_recorder_node.reader import RecordingError, read_recording
+        from afm_recorder_node.reader import read_recording
+        from afm_recorder_node.recording import RecordingError
 
         score, status, work = self._monitor.score, self._monitor.status, self._folder.work
         assert score is not None and status is not None

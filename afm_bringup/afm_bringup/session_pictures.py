@@ -10,7 +10,7 @@ from afm_model.files.layers import layers
 from afm_model.files.picture import draw as draw_layer
 from afm_model.microscope.image import Image
 from afm_model.run.plotting import SIZE, Curves, draw
-from afm_recorder_node.reader import Recording
+from afm_recorder_node.recording import Recording
 
 _SIZE = (9.0, 4.4)
 

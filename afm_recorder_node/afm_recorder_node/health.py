@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 from afm_node_common import topics
 from afm_node_common.diagnostics import entry, stamped
 
-from .recorder import RecordedCounts
+from .recording_files import RecordedCounts
 
 _DIAGNOSTICS_PERIOD = 1.0
 """Wall time between two messages on /diagnostics [s]; sooner if the recorder has begun or stopped to work."""

@@ -11,7 +11,6 @@ import warnings
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,75 +18,15 @@ import pyarrow as pa
 import yaml
 from numpy.typing import NDArray
 
-from afm_model.microscope.image import Image
-
 from . import layout, pictures
 from .complete import chunks, series
 from .frames import measure
 from .layout import Signal
+from .recording import Channel, IncompleteRecording, ParameterChange, Recording, RecordingError
 from .scan_lines import images
 
 _Array = NDArray[np.float64]
 _Batches = dict[str, list[pa.RecordBatch]]
-Value = bool | int | float | str | list[bool] | list[int] | list[float] | list[str]
-
-
-class RecordingError(ValueError):
-    """A file that is no readable recording; the message names it and says why."""
-
-
-class IncompleteRecording(UserWarning):
-    """The file of a recorder that is still at work, or has died: it ends where that one wrote last."""
-
-
-@dataclass(frozen=True)
-class Channel:
-    """A detector channel with its sample times."""
-
-    time: _Array  # (k,) simulated time [s]
-    values: _Array  # (k,) in `unit`
-    unit: str  # in SI
-    scale: float  # `unit` per unit as converted; NaN: not recorded
-
-
-@dataclass(frozen=True)
-class ParameterChange:
-    """A parameter that changed during the run."""
-
-    time: float  # simulated [s]
-    node: str
-    name: str
-    old: Value | None  # None: it has not been there
-    new: Value
-
-
-@dataclass(frozen=True)
-class Recording:
-    """A run. n control ticks and m detector samples, sorted by time; NaN where a signal has a gap.
-
-    Quantities are in SI units: s, m, N, V.
-    """
-
-    time_ticks: _Array  # (n,) simulated time
-    position: _Array  # (n, 3) scanner
-    reference: _Array  # (n, 3) x, y of the scanner, z of the tip
-    error: _Array  # (n, 3) x, y of the scanner, z of the tip
-    drive: _Array  # (n, 3) [V]
-    round_trip: _Array  # (n,) wall time from a measurement to its drive
-    time_samples: _Array  # (m,) simulated time
-    deflection: _Array  # (m,)
-    lateral_force: _Array  # (m,) along x
-    lateral_force_y: _Array  # (m,)
-    normal_force: _Array  # (m,)
-    deflection_scale: float  # [m/V] deflection over the photodetector's voltage; NaN: not recorded
-    lateral_scale: float  # [N/V]
-    parameters: dict[str, dict[str, Value]]  # node, name: value when first seen
-    parameter_changes: list[ParameterChange]
-    events: list[tuple[float, str]]  # simulated time, text; changes of parameters too
-    channels: dict[str, Channel]  # by the name of its topic, such as "truth/normal_force"
-    images: list[Image]  # of the scans, in order; one that was not finished has NaN where it lacks lines
-    score: dict[str, Value] | None  # as in afm_msgs/Score; None: the run has not come to one
-    complete: bool  # False: the recorder is still at work, or has died
 
 
 def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording:

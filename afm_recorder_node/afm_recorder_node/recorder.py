@@ -2,51 +2,24 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from afm_model.core.errors import ParameterError
 
 from . import layout
 from .intake import Intake
 from .layout import Signal
 from .parameters import RecorderParameters
+from .recording_files import Log, RecordedCounts, RecordingFiles, report
 from .scan_lines import ScanLine
-from .writer import Level, RecordingWriter
+from .writer import Level
 
 _Array = NDArray[np.float64]
 _CONTROL = "control"
 _FLUSH_PERIOD = 0.4
 """Wall time between two flushes [s]: a kill loses at most this and the time between two calls of `update`."""
-_NAMES_TRIED = 20
 _SAME_TIME_NS = 1_000
-
-
-class Log(Protocol):
-    """A logger of rclpy or of Python."""
-
-    def info(self, message: str) -> object: ...
-    def warning(self, message: str) -> object: ...
-    def error(self, message: str) -> object: ...
-
-
-@dataclass(frozen=True)
-class RecordedCounts:
-    """What the present run has brought. Fields are named as in afm_msgs/RecorderStatus."""
-
-    path: str
-    ticks: int
-    samples: int
-    ticks_lost: int
-    samples_lost: int
-    ticks_unwritten: int
-    samples_unwritten: int
-    lines: int
-    lines_lost: int
 
 
 class Recorder:
@@ -70,13 +43,11 @@ class Recorder:
         """Last simulated time received [ns]."""
         self.known: dict[str, dict[str, object]] = {}
         """Parameters as they are now: node, name, value."""
-        self._parameters = parameters
         self._log = log
-        self._run = 1
-        self._problem = ""
         self._flush_at = 0.0
         self._held_since: float | None = None
-        self._writer = self._open()
+        self._files = RecordingFiles(parameters, log)
+        self._writer = self._files.open_first()
         self._intake = Intake((_CONTROL, *(signal.entity for signal in layout.CHANNELS)), self._begin_run)
         self._height: float | None = None
         self._ticks = 0
@@ -214,7 +185,7 @@ class Recorder:
         if now >= self._flush_at:
             self._writer.flush()
             self._flush_at = now + _FLUSH_PERIOD
-        self._tell()
+        self._files.watch(self._writer)
 
     def close(self) -> None:
         """Write the blocks held back and finish the recording.
@@ -235,78 +206,19 @@ class Recorder:
             self._score = None
             self._writer.score(time_ns, values)
 
-    def _tell(self) -> None:
-        """Log once an event of the file."""
-        problem, news = self._writer.problem, self._writer.take_news()
-        if news:
-            self._log.warning(news)
-        if problem and not self._problem:
-            self._log.error(f"{problem}; data is not recorded until it can be")
-        if self._problem and not problem:
-            self._log.info(f"{self._writer.partial} can be written again; an event describes the missing data")
-        self._problem = problem
-
-    def _open(self) -> RecordingWriter:
-        if self._run == 1:
-            try:
-                return self._writer_of(self._path)
-            except OSError as error:
-                raise ParameterError(f"cannot record to {self._path}: {error}") from None
-        # During a run nobody can choose another name.
-        for port in (self._parameters.live_port, 0):
-            for _ in range(_NAMES_TRIED):
-                try:
-                    return self._writer_of(self._path, port)
-                except OSError as error:
-                    self._log.error(f"cannot record to {self._path}: {error}")
-                    self._run += 1
-        raise ParameterError(f"cannot record to {self._path}, nor under the {_NAMES_TRIED} names before it")
-
-    @property
-    def _path(self) -> Path:
-        path = Path(self._parameters.path).absolute()
-        return path.with_stem(f"{path.stem}-{self._run}") if self._run > 1 else path
-
-    def _writer_of(self, path: Path, port: int | None = None) -> RecordingWriter:
-        writer = RecordingWriter(
-            path,
-            live_port=(self._parameters.live_port if port is None else port) or None,
-            live_address=self._parameters.live_address,
-            patient=self._run > 1,
-        )
-        if writer.set_aside:
-            self._log.warning(
-                f"a recorder that died has left {writer.set_aside}: it can be opened as it is, and "
-                "`ros2 run afm_recorder_node repair` completes it"
-            )
-        return writer
-
     def _close(self) -> None:
         counts = self.counts()
         if self._writer.close() is None:
             self._log.warning("nothing recorded: no block has come from the instrument")
-            return
-        self._log.info(f"recorded {counts.ticks} ticks and {counts.samples} samples a channel in {counts.path}")
-        begin = self._intake.streams[_CONTROL].begin
-        if begin:
-            self._log.warning(f"the recording begins at tick {begin}: the instrument ran before the recorder was there")
-        if counts.ticks_lost or counts.samples_lost:
-            self._log.error(f"{counts.ticks_lost} ticks and {counts.samples_lost} samples a channel are missing in it")
-        if counts.lines_lost:
-            self._log.error(f"{counts.lines_lost} lines of scans (trace and retrace counted each) are missing in it")
-        if counts.ticks_unwritten or counts.samples_unwritten:
-            self._log.error(
-                f"{counts.ticks_unwritten} ticks and {counts.samples_unwritten} samples a channel came while its file "
-                "could not be written, and are missing in it"
-            )
+        else:
+            report(self._log, counts, self._intake.streams[_CONTROL].begin)
 
     def _begin_run(self) -> None:
         try:
             self._close()
         except OSError as error:
             self._log.error(str(error))
-        self._run += 1
-        self._writer = self._open()
+        self._writer = self._files.open_next()
         for node, values in self.known.items():
             self._writer.parameters(node, values)
         if self._resetting and self._state is not None:

@@ -7,7 +7,8 @@ from pathlib import Path
 from . import layout
 from .complete import complete
 from .partial import check_name
-from .reader import RecordingError, readable
+from .reader import readable
+from .recording import RecordingError
 
 
 def repair(partial: Path, out: Path) -> int:

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import layout, pictures
 from .complete import NoRoom, complete, send_series, verify
 from .frames import END, HEADER, without_ends
+from .gaps import Gaps
 from .layout import Signal, instants
 from .partial import Partial, check_name
 from .scan_lines import ScanLine
@@ -40,16 +41,6 @@ class _Column:
     times: list[NDArray[np.int64]] = field(default_factory=list)
     values: list[_Array] = field(default_factory=list)
     rows: int = 0
-
-
-@dataclass
-class _Gap:
-    """Rows received while the file could not be written."""
-
-    begin_ns: int
-    end_ns: int
-    why: str
-    rows: Counter[str] = field(default_factory=Counter)
 
 
 class RecordingWriter:
@@ -91,8 +82,8 @@ class RecordingWriter:
         self._scales: dict[str, float] = {}
         self._parameters: dict[str, dict[str, object]] = {}
         self._changed: dict[str, float] = {}
-        self._gap: _Gap | None = None
-        self.unwritten: Counter[str] = Counter()
+        self._gaps = Gaps()
+        self.unwritten = self._gaps.unwritten
         """Missing rows of each signal, received while the file could not be written."""
         self.scored = False
         """Whether it holds a score."""
@@ -204,7 +195,7 @@ class RecordingWriter:
     def line(self, line: ScanLine) -> None:
         """One direction of one line of a scan; the image of the scan is drawn as it grows."""
         if self.problem:
-            self._leave_out(pictures.LINES, np.array([line.time_ns]))
+            self._gaps.put(pictures.LINES, np.array([line.time_ns]), self.problem)
         else:
             self._scans.put(line)
 
@@ -320,7 +311,7 @@ class RecordingWriter:
         if not len(times):
             return
         if self.problem:
-            self._leave_out(signal.entity, times)
+            self._gaps.put(signal.entity, times, self.problem)
             return
         column = self._columns[signal.entity]
         column.times.append(times)
@@ -331,27 +322,10 @@ class RecordingWriter:
             self._send_column(signal.entity)
             self._write()
 
-    def _leave_out(self, entity: str, times: NDArray[np.int64]) -> None:
-        if self._gap is None:
-            self._gap = _Gap(int(times[0]), int(times[-1]), self.problem)
-        self._gap.begin_ns = min(self._gap.begin_ns, int(times[0]))
-        self._gap.end_ns = max(self._gap.end_ns, int(times[-1]))
-        self._gap.rows[entity] += len(times)
-        self.unwritten[entity] += len(times)
-
     def _write(self) -> None:
         """Write the encoded data to the file; after a gap, add an event about the missing rows."""
-        if self._file.write(without_ends(self._bytes.read() or b"")) and self._gap is not None:
-            gap, self._gap = self._gap, None
-            lines = gap.rows.pop(pictures.LINES, 0)
-            samples = max((rows for entity, rows in gap.rows.items() if entity not in _TICKS), default=0)
-            of_scans = f", and {lines} lines of scans (trace and retrace counted each)," if lines else ""
-            self.event(
-                gap.begin_ns,
-                f"{gap.rows[layout.POSITION.entity]} ticks and {samples} samples a channel{of_scans} are missing from "
-                f"{gap.begin_ns / 1e9:g} s to {gap.end_ns / 1e9:g} s: {gap.why}",
-                "ERROR",
-            )
+        if self._file.write(without_ends(self._bytes.read() or b"")) and self._gaps.open:
+            self.event(*self._gaps.take(), "ERROR")
             self._file.write(without_ends(self._bytes.read() or b""))
 
     def _send_column(self, entity: str) -> None:
@@ -368,9 +342,6 @@ class RecordingWriter:
         columns = [*rr.TextLog.columns(text=[text], level=[level]), *rr.AnyValues.columns(change=[change])]
         self._stream.send_columns(layout.EVENTS, [index], columns, strict=True)
         self._sent[layout.EVENTS] += 1
-
-
-_TICKS = {signal.entity for signal in layout.TICKS}
 
 
 def _require_free(address: str, port: int) -> None:

@@ -5,8 +5,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model.core.records import size
-
 _Array = NDArray[np.float64]
 
 
@@ -17,7 +15,7 @@ def columns(records: Any, *names: str) -> _Array:
 
 def numbers(records: Any) -> _Array:
     """All numbers of n records, (n, numbers of a record)."""
-    return np.asarray(records).view(np.float64).reshape(len(records), size(records.dtype))
+    return np.asarray(records).view(np.float64).reshape(len(records), records.dtype.itemsize // 8)
 
 
 def record_of(dtype: Any, **values: Any) -> Any:

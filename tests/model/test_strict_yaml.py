@@ -51,8 +51,8 @@ def test_value_is_what_every_reader_takes_it_for(file: Path, text: str, value: o
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("a: 1\na: 2\n", "the name a stands twice (line 2)"),
-        ("a:\n  b: 1\n  b: 1\n", "the name b stands twice (line 3)"),
+        ("a: 1\na: 2\n", "the name a is given twice (line 2)"),
+        ("a:\n  b: 1\n  b: 1\n", "the name b is given twice (line 3)"),
         ("a: &x 1\nb: 2\n", "anchors and aliases (&, *) are not allowed (line 1)"),
         ("a: {<<: *x}\n", "anchors and aliases (&, *) are not allowed (line 1)"),
         (BOMB, "anchors and aliases (&, *) are not allowed (line 1)"),

@@ -8,9 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from wrong_controllers import WAYS, Wrong
 
+from afm_bringup.exam.judgement import Outcome, exit_code, judge
 from afm_bringup.exam.log import Answer, Log, Phase
 from afm_bringup.exam.procedure import Procedure
-from afm_bringup.exam.rules import RULES, Outcome, Terms, exit_code, judge
+from afm_bringup.exam.rules import RULES, Terms
 from afm_model import SimParameters, build
 from afm_model.parts.signals import Measurement
 

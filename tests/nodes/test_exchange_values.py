@@ -24,7 +24,7 @@ def test_text_that_breaks_a_reader_of_yaml_is_a_value_like_any_other(text: str) 
     [
         (["kind"], [], "1 names with 0 values are not allowed"),
         (["kind"], [" "], "kind =  is not allowed: it must be a number, true, false or a word"),
-        (["width", "width"], ["1", "2"], "the name width stands twice"),
+        (["width", "width"], ["1", "2"], "the name width is given twice"),
     ],
 )
 def test_names_need_one_value_each(names: list[str], values: list[str], sentence: str) -> None:

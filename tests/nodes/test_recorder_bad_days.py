@@ -15,7 +15,8 @@ from rclpy.serialization import serialize_message
 from recorder_bench import BLOCK, NAMESPACE, RecorderProcess, stamp
 
 from afm_node_common import topics
-from afm_recorder_node.reader import IncompleteRecording, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import IncompleteRecording
 
 ROOM = 64 * 2**20
 """Bytes of the disk that gets full."""

@@ -17,7 +17,8 @@ from recorder_bench import BLOCK, HEIGHT, NAMESPACE, Bench, RecorderProcess, sta
 
 from afm_model.core.errors import ParameterError
 from afm_recorder_node.node import RecorderNode
-from afm_recorder_node.reader import ParameterChange, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import ParameterChange
 
 
 @pytest.fixture

@@ -17,8 +17,9 @@ from afm_recorder_node import layout
 from afm_recorder_node.complete import complete
 from afm_recorder_node.parameters import RecorderParameters
 from afm_recorder_node.partial import InUse, Partial
-from afm_recorder_node.reader import IncompleteRecording, RecordingError, read_recording
+from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recorder import Recorder
+from afm_recorder_node.recording import IncompleteRecording, RecordingError
 from afm_recorder_node.repair import repair
 from afm_recorder_node.writer import RecordingWriter
 

@@ -18,8 +18,9 @@ from afm_recorder_node.complete import chunks
 from afm_recorder_node.growth import LARGEST, STAGES
 from afm_recorder_node.parameters import RecorderParameters
 from afm_recorder_node.pictures import LINES
-from afm_recorder_node.reader import IncompleteRecording, read_recording
+from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recorder import Recorder
+from afm_recorder_node.recording import IncompleteRecording
 from afm_recorder_node.scan_lines import ScanLine
 from afm_recorder_node.writer import RecordingWriter
 

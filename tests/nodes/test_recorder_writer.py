@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from afm_recorder_node import layout
 from afm_recorder_node.intake import HOLD_LIMIT, Intake
 from afm_recorder_node.layout import instants
-from afm_recorder_node.reader import ParameterChange, Recording, RecordingError, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import ParameterChange, Recording, RecordingError
 from afm_recorder_node.writer import RecordingWriter
 
 PERIOD, CONTROL_PERIOD = 1e-6, 2e-6

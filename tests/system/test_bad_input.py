@@ -155,7 +155,7 @@ CASES = {
         ("--stall-timeout -1 s is not allowed: it must be >= 0 s",), options=("--stall-timeout", "-1")
     ),
     "section given twice": Case(
-        ("the name run.duration stands twice (line 4)",), section(SIMULATOR, "run.duration: 0.1", "run.duration: 0.2")
+        ("the name run.duration is given twice (line 4)",), section(SIMULATOR, "run.duration: 0.1", "run.duration: 0.2")
     ),
     "controller that does not exist": Case(
         ("controller could not be started: no_such_program", "No such file"),

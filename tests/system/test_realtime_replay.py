@@ -14,7 +14,8 @@ from support import ROOT, Graph, HandController, answer, assert_nothing_left, se
 from afm_bringup import replay_command
 from afm_model import simulate
 from afm_model.run import Replay, recorded_parameters
-from afm_recorder_node.reader import Recording, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import Recording
 
 DURATION = 0.01
 UPDATE = 1e-6

@@ -17,7 +17,8 @@ from afm_bringup import scan_command
 from afm_bringup.first_sample import STEP, STRENGTH, letter, second_material
 from afm_bringup.remote import Remote
 from afm_model.core.errors import VerbError
-from afm_recorder_node.reader import Recording, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import Recording
 
 SIZE, PIXELS = 1e-6, 48
 

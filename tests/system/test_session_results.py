@@ -14,7 +14,8 @@ from matplotlib.image import imread
 from support import assert_nothing_left, session, write_scenario
 
 from afm_model import ControllerParameters, SimParameters, Simulation, build, simulate
-from afm_recorder_node.reader import Recording, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import Recording
 
 TICKS, CONTROL_PERIOD, SAMPLE_PERIOD = 2000, 2e-6, 1e-6
 SIMULATOR = {

@@ -11,7 +11,7 @@ from random import Random
 import numpy as np
 from support import Graph
 
-from afm_recorder_node.reader import Recording
+from afm_recorder_node.recording import Recording
 from torture.family import Try, Unavailable
 from torture.outcome import Outcome
 from torture.trio import RECORDER, Trio, lost, read, ticks_of
@@ -78,7 +78,7 @@ def _short_of_room(
             trio.until(lambda: not listener.recorder.writing)
             told = listener.when_recorder(lambda status: not status.writing, at)
             assert told is not None
-            outcome.told["recorder_status tells that nothing can be written"] = told - at
+            outcome.told["recorder_status reports that nothing can be written"] = told - at
             trio.pass_time(rng.uniform(0.1, 3.0))
             if rng.random() < 0.3:
                 killed = trio.kill(RECORDER)
@@ -95,7 +95,7 @@ def _short_of_room(
             trio.end()
             recording = read(trio.path)
             _check_gap(recording, ticks_of(recording, trio.listener), missing)
-            outcome.what = "goes on when there is room; the recording tells how many ticks are missing"
+            outcome.what = "goes on when there is room; the recording contains how many ticks are missing"
         finally:
             free(trio)
             trio.destroy()

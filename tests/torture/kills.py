@@ -95,7 +95,7 @@ def controller(scenario: str) -> Make:
             trio.until(lambda: listener.status.state in RUNNING and listener.status.ticks > before + 100)
             silent = listener.when(lambda status: status.state in _SILENT, at)
             if silent is not None:
-                outcome.told["status tells that no drive comes"] = silent - at
+                outcome.told["status reports that no drive comes"] = silent - at
             outcome.what = "the run goes on with the next controller"
             assert listener.recorder.ticks_lost == 0, "the recorder has lost ticks"
 
@@ -159,7 +159,7 @@ def _killed_while_it_runs(trio: Trio, rng: Random, outcome: Outcome) -> None:
         trio.until(lambda: listener.when_recorder(lambda status: "afm_sim_node" in status.detail, at))
         told = listener.when_recorder(lambda status: "afm_sim_node" in status.detail, at)
         assert told is not None
-        outcome.told["recorder_status tells that the simulator is silent"] = told - at
+        outcome.told["recorder_status reports that the simulator is silent"] = told - at
         ticks_before = listener.recorder.ticks
         trio.start(SIMULATOR)
         trio.until(lambda: listener.status.state in RUNNING and listener.statuses[-1][0] > at)

@@ -31,11 +31,11 @@ def stop(name: str, scenario: str = REALTIME) -> Make:
             trio.signal(name, signal.SIGCONT)
             told = listener.when(lambda status: status.state not in RUNNING, at)
             if told is not None:
-                outcome.told["status tells that no drive comes"] = told - at
+                outcome.told["status reports that no drive comes"] = told - at
             if name == SIMULATOR:
                 said = listener.when_recorder(lambda status: "afm_sim_node" in status.detail, at)
                 if said is not None:
-                    outcome.told["recorder_status tells that the simulator is silent"] = said - at
+                    outcome.told["recorder_status reports that the simulator is silent"] = said - at
             trio.until(lambda: listener.status.state in RUNNING and listener.status.ticks > before + 100)
             trio.until(lambda: listener.recorder.ticks >= listener.status.ticks - 5000)
             missing = listener.recorder.ticks_lost

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from torture.outcome import Outcome
 
-HEADER = ("fault", "tries", "failed", "lost [s]", "outcome", "told after at most", "left")
+HEADER = ("fault", "tries", "failed", "lost [s]", "outcome", "reported after at most", "left")
 
 
 def row(fault: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:

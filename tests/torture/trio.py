@@ -15,7 +15,8 @@ from support import TIMEOUT, Command, Graph, executable, wait_for_the_end_of, wa
 
 from afm_model.parameters.scenario_files import scenario_file
 from afm_node_common.shared_memory import File, unused, used_by
-from afm_recorder_node.reader import IncompleteRecording, Recording, read_recording
+from afm_recorder_node.reader import read_recording
+from afm_recorder_node.recording import IncompleteRecording, Recording
 from torture.listener import Listener
 
 SIMULATOR, CONTROLLER, RECORDER = NAMES = ("afm_sim_node", "afm_controller_node", "afm_recorder_node")

@@ -1,9 +1,8 @@
-"""The rules of the drive contract, and a check of the log against them. Needs no ROS."""
+"""The rules of the drive contract. Needs no ROS."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from enum import Enum
 from itertools import pairwise
 
 import numpy as np
@@ -14,26 +13,9 @@ from afm_node_common import topics
 from .log import IN_LOCKSTEP, Answer, Log, Phase
 
 
-class Outcome(Enum):
-    """Result of a rule."""
-
-    KEPT = "kept"
-    BROKEN = "broken"
-    UNTESTED = "not tested"
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """Result of one rule, and the reason."""
-
-    rule: str
-    outcome: Outcome
-    reason: str = ""
-
-
 @dataclass(frozen=True)
 class Terms:
-    """What a controller is measured by."""
+    """The conditions of a test."""
 
     sim: SimParameters
     deadline: float  # wall time in which an answer must be there [s]
@@ -77,18 +59,6 @@ def _answered(log: Log, *phases: Phase) -> str | None:
     if not missing:
         return ""
     return f"{len(missing)} of {len(asked)} measurements were not answered, the first was {missing[0]}"
-
-
-def _connected(log: Log, terms: Terms) -> str | None:
-    return log.incompatible or log.absent or ("" if log.sent else None)
-
-
-def _alive(log: Log, terms: Terms) -> str | None:
-    return log.ended
-
-
-def _answers(log: Log, terms: Terms) -> str | None:
-    return _answered(log, Phase.LOCKSTEP)
 
 
 def _once(log: Log, terms: Terms) -> str | None:
@@ -144,10 +114,6 @@ def _in_time(log: Log, terms: Terms) -> str | None:
         for wait, sequence in waits
         if wait > terms.deadline
     )
-
-
-def _is_readable(log: Log, terms: Terms) -> str | None:
-    return _first(each.unreadable for each in log.answers if each.unreadable)
 
 
 def _finite(log: Log, terms: Terms) -> str | None:
@@ -216,61 +182,42 @@ def _send_again(log: Log, terms: Terms) -> str | None:
     return f"measurement {asked[0].sequence} was sent {len(asked)} times and answered {len(given)} times"
 
 
-def _reset(log: Log, terms: Terms) -> str | None:
-    return _answered(log, Phase.RESET)
-
-
-def _fault(log: Log, terms: Terms) -> str | None:
-    return _answered(log, Phase.FAULT)
-
-
 def _restart(log: Log, terms: Terms) -> str | None:
     if Phase.RESTART not in log.begun:
         return None
     return _answered(log, Phase.RESTART) if log.reconnected else "it did not connect to a simulator that was restarted"
 
 
-def _goes(log: Log, terms: Terms) -> str | None:
-    return None if log.went is None else "" if log.went else "it had to be killed"
-
-
 RULES = (
-    Rule("connected", "publishes `piezo_drive` and receives `measurement`, both reliable and volatile", _connected),
-    Rule("alive", "does not end by itself", _alive),
-    Rule("answered", "answers every measurement, with its sequence", _answers),
+    Rule(
+        "connected",
+        "publishes `piezo_drive` and receives `measurement`, both reliable and volatile",
+        lambda log, _: log.incompatible or log.absent or ("" if log.sent else None),
+    ),
+    Rule("alive", "does not end by itself", lambda log, _: log.ended),
+    Rule("answered", "answers every measurement, with its sequence", lambda log, _: _answered(log, Phase.LOCKSTEP)),
     Rule("once", "answers no measurement more often than it is sent", _once),
     Rule("in order", "never answers an older measurement after a newer one", _order),
     Rule("asked", "sends no drive for a measurement that has not been published", _asked),
     Rule("in time", "answers within the deadline", _in_time),
-    Rule("readable", "sends whole messages, with a stamp that is a time of a run", _is_readable),
+    Rule(
+        "readable",
+        "sends whole messages, with a stamp that is a time of a run",
+        lambda log, _: _first(each.unreadable for each in log.answers if each.unreadable),
+    ),
     Rule("finite", "sends neither NaN nor an infinity, in the horizon neither", _finite),
     Rule("frame", "puts `scanner` into frame_id", _frame),
     Rule("range", "stays within +-`piezo.limit`, if there is one", _in_range),
     Rule("slew", "changes its drive by no more than `piezo.slew_limit` allows, if there is one", _slew),
     Rule("pause", "is silent while no measurement comes, and continues afterwards", _pause),
     Rule("sent again", "answers a measurement that is sent again", _send_again),
-    Rule("reset", "continues when the sequences begin again at 0", _reset),
-    Rule("fault", "answers when sensors fail or measurements get lost", _fault),
+    Rule("reset", "continues when the sequences begin again at 0", lambda log, _: _answered(log, Phase.RESET)),
+    Rule("fault", "answers when sensors fail or measurements get lost", lambda log, _: _answered(log, Phase.FAULT)),
     Rule("restart", "finds a simulator that was restarted", _restart),
-    Rule("end", "ends when it is interrupted (SIGINT), within 10 s", _goes),
+    Rule(
+        "end",
+        "ends when it is interrupted (SIGINT), within 10 s",
+        lambda log, _: None if log.went is None else "" if log.went else "it had to be killed",
+    ),
 )
 """Every rule, in the order of the table."""
-
-
-def judge(log: Log, terms: Terms) -> list[Verdict]:
-    """The result of every rule."""
-    verdicts = []
-    for rule in RULES:
-        reason = rule.judge(log, terms)
-        if reason is None or (not reason and not log.sent and rule.name not in ("connected", "alive")):
-            verdicts.append(Verdict(rule.name, Outcome.UNTESTED))
-        else:
-            verdicts.append(Verdict(rule.name, Outcome.BROKEN if reason else Outcome.KEPT, reason))
-    return verdicts
-
-
-def exit_code(verdicts: list[Verdict], log: Log) -> int:
-    """0: every rule that was tested is kept; 1: one is broken; 2: nothing could be tested."""
-    if not log.sent and not log.incompatible:
-        return 2
-    return int(any(each.outcome is Outcome.BROKEN for each in verdicts))

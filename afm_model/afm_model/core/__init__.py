@@ -1,1 +1,1 @@
-"""What everything stands on: compiled kernels, records in an array, declared parameters, parts by name, errors."""
+"""Basis of all rooms: compiled kernels, records in an array, declared parameters, parts by name, errors."""

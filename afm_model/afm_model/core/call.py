@@ -79,8 +79,8 @@ class Function:
         # Besides its own errors numba lets some of Python's through, such as a KeyError for a field that is not there.
         except Exception as error:
             lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-            told = lines[1] if isinstance(error, numba.core.errors.NumbaError) and len(lines) > 1 else " ".join(lines)
-            raise TypeError(f"it cannot be compiled: {type(error).__name__}: {told}") from error
+            reason = lines[1] if isinstance(error, numba.core.errors.NumbaError) and len(lines) > 1 else " ".join(lines)
+            raise TypeError(f"it cannot be compiled: {type(error).__name__}: {reason}") from error
         _COMPILED[function, self._arguments] = made
         return made
 

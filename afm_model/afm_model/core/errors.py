@@ -9,11 +9,11 @@ class ParameterError(ValueError):
 
 
 class PartError(RuntimeError):
-    """A part of somebody else's does not work; the message names the part, its function and what went wrong."""
+    """A part does not work; the message names the part, its function and the error."""
 
 
 class DivergenceError(RuntimeError):
-    """The motion has left every scanner's range; the message tells when and what to change."""
+    """The motion has left the range of every scanner; the message contains the time and possible remedies."""
 
 
 class DriveError(ValueError):

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 Report = Callable[[int, int], None]
-"""Is told now and then what is done, and what there is in all."""
+"""Called now and then with the work done and the total work."""
 
 
 @contextmanager
@@ -21,7 +21,7 @@ def bar(what: str) -> Iterator[Report]:
 
 @contextmanager
 def reporting(progress: bool | Report, what: str) -> Iterator[Report]:
-    """What to report to: a callable as it is; True: a bar; False: nobody."""
+    """What to report to: a callable as it is; True: a progress bar; False: none."""
     if callable(progress):
         yield progress
     elif not progress:

@@ -166,7 +166,7 @@ def _compiled_numbers_of(record):  # type: ignore[no-untyped-def]
 
 
 def address_at(block: Block, index: int) -> int:
-    """Where in memory `block[index]` stands, for `numbers_at`."""
+    """Address of `block[index]`, for `numbers_at`."""
     return block[index:].ctypes.data
 
 

@@ -62,7 +62,7 @@ def find(family: str, name: str) -> Any:
     try:
         found = _load(module, attribute)
     except Exception as error:
-        # Whatever somebody else's module raises while it is imported, it is told with its name.
+        # A module may raise anything on import; the message names it.
         raise ParameterError(f"{family} {name} cannot be loaded: {type(error).__name__}: {error}") from error
     if getattr(found, "family", None) != family:
         kind = getattr(found, "family", None) or type(found).__name__

@@ -6,7 +6,7 @@
 then noise, low-pass, ADC; docs/imperfections.md.
 """
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
@@ -15,10 +15,11 @@ from ..core import low_pass
 from ..core.converter import convert
 from ..core.jit import kernel
 from ..core.low_pass import LowPass
-from ..core.records import Record
+from ..core.records import Block, Record
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import DetectorParameters
 from ..parts.part import Detector, Numbers, Tree
+from ..parts.signals import Detection, Truth
 
 _Part = Annotated[float, Gt(-1), Lt(1)]
 
@@ -111,7 +112,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def detect(o: Any, d: Any, p: Any, s: Any, r: Any) -> None:
+def detect(o: Truth, d: Detection, p: Constants, s: State, r: Block) -> None:
     """See `afm_model.parts.Detector`; s is a record of State."""
     z = (o.tip_height - p.a + o.deflection_excess) / p.deflection_sensitivity
     f = (o.friction[0] + o.lateral_excess) / p.lateral_sensitivity

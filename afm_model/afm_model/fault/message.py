@@ -4,15 +4,14 @@ Messages may overtake one another. The newest one that has arrived counts, by th
 """
 
 import math
-from typing import Any
 
 from ..core.jit import kernel
 from ..core.records import numbers_at, numbers_of, record_at, size
-from ..parts.signals import PiezoDrive, copy_command
+from ..parts.signals import Delivery, Measurement, PiezoDrive, copy_command
 from ..parts.timing import ticks_of
 from .chance import uniform
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
-from .memory import SENSED, SLOTS, OnTheirWay
+from .memory import SENSED, SLOTS, Constants, Memory, OnTheirWay
 
 _KINDS = list(KINDS)
 _LATENCY, _JITTER, _LOSS = (_KINDS.index(name) + 1 for name in ("latency", "jitter", "loss"))
@@ -24,7 +23,7 @@ _ticks_of = kernel(ticks_of)
 
 
 @kernel
-def _arrival(k: int, message: int, p: Any) -> int:
+def _arrival(k: int, message: int, p: Constants) -> int:
     """Tick at which the message of tick k arrives; negative if it gets lost."""
     late = 0
     for i in range(p.count):
@@ -41,7 +40,7 @@ def _arrival(k: int, message: int, p: Any) -> int:
 
 
 @kernel
-def delay_measurement(k: int, y: Any, e: Any, p: Any, f: Any) -> None:
+def delay_measurement(k: int, y: Measurement, e: Delivery, p: Constants, f: Memory) -> None:
     """Put sensor values that have arrived by tick k in place of its own, in measurement y.
 
     e tells whether there is a message at all.
@@ -69,7 +68,7 @@ def delay_measurement(k: int, y: Any, e: Any, p: Any, f: Any) -> None:
 
 
 @kernel
-def delay_command(k: int, u: Any, arrived: Any, p: Any, f: Any) -> None:
+def delay_command(k: int, u: PiezoDrive, arrived: PiezoDrive, p: Constants, f: Memory) -> None:
     """Write what has arrived by tick k, of the commands up to u of this tick."""
     v, sent = f.passed_voltage, record_at(numbers_at(f.messages, _SIZE), 0, OnTheirWay)
     same = u.voltage[0] == v[0] and u.voltage[1] == v[1] and u.voltage[2] == v[2]

@@ -11,9 +11,11 @@ from typing import Any, ClassVar
 from pydantic import Field
 
 from ..core.jit import kernel
+from ..core.records import Block
 from ..core.schema import Group
 from ..parts.groups import FaultParameters
 from ..parts.part import Fault
+from ..parts.signals import Delivery, Measurement
 from .entry import DRIVES, KINDS, MESSAGES, NEVER, SENSORS, TARGETS, Entry, problem
 from .memory import MOST, Constants, Memory
 from .message import delay_command, delay_measurement
@@ -128,7 +130,7 @@ def _numbers(parameters: Any, entries: list[Entry]) -> dict[str, Any]:
 
 
 @kernel
-def on_measurement(k: int, t: float, y: Any, e: Any, p: Any, s: Any, r: Any) -> None:
+def on_measurement(k: int, t: float, y: Measurement, e: Delivery, p: Constants, s: Memory, r: Block) -> None:
     """See `afm_model.parts.Fault`."""
     if p.on_sensors > 0:
         spoil_measurement(k, y, p, s)

@@ -1,11 +1,13 @@
 """Faults of a signal: what a sensor tells, or the drive that is put in force."""
 
 import math
-from typing import Any
 
 from ..core.jit import kernel
+from ..core.records import Block
+from ..parts.signals import Drive, Measurement
 from .chance import normal
 from .entry import DRIVES, KINDS, SENSORS, TARGETS
+from .memory import Constants, Memory
 
 _KINDS = list(KINDS)
 _NOISE, _DROPOUT, _STUCK, _OFFSET, _DRIFT, _SATURATION = (
@@ -17,7 +19,7 @@ _LAST_SENSOR, _LAST_DRIVE = TARGETS.index(list(SENSORS)[-1]), TARGETS.index(list
 
 
 @kernel
-def _spoiled(x: float, i: int, t: float, number: int, p: Any, f: Any) -> float:
+def _spoiled(x: float, i: int, t: float, number: int, p: Constants, f: Memory) -> float:
     """What fault i makes of value x at time t [s]; `number` is that of the tick or update, for what is drawn."""
     kind, size = p.kind[i], p.size[i]
     if kind == _NOISE:
@@ -39,7 +41,7 @@ def _spoiled(x: float, i: int, t: float, number: int, p: Any, f: Any) -> float:
 
 
 @kernel
-def spoil_measurement(k: int, y: Any, p: Any, f: Any) -> None:
+def spoil_measurement(k: int, y: Measurement, p: Constants, f: Memory) -> None:
     """Let the faults of sensors change the measurement y of tick k."""
     t = k * p.control_period
     for i in range(p.count):
@@ -63,7 +65,7 @@ def spoil_measurement(k: int, y: Any, p: Any, f: Any) -> None:
 
 
 @kernel
-def spoil_drive(k: int, t: float, u: Any, p: Any, f: Any, unused: Any) -> None:
+def spoil_drive(k: int, t: float, u: Drive, p: Constants, f: Memory, unused: Block) -> None:
     """Let the faults of drives change drive u, put in force at time t [s] in tick k."""
     number = math.floor(t / p.dac_period + 0.5)
     for i in range(p.count):

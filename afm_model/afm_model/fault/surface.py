@@ -1,16 +1,16 @@
 """Faults of the sample: another friction, a thermal drift."""
 
-from typing import Any
-
 from ..core.jit import kernel
+from ..parts.signals import Displacement
 from .entry import AXES, KINDS, TARGETS
+from .memory import Constants, Memory
 
 _FRICTION, _THERMAL = (list(KINDS).index(name) + 1 for name in ("friction", "thermal"))
 _X, _Y, _Z = (TARGETS.index(axis) for axis in AXES)
 
 
 @kernel
-def disturb_sample(k: int, d: Any, p: Any, unused: Any) -> None:
+def disturb_sample(k: int, d: Displacement, p: Constants, unused: Memory) -> None:
     """Write what is wrong with the sample during tick k into the record d of Displacement."""
     d.there = 0
     d.friction, d.x, d.y, d.z = 1.0, 0.0, 0.0, 0.0

@@ -63,11 +63,11 @@ class LoopState(Record):
     slew_step: float  # largest change at an update [V]; 0: any
     deflection_sensitivity: Annotated[float, "m/V"]
     lateral_sensitivity: Annotated[float, "N/V"]
-    halt: int  # where in the block the number stands with which ticking stops unless it is 0; 0: nowhere
+    halt: int  # index of a number that stops ticking when it is not 0; 0: none
 
 
 class Layout:
-    """Where everything stands in the block of an instrument with these parameters.
+    """Places of all records in the block of an instrument with these parameters.
 
     Raises
     ------
@@ -172,7 +172,7 @@ class Layout:
         return (*STANDARD, *(known[name] for name in dict.fromkeys(wanted)))
 
     def place(self, field: str) -> int:
-        """Where the number `record.field`, or `record.vector.x`, stands."""
+        """Index of the number `record.field`, or `record.vector.x`."""
         name, *path = field.split(".")
         start, record = self._records[name]
         if path[0] not in record.names:

@@ -8,12 +8,13 @@ resonances of the scanner are faster than any drift by many orders of magnitude.
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from ..core.jit import kernel
-from ..core.records import Record, Vector
+from ..core.records import Block, Record, Vector
 from ..parameters import InstrumentParameters
 from ..parts.part import Numbers
+from ..parts.signals import Drive
 
 
 class DriftConstants(Record):
@@ -49,7 +50,7 @@ def drift_constants(parameters: InstrumentParameters) -> Numbers:
 
 
 @kernel
-def wander(k: int, period: float, p: Any, s: Any, r: Any) -> None:
+def wander(k: int, period: float, p: DriftConstants, s: DriftState, r: Block) -> None:
     """Begin control tick k, of length `period` [s]: the random part goes on, by the random numbers r."""
     for axis in range(3):
         s.wandered[axis] += period * s.wandering[axis]
@@ -60,7 +61,7 @@ def wander(k: int, period: float, p: Any, s: Any, r: Any) -> None:
 
 
 @kernel
-def drift(t: float, late: float, v: Any, p: Any, s: Any) -> None:
+def drift(t: float, late: float, v: Drive, p: DriftConstants, s: DriftState) -> None:
     """Add the drift to what the piezo makes of the drive, v [V], at time t [s], `late` after the begin of the tick."""
     left, way = 1.0, t
     if p.decay > 0.0:

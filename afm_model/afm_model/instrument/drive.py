@@ -18,7 +18,7 @@ _ROUND_OFF = 1e-6
 
 
 @kernel
-def allowed(u: Any) -> bool:
+def allowed(u: PiezoDrive) -> bool:
     """Whether a command can be put in force: all its numbers are finite, its horizon has a period."""
     if not (math.isfinite(u.voltage[0]) and math.isfinite(u.voltage[1]) and math.isfinite(u.voltage[2])):
         return False
@@ -36,7 +36,7 @@ def allowed(u: Any) -> bool:
 
 @kernel
 def command_at(address: int) -> Any:
-    """The command that stands at an address: in the block, or received behind a fault."""
+    """The command at an address: in the block, or in the memory of a fault."""
     return record_at(numbers_at(address, _SIZE), 0, PiezoDrive)
 
 
@@ -53,7 +53,7 @@ def due(m: Block) -> int:
 
 
 @kernel
-def put_in_force(m: Block, at: int, late: float, faults: Any) -> None:
+def put_in_force(m: Block, at: int, late: float, faults: Block) -> None:
     """Apply what the command at address `at` holds for a time `late` after the begin of this tick [s]."""
     g = record_at(m, 0, BlockHeader)
     c = record_at(m, g.loop, LoopState)

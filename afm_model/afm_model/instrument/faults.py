@@ -62,7 +62,7 @@ class Faults:
             self._receive()
 
     def put_in_force(self, parameters: InstrumentParameters) -> None:
-        """Take the schedule of `parameters` from the next tick on; a fault that is there already goes on.
+        """Take the schedule of `parameters` from the next tick on; a fault that is already active continues.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class Faults:
         record_at(self._of_messages, 0, OnTheirWay).arrives_at[:] = -1
 
     def _begin_measurements(self, tick: int) -> None:
-        """From now on sensor values are remembered: those of `tick` have been told."""
+        """Keep sensor values from now on: those of `tick` have been measured."""
         self._make_room()
         self._memory.shown = tick
         f = record_at(self._of_messages, 0, OnTheirWay)

@@ -1,4 +1,4 @@
-"""What the instrument's own limits have done, for who runs it; and what he may ask of them."""
+"""State of the limits of the instrument, and commands to them."""
 
 import math
 from typing import Any
@@ -31,7 +31,7 @@ _PHASE, _EVENT, _LIMIT = (place(GuardState, name) for name in ("phase", "event",
 
 
 class Guard:
-    """The limits of one instrument (`limits`): who has the drive, and why.
+    """The limits of one instrument (`limits`): whether they control the drive, and why.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class Guard:
         retract(self._block, self._tick)
 
     def release(self) -> None:
-        """Give the drive back to a controller that was silent; a loop inside goes on from where z is."""
+        """Give the drive back to a controller that was silent; a loop inside continues from the present z."""
         self._numbers[[_PHASE, _EVENT]] = RUNNING, ANSWERED
 
     def bring_back(self) -> str:

@@ -78,7 +78,7 @@ class Instrument:
         self._lost = layout.array(self._block, "delivery")
         self._faults = Faults(layout, self._block, parameters)
         self.orders = Orders(layout, self._block, parameters)
-        """What is told while the run goes on."""
+        """Orders and settings during the run."""
         self.guard = Guard(layout, self._block, parameters)
         """Its own limits."""
         self._external = external_law()
@@ -179,7 +179,7 @@ class Instrument:
 
     @property
     def unasked(self) -> bool:
-        """Whether a fault has lost the measurement of this tick: nobody answers it, and `tick(None)` goes on."""
+        """Whether a fault has lost the measurement of this tick: there is no answer, and `tick(None)` continues."""
         return self._lost.item(0) != 0.0
 
     def set_faults(self, parameters: InstrumentParameters) -> None:
@@ -373,7 +373,7 @@ class Instrument:
         return self._recorded.block(cut)
 
     def skip_block(self) -> None:
-        """Forget the ticks since the last block: where nobody wants them, `take_block` without a block."""
+        """Discard the ticks since the last block: `take_block` without a result."""
         self._recorded.skip(self._row)
         self._row = self._loop[_ROW] = 0
 

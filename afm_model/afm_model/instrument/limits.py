@@ -4,7 +4,7 @@ It looks at what the plant really does, not at what sensors with noise and fault
 tick: a force that comes and goes between two ticks is not seen.
 """
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from ..core.jit import kernel
 from ..core.records import Block, Record, Vector, record_at
@@ -67,7 +67,7 @@ class GuardState(Record):
 
 
 @kernel
-def has_z(s: Any) -> bool:
+def has_z(s: GuardState) -> bool:
     """Whether the instrument itself says where z is; a loop inside has it from the first touch of an approach on."""
     return bool(s.phase != RUNNING and (s.phase != APPROACHING or s.touching == 0))
 
@@ -97,12 +97,12 @@ def take_drive(m: Block, scored: bool) -> None:
 
 
 @kernel
-def _enter(phase: int, event: int, k: int, s: Any) -> None:
+def _enter(phase: int, event: int, k: int, s: GuardState) -> None:
     s.phase, s.event, s.since = phase, event, k
 
 
 @kernel
-def _hold(m: Block, s: Any) -> None:
+def _hold(m: Block, s: GuardState) -> None:
     """Begin with the drive that is applied; along z with what a loop inside has made of it."""
     g = record_at(m, 0, BlockHeader)
     a, w = record_at(m, g.applied, Drive), record_at(m, g.regulated, Drive)
@@ -112,7 +112,7 @@ def _hold(m: Block, s: Any) -> None:
 
 
 @kernel
-def _withdraw(m: Block, event: int, k: int, p: Any, s: Any) -> None:
+def _withdraw(m: Block, event: int, k: int, p: LimitConstants, s: GuardState) -> None:
     """Take the drive: away from the tip, and after too long a way back to the middle."""
     if event <= CONTACT_LOST:
         s.limit = event
@@ -128,7 +128,7 @@ def _withdraw(m: Block, event: int, k: int, p: Any, s: Any) -> None:
 
 
 @kernel
-def _passed(p: Any, s: Any, o: Any) -> int:
+def _passed(p: LimitConstants, s: GuardState, o: Truth) -> int:
     """The limit that is passed, or NONE; what passed it is kept."""
     s.x, s.y, s.normal_force = o.position[0], o.position[1], o.normal_force
     if not (abs(s.x) <= p.travel and abs(s.y) <= p.travel):
@@ -147,7 +147,7 @@ def _passed(p: Any, s: Any, o: Any) -> int:
 
 
 @kernel
-def _give_back(event: int, k: int, s: Any) -> None:
+def _give_back(event: int, k: int, s: GuardState) -> None:
     s.limit = NONE
     s.lost = 0
     _enter(RUNNING, event, k, s)
@@ -184,7 +184,7 @@ def retract(m: Block, k: int) -> None:
 
 @kernel
 def watch_limits(m: Block, k: int) -> None:
-    """Look at what came of the tick just made, before tick k."""
+    """Check the limits after the last tick, before tick k."""
     g = record_at(m, 0, BlockHeader)
     p, s = record_at(m, g.limits, LimitConstants), record_at(m, g.guard, GuardState)
     if s.phase == WITHDRAWN:

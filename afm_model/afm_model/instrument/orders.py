@@ -1,4 +1,4 @@
-"""What is told while a run goes on, between two ticks: orders of the program, other gains of the loop inside."""
+"""Changes between two ticks: orders of the program, settings of the onboard loop."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from .block import Layout, LoopState
 
 
 class Orders:
-    """Program and loop inside an instrument, to be told something and to be looked at.
+    """Access to program and onboard loop of an instrument during a run.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Orders:
     @property
     def done(self) -> bool:
         """Whether the order in force is done, or there is none."""
-        # By the place, made once: who ticks one by one looks at each of them.
+        # Places computed once: they are read after each tick.
         return self._done is None or self._done.item(0) != 0.0
 
     @property
@@ -83,7 +83,7 @@ class Orders:
         return self._layout.record(self._block, "onboard_state").copy()
 
     def set_onboard(self, parameters: InstrumentParameters) -> None:
-        """Change gains, setpoint or mode of the loop inside, which goes on from where it is.
+        """Change gains, setpoint or mode of the onboard loop, which continues from the present z.
 
         Raises
         ------

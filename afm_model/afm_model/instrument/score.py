@@ -1,7 +1,7 @@
 """The score of a run: running sums kept by the compiled loop, and the one list of what a score holds."""
 
 from dataclasses import dataclass, fields
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from ..core import registry
 from ..core.jit import kernel
 from ..core.records import Block, Record, Vector, record_at
 from ..parameters import InstrumentParameters
+from ..parts.signals import Setpoint, Truth
 
 _Array = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ class ScoreSums(Record):
 
 
 @kernel
-def count_drive(t: Any, du_x: float, du_y: float, du_z: float) -> None:
+def count_drive(t: ScoreSums, du_x: float, du_y: float, du_z: float) -> None:
     """Count a change of the drive into the sums t [V]."""
     # The first scored drive starts the variation.
     if t.ticks > 0.0:
@@ -42,7 +43,7 @@ def count_drive(t: Any, du_x: float, du_y: float, du_z: float) -> None:
 
 
 @kernel
-def between(a: Any, b: Any, axis: int, f: float, period: float) -> float:
+def between(a: Setpoint, b: Setpoint, axis: int, f: float, period: float) -> float:
     """Reference between two control ticks, f = 0 ... 1 of a period after the first: the cubic through the positions and
     velocities of both [m].
 
@@ -54,7 +55,7 @@ def between(a: Any, b: Any, axis: int, f: float, period: float) -> float:
 
 
 @kernel
-def count_error(t: Any, axis: int, position: float, asked: float) -> None:
+def count_error(t: ScoreSums, axis: int, position: float, asked: float) -> None:
     """Count the true tracking error along one axis at the end of an integration step [m]."""
     e = position - asked
     t.square[axis] += e * e
@@ -63,7 +64,7 @@ def count_error(t: Any, axis: int, position: float, asked: float) -> None:
 
 
 @kernel
-def count_step(t: Any, o: Any, a: Any, b: Any, f: float, period: float) -> None:
+def count_step(t: ScoreSums, o: Truth, a: Setpoint, b: Setpoint, f: float, period: float) -> None:
     """Count one integration step into the sums t: tracking error, stick, contact, ranges of friction and normal force.
 
     Parameters
@@ -96,7 +97,7 @@ def count_step(t: Any, o: Any, a: Any, b: Any, f: float, period: float) -> None:
 
 @dataclass(frozen=True)
 class ScoreSummary:
-    """The scored part of a run, SI units. Arrays of three are x, y, z; NaN where there is nothing to tell.
+    """The scored part of a run, SI units. Arrays of three are x, y, z; NaN where there is no value.
 
     Names and order are those of afm_msgs/Score.
     """

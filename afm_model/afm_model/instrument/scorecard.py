@@ -1,4 +1,4 @@
-"""The score of a run as plain values for JSON and tables: one layout, whoever ran it."""
+"""The score of a run as plain values for JSON and tables: one layout for all kinds of runs."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""Position sensors and rates: what a measurement tells of positions, velocities and the rate of the deflection.
+"""Position sensors and rates: positions, velocities and the rate of the deflection in a measurement.
 
 Ideal sensors tell the true velocities. If the position sensors are not ideal they are read at the rate of the virtual
 ADC, and velocities are differences of two readings, divided by the time between them; the same holds for the deflection
@@ -7,19 +7,21 @@ v[k] = keep v[k-1] + (1 - keep) difference[k].
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from ..core import low_pass, registry
 from ..core.converter import convert
 from ..core.jit import kernel
 from ..core.low_pass import LowPass
-from ..core.records import Record, Vector
+from ..core.records import Block, Record, Vector
 from ..parameters import InstrumentParameters
 from ..parts.part import Numbers
+from ..parts.signals import Measurement, Truth
+from .drift import DriftState
 
 
 class SensorConstants(LowPass):
-    """Of the low-pass of the positions; whether positions and deflection are measured, not told."""
+    """Of the low-pass of the positions; whether positions and deflection are imperfect."""
 
     positions: float
     deflection: float
@@ -66,7 +68,7 @@ def sensor_constants(parameters: InstrumentParameters) -> Numbers:
 
 
 @kernel
-def sense(o: Any, deflection: float, drifted: Any, p: Any, s: Any, r: Any) -> None:
+def sense(o: Truth, deflection: float, drifted: DriftState, p: SensorConstants, s: SensorState, r: Block) -> None:
     """Read the sensors at a sample of the virtual ADC: what is not ideal of positions and deflection.
 
     Parameters
@@ -107,7 +109,7 @@ def sense(o: Any, deflection: float, drifted: Any, p: Any, s: Any, r: Any) -> No
 
 
 @kernel
-def tell_sensors(y: Any, o: Any, drifted: Any, p: Any, s: Any) -> None:
+def tell_sensors(y: Measurement, o: Truth, drifted: DriftState, p: SensorConstants, s: SensorState) -> None:
     """Write positions, velocities and rate of the deflection into the measurement y: what was read, or the truth."""
     if p.positions == 0.0:
         for axis in range(3):

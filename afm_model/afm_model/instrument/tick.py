@@ -5,8 +5,6 @@ at every sample of the virtual ADC the program looks, the onboard part and the p
 the plant is stepped, the detector samples it, the score counts it; then everything is measured for the next tick.
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,7 +46,7 @@ from .sensors import SensorConstants, SensorState, sense, tell_sensors
 
 _Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED, STOPPED = range(4)
-"""What became of a tick. STOPPED: it moved, and with it an order was done or the drive has changed hands."""
+"""Outcome of a tick. STOPPED: it moved, and an order was completed or a limit has taken or returned the drive."""
 RANGE = 1e-3
 """Position beyond which the motion has diverged: hundreds of times the range of any scanner [m]."""
 _REFERENCE_SIZE = size(Setpoint)
@@ -57,7 +55,7 @@ DRAW_TICKS = 256
 
 
 @kernel
-def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> None:
+def measure(m: Block, k: int, noise: Block, position_noise: Block, faults: Block) -> None:
     """Write the measurement of control tick k, whose reference is asked for already; noise and faults are its random
     numbers.
     """
@@ -91,8 +89,8 @@ def measure(m: Block, k: int, noise: Any, position_noise: Any, faults: Any) -> N
 
 
 @kernel
-def start(m: Block, noise: Any, position_noise: Any, faults: Any) -> None:
-    """The first measurement, of the plant as it stands."""
+def start(m: Block, noise: Block, position_noise: Block, faults: Block) -> None:
+    """The first measurement, of the plant at its start."""
     g = record_at(m, 0, BlockHeader)
     observe(record_at(m, g.truth, Truth), m)
     reference(0.0, record_at(m, g.asked, Setpoint), m)
@@ -257,7 +255,7 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
             control(round(c.k * c.period_ns) * 1e-9, y, u, law)
         phase = guard.phase
         if phase != RUNNING:
-            # What is refused does not depend on who has the drive.
+            # A drive is refused also while a limit controls the drive.
             if not allowed(u):
                 return REFUSED
             take_drive(m, c.k >= c.score_tick)

@@ -56,7 +56,7 @@ def doubts(
                     f"may have no solution, or several"
                 )
         law: Any = controller.law if controller is not None else None
-        # A law of somebody else's has no z_rate; the open loop feeds nothing back.
+        # Other laws have no z_rate; the open loop feeds nothing back.
         closed = law is not None and law.kind != "open_loop"
         if plant.z == "uniform" and closed and getattr(law, "z_rate", "") == "sample":
             found.append(

@@ -1,7 +1,7 @@
 """Excitation of the scanner for its identification: a sine whose frequency rises, the same along every axis."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
@@ -10,6 +10,7 @@ from ..core.records import Record, Vector
 from ..core.schema import Positive, Unit
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Numbers, Tree
+from ..parts.signals import Measurement, PiezoDrive
 
 
 class Chirp(LawParameters):
@@ -19,7 +20,7 @@ class Chirp(LawParameters):
     f_low: Annotated[Positive, Unit("Hz")] = Field(100.0, description="frequency at the start")
     f_high: Annotated[Positive, Unit("Hz")] = Field(1500.0, description="frequency after law.sweep_time")
     sweep_time: Annotated[Positive, Unit("s")] = Field(
-        0.2, description="time from law.f_low to law.f_high; the sine goes on at law.f_high then"
+        0.2, description="time from law.f_low to law.f_high; then the sine continues at law.f_high"
     )
 
 
@@ -41,7 +42,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def phase(t: float, p: Any) -> float:
+def phase(t: float, p: Constants) -> float:
     """Phase of the chirp at time t [rad]."""
     sweep = min(t, p.sweep_time)
     turns = p.f_low * sweep + 0.5 * (p.f_high - p.f_low) * sweep * sweep / p.sweep_time
@@ -49,7 +50,7 @@ def phase(t: float, p: Any) -> float:
 
 
 @kernel
-def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> None:
     """See `afm_model.parts.Law`."""
     for axis in range(3):
         if s.started == 0.0:

@@ -1,12 +1,12 @@
 """The law that is not here: the simulator waits for a controller on topics."""
 
-from typing import Any
-
 from pydantic import Field
 
 from ..core.jit import kernel
+from ..core.records import Record
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Tree
+from ..parts.signals import Measurement, PiezoDrive
 
 
 class ExternalLaw(LawParameters):
@@ -26,7 +26,7 @@ def _check(parameters: Tree) -> None:
 
 
 @kernel
-def _control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def _control(t: float, y: Measurement, u: PiezoDrive, p: Record, s: Record) -> None:
     """Never called: the drive comes from elsewhere."""
 
 

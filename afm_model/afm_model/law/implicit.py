@@ -4,7 +4,7 @@ Acary, Brogliato, Orlov, DOI 10.1109/TAC.2011.2174676.
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
@@ -12,6 +12,7 @@ from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
+from ..parts.signals import Measurement, PiezoDrive
 from . import sampled
 from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole
 from .scanner import error_ahead, feed_forward, follow_flight, place_poles, reference_at, send
@@ -61,7 +62,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> None:
     """See `afm_model.parts.Law`."""
     follow_flight(y, p, s)
     sampled.control_height(y, u, p, s)

@@ -11,6 +11,7 @@ from ..core.records import Record, Vector
 from ..core.schema import NonNegative, Positive
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Numbers, Tree
+from ..parts.signals import Measurement, PiezoDrive
 from .lyapunov import lyapunov_matrix
 
 OPEN_LOOP, SGN, TANH = range(3)
@@ -111,7 +112,7 @@ def switching(kind: float, s: float, alpha: float) -> float:
 
 
 @kernel
-def control(t: float, y: Any, u: Any, g: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, g: Constants, s: Record) -> None:
     """See `afm_model.parts.Law`.
 
     open_loop: U_x = x_r, U_y = y_r as in section 4.1 of the paper; the z drive stays as it is.

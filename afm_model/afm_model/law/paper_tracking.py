@@ -4,12 +4,11 @@ Along z: docs/laws.md (2.1). The paper's law there diverges from cdot_z w0 T = 2
 loop along z as the others, its laws along x and y can be compared at rates where they could not run at all.
 """
 
-from typing import Any
-
 from pydantic import Field
 
 from ..core.jit import kernel
 from ..parts.part import Law, Numbers, Tree
+from ..parts.signals import Measurement, PiezoDrive
 from . import paper, sampled, scanner
 from .paper import PaperLaw
 from .sampled import SampledConstants, SampledLaw, SampledState
@@ -33,7 +32,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: SampledState) -> None:
     """See `afm_model.parts.Law`."""
     paper.control(t, y, u, p, s)
     scanner.follow_flight(y, p, s)

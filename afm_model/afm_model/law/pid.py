@@ -3,7 +3,7 @@
 Tuned by the SIMC rules: Skogestad, DOI 10.1016/S0959-1524(02)00062-8.
 """
 
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -12,6 +12,7 @@ from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import Positive
 from ..parts.part import Law, Numbers, Tree
+from ..parts.signals import Measurement, PiezoDrive
 from . import sampled
 from .sampled import SampledConstants, SampledLaw, SampledState
 from .scanner import feed_forward, follow_flight, free_axes, position, reference_at, send
@@ -120,7 +121,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def answer_error(e: float, forward: float, u: Any, p: Any, s: Any, axis: int) -> None:
+def answer_error(e: float, forward: float, u: PiezoDrive, p: Constants, s: State, axis: int) -> None:
     """Write the drive of one axis for error e, reference minus measured, and a drive fed forward."""
     filtered = p.b_0[axis] * e + s.one[axis]
     s.one[axis] = p.b_1[axis] * e - p.a_1[axis] * filtered + s.two[axis]
@@ -133,7 +134,7 @@ def answer_error(e: float, forward: float, u: Any, p: Any, s: Any, axis: int) ->
 
 
 @kernel
-def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> None:
     """See `afm_model.parts.Law`."""
     follow_flight(y, p, s)
     for axis in range(2):

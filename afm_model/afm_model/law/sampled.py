@@ -13,6 +13,7 @@ from ..core.jit import kernel
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import LawParameters, PlantParameters
 from ..parts.part import Tree
+from ..parts.signals import Measurement, PiezoDrive
 from . import scanner
 from .scanner import (
     Axis,
@@ -145,7 +146,7 @@ def sampled_values(parameters: Tree) -> dict[str, Any]:
 
 
 @kernel
-def control_height(y: Any, u: Any, p: Any, s: Any) -> None:
+def control_height(y: Measurement, u: PiezoDrive, p: SampledConstants, s: SampledState) -> None:
     """Write the drive of z: the tip to its setpoint, the surface going on as it has."""
     tip = p.a + y.deflection / p.length[2]
     above = tip - position(y, p, 2)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..core.jit import kernel
 from ..core.records import Record, Vector
 from ..parts.part import Tree
+from ..parts.signals import Measurement, PiezoDrive
 
 _Array = NDArray[np.float64]
 
@@ -122,7 +123,7 @@ def scanner_values(parameters: Tree) -> dict[str, Any]:
 
 
 @kernel
-def follow_flight(y: Any, p: Any, s: Any) -> None:
+def follow_flight(y: Measurement, p: ScannerConstants, s: ScannerState) -> None:
     """Bring the effect of the drives in flight up to this measurement: one has been sent, one has come into force.
 
     At the start the scanner rests under the drive that holds it until the first answer is there.
@@ -143,7 +144,7 @@ def follow_flight(y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def send(u: Any, p: Any, s: Any, axis: int, wanted: float) -> float:
+def send(u: PiezoDrive, p: ScannerConstants, s: ScannerState, axis: int, wanted: float) -> float:
     """Write the drive for `wanted` [U] of one axis, within the range of the piezo; returns what was sent [U]."""
     sent = min(max(wanted, -p.limit[axis]), p.limit[axis])
     s.last[axis] = sent
@@ -152,19 +153,19 @@ def send(u: Any, p: Any, s: Any, axis: int, wanted: float) -> float:
 
 
 @kernel
-def position(y: Any, p: Any, axis: int) -> float:
+def position(y: Measurement, p: ScannerConstants, axis: int) -> float:
     """Measured position of the scanner [x0, z0]."""
     return y.position[axis] / p.length[axis]
 
 
 @kernel
-def rate(y: Any, p: Any, axis: int) -> float:
+def rate(y: Measurement, p: ScannerConstants, axis: int) -> float:
     """Measured velocity of the scanner [x0 w0, z0 w0]."""
     return y.velocity[axis] / (p.length[axis] * p.w0)
 
 
 @kernel
-def predict(y: Any, p: Any, s: Any, axis: int, load: float) -> tuple[float, float]:
+def predict(y: Measurement, p: ScannerConstants, s: ScannerState, axis: int, load: float) -> tuple[float, float]:
     """Position and velocity when the drive answered now comes into force, under a constant `load` until then."""
     x, v = position(y, p, axis), rate(y, p, axis)
     if p.delayed == 0.0:
@@ -175,7 +176,7 @@ def predict(y: Any, p: Any, s: Any, axis: int, load: float) -> tuple[float, floa
 
 
 @kernel
-def reference_at(y: Any, p: Any, axis: int, after: float) -> tuple[float, float]:
+def reference_at(y: Measurement, p: ScannerConstants, axis: int, after: float) -> tuple[float, float]:
     """Reference `after` [1/w0] from now, by its position, velocity and acceleration now."""
     speed = p.length[axis] * p.w0
     r, v = y.reference_position[axis] / p.length[axis], y.reference_velocity[axis] / speed
@@ -184,7 +185,7 @@ def reference_at(y: Any, p: Any, axis: int, after: float) -> tuple[float, float]
 
 
 @kernel
-def drive_between(p: Any, axis: int, r: float, v: float, next_r: float, next_v: float) -> float:
+def drive_between(p: ScannerConstants, axis: int, r: float, v: float, next_r: float, next_v: float) -> float:
     """Drive [U] that takes the free scanner from (r, v) closest to (next_r, next_v) in one period: least squares."""
     miss_1 = next_r - p.phi_11[axis] * r - p.phi_12[axis] * v
     miss_2 = next_v - p.phi_21[axis] * r - p.phi_22[axis] * v
@@ -192,7 +193,7 @@ def drive_between(p: Any, axis: int, r: float, v: float, next_r: float, next_v: 
 
 
 @kernel
-def feed_forward(y: Any, p: Any, axis: int) -> float:
+def feed_forward(y: Measurement, p: ScannerConstants, axis: int) -> float:
     """Drive [U] along the reference while the drive answered now is in force: the free scanner inverted."""
     r, v = reference_at(y, p, axis, p.ahead)
     next_r, next_v = reference_at(y, p, axis, p.ahead + p.hold)
@@ -200,7 +201,7 @@ def feed_forward(y: Any, p: Any, axis: int) -> float:
 
 
 @kernel
-def error_ahead(y: Any, p: Any, s: Any, axis: int, load: float) -> tuple[float, float]:
+def error_ahead(y: Measurement, p: ScannerConstants, s: ScannerState, axis: int, load: float) -> tuple[float, float]:
     """Tracking error and its rate when the drive answered now comes into force, under a constant `load` until then."""
     x, v = predict(y, p, s, axis, load)
     r, r_rate = reference_at(y, p, axis, p.ahead)

@@ -5,7 +5,7 @@ Koch, Reichhartinger, DOI 10.1016/j.automatica.2019.05.040.
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -14,6 +14,7 @@ from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
+from ..parts.signals import Measurement, PiezoDrive
 from . import sampled
 from .implicit import lateral_unit
 from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole
@@ -90,7 +91,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def sliding(y: Any, p: Any, axis: int) -> tuple[float, float]:
+def sliding(y: Measurement, p: Constants, axis: int) -> tuple[float, float]:
     """Sliding variable of one axis, and the drive without what makes it slide."""
     r, r_rate = reference_at(y, p, axis, 0.0)
     e, e_rate = position(y, p, axis) - r, rate(y, p, axis) - r_rate
@@ -100,7 +101,7 @@ def sliding(y: Any, p: Any, axis: int) -> tuple[float, float]:
 
 
 @kernel
-def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> None:
     """See `afm_model.parts.Law`."""
     follow_flight(y, p, s)
     sampled.control_height(y, u, p, s)

@@ -19,7 +19,7 @@ from ..core.records import Record
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import OnboardParameters
 from ..parts.part import ONBOARD_SETTINGS, Channel, Numbers, Onboard, Tree
-from ..parts.signals import FOLLOW, GIVEN, HOLD
+from ..parts.signals import FOLLOW, GIVEN, HOLD, Detection, Drive, Setpoint
 
 
 class PiParameters(OnboardParameters):
@@ -144,7 +144,7 @@ def _warnings(parameters: Tree) -> list[str]:
 
 
 @kernel
-def regulate(t: float, d: Any, r: Any, u: Any, p: Any, s: Any) -> None:
+def regulate(t: float, d: Detection, r: Setpoint, u: Drive, p: Constants, s: State) -> None:
     """See `afm_model.parts.Onboard`."""
     setpoint = (r.position[2] - p.a) * p.volts if p.by_reference != 0.0 else p.setpoint
     s.error = setpoint - d.deflection_voltage

@@ -1,4 +1,4 @@
-"""Scenario files: ROS parameter YAML, one section per node, with a section `scenario` that tells what it is, and one
+"""Scenario files: ROS parameter YAML, one section per node, with a section `scenario` that describes it, and one
 for all nodes, `/**`, that may say what microscope it is.
 
 Every name and value is checked here, before anything runs; no ROS is needed to read one.
@@ -220,7 +220,7 @@ def _check_key(path: Path, key: str, node: str, known: Mapping[str, object]) -> 
 
 
 def _check_common(values: Mapping[str, Any]) -> None:
-    """Raise if one node is told of the microscope what the others are not."""
+    """Raise if only some nodes have a parameter of the microscope."""
     for name in values:
         if name.startswith(PREFIX):
             raise ValueError(f"{name} is for all nodes: it must stand in section {ALL}")

@@ -54,7 +54,7 @@ class YamlError(ValueError):
     """A file that is not taken; the message is one sentence without the file's name."""
 
 
-class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml tells no types
+class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml has no types
     """YAML without dates, numbers to the base of 60, merged keys, tags."""
 
     yaml_implicit_resolvers: ClassVar[dict[Any, Any]] = {}  # not those of the class above
@@ -67,7 +67,7 @@ class _Loader(yaml.SafeLoader):  # type: ignore[misc]  # yaml tells no types
             if not isinstance(key, str | bool | int | float | None):
                 raise YamlError(f"a list or a section is no name{_place(key_node)}")
             if key in mapping:
-                raise YamlError(f"the name {_short(str(key))} stands twice{_place(key_node)}")
+                raise YamlError(f"the name {_short(str(key))} is given twice{_place(key_node)}")
             mapping[key] = self.construct_object(value_node, deep=True)
         return mapping
 

@@ -15,7 +15,7 @@ from .instrument_parameters import ControllerParameters, InstrumentParameters
 from .microscope_parameters import known_of
 
 _SHARED = ("scanner.", "cantilever.", "scales.", "contact.", "sample.")
-"""What simulator and controller are told in the same words, without a lever."""
+"""Parameters of simulator and controller with the same names, without a lever."""
 _OF_PIEZO = tuple(f"piezo.{name}" for name in ("sensitivity_x", "sensitivity_y", "sensitivity_z", "limit"))
 
 

@@ -59,7 +59,7 @@ class Assembled:
     def fill_start(self, block: Block, index: int, parameters: Any) -> None:
         """Put the state to its start."""
         state = block[index : index + size(self.part.state)]
-        # Memory that nobody has written to is not made real by writing zeros.
+        # Untouched memory takes no pages: do not write zeros.
         if state.any():
             state[:] = 0.0
         if self.part.start is not None:

@@ -90,7 +90,7 @@ class CommandRecord:
         self._horizon[:count] = command.horizon
 
     def read(self) -> Command:
-        """What stands in it.
+        """Its contents.
 
         Raises
         ------

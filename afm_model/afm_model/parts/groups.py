@@ -105,16 +105,16 @@ class PlantParameters(Group):
 
     @property
     def cantilever_numbers(self) -> Any:
-        """Numbers of a cantilever of the plant's own; None: it has none, what is known stands in `cantilever.*`."""
+        """Numbers of the plant's own cantilever; None: it has none, use `cantilever.*`."""
         return None
 
     @property
     def scanner_numbers(self) -> Any:
-        """Numbers of a scanner of the plant's own; None: it has none, what is known stands in `scanner.*`."""
+        """Numbers of the plant's own scanner; None: it has none, use `scanner.*`."""
         return None
 
     def spring_constant(self, parameters: Any) -> float:
-        """Of the cantilever of an instrument with this plant [N/m]; 0: the plant tells none."""
+        """Spring constant of the cantilever of an instrument with this plant [N/m]; 0: not known."""
         return float(self.cantilever_numbers.k) if self.cantilever_numbers is not None else 0.0
 
     def deflection_voltage(self, parameters: Any, force: float) -> float:

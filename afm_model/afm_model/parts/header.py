@@ -71,7 +71,7 @@ class BlockHeader(Record):
 
 
 class LawHeader(Record):
-    """The same for the block of a law, which stands apart: it may be in another process."""
+    """The beginning of the block of a law, which may be in another process."""
 
     law_control: int
     law_constants: int

@@ -155,13 +155,13 @@ class Program(Part):
     reference: Kernel
     watch: Kernel | None = None
     order: Callable[[Any, int, Tree, Any, Any], Any] | None = None
-    """(order, tick, parameters, p, s) -> kept: for a program that is told what to do while it runs, between two control
+    """(order, tick, parameters, p, s) -> kept: for a program with orders during the run, between two control
     ticks. It is in force from this tick on; the reference of this tick is that of before. The program sets `done` of
     its state to 1.0 at the samples of the control tick with which the order ends. What it returns is kept as long as
     the order is in force, such as an array that p points to.
     """
     first: Callable[[Tree], Any] | None = None
-    """Parameters -> the one order of a program that is told at the start, and takes no other."""
+    """Parameters -> the only order of a program, given at the start."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +185,7 @@ class Law(Part):
     to be read by `numbers_at`, and parameters -> how many. Where that changes the law begins anew.
     """
     knowledge: str = ""
-    """What it uses: measurements; what it must be told of the microscope. For comparisons, in words."""
+    """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,6 @@
 """What travels between the parts, as records in SI units. Their order is that of the messages in afm_msgs."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from ..core.jit import kernel
 from ..core.records import Array, Record, Vector
@@ -58,7 +58,7 @@ class PiezoDrive(Record):
 
 
 @kernel
-def copy_command(source: Any, target: Any) -> None:
+def copy_command(source: PiezoDrive, target: PiezoDrive) -> None:
     """Copy what a command holds, not what its horizon does not use."""
     target.sequence = source.sequence
     target.horizon_period = source.horizon_period
@@ -82,7 +82,7 @@ class Setpoint(Record):
     position: Annotated[Vector, "m"]  # scanner x, y; tip height z
     velocity: Annotated[Vector, "m/s"]
     acceleration: Annotated[Vector, "m/s^2"]
-    z_mode: float  # FOLLOW, HOLD or OPEN; FOLLOW if nobody writes it
+    z_mode: float  # FOLLOW, HOLD or OPEN; FOLLOW by default
     z_offset: Annotated[float, "m"]  # of z under OPEN
 
 
@@ -116,13 +116,13 @@ class Displacement(Record):
 
 
 class Delivery(Record):
-    """What a fault does to a measurement as a message: 1.0 if it gets lost, so that nobody answers it."""
+    """Effect of a fault on a measurement as a message: 1.0 if it gets lost, so that there is no answer."""
 
     lost: float
 
 
 class Truth(Record):
-    """What a plant tells of its state, without noise."""
+    """True values from the state of a plant, without noise."""
 
     position: Annotated[Vector, "m"]  # scanner x, y, z; z is the height of the sample
     velocity: Annotated[Vector, "m/s"]

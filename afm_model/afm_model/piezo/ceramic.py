@@ -25,6 +25,7 @@ from ..core.records import Array, Record, Vector
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import PiezoParameters
 from ..parts.part import Channel, Numbers, Piezo, Tree
+from ..parts.signals import Drive
 
 PLAYS = 12
 EXPONENTIALS = 15
@@ -119,7 +120,7 @@ def _begin(parameters: Tree, s: Any, drive: tuple[float, float, float]) -> None:
 
 
 @kernel
-def actuate(t: float, u: Any, v: Any, p: Any, s: Any) -> None:
+def actuate(t: float, u: Drive, v: Drive, p: Constants, s: State) -> None:
     """See `afm_model.parts.Piezo`."""
     for axis in range(3):
         volts = u.voltage[axis]

@@ -1,14 +1,14 @@
 """The ideal piezo: no hysteresis, no creep."""
 
-from typing import Any
-
 from ..core.jit import kernel
+from ..core.records import Record
 from ..parts.groups import PiezoParameters
 from ..parts.part import Piezo
+from ..parts.signals import Drive
 
 
 @kernel
-def actuate(t: float, u: Any, v: Any, p: Any, s: Any) -> None:
+def actuate(t: float, u: Drive, v: Drive, p: Record, s: Record) -> None:
     """See `afm_model.parts.Piezo`."""
     v.voltage[0] = u.voltage[0]
     v.voltage[1] = u.voltage[1]

@@ -15,8 +15,10 @@ from typing import Any
 from ..contact.friction import bound_of_area
 from ..contact.jkr import INDENTATION_FIXED_GRIPS, effective_radius_ratio, load_of_u, stiffness_of_u, u_of_indentation
 from ..core.jit import kernel
+from ..core.records import Block
 from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree
+from ..parts.signals import Actuation
 from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest, start_free
@@ -26,7 +28,7 @@ from .steps import require_contact_at_rest, require_resolved_step
 
 
 @kernel
-def step(t: float, v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
+def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place: half drift, kick at mid-step, half drift (second order in slip).
 
     Parameters

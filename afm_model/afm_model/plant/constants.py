@@ -1,16 +1,18 @@
-"""Constants of the equations of motion, derived once from the SI parameters, and what both plants tell of their state.
+"""Constants of the equations of motion, derived once from the SI parameters, and true values of both plants.
 
 Units: time 1/w0, lateral length x0, vertical length z0, lateral acceleration w0^2 x0, normal force m_c w0^2 z0;
 docs/theory.md (22), (23), and (2), (3), (13) for the contact.
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from ..contact.jkr import radius_at_zero_load
 from ..core.jit import kernel
 from ..core.records import Record
 from ..parts.part import Numbers, Tree
+from ..parts.signals import Truth
+from .state import State
 
 
 class Constants(Record):
@@ -87,7 +89,7 @@ def plant_constants(parameters: Tree, treatment: int = 0) -> Numbers:
 
 
 @kernel
-def observe(p: Any, s: Any, o: Any) -> None:
+def observe(p: Constants, s: State, o: Truth) -> None:
     """See `afm_model.parts.Plant`. Nothing but the scanner moves laterally: at rest, the contact does not slide."""
     o.position[0] = s.X * p.x0
     o.position[1] = s.Y * p.x0

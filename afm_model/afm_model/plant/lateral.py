@@ -1,13 +1,13 @@
 """Lateral motion of the scanner against friction: one step of the midpoint scheme, shared by both plants."""
 
-from typing import Any
-
 from ..contact.friction import friction_impulse
 from ..core.jit import kernel
+from .constants import Constants
+from .state import State
 
 
 @kernel
-def kick_lateral(s: Any, p: Any, u_x: float, u_y: float, f: float) -> tuple[float, float, float, float]:
+def kick_lateral(s: State, p: Constants, u_x: float, u_y: float, f: float) -> tuple[float, float, float, float]:
     """Velocities after the forces of one step of length h, positions being those at mid-step.
 
     X'' = U_x - eta_x^2 X - 2 xi_x eta_x X' - f d_x and Y alike, docs/theory.md (22), by (38) to (40): damping by the
@@ -40,7 +40,7 @@ def kick_lateral(s: Any, p: Any, u_x: float, u_y: float, f: float) -> tuple[floa
 
 
 @kernel
-def store_friction(s: Any, f_x: float, f_y: float, f_max: float) -> None:
+def store_friction(s: State, f_x: float, f_y: float, f_max: float) -> None:
     """Keep the friction of the step in the state, for the detector and the score."""
     s.F_x = f_x
     s.F_y = f_y

@@ -10,16 +10,16 @@ the unknown f_z of the error dynamics drawn at random (section 4.2): Q'' is then
 Equations: docs/theory.md (25) to (27), (43).
 """
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.friction import bound_of_load
 from ..contact.jkr import effective_radius_ratio
 from ..core.jit import kernel
+from ..core.records import Block
 from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree
+from ..parts.signals import Actuation, Surface
 from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
 from .initial import rest
@@ -33,7 +33,7 @@ TREATMENTS = {"computed": Z_COMPUTED, "held": Z_HELD, "uniform": Z_UNIFORM}
 
 
 @kernel
-def step(t: float, v: Any, r: Any, p: Any, s: Any, m: Any) -> None:
+def step(t: float, v: Actuation, r: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place, with the scheme of the compliant plant.
 
     Parameters
@@ -91,7 +91,9 @@ def step(t: float, v: Any, r: Any, p: Any, s: Any, m: Any) -> None:
 
 
 @kernel
-def _kick_tip(s: Any, p: Any, H: Any, delta: float, v_x: float, v_y: float, u_z: float, f_z: float) -> float:
+def _kick_tip(
+    s: State, p: Constants, H: Surface, delta: float, v_x: float, v_y: float, u_z: float, f_z: float
+) -> float:
     """Rate of Q at the end of the step, docs/theory.md (25) by the scheme of (38)."""
     h = p.h
     inertia = 1.0 + 1.0 / p.mu

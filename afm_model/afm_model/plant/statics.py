@@ -1,26 +1,27 @@
 """Static contact under the load of a resting cantilever."""
 
-from typing import Any
-
 from ..contact.jkr import effective_radius_ratio, indentation_of_u, u_of_load
 from ..core.jit import kernel
+from ..core.records import Block
 from ..parts.dispatch import surface
+from .constants import Constants
+from .state import State
 
 
 @kernel
-def static_load(p: Any, q: float) -> float:
+def static_load(p: Constants, q: float) -> float:
     """Load of a resting cantilever at tip height q [m_c w0^2 z0], docs/theory.md (27)."""
     return p.eta_c * p.eta_c * (q - p.a) + p.w
 
 
 @kernel
-def static_indentation(p: Any, rho: float, load: float) -> float:
+def static_indentation(p: Constants, rho: float, load: float) -> float:
     """JKR indentation [z0] under `load` at effective radius ratio rho, docs/theory.md (6), (7)."""
     return p.delta_0 * rho ** (1.0 / 3.0) * indentation_of_u(u_of_load(load / (p.L_s * rho)))
 
 
 @kernel
-def place_sample(s: Any, p: Any, m: Any) -> None:
+def place_sample(s: State, p: Constants, m: Block) -> None:
     """Sample height from docs/theory.md (21), Z = Q - H + delta, and its rate without that of delta."""
     H = surface(s.X, s.Y, m)
     rho = effective_radius_ratio(H, p.r)

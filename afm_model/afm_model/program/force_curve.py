@@ -9,7 +9,7 @@ the detector does not matter.
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
@@ -18,11 +18,12 @@ from ..core.jit import kernel
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Program, Tree
+from ..parts.signals import Detection, Setpoint
 from . import ordered, orders
 from .orders import Order, Polynomial, Step
 
 LIFT, SETTLE, APPROACH, DWELL, RETRACT, DONE = range(6)
-"""Phases, as the channel `curve_phase` tells them."""
+"""Phases, the values of the channel `curve_phase`."""
 
 _Metre = Annotated[NonNegative, Unit("m")]
 _Rate = Annotated[Positive, Unit("m/s")]
@@ -34,7 +35,7 @@ class ForceCurveParameters(ProgramParameters):
     kind: str = Field("force_curve", description="program of the reference")
     x: Annotated[float, Unit("m")] = Field(0.0, description="place of the scanner along x")
     y: Annotated[float, Unit("m")] = Field(0.0, description="place of the scanner along y")
-    lift: _Metre = Field(0.0, description="z is first withdrawn by this from where it stands")
+    lift: _Metre = Field(0.0, description="distance by which z is first withdrawn")
     settle: Annotated[NonNegative, Unit("s")] = Field(
         1e-3, description="rest before an approach; the trigger counts from the mean deflection in it"
     )
@@ -107,12 +108,12 @@ def _check(parameters: Tree) -> None:
     if curve.trigger_force > 0.0 and plant.spring_constant(parameters) == 0.0:
         raise ValueError(
             f"reference.trigger_force = {curve.trigger_force:g} N is not allowed with plant.kind = {plant.kind}, which "
-            f"tells no spring constant: give reference.trigger_voltage"
+            f"has no spring constant: give reference.trigger_voltage"
         )
 
 
 @kernel
-def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
+def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
     """See `afm_model.parts.Program`: the steps, again and again."""
     phase = s.at
     ordered.watch(t, d, r, p, s)

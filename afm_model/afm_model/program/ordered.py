@@ -18,7 +18,7 @@ from ..core.schema import Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
-from ..parts.signals import OPEN
+from ..parts.signals import OPEN, Detection, Setpoint
 from ..parts.timing import ticks_of
 from .orders import (
     DEGREES,
@@ -121,7 +121,7 @@ def smooth(s: float) -> tuple[float, float, float]:
 
 
 @kernel
-def along_line(tau: float, p: Any) -> tuple[float, float, float, float, float, float]:
+def along_line(tau: float, p: Constants) -> tuple[float, float, float, float, float, float]:
     """Fast and slow coordinate, velocities and accelerations at time tau of an order LINES."""
     half = p.image + p.turn
     q = tau - p.turn
@@ -164,7 +164,7 @@ def polynomial(c: Any, s: float) -> tuple[float, float, float]:
 
 
 @kernel
-def reference(t: float, r: Any, p: Any) -> None:
+def reference(t: float, r: Setpoint, p: Constants) -> None:
     """See `afm_model.parts.Program`."""
     r.position[2], r.velocity[2], r.acceleration[2] = p.z_r, 0.0, 0.0
     tau = t - p.begin
@@ -201,7 +201,7 @@ def along_profile(late: float, numbers: Any, step: Any) -> tuple[float, bool]:
 
 
 @kernel
-def watch(t: float, d: Any, r: Any, p: Any, s: Any) -> None:
+def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
     """See `afm_model.parts.Program`. A step is left at most once in a sample."""
     if s.at >= 0.0:
         numbers = numbers_at(p.numbers, p.length)
@@ -251,7 +251,7 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
         p.size, p.first, p.step, p.lines = motion.size, motion.first, motion.step, motion.lines
         p.image, p.turn = motion.image * sample, motion.turn * sample
         p.speed = motion.size / p.image
-        # A sample is taken in the middle of what it stands for: then trace and retrace lie on one another.
+        # A sample is taken in the middle of its interval: then trace and retrace coincide.
         p.shift = 0.5 * sample
         ticks = ticks_of(motion.samples * sample, control)
     elif isinstance(motion, Sampled):

@@ -1,7 +1,7 @@
 """Periodic reference: sine and triangle start at zero, a constant is there at once. The setpoint stays as it is."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Gt, Lt
 from pydantic import Field
@@ -11,6 +11,7 @@ from ..core.records import Record
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Numbers, Program, Tree
+from ..parts.signals import Setpoint
 
 SINE, TRIANGLE, CONSTANT = range(3)
 SHAPES = {"sine": SINE, "triangle": TRIANGLE, "constant": CONSTANT}
@@ -68,7 +69,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def waveform(shape: int, amplitude: float, omega: float, t: float) -> tuple[float, float, float]:
+def waveform(shape: float, amplitude: float, omega: float, t: float) -> tuple[float, float, float]:
     """Position, velocity and acceleration of a reference at time t.
 
     Parameters
@@ -94,7 +95,7 @@ def waveform(shape: int, amplitude: float, omega: float, t: float) -> tuple[floa
 
 
 @kernel
-def reference(t: float, r: Any, p: Any) -> None:
+def reference(t: float, r: Setpoint, p: Constants) -> None:
     """See `afm_model.parts.Program`."""
     r.position[0], r.velocity[0], r.acceleration[0] = waveform(p.shape_x, p.amplitude_x, p.omega_x, t)
     r.position[1], r.velocity[1], r.acceleration[1] = waveform(p.shape_y, p.amplitude_y, p.omega_y, t)

@@ -37,7 +37,7 @@ class Blocks:
         self._on_block = on_block
         self._delays = DelayLog()
         self.round_trips = array("d")
-        """Wall times of the ticks since the last block [s], noted before each tick; where none is, nobody was asked."""
+        """Wall times of the ticks since the last block [s], noted before each tick; NaN without a measurement."""
         self._doubtful: list[int] = []
         self._in_pieces = in_pieces
         self._waiting: deque[Callable[[], None]] = deque()

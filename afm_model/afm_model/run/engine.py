@@ -1,4 +1,4 @@
-"""The one loop: ticks are made here, and here it is looked at what came of them, whoever paces and drives them."""
+"""The loop of every run: makes the ticks and handles the events after them, for every pacing."""
 
 import math
 from collections.abc import Callable
@@ -102,7 +102,7 @@ class Engine:
         self.held = False
         """Whether a run that has not started does not start."""
         self.ticking = False
-        """Whether the run goes on, or would with the next drive."""
+        """Whether the run is going on, or waits for a drive only."""
         self._stop_at: int | None = None  # tick at which the run pauses by itself
         self._listeners = listeners or Listeners()
         self._operate, self._total_ticks = operate, total_ticks
@@ -112,20 +112,20 @@ class Engine:
         """To read from; it is ticked here. Another one after `exchange`."""
         heard = operate is not None or self._listeners.block is not None
         self.blocks = Blocks(self.instrument, self._on_block if heard else None, in_pieces=in_pieces)
-        # An `Operator`, and more than that for who has made it.
+        # An `Operator`, of any further type.
         self.operator: Any = operate(self.instrument) if operate is not None else None
-        """Who orders verbs; another one after a reset. None: nobody does."""
+        """Executes verbs; a new one after a reset. None: there are no verbs."""
         self.pacing = pacing(self)
         self._find_look()
 
     @property
     def state(self) -> State:
-        """Where the run stands."""
+        """State of the run."""
         return self.life.state
 
     @property
     def phase(self) -> State:
-        """Who has the drive while simulated time goes on."""
+        """State that says which of controller and limits has the drive."""
         return State(self.instrument.guard.phase)
 
     @property
@@ -230,7 +230,7 @@ class Engine:
                 self._listeners.verb_over(operator.outcome())
 
     def begin(self, verb: Any) -> None:
-        """Begin a verb between two ticks; `Listeners.verb_over` tells its end.
+        """Begin a verb between two ticks; `Listeners.verb_over` is called at its end.
 
         Raises
         ------
@@ -246,7 +246,7 @@ class Engine:
             raise VerbError(f"the run is {state.title}: {self.life.detail}")
         operator.begin(verb)
         if not operator.busy:
-            # What needs no time, such as a move to where the scanner stands.
+            # A verb without duration, such as a move to the present place.
             self._listeners.verb_over(operator.outcome())
         if self.ticking and not self.pacing.by_clock:
             self.pacing.resume()

@@ -12,7 +12,7 @@ _PIECE = 5e-3
 
 
 class LawInside(Compiled):
-    """Ticks the instrument with a law beside it; nobody is asked and nobody answers.
+    """Ticks the instrument with a law in the same process, without a link.
 
     The trajectory is that of the same law over topics in lockstep, to the last bit, in real time as well: no drive is
     ever late. In real time a piece is made when the clock has come to its first tick; periods that were missed stay

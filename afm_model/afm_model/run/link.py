@@ -1,4 +1,4 @@
-"""What stands between a run and the controller that answers it."""
+"""The link between a run and its controller."""
 
 import math
 
@@ -12,7 +12,7 @@ _Array = NDArray[np.float64]
 
 
 class Link:
-    """Carries measurements to a controller and drives back. Nothing here waits. This one leads to nobody."""
+    """Carries measurements to a controller and drives back. Its methods never wait. The base class has none."""
 
     def publish(self, sequence: int, measurement: _Array) -> None:
         """Send the measurement of tick `sequence`; the array is overwritten by the next tick."""
@@ -38,7 +38,7 @@ class Link:
         return math.nan
 
     def ready(self) -> bool:
-        """Whether everybody is there who must be before the run starts."""
+        """Whether all nodes that the run needs are present."""
         return True
 
     def objection(self) -> str:
@@ -47,5 +47,5 @@ class Link:
 
     @property
     def controller(self) -> str:
-        """Name of who answers; empty if nobody is known."""
+        """Name of the controller; empty if it is not known."""
         return ""

@@ -1,4 +1,4 @@
-"""Who is told what happens in a run."""
+"""Callbacks of a run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ def _ignore(*_: object) -> None:
 
 @dataclass(frozen=True)
 class Listeners:
-    """Who is told what. They are called by `Engine` between two ticks."""
+    """Callbacks of a run: `Engine` calls them between two ticks."""
 
     changed: Callable[[], None] = _ignore
     """changed(): the state or its detail has changed."""

@@ -1,4 +1,4 @@
-"""Lockstep: simulated time goes on with each answer."""
+"""Lockstep: simulated time advances with each answer."""
 
 import math
 
@@ -22,7 +22,7 @@ class Lockstep(Peered):
         # Looked up once: at this rate every look-up is felt.
         self._take, self._publish, self._clock = engine.link.take, engine.link.publish, engine.clock
         self._sent_at = self._asked_at = 0.0
-        self._stalled = self._lost = False  # whether nobody has answered, or was asked
+        self._stalled = self._lost = False  # no answer in time; no measurement was sent
         self._wrong: list[int] = []
         self._wrong_at = 0  # tick at which they came
         self._unread_at = -1  # tick at which something came last that cannot be read; -1: nothing has
@@ -50,7 +50,7 @@ class Lockstep(Peered):
         """Take one answer if there is one."""
         instrument = self._instrument
         if self._lost:
-            # The measurement got lost by a fault: the drive before goes on.
+            # The measurement got lost by a fault: the previous drive is held.
             self.drive, self.round_trip = None, math.nan
             return 1
         try:
@@ -106,7 +106,7 @@ class Lockstep(Peered):
             if self._instrument.ticks > 0 and self._asked_at == self._sent_at:
                 engine.counts.drives_lost += 1
             self._asked_at = now
-            engine.blocks.doubt_next()  # nobody knows which of the two will have been answered
+            engine.blocks.doubt_next()  # either of the two may have been answered
             self._publish(self._instrument.ticks, self._instrument.measurement)
             if self._stalled:
                 engine.life.tell(self._complaint())

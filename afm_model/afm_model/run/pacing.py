@@ -1,4 +1,4 @@
-"""How simulated time goes on: how many ticks now, and with which drive. What becomes of them is the engine's."""
+"""How simulated time advances: the number of ticks that are due, and their drive."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ _Array = NDArray[np.float64]
 
 
 class Pacing:
-    """One of the ways in which simulated time goes on. The engine alone calls its methods.
+    """A way in which simulated time advances. Only the engine calls its methods.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Pacing:
     law: Controller | None = None
     """Closes the loop, many ticks in one compiled piece; None: one tick is made with `drive`."""
     drive: _Array | Command | None = None
-    """[V]; None: the one before goes on."""
+    """[V]; None: the previous one is held."""
     sequence: int | None = None
     """Measurement that it answers; None: that of this tick."""
     round_trip = math.nan
@@ -36,7 +36,7 @@ class Pacing:
     deadline: float | None = None
     """When there will be something to do [s]; None: when a drive arrives, or always."""
     by_clock = False
-    """Whether simulated time goes on whether or not there is something to do."""
+    """Whether simulated time advances between two verbs."""
 
     def __init__(self, engine: "Engine") -> None:
         self._engine, self._instrument = engine, engine.instrument
@@ -56,7 +56,7 @@ class Pacing:
         raise NotImplementedError
 
     def made(self) -> None:
-        """They are made, and the run goes on."""
+        """Called after these ticks, if the run continues."""
 
     def explain(self, error: DivergenceError | PartError) -> str:
         """Why the run ends, in one sentence."""
@@ -101,7 +101,7 @@ class Asked(Pacing):
 
 
 class Peered(Pacing):
-    """With somebody at the other end of a link who answers."""
+    """With a controller at the other end of a link."""
 
     def __init__(self, engine: "Engine", parameters: SimParameters) -> None:
         super().__init__(engine)

@@ -1,4 +1,4 @@
-"""Realtime: simulated time goes on with the steady clock."""
+"""Real time: simulated time follows the steady clock."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The life of a run: when it starts, goes on, stops and ends. No ROS, no sleeping, no clock of its own."""
+"""A run and its commands. No ROS, no sleeping, no clock of its own."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,7 +19,7 @@ from .timing import Delays
 
 
 class Run(Engine):
-    """One instrument, run in lockstep or in real time, and what somebody outside may ask of it.
+    """One instrument in lockstep or in real time, with the commands from outside.
 
     Who calls `step` may wait in between: until `deadline`, or where that is None, until a drive arrives. Only the
     methods of this class and of `Engine` change the state.

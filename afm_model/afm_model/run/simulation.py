@@ -166,7 +166,7 @@ def simulate(
         warnings.warn(sentence, TimingWarning, stacklevel=2)
     blocks: list[Block] = []
     events: list[RunEvent] = []
-    instrument = run(parameters, controller, blocks.append, progress=progress, told=events.append)
+    instrument = run(parameters, controller, blocks.append, progress=progress, on_event=events.append)
     found = doubts(parameters, instrument.score(), law)
     if sentence := limited(instrument):
         found.append(f"{sentence}; first at {events[0].time:.6g} s: {events[0].sentence}")
@@ -194,7 +194,7 @@ def run(
     take: Callable[[Block], object] | None = None,
     *,
     progress: Callable[[int, int], None] | None = None,
-    told: Callable[[RunEvent], object] | None = None,
+    on_event: Callable[[RunEvent], object] | None = None,
     block_ticks: int | None = None,
     hashed: bool = True,
 ) -> Instrument:
@@ -206,7 +206,7 @@ def run(
         As in `simulate`.
     take : callable, optional
         Called with every block; without it nothing is recorded.
-    told : callable, optional
+    on_event : callable, optional
         Called with what the instrument's own limits do, see `Simulation.events`.
     block_ticks : int, optional
         Control ticks in a block.
@@ -224,7 +224,7 @@ def run(
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
 
     def pacing(engine: Engine) -> Pacing:
-        # A law of ours is compiled, or called from compiled code; whoever answers otherwise is asked tick by tick.
+        # A law is compiled, or called from compiled code; other objects are called tick by tick.
         if isinstance(law, Controller) and type(law).answer is Controller.answer:
             return Compiled(engine, law)
         return Asked(engine, law)
@@ -236,9 +236,9 @@ def run(
             progress(engine.instrument.ticks, total)
 
     def on_change() -> None:
-        if told is not None and engine.instrument.ticks and engine.state not in OVER:
+        if on_event is not None and engine.instrument.ticks and engine.state not in OVER:
             sentence = engine.life.detail or "the controller has the drive again"
-            told(RunEvent(engine.instrument.time, engine.state, sentence))
+            on_event(RunEvent(engine.instrument.time, engine.state, sentence))
 
     heard = None if take is None and progress is None else on_block
     engine = Engine(

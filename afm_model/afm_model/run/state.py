@@ -11,7 +11,7 @@ class RunError(RuntimeError):
 
 
 class State(IntEnum):
-    """Where a run stands. The numbers are those of afm_msgs/InstrumentStatus."""
+    """State of a run. The numbers are those of afm_msgs/InstrumentStatus."""
 
     WAITING = 0
     RUNNING = 1
@@ -31,9 +31,9 @@ class State(IntEnum):
 
 
 class Cause(Enum):
-    """Why a state is left. The text stands beside the arrow in docs/safe_states.md."""
+    """Why a state is left. The text is that of the arrow in docs/safe_states.md."""
 
-    START = "everybody is there"
+    START = "all nodes are present"
     UNANSWERED = "no answer within run.lockstep_timeout"
     SILENT = "no drive for run.watchdog_timeout"
     ANSWERED = "a drive arrives"
@@ -46,8 +46,8 @@ class Cause(Enum):
     NOT_APPROACHED = "beyond safety.approach_force, or no contact within safety.approach_timeout"
     UNRECORDED = "the recorder cannot write"
     RECORDED = "the recorder writes again, or resume"
-    BACK_WITHDRAWN = "goes on, and was withdrawn before"
-    BACK_APPROACHING = "goes on, and was approaching before"
+    BACK_WITHDRAWN = "continues after being withdrawn"
+    BACK_APPROACHING = "continues after approaching"
     PAUSE = "pause, or the steps asked for are done"
     PLAY = "play or step"
     END = "the duration is over"
@@ -71,7 +71,7 @@ _STANDING = (State.STALLED, State.PAUSED, State.HELD)
 
 TRANSITIONS: dict[tuple[State, Cause], State] = {
     (State.WAITING, Cause.START): State.RUNNING,
-    # Nobody answers: simulated time stands still in lockstep; in realtime the sample is retracted.
+    # No answer: simulated time stands still in lockstep; in realtime the sample is retracted.
     **{(state, Cause.UNANSWERED): State.STALLED for state in _MOVING if state != State.RETRACTED},
     (State.STALLED, Cause.ANSWERED): State.RUNNING,
     (State.RUNNING, Cause.SILENT): State.RETRACTED,
@@ -91,7 +91,7 @@ TRANSITIONS: dict[tuple[State, Cause], State] = {
     # Control of the run.
     **{(state, Cause.PAUSE): State.PAUSED for state in (*_MOVING, State.STALLED, State.HELD)},
     (State.PAUSED, Cause.PLAY): State.RUNNING,
-    # What stood still goes on as what it was: a pause does not bring a withdrawn sample back.
+    # A run that stood still returns to its state before: a pause does not bring a withdrawn sample back.
     **{(state, Cause.BACK_WITHDRAWN): State.WITHDRAWN for state in _STANDING},
     **{(state, Cause.BACK_APPROACHING): State.APPROACHING for state in _STANDING},
     **{(state, Cause.END): State.FINISHED for state in _MOVING},
@@ -109,14 +109,14 @@ REASONS: dict[State | Cause, str] = {
     Cause.CONTACT_LOST: "contact lost",
     Cause.INVALID: "outside validity",
 }
-"""What a safe state is told as, by the state or by the limit that was passed: InstrumentStatus.reason."""
+"""Reason of a safe state, by the state or by the limit that was exceeded: InstrumentStatus.reason."""
 
 
 BACK = {
     State.WITHDRAWN: (Cause.BACK_WITHDRAWN, "the sample is still withdrawn"),
-    State.APPROACHING: (Cause.BACK_APPROACHING, "the approach goes on"),
+    State.APPROACHING: (Cause.BACK_APPROACHING, "the approach continues"),
 }
-"""What goes on behind a pause while the instrument has the drive."""
+"""State after a pause while a limit controls the drive."""
 EVENTS = {
     limits.TRAVEL: Cause.TRAVEL,
     limits.FORCE: Cause.FORCE,
@@ -146,12 +146,12 @@ class Life:
 
     @property
     def state(self) -> State:
-        """Where the run stands."""
+        """State of the run."""
         return self._state
 
     @property
     def detail(self) -> str:
-        """One sentence for a person about this state; empty if there is nothing to tell."""
+        """Message about this state; empty if there is none."""
         return self._detail
 
     def go(self, cause: Cause, detail: str = "") -> None:

@@ -1,4 +1,4 @@
-"""What a person must be told about the quality of a run, in sentences."""
+"""Warnings about the quality of a run."""
 
 from ..instrument import Instrument, ScoreSummary
 from .counts import Snapshot
@@ -6,7 +6,7 @@ from .counts import Snapshot
 _HELD = 0.5
 """Part of the ticks that may run on a held drive without a word."""
 _MISSED = 0.01
-"""Part of the periods that may be missed without a word while running; at the end each one is told."""
+"""Fraction of the periods that may be missed without a warning during the run; the score counts all."""
 
 
 def warnings(before: Snapshot, now: Snapshot) -> list[str]:
@@ -54,7 +54,7 @@ def withdrawn(summary: ScoreSummary, ticks: int, times: int) -> str:
 
 
 def limited(instrument: Instrument) -> str:
-    """The same of an instrument whose run is over."""
+    """Warnings about a finished run."""
     counts = instrument.guard.counts()
     return withdrawn(instrument.score(), counts["scored_ticks_withdrawn"], counts["withdrawals"])
 

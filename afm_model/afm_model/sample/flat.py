@@ -1,14 +1,14 @@
 """A flat sample."""
 
-from typing import Any
-
 from ..core.jit import kernel
+from ..core.records import Block, Record
 from ..parts.groups import SampleParameters
 from ..parts.part import Sample
+from ..parts.signals import Surface
 
 
 @kernel
-def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+def surface(x: float, y: float, h: Surface, p: Record, unused: Block) -> None:
     """See `afm_model.parts.Sample`."""
     h.height = h.slope_x = h.slope_y = 0.0
     h.curvature = h.curvature_xx = h.curvature_yy = h.curvature_xy = 0.0

@@ -6,16 +6,17 @@ The curvature is that of the edges, docs/lever.md (8).
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from annotated_types import Gt, Le
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import Record
+from ..core.records import Block, Record
 from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
+from ..parts.signals import Surface
 
 
 class Grating(SampleParameters):
@@ -87,7 +88,7 @@ def _check(parameters: Tree) -> None:
 
 
 @kernel
-def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None:
     """See `afm_model.parts.Sample`."""
     at = x * p.x0 + 0.5 * p.pitch
     at -= p.pitch * math.floor(at / p.pitch) + 0.5 * p.pitch

@@ -5,18 +5,19 @@ may have a height, which is a potential too: the load times it.
 """
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
 from pydantic import Field
 
 from ..core import registry
 from ..core.jit import kernel
-from ..core.records import Record
+from ..core.records import Block, Record
 from ..core.schema import NonNegative, Positive, Unit
 from ..core.sincos import sincos
 from ..parts.groups import SampleParameters
 from ..parts.part import Corrugation, Numbers, Sample, Tree
+from ..parts.signals import Surface
 
 LINE, SQUARE, HEXAGONAL = range(3)
 LATTICES = {"line": LINE, "square": SQUARE, "hexagonal": HEXAGONAL}
@@ -111,7 +112,7 @@ def corrugation(kind: int, q: float, x: float, y: float) -> tuple[float, float, 
 
 
 @kernel
-def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None:
     """See `afm_model.parts.Sample`. `curvature` is 0: the tip touches many atoms, its contact is that on a plane."""
     x, y = x * p.x0, y * p.x0
     s, s_1, s_2, s_11, s_22, s_12 = corrugation(p.kind, p.q, p.cos * x + p.sin * y, p.cos * y - p.sin * x)

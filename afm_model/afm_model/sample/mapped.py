@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.jit import kernel
-from ..core.records import Record
+from ..core.records import Block, Record
 from ..parts.groups import SampleParameters
 from ..parts.part import Sample, Tree
+from ..parts.signals import Surface
 
 _Array = NDArray[np.float64]
 FINER = 3
@@ -170,7 +171,7 @@ def _weights(f: float) -> tuple[float, float, float, float]:
 
 
 @kernel
-def surface(x: float, y: float, h: Any, p: Any, values: Any) -> None:
+def surface(x: float, y: float, h: Surface, p: Constants, values: Block) -> None:
     """See `afm_model.parts.Sample`."""
     u = x * p.x0 / p.pitch_x + p.columns // 2
     v = y * p.x0 / p.pitch_y + p.rows // 2

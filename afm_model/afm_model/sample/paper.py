@@ -3,16 +3,17 @@
 Lengths are nondimensional: X, Y in x_0, H in z_0. Equations: docs/theory.md (16) to (18).
 """
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import Record
+from ..core.records import Block, Record
 from ..core.schema import NonNegative, Unit
 from ..core.sincos import sincos
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
+from ..parts.signals import Surface
 
 
 class PaperSample(SampleParameters):
@@ -43,7 +44,7 @@ def _curvature(parameters: Tree) -> float:
 
 
 @kernel
-def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+def surface(x: float, y: float, h: Surface, p: Constants, unused: Block | int) -> None:
     """See `afm_model.parts.Sample`."""
     sin_x, cos_x = sincos(p.k_x * x)
     sin_y, cos_y = sincos(p.k_y * y)

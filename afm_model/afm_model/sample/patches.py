@@ -1,15 +1,16 @@
 """A flat sample of two materials, in stripes along y or in squares."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import Record
+from ..core.records import Block, Record
 from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
+from ..parts.signals import Surface
 
 
 class Patches(SampleParameters):
@@ -42,7 +43,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None:
     """See `afm_model.parts.Sample`."""
     h.height = h.slope_x = h.slope_y = 0.0
     h.curvature = h.curvature_xx = h.curvature_yy = h.curvature_xy = 0.0

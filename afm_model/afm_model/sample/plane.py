@@ -1,16 +1,17 @@
 """A tilted plane."""
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from annotated_types import Gt, Lt
 from pydantic import Field
 
 from ..core.jit import kernel
-from ..core.records import Record
+from ..core.records import Block, Record
 from ..core.schema import Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
+from ..parts.signals import Surface
 
 Angle = Annotated[float, Gt(-1.4), Lt(1.4), Unit("rad")]
 
@@ -34,7 +35,7 @@ def _values(parameters: Tree) -> Numbers:
 
 
 @kernel
-def surface(x: float, y: float, h: Any, p: Any, unused: Any) -> None:
+def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None:
     """See `afm_model.parts.Sample`."""
     h.height = p.slope_x * x + p.slope_y * y
     h.slope_x = p.slope_x

@@ -75,7 +75,7 @@ def compare(
     contenders = tuple(law if isinstance(law, Contender) else contender(law) for law in laws)
     if len({each.label for each in contenders}) < len(contenders):
         raise ParameterError(
-            f"laws = {', '.join(each.label for each in contenders)} is not allowed: a law stands there twice"
+            f"laws = {', '.join(each.label for each in contenders)} is not allowed: a law is given twice"
         )
     if not cycles > 0.5:
         raise ParameterError(
@@ -92,7 +92,7 @@ def compare(
             rows.append({"law": law.label, **conditions})
             # The instrument must allow what is asked of it; a law may refuse its rate, which is a result.
             sim = instrument_under(common, conditions)
-            # The margin is that of what the law is told: nominal friction, no noise. It is found once.
+            # The margin is that of the nominal instrument, without noise. It is computed once.
             told = instrument_under(common, conditions | {"noise": 0.0, "friction": 1.0})
             if law.start is not None:
                 alone.append(len(sets))

@@ -1,4 +1,4 @@
-"""Laws that take part in a comparison, and under what: rate, delay, noise, friction, reference, what each law is told.
+"""The laws of a comparison, and their conditions: rate, delay, noise, friction, reference, parameters of each law.
 
 A law is a part by its kind, an object that answers measurements, or one that runs elsewhere.
 """
@@ -169,7 +169,7 @@ def instrument_under(common: Common, conditions: Mapping[str, Any]) -> SimParame
 
 
 def law_under(common: Common, law: Contender, conditions: Mapping[str, Any]) -> ControllerParameters:
-    """A law under some conditions: told period and delay if it asks for them, and nothing of noise and true friction.
+    """A law under some conditions: with period and delay if it has such parameters, without noise and true friction.
 
     Raises
     ------

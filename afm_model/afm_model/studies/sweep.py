@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _TEXTS = ("trajectory_sha256", "error")
 _BLOCK_TICKS = 512
-"""Recorded rows that nobody takes stay in the processor's cache."""
+"""Small blocks of unused rows stay in the processor's cache."""
 _SIM, _LAW = "afm_sim_node", "afm_controller_node"
 
 

@@ -19,7 +19,7 @@ from .linear_model import LinearError, nominal_friction
 
 _Array = NDArray[np.float64]
 NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact", "margin", "z_rms")
-"""What is told of a run."""
+"""Columns of a run."""
 _BLOCK_TICKS = 4096
 _FREQUENCIES = 400
 """At which the distance of the open loop from -1 is looked at, up to half the control frequency."""
@@ -104,7 +104,7 @@ def run_trial(
     except (ParameterError, PartError, DriveError, DivergenceError, LawError) as error:
         return row | {"error": str(error)}
     except Exception as error:
-        # An object of somebody else's may raise anything; it costs no other run.
+        # An object may raise anything; the other runs continue.
         return row | {"error": f"law {kind}: {type(error).__name__}: {error}"}
     if sentence := limited(instrument):
         return row | {"error": sentence}

@@ -127,7 +127,7 @@ def test_friction_and_noise_are_told_to_no_law(cluster):
         (["pid slowness=-1"], {}, "law.slowness = -1 is not allowed"),
         (["math:tau"], {}, "law math:tau is neither a law part nor a class"),
         (["nowhere:Law"], {}, "law nowhere:Law cannot be loaded: ModuleNotFoundError"),
-        (["pid", "pid"], {}, "a law stands there twice"),
+        (["pid", "pid"], {}, "a law is given twice"),
         (["pid"], {"references": ["sine"]}, "reference sine is not allowed: it must be a shape and"),
         (["pid"], {"references": ["square 50"]}, "reference.shape_x = square is not allowed"),
         (["pid"], {"periods": [1.5e-6]}, "plant.control_period = 1.5e-06 s is not allowed"),

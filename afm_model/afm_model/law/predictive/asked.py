@@ -4,17 +4,19 @@ The reference beyond the measurement is continued as the sine, parabola or line 
 """
 
 import math
-from typing import Any
 
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement
 from .nominal_plant import look, nominal_bound
+from .predictive_constants import Constants
+from .predictive_state import State
 
 _FORGET = 0.9
 _SLOWEST = 1e-5
 
 
 @kernel
-def take_reference(y: Any, p: Any, s: Any) -> None:
+def take_reference(y: Measurement, p: Constants, s: State) -> None:
     """Take position, rate and acceleration from the measurement, and the frequency from how they have changed.
 
     For a sine about any mean the change of the acceleration is -omega^2 times that of the position; for a line and a
@@ -38,7 +40,7 @@ def take_reference(y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def continue_reference(axis: int, first: float, n: int, p: Any, s: Any) -> None:
+def continue_reference(axis: int, first: float, n: int, p: Constants, s: State) -> None:
     """Write the reference of x or y into the path: at n + 1 places, a fine interval apart, from time `first` on."""
     w = s.omega[axis]
     cos, sin = math.cos(w * first), math.sin(w * first)
@@ -51,13 +53,13 @@ def continue_reference(axis: int, first: float, n: int, p: Any, s: Any) -> None:
 
 
 @kernel
-def rate(i: int, axis: int, s: Any) -> float:
+def rate(i: int, axis: int, s: State) -> float:
     """Of the reference in the middle of a fine interval."""
     return 0.5 * (s.path[i, axis, 1] + s.path[i + 1, axis, 1])
 
 
 @kernel
-def ask_of(axis: int, i: int, held: float, p: Any, s: Any) -> None:
+def ask_of(axis: int, i: int, held: float, p: Constants, s: State) -> None:
     """What fine interval i asks for: reference(i+1) - Phi reference(i) + Gamma times what the drive has to hold."""
     for k in range(2):
         s.asked[i, axis, k] = (
@@ -69,7 +71,7 @@ def ask_of(axis: int, i: int, held: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def ask_of_z(first: float, n: int, p: Any, s: Any) -> None:
+def ask_of_z(first: float, n: int, p: Constants, s: State) -> None:
     """Height of the scanner that keeps the tip at its setpoint; bound of friction if it does."""
     for i in range(n + 1):
         ahead = first + i * p.tau
@@ -89,7 +91,7 @@ def ask_of_z(first: float, n: int, p: Any, s: Any) -> None:
 
 
 @routine
-def ask(first: float, n: int, p: Any, s: Any) -> None:
+def ask(first: float, n: int, p: Constants, s: State) -> None:
     """Write path, friction, direction and what is asked for n fine intervals from the time `first` on."""
     continue_reference(0, first, n, p, s)
     continue_reference(1, first, n, p, s)

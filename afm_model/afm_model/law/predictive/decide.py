@@ -1,14 +1,15 @@
 """The drive of one slot; that of a long hold is improved on the motion that it leads to: docs/laws.md, section 8."""
 
 import math
-from typing import Any
 
 from ...core.jit import kernel, routine
 from .nominal_plant import move
+from .predictive_constants import Constants
+from .predictive_state import State
 
 
 @kernel
-def drive(axis: int, at: int, e: float, e_rate: float, p: Any, s: Any) -> float:
+def drive(axis: int, at: int, e: float, e_rate: float, p: Constants, s: State) -> float:
     """Least squares drive of one axis from interval `at` on, error e at its beginning."""
     u = -p.K[axis, 0] * e - p.K[axis, 1] * e_rate
     for j in range(p.horizon):
@@ -17,7 +18,7 @@ def drive(axis: int, at: int, e: float, e_rate: float, p: Any, s: Any) -> float:
 
 
 @routine
-def decide(at: int, slot: int, p: Any, s: Any) -> None:
+def decide(at: int, slot: int, p: Constants, s: State) -> None:
     """Write the drive of a slot that begins with the fine interval `at` into the plan, from the predicted state."""
     e_x, e_y = s.X - s.path[at, 0, 0], s.Y - s.path[at, 1, 0]
     # Far from the line the scanner comes back no faster than the reference moves.
@@ -66,7 +67,7 @@ _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 @kernel
-def follow_hold(at: int, u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> float:
+def follow_hold(at: int, u_x: float, u_y: float, u_z: float, p: Constants, s: State) -> float:
     """Move the scanner on by a hold from interval `at` on; sum of the squared errors at the ends of its intervals."""
     left = 0.0
     for i in range(at, at + p.fine):
@@ -78,7 +79,7 @@ def follow_hold(at: int, u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> 
 
 
 @routine
-def left_by(u_x: float, u_y: float, slot: int, p: Any, s: Any) -> float:
+def left_by(u_x: float, u_y: float, slot: int, p: Constants, s: State) -> float:
     """Sum of the squared errors in the hold of a slot with this drive, and in the next one with that of least squares.
 
     The scanner is where it was when this returns.
@@ -92,7 +93,7 @@ def left_by(u_x: float, u_y: float, slot: int, p: Any, s: Any) -> float:
 
 
 @routine
-def refine(slot: int, p: Any, s: Any) -> None:
+def refine(slot: int, p: Constants, s: State) -> None:
     """Improve the drive of a slot that begins with the first fine interval, along the reference.
 
     By golden section, within what friction changes from the lowest to the highest place of the surface. The drive of

@@ -6,17 +6,17 @@ ended. No measurement corrects that prediction; it need not be corrected, since 
 real one, and bring it to the reference.
 """
 
-from typing import Any
-
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask
 from .decide import decide
 from .nominal_plant import drives_of, predict
-from .predictive_constants import ANSWERS, SLOTS
+from .predictive_constants import ANSWERS, SLOTS, Constants
+from .predictive_state import State
 
 
 @kernel
-def newest_answered(newest: int, s: Any) -> int:
+def newest_answered(newest: int, s: State) -> int:
     """The newest measurement up to `newest` whose answer is kept; -1: none is."""
     if newest >= 0 and s.answered[newest % ANSWERS] == newest:
         return newest
@@ -28,7 +28,7 @@ def newest_answered(newest: int, s: Any) -> int:
 
 
 @kernel
-def recall(k: int, y: Any, p: Any, s: Any) -> None:
+def recall(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Write into the plan the drives that are in force until the answer to measurement k is.
 
     An answer is in force from the delay after its measurement on, or from its arrival if that is later; what has not
@@ -51,7 +51,7 @@ def recall(k: int, y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def remember(k: int, planned: int, p: Any, s: Any) -> None:
+def remember(k: int, planned: int, p: Constants, s: State) -> None:
     """Keep the answer to measurement k: so many slots of the plan."""
     s.answered[k % ANSWERS] = k
     s.lengths[k % ANSWERS] = planned
@@ -62,7 +62,7 @@ def remember(k: int, planned: int, p: Any, s: Any) -> None:
 
 
 @kernel
-def answer(planned: int, u: Any, p: Any, s: Any) -> None:
+def answer(planned: int, u: PiezoDrive, p: Constants, s: State) -> None:
     """Write so many slots of the plan into the answer: the drive that is first in force or, of more, all with their
     times.
     """
@@ -79,27 +79,27 @@ def answer(planned: int, u: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def first_of_reserve(k: int, p: Any) -> int:
+def first_of_reserve(k: int, p: Constants) -> int:
     """Number of the first slot behind the drives planned for measurement k."""
     return k * p.slots + p.delay + p.count
 
 
 @kernel
-def take_up(s: Any) -> None:
+def take_up(s: State) -> None:
     """Put the predicted scanner where the reserve ends."""
     s.X, s.Y, s.Z = s.reserved[0], s.reserved[1], s.reserved[2]
     s.V_X, s.V_Y, s.V_Z = s.reserved[3], s.reserved[4], s.reserved[5]
 
 
 @kernel
-def put_down(s: Any) -> None:
+def put_down(s: State) -> None:
     """Keep where the predicted scanner is."""
     s.reserved[0], s.reserved[1], s.reserved[2] = s.X, s.Y, s.Z
     s.reserved[3], s.reserved[4], s.reserved[5] = s.V_X, s.V_Y, s.V_Z
 
 
 @routine
-def extend(k: int, p: Any, s: Any) -> None:
+def extend(k: int, p: Constants, s: State) -> None:
     """Plan one control period and a slot more of the reserve, until it has its length.
 
     To be called with the scanner predicted to the last slot of the plan.

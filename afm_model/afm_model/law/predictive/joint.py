@@ -8,13 +8,17 @@ slips.
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement
 from .kalman import carry_covariance, correct, weigh
 from .nominal_plant import look, nominal_bound, run_copy, take_load
-from .predictive_constants import ANSWERS
+from .predictive_constants import ANSWERS, Constants
 from .sample_estimate import MEAN, VALUE
+
+if TYPE_CHECKING:
+    from .predictive_state import State
 
 ALONG, SPEED, ACROSS, RATIO = range(4)
 """States of the filter: position and speed along the motion, position across it, ratio."""
@@ -31,7 +35,7 @@ _NEAR = 0.01
 
 
 @kernel
-def turn_to(t_x: float, t_y: float, s: Any) -> None:
+def turn_to(t_x: float, t_y: float, s: "State") -> None:
     """Take the covariance along and across another direction. A speed is one along the motion."""
     cos = s.heading[0] * t_x + s.heading[1] * t_y
     sin = s.heading[0] * t_y - s.heading[1] * t_x
@@ -44,7 +48,7 @@ def turn_to(t_x: float, t_y: float, s: Any) -> None:
 
 
 @kernel
-def rest(s: Any) -> None:
+def rest(s: "State") -> None:
     """What rests has no speed that is uncertain."""
     if s.V_X == 0.0 and s.V_Y == 0.0:
         for i in range(4):
@@ -52,7 +56,7 @@ def rest(s: Any) -> None:
 
 
 @kernel
-def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
+def spread(moved: bool, nominal: float, p: Constants, s: "State") -> None:
     """Carry the covariance through a control period in which the copy has moved, or has not."""
     if moved:
         s.carried[:] = 0.0
@@ -70,13 +74,13 @@ def spread(moved: bool, nominal: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def explains(miss: float, p: Any) -> float:
+def explains(miss: float, p: Constants) -> float:
     """Error of the ratio that displaces the slipping tip by `miss` in a control period."""
     return min(miss / (p.of_drive[0] * p.f_0), UNKNOWN)
 
 
 @kernel
-def doubt(miss: float, p: Any, s: Any) -> None:
+def doubt(miss: float, p: Constants, s: "State") -> None:
     """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
     speed = min(abs(miss) / p.hold, s.fastest)
     wrong = explains(abs(miss), p)
@@ -89,7 +93,7 @@ def doubt(miss: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def correct_scanner(innovation: float, total: float, s: Any) -> None:
+def correct_scanner(innovation: float, total: float, s: "State") -> None:
     """Correct scanner, ratio and covariance by the measurement last weighed; `total`: variance of its innovation."""
     s.change[:] = 0.0
     correct(s.joint, s.change, s.gains, innovation, total)
@@ -103,7 +107,7 @@ def correct_scanner(innovation: float, total: float, s: Any) -> None:
 
 
 @kernel
-def take_position(state: int, innovation: float, p: Any, s: Any) -> None:
+def take_position(state: int, innovation: float, p: Constants, s: "State") -> None:
     """Correct by a position along or across the motion."""
     s.weights[:] = 0.0
     s.weights[state] = 1.0
@@ -112,7 +116,7 @@ def take_position(state: int, innovation: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def see_ratio(nominal: float, balance: float, p: Any, s: Any) -> None:
+def see_ratio(nominal: float, balance: float, p: Constants, s: "State") -> None:
     """Write the row of the ratio seen in the lateral force: it also tells of the place.
 
     At another place the surface has another bound, and the balance of forces another direction.
@@ -131,7 +135,7 @@ def see_ratio(nominal: float, balance: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) -> None:
+def take_ratio_seen(seen: float, noise: float, missed: float, p: Constants, s: "State") -> None:
     """Correct by the ratio that is seen in the lateral force, with the variance `noise`, by the row `s.weights`.
 
     It is never more than that of the bound. Less tells something while the tip slips only. As that is estimated, the
@@ -165,7 +169,7 @@ def take_ratio_seen(seen: float, noise: float, missed: float, p: Any, s: Any) ->
 
 
 @routine
-def correct_jointly(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
+def correct_jointly(k: int, x: float, y_: float, y: Measurement, p: Constants, s: "State") -> None:
     """Run the copy up to measurement k, and correct it and the ratio by the lateral force and the positions x, y_."""
     from_x, from_y = s.X, s.Y
     run_copy(k, y, p, s)

@@ -5,9 +5,13 @@ that few measurements make a smooth map and its variance tells where it is known
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ...core.jit import kernel, routine
+from .predictive_constants import Constants
+
+if TYPE_CHECKING:
+    from .predictive_state import State
 
 NODES = 128
 SPACING = 0.5
@@ -29,7 +33,7 @@ NOISE = 1.5e-4
 
 
 @kernel
-def place(x: float, y: float, s: Any) -> tuple[float, bool]:
+def place(x: float, y: float, s: "State") -> tuple[float, bool]:
     """Position along the line in nodes, and whether (x, y) is on it."""
     d_x, d_y = x - s.line_x, y - s.line_y
     along = (d_x * s.line_tx + d_y * s.line_ty) / s.pitch
@@ -50,7 +54,7 @@ def weights(f: float) -> tuple[float, float, float, float]:
 
 
 @kernel
-def read_map(x: float, y: float, s: Any) -> None:
+def read_map(x: float, y: float, s: "State") -> None:
     """Put height and strength at (x, y) into the state, if the tip was there before."""
     along, on = place(x, y, s)
     # The ring is longer than the line, or it knows nothing.
@@ -76,7 +80,7 @@ def read_map(x: float, y: float, s: Any) -> None:
 
 
 @kernel
-def draw_line(p: Any, s: Any) -> None:
+def draw_line(p: Constants, s: "State") -> None:
     """Lay the line along the reference, once it moves."""
     speed = math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
     if s.pitch > 0.0 or speed == 0.0:
@@ -87,14 +91,14 @@ def draw_line(p: Any, s: Any) -> None:
 
 
 @kernel
-def raise_map(change: float, s: Any) -> None:
+def raise_map(change: float, s: "State") -> None:
     """Friction that holds more than the map allows is stronger everywhere."""
     for i in range(NODES):
         s.map_ratio[i] += change
 
 
 @routine
-def write_map(H: float, ratio: float, p: Any, s: Any) -> None:
+def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     """Kalman update by a height, and a ratio if that is positive, measured where the scanner is."""
     draw_line(p, s)
     asked, on = place(s.p[0], s.p[1], s)

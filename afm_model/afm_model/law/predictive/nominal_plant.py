@@ -3,21 +3,25 @@ measurement to measurement; the load on the tip, from the deflection.
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...contact.friction import friction_impulse
 from ...core.jit import kernel, routine
 from ...core.records import Block, numbers_at, pointer_at
+from ...parts.signals import Measurement
 from ...sample.paper import surface
 from .map import read_map
-from .predictive_constants import ANSWERS, KNOWN, LEARNED, SLOTS
+from .predictive_constants import ANSWERS, KNOWN, LEARNED, SLOTS, Constants
+
+if TYPE_CHECKING:
+    from .predictive_state import State
 
 REACH = 0.7
 """Phase of the shortest wave up to which a slope is continued."""
 
 
 @kernel
-def beyond(f: Any, d_x: float, d_y: float, p: Any) -> float:
+def beyond(f: Any, d_x: float, d_y: float, p: Constants) -> float:
     """A quantity of the sample a step d beyond where it is known, from its value, slopes and mean.
 
     It is continued along its slope as far as its shortest wave allows; farther on its mean is what is most likely.
@@ -30,11 +34,13 @@ def beyond(f: Any, d_x: float, d_y: float, p: Any) -> float:
 
 
 @routine
-def look(x: float, y: float, p: Any, s: Any) -> None:
+def look(x: float, y: float, p: Constants, s: "State") -> None:
     """Height, curvature and strength of friction of the sample at (x, y)."""
     s.here = beyond(s.ratio, x - s.at_x, y - s.at_y, p)
     if p.surface == KNOWN:
-        surface(x, y, s, p, 0)
+        # State and Constants have the fields of Surface and of the sample's constants.
+        known: Any = (s, p)
+        surface(x, y, known[0], known[1], 0)
         return
     s.curvature = 0.0
     s.strength = 1.0
@@ -44,13 +50,13 @@ def look(x: float, y: float, p: Any, s: Any) -> None:
 
 
 @kernel
-def nominal_bound(load: float, p: Any, s: Any) -> float:
+def nominal_bound(load: float, p: Constants, s: "State") -> float:
     """Bound of friction of the contact as it is believed to be, at the place looked at."""
     return s.strength * (p.f_0 + s.curvature * (p.f_1 + p.f_2 * s.curvature)) * (1.0 + p.f_load * (load - p.load_0))
 
 
 @routine
-def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Any, s: Any) -> None:
+def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants, s: "State") -> None:
     """Move the scanner on by so many steps of length h [1/w0] under a constant drive.
 
     Half drift, kick, half drift as in docs/theory.md (37) to (41). Along z tip and sample move as one.
@@ -78,13 +84,13 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Any, s: An
 
 
 @kernel
-def predict(u_x: float, u_y: float, u_z: float, p: Any, s: Any) -> None:
+def predict(u_x: float, u_y: float, u_z: float, p: Constants, s: "State") -> None:
     """Move the scanner on by a slot under a constant drive."""
     move(u_x, u_y, u_z, p.dt, p.steps, p, s)
 
 
 @kernel
-def take_load(y: Any, p: Any, s: Any) -> None:
+def take_load(y: Measurement, p: Constants, s: "State") -> None:
     """Put height of and load on the tip at a measurement into the state, with the scanner as it is there."""
     s.Q = p.a + y.deflection / p.z0
     s.load = p.w + p.eta_c2 * (s.Q - p.a)
@@ -99,14 +105,14 @@ def take_load(y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def drives_of(kept: int, p: Any, s: Any) -> Block:
+def drives_of(kept: int, p: Constants, s: "State") -> Block:
     """Drives of the answer kept at this place, x, y, z of one slot behind the other."""
     count = 3 * p.longest
     return pointer_at(numbers_at(s.sent, ANSWERS * count), kept * count)
 
 
 @kernel
-def run_copy(k: int, y: Any, p: Any, s: Any) -> None:
+def run_copy(k: int, y: Measurement, p: Constants, s: "State") -> None:
     """Move the copy of the plant from the last measurement to measurement k, under the drives that were in force."""
     kept = max(y.drive_sequence, 0) % ANSWERS
     known = y.drive_sequence >= 0 and s.answered[kept] == y.drive_sequence

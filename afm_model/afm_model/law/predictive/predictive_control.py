@@ -1,22 +1,22 @@
 """The friction-predicting law: estimate, predict through the drives in flight, decide."""
 
-from typing import Any
-
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask, take_reference
 from .decide import decide, refine
 from .flight import answer, extend, first_of_reserve, recall, remember
 from .joint import correct_jointly
 from .map import write_map
 from .nominal_plant import predict, run_copy, take_load
-from .predictive_constants import KNOWN, LEARNED
+from .predictive_constants import KNOWN, LEARNED, Constants
+from .predictive_state import State
 from .sample_estimate import measured_height, take_height, take_ratio
 from .slide import correct_along
 from .together import begin_together, correct_together
 
 
 @routine
-def observe(k: int, y: Any, p: Any, s: Any) -> None:
+def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Put position and rate of the scanner at measurement k into the state."""
     x, y_, z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
     if p.measured == 0 or s.started == 0.0:
@@ -55,7 +55,7 @@ def observe(k: int, y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def take_sample(y: Any, p: Any, s: Any) -> None:
+def take_sample(y: Measurement, p: Constants, s: State) -> None:
     """Learn from the measurement what is to be learned of the sample."""
     take_load(y, p, s)
     if p.surface != KNOWN:
@@ -75,7 +75,7 @@ def take_sample(y: Any, p: Any, s: Any) -> None:
 
 
 @kernel
-def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
+def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> None:
     """See `afm_model.parts.Law`."""
     take_reference(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)

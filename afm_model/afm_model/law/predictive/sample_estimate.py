@@ -1,12 +1,15 @@
 """What the law learns of the sample: its height under the tip and the strength of friction, with their slopes."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...core.jit import kernel, routine
 from .map import raise_map
 from .nominal_plant import beyond, look, nominal_bound
-from .predictive_constants import KNOWN
+from .predictive_constants import KNOWN, Constants
+
+if TYPE_CHECKING:
+    from .predictive_state import State
 
 ROUGH = 0.35
 """Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
@@ -18,7 +21,7 @@ it."""
 
 
 @kernel
-def begin(f: Any, value: float, size: float, floor: float, p: Any) -> None:
+def begin(f: Any, value: float, size: float, floor: float, p: Constants) -> None:
     """Begin to follow a quantity of amplitude `size`."""
     for i in range(10):
         f[i] = 0.0
@@ -28,14 +31,14 @@ def begin(f: Any, value: float, size: float, floor: float, p: Any) -> None:
 
 
 @kernel
-def bend_of(way: float, t_x: float, t_y: float, size: float, p: Any) -> float:
+def bend_of(way: float, t_x: float, t_y: float, size: float, p: Constants) -> float:
     """Rms change of the slope of a quantity of amplitude `size`, on a way along t."""
     q = p.wave_number * (abs(t_x) + abs(t_y))
     return ROUGH * size * q * q * way
 
 
 @routine
-def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: float, p: Any) -> None:
+def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: float, p: Constants) -> None:
     """Kalman filter of value and slope along the way, a step d further on.
 
     The second derivative is taken as constant in a step and independent from step to step, as in the tracking filters
@@ -87,13 +90,13 @@ def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: 
 
 
 @kernel
-def measured_height(p: Any, s: Any) -> float:
+def measured_height(p: Constants, s: "State") -> float:
     """Of the sample under the tip [z0], H = Q - Z + delta, the contact at rest."""
     return s.Q - s.Z + p.delta + p.delta_load * (s.load - p.load_0)
 
 
 @kernel
-def take_height(p: Any, s: Any) -> None:
+def take_height(p: Constants, s: "State") -> None:
     """Follow the height of the sample under the tip, and its slope along the way."""
     H = measured_height(p, s)
     if s.started == 0.0:
@@ -103,7 +106,7 @@ def take_height(p: Any, s: Any) -> None:
 
 
 @kernel
-def take_ratio(force: float, u_x: float, u_y: float, p: Any, s: Any) -> float:
+def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -> float:
     """Follow the bound of friction over the nominal one.
 
     It comes from the lateral force while the tip slips, and from the balance of forces at rest.

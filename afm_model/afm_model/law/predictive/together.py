@@ -7,12 +7,13 @@ it rests. Which of the two it does is decided by which explains force and speed 
 """
 
 import math
-from typing import Any
 
 from ...core.jit import kernel
+from ...parts.signals import Measurement
 from .kalman import carry_covariance, correct, weigh
 from .nominal_plant import look, nominal_bound, run_copy
-from .predictive_constants import FLOOR
+from .predictive_constants import FLOOR, Constants
+from .predictive_state import State
 from .sample_estimate import GONE, MEAN, ROUGH, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
 
 AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
@@ -20,7 +21,7 @@ AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
 
 
 @kernel
-def begin_together(p: Any, s: Any) -> None:
+def begin_together(p: Constants, s: State) -> None:
     """At rest, at the first measured position; friction may be anything."""
     for i in range(5):
         for j in range(5):
@@ -31,7 +32,7 @@ def begin_together(p: Any, s: Any) -> None:
 
 
 @kernel
-def carry(way: float, t_x: float, t_y: float, nominal: float, p: Any, s: Any) -> None:
+def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: State) -> None:
     """Carry the covariance through a control period in which the scanner goes so far along t."""
     F = s.carried
     a, b, c, d = p.free[0, 0], p.free[0, 1], p.free[1, 0], p.free[1, 1]
@@ -64,7 +65,7 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Any, s: Any) ->
 
 
 @kernel
-def take(i: int, innovation: float, noise: float, s: Any) -> None:
+def take(i: int, innovation: float, noise: float, s: State) -> None:
     """Kalman update by a measurement of component i, which is off by `innovation` from what was predicted."""
     for j in range(5):
         s.weights[j] = 1.0 if j == i else 0.0
@@ -74,7 +75,7 @@ def take(i: int, innovation: float, noise: float, s: Any) -> None:
 
 
 @kernel
-def creep(way: float, t_x: float, t_y: float, s: Any) -> None:
+def creep(way: float, t_x: float, t_y: float, s: State) -> None:
     """It may have moved so far along t."""
     s.uncertainty[AT_X, AT_X] += way * way * t_x * t_x
     s.uncertainty[AT_X, AT_Y] += way * way * t_x * t_y
@@ -98,7 +99,15 @@ def unlikely(value: float, variance: float) -> float:
 
 @kernel
 def slips(
-    force: float, b_x: float, t_x: float, t_y: float, nominal: float, speed: float, before: float, p: Any, s: Any
+    force: float,
+    b_x: float,
+    t_x: float,
+    t_y: float,
+    nominal: float,
+    speed: float,
+    before: float,
+    p: Constants,
+    s: State,
 ) -> tuple[bool, float, float]:
     """Whether the tip slips at the measurement; how far the force is from what it is then, and that one's variance.
 
@@ -133,7 +142,7 @@ def slips(
 @kernel
 def rest(
     x: float, y_: float, force: float, u_x: float, t_x: float, t_y: float, speed: float, before: float, time: float,
-    p: Any, s: Any,
+    p: Constants, s: State,
 ) -> None:  # fmt: skip
     """Correct what is estimated by a measurement at which the tip rests."""
     slow = _SURE * p.force_noise * time
@@ -158,7 +167,7 @@ def rest(
 
 
 @kernel
-def correct_together(k: int, x: float, y_: float, y: Any, p: Any, s: Any) -> None:
+def correct_together(k: int, x: float, y_: float, y: Measurement, p: Constants, s: State) -> None:
     """Run the copy up to measurement k, and correct it and friction by the positions x, y_ and the lateral force."""
     periods = max(k - s.last, 1)
     time = periods * p.hold

@@ -65,7 +65,7 @@ class CalibrateLateral(Verb):
             yield f"lines = {self.lines} is not allowed: the first line is not used; it must be >= 2"
         kinds = view.parameters.plant.kind, view.parameters.onboard.kind
         if view.spring_constant == 0.0:
-            yield f"CalibrateLateral is not allowed with plant.kind = {kinds[0]}, which tells no spring constant"
+            yield f"CalibrateLateral is not allowed with plant.kind = {kinds[0]}, which has no spring constant"
         if not {"setpoint_force", "setpoint_voltage"} <= view.loop.settings.keys():
             yield f"CalibrateLateral is not allowed with onboard.kind = {kinds[1]}, which takes no setpoint as force"
         yield from saturating("a setpoint", view.volts(self.setpoint_to), view)

@@ -167,7 +167,7 @@ class ForceCurve(Verb):
         if self.trigger_force > 0.0 and view.spring_constant == 0.0:
             yield (
                 f"trigger_force = {self.trigger_force:g} N is not allowed with plant.kind = "
-                f"{view.parameters.plant.kind}, which tells no spring constant: give trigger_voltage"
+                f"{view.parameters.plant.kind}, which has no spring constant: give trigger_voltage"
             )
         yield from saturating("a trigger", self.trigger(view), view)
         yield from too_fast("approach_rate", self.approach_rate, self.trigger(view), self.ramp, view)

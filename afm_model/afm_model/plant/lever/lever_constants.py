@@ -69,14 +69,16 @@ class Constants(Record):
     row_first: float  # its transition parameter, and the step from row to row
     row_step: float
     transition: float  # transition parameter on a flat sample
-    lattice: float
-    lattice_period: float
-    lattice_force: float
-    lattice_slope: float
-    apex_compliance: float
-    apex_hold: float
-    apex_carry: float
-    apex_noise: float
+    lattice: float  # 1.0 on a sample of atoms
+    lattice_period: Annotated[float, "m"]
+    lattice_force: Annotated[float, "N"]  # largest force of the potential along a row of minima
+    lattice_slope: Annotated[float, "1"]  # and how much more per load
+    apex_compliance: Annotated[float, "m/N"]  # of the tip's apex
+    apex_hold: Annotated[
+        float, "N/m"
+    ]  # of its inertia and damping at mid-step: force per way from the start of the step
+    apex_carry: Annotated[float, "N s/m"]  # and per rate there
+    apex_noise: Annotated[float, "N"]  # rms thermal force in a step
     apex_key: int
 
 

@@ -5,17 +5,23 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ...contact.contact_table import attraction, end_of_contact, look_up
 from ...core.jit import kernel
+from ...core.records import Block
+from ...parts.signals import Surface
+from .lever_constants import Constants
+
+if TYPE_CHECKING:
+    from .lever_step import State
 
 _CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""
 
 
 @kernel
-def place_frame(H: Any, p: Any, f: Any, m: Any, at: int) -> None:
+def place_frame(H: Surface, p: Constants, f: "State", m: Block, at: int) -> None:
     """Write the contact at a place of the sample, H, into f, the State."""
     rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
     contrast = H.adhesion
@@ -31,7 +37,7 @@ def place_frame(H: Any, p: Any, f: Any, m: Any, at: int) -> None:
 
 
 @kernel
-def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float, float, float, float]:
+def normal(delta: float, f: "State", p: Constants, m: Block, at: int) -> tuple[float, float, float, float, float]:
     """Normal force [N] and friction bound [N] at indentation delta [m], each with its slope [N/m], and contact radius.
 
     Parameters
@@ -53,7 +59,7 @@ def normal(delta: float, f: Any, p: Any, m: Any, at: int) -> tuple[float, float,
 
 @kernel
 def indent(
-    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Any, at: int
+    delta: float, target: float, w_n: float, w_f: float, f: "State", p: Constants, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """Solve delta + w_n N(delta) + w_f F_max(delta) = target, from the last indentation on.
 
@@ -82,7 +88,7 @@ def indent(
 
 @kernel
 def _march(
-    delta: float, target: float, w_n: float, w_f: float, f: Any, p: Any, m: Any, at: int
+    delta: float, target: float, w_n: float, w_f: float, f: "State", p: Constants, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """The same by steps until the balance changes sign, then by bisection: through folds and jumps."""
     N, _, bound, _, a = normal(delta, f, p, m, at)
@@ -117,7 +123,7 @@ def hold(e_1: float, e_2: float, k: float, w_11: float, w_12: float, w_22: float
 
 
 @kernel
-def strengthened(bound: float, drawn: float, give: float, p: Any) -> float:
+def strengthened(bound: float, drawn: float, give: float, p: Constants) -> float:
     """Friction of a tip that slides faster the larger it is, F = F_max (1 + b ln(1 + v / v_0)), docs/lever.md (24).
 
     Parameters
@@ -158,9 +164,9 @@ def slide(
     w_11: float,
     w_12: float,
     w_22: float,
-    f: Any,
-    p: Any,
-    m: Any,
+    f: "State",
+    p: Constants,
+    m: Block,
     at: int,
 ) -> tuple[float, float, float, float, float, float]:
     """Indentation and direction of a tip that slides, together: Newton's method in both, docs/lever.md (22).

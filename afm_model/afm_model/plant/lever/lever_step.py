@@ -7,13 +7,15 @@ implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (2
 """
 
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 from ...core.jit import kernel
-from ...core.records import Array, Record, record_at
+from ...core.records import Array, Block, Record, record_at
 from ...parts.header import BlockHeader
+from ...parts.signals import Actuation, Truth
 from ..beam import MODES
 from ..random_numbers import normal
+from .lever_constants import Constants
 from .lever_friction import on_surface
 from .lever_lattice import on_lattice
 
@@ -66,7 +68,7 @@ class State(Record):
 
 
 @kernel
-def mode_rate(i: int, base: float, p: Any, s: Any) -> float:
+def mode_rate(i: int, base: float, p: Constants, s: State) -> float:
     """Rate of bending mode i at mid-step without a force at the tip, docs/lever.md (14); `base` is the acceleration of
     the base.
     """
@@ -79,7 +81,7 @@ def mode_rate(i: int, base: float, p: Any, s: Any) -> float:
 
 
 @kernel
-def step(t: float, v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
+def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block) -> None:
     """Advance the state by one step h in place.
 
     Parameters
@@ -151,7 +153,7 @@ def step(t: float, v: Any, unused: Any, p: Any, s: Any, m: Any) -> None:
 
 
 @kernel
-def show(base: float, p: Any, s: Any, h: float) -> None:
+def show(base: float, p: Constants, s: State, h: float) -> None:
     """What follows without delay: where the tip is, with its base moved by `base`, what the photodiode shows; rates
     over a step of length h.
     """
@@ -168,7 +170,7 @@ def show(base: float, p: Any, s: Any, h: float) -> None:
 
 
 @kernel
-def observe(p: Any, s: Any, o: Any) -> None:
+def observe(p: Constants, s: State, o: Truth) -> None:
     """See `afm_model.parts.Plant`. `friction` is the part of the force that lies in the surface."""
     o.position[0], o.position[1], o.position[2] = s.X, s.Y, s.Z
     o.velocity[0], o.velocity[1], o.velocity[2] = s.V_X, s.V_Y, s.V_Z
