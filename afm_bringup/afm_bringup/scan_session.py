@@ -16,7 +16,7 @@ from rich.table import Table
 from afm_model import Scenario
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.microscope.image import Image
-from afm_model.microscope.results import COMPLETE, Outcome
+from afm_model.microscope.results import COMPLETE, Outcome, Standing
 from afm_model.microscope.results import Progress as Told
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Approach, Scan, Withdraw
@@ -66,6 +66,8 @@ class ScanSession(Session):
         self._image: Image | None = None
         self._wall: dict[str, float] = {}
         self._failure = ""
+        self._ticks = 0
+        """Control ticks at the end of the last verb."""
 
     def _watch(self, follower: Follower) -> None:
         """Do the verbs, one after the other."""
@@ -98,6 +100,8 @@ class ScanSession(Session):
             self._wall[name] = time.monotonic() - begin
             if isinstance(outcome.result, Image):
                 self._image = outcome.result
+            elif isinstance(outcome.result, Standing):
+                self._ticks = round(outcome.result.time / self._scenario.sim.plant.control_period)
             if self._interrupted:
                 return
             if outcome.status != COMPLETE:
@@ -144,7 +148,10 @@ class ScanSession(Session):
 
         def told() -> bool:
             status, recorder = self._monitor.status, self._monitor.recorder
-            return status is not None and recorder is not None and recorder.ticks <= status.ticks
+            if status is None or recorder is None:
+                return False
+            # Neither is a word from before the last verb.
+            return self._ticks <= min(status.ticks, recorder.ticks) and recorder.ticks <= status.ticks
 
         while arrived() < lines and arrived() > before:
             before = arrived()

@@ -47,7 +47,7 @@ class Served:
 
     def approach(self) -> None:
         self.limit = time.monotonic() + TIMEOUT
-        if not self.client.state.approached:
+        if not self.simulator.run.operator.state.approached:
             assert self.client.execute(APPROACH).message == ""
 
     def wait_for_rest(self) -> None:
