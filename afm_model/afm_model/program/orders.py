@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 from ..core.records import Record, size
 
@@ -84,6 +83,8 @@ class Sampled:
 
     def coefficients(self) -> NDArray[np.float64]:
         """Of each piece, x and y (pieces, 2, DEGREES): its place is a polynomial of s from 0 to 1."""
+        from scipy.interpolate import CubicSpline  # here: a quarter of a second for nothing where no order needs it
+
         found = np.zeros((self.pieces, 2, DEGREES))
         for axis, values in enumerate((self.x, self.y)):
             # From the highest power to the constant.
