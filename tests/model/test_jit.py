@@ -36,6 +36,7 @@ PLANTS = [
     {"plant.kind": "paper", "detector.adc_bits": 12, "detector.position_noise": 1e-12},
     {"plant.kind": "paper", "plant.z": "uniform"},
     {"plant.kind": "paper", "plant.z": "held"},
+    {"fault.kind": "scheduled", "fault.late.kind": "jitter", "fault.late.signal": "drive", "fault.late.size": 4e-6},
 ]
 
 

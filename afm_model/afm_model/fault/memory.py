@@ -30,7 +30,7 @@ class Constants(Record):
     first: Annotated[Integers, (MOST,)]
     last: Annotated[Integers, (MOST,)]
     seed: Annotated[Integers, (MOST,)]
-    size: Annotated[Array, (MOST,)]
+    magnitude: Annotated[Array, (MOST,)]
     control_period: Annotated[float, "s"]
     dac_period: Annotated[float, "s"]
     deflection_sensitivity: Annotated[float, "m/V"]

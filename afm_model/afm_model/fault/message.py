@@ -30,12 +30,12 @@ def _arrival(k: int, message: int, p: Constants) -> int:
         if p.target[i] != message or not p.first[i] <= k < p.last[i]:
             continue
         if p.kind[i] == _LOSS:
-            if uniform(p.seed[i], k, message) < p.size[i]:
+            if uniform(p.seed[i], k, message) < p.magnitude[i]:
                 return _NEVER
         elif p.kind[i] == _LATENCY:
-            late += _ticks_of(p.size[i], p.control_period)
+            late += _ticks_of(p.magnitude[i], p.control_period)
         elif p.kind[i] == _JITTER:
-            late += math.floor(uniform(p.seed[i], k, message) * (p.size[i] / p.control_period + 1.0))
+            late += math.floor(uniform(p.seed[i], k, message) * (p.magnitude[i] / p.control_period + 1.0))
     return int(k + min(late, LATENCY_TICKS))
 
 

@@ -119,7 +119,7 @@ def _numbers(parameters: Any, entries: list[Entry]) -> dict[str, Any]:
         "on_sample": sum(each.of_the_sample for each in entries),
         **filled,
         "seed": [*(each.seed for each in entries), *rest],
-        "size": [*(each.size for each in entries), *rest],
+        "magnitude": [*(each.size for each in entries), *rest],
         "control_period": parameters.plant.control_period,
         "dac_period": parameters.piezo.dac_period or parameters.plant.control_period,
         "deflection_sensitivity": detector.deflection_sensitivity,

@@ -21,7 +21,7 @@ _LAST_SENSOR, _LAST_DRIVE = TARGETS.index(list(SENSORS)[-1]), TARGETS.index(list
 @kernel
 def _spoiled(x: float, i: int, t: float, number: int, p: Constants, f: Memory) -> float:
     """What fault i makes of value x at time t [s]; `number` is that of the tick or update, for what is drawn."""
-    kind, size = p.kind[i], p.size[i]
+    kind, size = p.kind[i], p.magnitude[i]
     if kind == _NOISE:
         return x + size * normal(p.seed[i], number, p.target[i])
     if kind == _DROPOUT:

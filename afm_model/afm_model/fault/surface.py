@@ -19,11 +19,11 @@ def disturb_sample(k: int, d: Displacement, p: Constants, unused: Memory) -> Non
             continue
         if p.kind[i] == _FRICTION and k < p.last[i]:
             d.there = 1
-            d.friction *= p.size[i]
+            d.friction *= p.magnitude[i]
         elif p.kind[i] == _THERMAL:
             d.there = 1
             # What has drifted does not come back when it drifts no more.
-            moved = p.size[i] * (min(k, p.last[i]) - p.first[i]) * p.control_period
+            moved = p.magnitude[i] * (min(k, p.last[i]) - p.first[i]) * p.control_period
             if p.target[i] == _X:
                 d.x += moved / p.x0
             elif p.target[i] == _Y:

@@ -59,7 +59,7 @@ class Constants(SampledConstants):
 
 
 class State(SampledState):
-    sum: Vector
+    integrated: Vector
     one: Vector
     two: Vector
 
@@ -126,11 +126,11 @@ def answer_error(e: float, forward: float, u: PiezoDrive, p: Constants, s: State
     filtered = p.b_0[axis] * e + s.one[axis]
     s.one[axis] = p.b_1[axis] * e - p.a_1[axis] * filtered + s.two[axis]
     s.two[axis] = p.b_2[axis] * e - p.a_2[axis] * filtered
-    s.sum[axis] += p.integral[axis] * filtered
-    wanted = forward + p.gain[axis] * filtered + s.sum[axis]
+    s.integrated[axis] += p.integral[axis] * filtered
+    wanted = forward + p.gain[axis] * filtered + s.integrated[axis]
     sent = send(u, p, s, axis, wanted)
     # Anti-windup: what the range of the piezo has cut off leaves the sum with the integral time.
-    s.sum[axis] += p.reset[axis] * (sent - wanted)
+    s.integrated[axis] += p.reset[axis] * (sent - wanted)
 
 
 @kernel
@@ -145,7 +145,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         sampled.control_height(y, u, p, s)
     else:
         if s.started == 0.0:
-            s.sum[2] = y.drive[2] / p.volts[2]
+            s.integrated[2] = y.drive[2] / p.volts[2]
         e = y.reference_position[2] / p.length[2] - p.a - y.deflection / p.length[2]
         answer_error(e, 0.0, u, p, s, 2)
     s.started = 1.0

@@ -120,7 +120,7 @@ def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
     if phase == RETRACT and s.at != RETRACT:
         s.curves += 1.0
         if s.curves < p.count:
-            s.at, s.sum, s.samples = SETTLE, 0.0, 0.0
+            s.at, s.total, s.samples = SETTLE, 0.0, 0.0
 
 
 FORCE_CURVE = Program(

@@ -61,7 +61,7 @@ class Constants(Record):
     cos: float
     sin: float
     speed: Annotated[float, "m/s"]
-    size: Annotated[float, "m"]
+    width: Annotated[float, "m"]
     first: Annotated[float, "m"]  # slow coordinate of the first line
     step: Annotated[float, "m"]
     lines: float
@@ -84,7 +84,7 @@ class State(Record):
     mode: float  # of z
     offset: Annotated[float, "m"]  # of z
     origin: Annotated[float, "m"]  # the same when the step began
-    sum: Annotated[float, "V"]  # of the deflection in the last REST
+    total: Annotated[float, "V"]  # of the deflection in the last REST
     samples: float
     fired: float  # 1.0 if the last step with a trigger has ended by it
 
@@ -128,7 +128,7 @@ def along_line(tau: float, p: Constants) -> tuple[float, float, float, float, fl
     if q < 0.0:
         # From rest to the even speed.
         speed, way, change = smooth(max(tau, 0.0) / p.turn)
-        x = -0.5 * p.size + p.speed * p.turn * (way - 0.5)
+        x = -0.5 * p.width + p.speed * p.turn * (way - 0.5)
         return x, p.speed * speed, p.speed * change / p.turn, p.first, 0.0, 0.0
     number = min(math.floor(q / half), 2.0 * p.lines - 1.0)
     line = math.floor(0.5 * number)
@@ -136,13 +136,13 @@ def along_line(tau: float, p: Constants) -> tuple[float, float, float, float, fl
     y = p.first + line * p.step
     late = q - number * half - p.image
     if late <= 0.0:
-        return sign * (0.5 * p.size + p.speed * late), sign * p.speed, 0.0, y, 0.0, 0.0
+        return sign * (0.5 * p.width + p.speed * late), sign * p.speed, 0.0, y, 0.0, 0.0
     u = min(late / p.turn, 1.0)
     speed, way, change = smooth(u)
     if number == 2.0 * p.lines - 1.0:
-        x = sign * (0.5 * p.size + p.speed * p.turn * (u - way))
+        x = sign * (0.5 * p.width + p.speed * p.turn * (u - way))
         return x, sign * p.speed * (1.0 - speed), -sign * p.speed * change / p.turn, y, 0.0, 0.0
-    x = sign * (0.5 * p.size + p.speed * p.turn * (u - 2.0 * way))
+    x = sign * (0.5 * p.width + p.speed * p.turn * (u - 2.0 * way))
     v, a = sign * p.speed * (1.0 - 2.0 * speed), -2.0 * sign * p.speed * change / p.turn
     if sign > 0.0:
         return x, v, a, y, 0.0, 0.0
@@ -213,7 +213,7 @@ def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
             over = way >= abs(whole)
             s.offset = step.target if over else s.origin + math.copysign(way, whole)
             if step.trigger > 0.0 and s.samples > 0.0:
-                fired = d.deflection_voltage - s.sum / s.samples >= step.trigger
+                fired = d.deflection_voltage - s.total / s.samples >= step.trigger
         elif kind == FOLLOW:
             s.mode, s.offset = FOLLOWED, 0.0
             over = after >= step.duration
@@ -223,7 +223,7 @@ def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
         else:
             s.mode = OPEN
             if kind == REST:
-                s.sum += d.deflection_voltage
+                s.total += d.deflection_voltage
                 s.samples += 1.0
             over = after >= step.duration
         if fired or over:
@@ -232,7 +232,7 @@ def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
             s.at = step.triggered if fired else step.then
             s.since, s.origin = t, s.offset
             if s.at >= 0.0 and record_at(numbers, int(s.at) * _STEP, StepRecord).kind == REST:
-                s.sum = s.samples = 0.0
+                s.total = s.samples = 0.0
     s.done = 1.0 if s.at < 0.0 and t > p.last else 0.0
     r.z_mode, r.z_offset = s.mode, s.offset
 
@@ -248,7 +248,7 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
     if isinstance(motion, Lines):
         p.motion = LINES
         p.centre_x, p.centre_y, p.cos, p.sin = motion.x, motion.y, math.cos(motion.angle), math.sin(motion.angle)
-        p.size, p.first, p.step, p.lines = motion.size, motion.first, motion.step, motion.lines
+        p.width, p.first, p.step, p.lines = motion.size, motion.first, motion.step, motion.lines
         p.image, p.turn = motion.image * sample, motion.turn * sample
         p.speed = motion.size / p.image
         # A sample is taken in the middle of its interval: then trace and retrace coincide.
@@ -269,7 +269,7 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
     s.number, s.done, s.fired = p.number, 0.0, 0.0
     s.at, s.since, s.origin = (0.0 if order.steps else float(END)), p.begin, s.offset
     if order.steps and order.steps[0].kind == REST:
-        s.sum = s.samples = 0.0
+        s.total = s.samples = 0.0
     return numbers
 
 

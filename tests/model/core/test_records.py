@@ -1,7 +1,9 @@
-"""Claims about records: arrays of any length are read by the address that stands in one."""
+"""Claims about records: names of their fields; arrays of any length are read by the address that stands in one."""
 
 import numpy as np
+import pytest
 
+from afm_model.core.errors import PartError
 from afm_model.core.jit import kernel
 from afm_model.core.records import Record, numbers_at, record_at, size
 
@@ -38,3 +40,8 @@ def test_kernel_reads_and_writes_an_array_of_any_length_by_its_address():
             called(block, out)
             assert out[0] == expected
             assert (curve[0::2] == -1.0).all()
+
+
+def test_field_that_numpy_would_hide_in_plain_python_is_refused():
+    with pytest.raises(PartError, match="record Sums: sum cannot be a field"):
+        type("Sums", (Record,), {"__annotations__": {"count": int, "sum": float}})

@@ -213,7 +213,7 @@ class ForceCurve(Verb):
         target = min(down + _AGAIN * self.lift, view.reach[1])
         # A short lift does not leave the sample: the setpoint counts from where the deflection is.
         program = view.instrument.orders.program
-        rest = float(program["sum"] / program["samples"])
+        rest = float(program["total"] / program["samples"])
         again = landing(view, target, self.approach_rate, self.settle, rest)
         yield Task(Order(view.stay(), again), back, "back to the sample")
         if not run.triggered:
