@@ -33,6 +33,8 @@ LOOK_PERIOD = 0.005
 
 A loop that waits for deadlines looks right behind a tick, at the latest when this has passed twice.
 """
+NEXT_LOOK = 0.001
+"""The same after a look that has found something, at the same node [s]: a goal and its result take several looks."""
 _EVENTS_EVERY = 200
 """Events of the middleware are looked at in one of so many looks: once a second."""
 
@@ -208,6 +210,7 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
         return
     # One node at a time: a look at several is felt in a loop of 20 kHz.
     looks = cycle([Waiting([node], _EVENTS_EVERY) for node in made])
+    waiting = next(looks)
     # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
     patience = LOOK_PERIOD if len(nodes) == 1 else 0.001
     serve_at, look_at = 0.0, 0.0
@@ -227,7 +230,9 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
             if busy:
                 continue
         if now >= look_at and (busy or now >= look_at + LOOK_PERIOD):
-            waiting = next(looks)
-            if waiting() or waiting.unfinished:
+            found = waiting()
+            if found or waiting.unfinished:
                 spin_once(0.0)
-            look_at = now + LOOK_PERIOD
+            look_at = now + (NEXT_LOOK if found else LOOK_PERIOD)
+            if not found:
+                waiting = next(looks)

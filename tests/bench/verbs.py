@@ -124,9 +124,9 @@ def answers(folder: Path, *, composed: bool, goals: int = 200) -> dict[str, floa
             client = Client(Node("bench", namespace=topics.NAMESPACE))
             client.do(Approach())
             scan = Scan(size_x=1e-6, pixels=64, lines=2000, line_rate=2.0)
-            going = client.actions[Scan.__name__].send_goal_async(goal_of(scan))
+            going = client.actions[Scan.name].send_goal_async(goal_of(scan))
             client.spin_until(going.done)
-            move = client.actions[MoveTo.__name__]
+            move = client.actions[MoveTo.name]
             client.spin_until(move.server_is_ready)
             for _ in range(goals):
                 begin = time.monotonic()
