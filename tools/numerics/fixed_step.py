@@ -12,7 +12,7 @@ from afm_model.contact.jkr import effective_radius_ratio
 from afm_model.core.records import pointer_at, record_at
 from afm_model.parts import surface
 from afm_model.parts.header import BlockHeader
-from afm_model.parts.signals import Drive
+from afm_model.parts.signals import Actuation
 from afm_model.plant import Constants, State, compliant, paper
 from afm_model.plant.lateral import kick_lateral
 
@@ -42,8 +42,8 @@ def state_of(m: _Array) -> Any:
 
 @compiled
 def drive_of(m: _Array) -> Any:
-    """Record of the drive in the block `m`."""
-    return record_at(m, record_at(m, 0, BlockHeader).effective, Drive)
+    """Record of what drives the plant in the block `m`."""
+    return record_at(m, record_at(m, 0, BlockHeader).effective, Actuation)
 
 
 @compiled
@@ -85,7 +85,7 @@ def project_paper_plant(m: _Array, every: int, out: _Array) -> None:
         out[i, 0], out[i, 1] = s.X, s.Y
         for _ in range(every):
             v.voltage[0] = v.voltage[1] = drive((k + 0.5) * p.h)
-            paper.step(v, not_drawn, p, s, m)
+            paper.step(0.0, v, not_drawn, p, s, m)
             k += 1
 
 
@@ -100,7 +100,7 @@ def project_compliant_plant(m: _Array, every: int, out: _Array) -> None:
         out[i, 0], out[i, 1] = s.X, s.Y
         for _ in range(every):
             v.voltage[0] = v.voltage[1] = drive((k + 0.5) * p.h)
-            compliant.step(v, unused, p, s, m)
+            compliant.step(0.0, v, unused, p, s, m)
             k += 1
 
 
