@@ -6,7 +6,8 @@ from .lever_check import check, warnings
 from .lever_constants import Constants, lever_constants, rows
 from .lever_parameters import LeverGroup
 from .lever_start import rest
-from .lever_step import State, observe, step
+from .lever_state import State
+from .lever_step import observe, step
 
 LEVER = Plant(
     name="lever",

@@ -5,23 +5,20 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 """
 
 import math
-from typing import TYPE_CHECKING
 
 from ...contact.contact_table import attraction, end_of_contact, look_up
 from ...core.jit import kernel
 from ...core.records import Block
 from ...parts.signals import Surface
 from .lever_constants import Constants
-
-if TYPE_CHECKING:
-    from .lever_step import State
+from .lever_state import State
 
 _CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""
 
 
 @kernel
-def place_frame(H: Surface, p: Constants, f: "State", m: Block, at: int) -> None:
+def place_frame(H: Surface, p: Constants, f: State, m: Block, at: int) -> None:
     """Write the contact at a place of the sample, H, into f, the State."""
     rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
     contrast = H.adhesion
@@ -37,7 +34,7 @@ def place_frame(H: Surface, p: Constants, f: "State", m: Block, at: int) -> None
 
 
 @kernel
-def normal(delta: float, f: "State", p: Constants, m: Block, at: int) -> tuple[float, float, float, float, float]:
+def normal(delta: float, f: State, p: Constants, m: Block, at: int) -> tuple[float, float, float, float, float]:
     """Normal force [N] and friction bound [N] at indentation delta [m], each with its slope [N/m], and contact radius.
 
     Parameters
@@ -59,7 +56,7 @@ def normal(delta: float, f: "State", p: Constants, m: Block, at: int) -> tuple[f
 
 @kernel
 def indent(
-    delta: float, target: float, w_n: float, w_f: float, f: "State", p: Constants, m: Block, at: int
+    delta: float, target: float, w_n: float, w_f: float, f: State, p: Constants, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """Solve delta + w_n N(delta) + w_f F_max(delta) = target, from the last indentation on.
 
@@ -88,7 +85,7 @@ def indent(
 
 @kernel
 def _march(
-    delta: float, target: float, w_n: float, w_f: float, f: "State", p: Constants, m: Block, at: int
+    delta: float, target: float, w_n: float, w_f: float, f: State, p: Constants, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """The same by steps until the balance changes sign, then by bisection: through folds and jumps."""
     N, _, bound, _, a = normal(delta, f, p, m, at)
@@ -164,7 +161,7 @@ def slide(
     w_11: float,
     w_12: float,
     w_22: float,
-    f: "State",
+    f: State,
     p: Constants,
     m: Block,
     at: int,

@@ -4,21 +4,18 @@ Equations: docs/lever.md (16) to (23).
 """
 
 import math
-from typing import TYPE_CHECKING
 
 from ...core.jit import kernel
 from ...core.records import Block
 from ...parts.dispatch import surface
 from .lever_constants import Constants
 from .lever_contact import hold, indent, place_frame, slide
-
-if TYPE_CHECKING:
-    from .lever_step import State
+from .lever_state import State
 
 
 @kernel
 def on_surface(
-    P_x: float, P_y: float, P_z: float, tip_z: float, p: Constants, s: "State", m: Block, at: int
+    P_x: float, P_y: float, P_z: float, tip_z: float, p: Constants, s: State, m: Block, at: int
 ) -> tuple[float, float, float]:
     """Force of the sample on the tip at mid-step; writes what the contact has come to into the state s.
 

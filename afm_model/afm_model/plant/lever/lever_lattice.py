@@ -6,7 +6,6 @@ load follow from it.
 """
 
 import math
-from typing import TYPE_CHECKING
 
 from ...core.jit import kernel, routine
 from ...core.records import Block
@@ -14,9 +13,7 @@ from ...parts.dispatch import surface
 from ..random_numbers import normal as standard_normal
 from .lever_constants import Constants
 from .lever_contact import indent, normal, place_frame
-
-if TYPE_CHECKING:
-    from .lever_step import State
+from .lever_state import State
 
 _LONGEST = 1.0 / 32.0
 """Way of the apex, in lattice constants, in one part of its way down to a minimum."""
@@ -56,7 +53,7 @@ def downhill(
 
 @routine
 def _indent(
-    delta: float, target: float, w_n: float, p: Constants, s: "State", m: Block, at: int
+    delta: float, target: float, w_n: float, p: Constants, s: State, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """As `indent` without friction; called, not compiled into its callers, which saves seconds of compilation."""
     return indent(delta, target, w_n, 0.0, s, p, m, at)
@@ -64,7 +61,7 @@ def _indent(
 
 @routine
 def on_lattice(
-    P_x: float, P_y: float, P_z: float, p: Constants, s: "State", m: Block, at: int
+    P_x: float, P_y: float, P_z: float, p: Constants, s: State, m: Block, at: int
 ) -> tuple[float, float, float]:
     """Force of the sample on the tip at mid-step; writes what the contact has come to into the state s.
 
@@ -146,7 +143,7 @@ def on_lattice(
 
 
 @routine
-def _off(P_x: float, P_y: float, P_z: float, p: Constants, s: "State", m: Block, at: int) -> tuple[float, float, float]:
+def _off(P_x: float, P_y: float, P_z: float, p: Constants, s: State, m: Block, at: int) -> tuple[float, float, float]:
     """The same of a tip that does not touch the sample: no lateral force. One that snaps in is at rest there."""
     H = surface(P_x / p.x0, P_y / p.x0, m)
     place_frame(H, p, s, m, at)

@@ -1,0 +1,53 @@
+"""State of the plant `lever`."""
+
+from typing import Annotated
+
+from ...core.records import Array, Record
+from ..beam import MODES
+
+_OfModes = Annotated[Array, (MODES,)]
+
+
+class State(Record):
+    X: float  # scanner [m], [m/s]
+    V_X: float
+    Y: float
+    V_Y: float
+    Z: float
+    V_Z: float
+    q: _OfModes  # bending modes: deflection of the end of the cantilever in each [m], [m/s]
+    v: _OfModes
+    phi: float  # mode of torsion: twist of the end in it [rad], [rad/s]
+    v_phi: float
+    A_x: Annotated[float, "m"]  # place on the sample that the tip holds on to
+    A_y: Annotated[float, "m"]
+    U_x: Annotated[float, "m"]  # place under the tip at the last mid-step
+    U_y: Annotated[float, "m"]
+    S_x: Annotated[float, "m"]  # way of that place in the last step if the tip was sliding
+    S_y: Annotated[float, "m"]
+    delta: Annotated[float, "m"]  # indentation at the last mid-step, along the normal
+    a: Annotated[float, "m"]  # contact radius
+    N: Annotated[float, "N"]  # normal force of the last step
+    F_x: Annotated[float, "N"]  # force of the sample on the tip
+    F_y: Annotated[float, "N"]
+    F_z: Annotated[float, "N"]
+    T_x: Annotated[float, "N"]  # of it, friction along x and y
+    T_y: Annotated[float, "N"]
+    F_max: Annotated[float, "N"]  # friction bound
+    d_1: float  # direction of the last sliding, along the two tangents
+    d_2: float
+    stuck: float  # 1.0 if the tip has not moved on the sample in the last step
+    tip: Annotated[float, "m"]  # deflection of the tip, upwards, with that of the base
+    tip_rate: Annotated[float, "m/s"]
+    shown: Annotated[float, "m"]  # deflection that the photodiode shows
+    twist: Annotated[float, "rad"]  # of the end
+    steps: float  # since the start
+    unit_force: Annotated[float, "N"]  # units of the contact at this place, see afm_model.contact.maugis
+    unit_radius: Annotated[float, "m"]
+    unit_indentation: Annotated[float, "m"]
+    hamaker_radius: Annotated[float, "J m"]  # Hamaker constant times effective radius
+    row: float  # in the table of the contact
+    end: Annotated[float, "m"]  # indentation at which contact begins and ends
+    tau: Annotated[float, "Pa"]  # friction per area
+    V_Ax: Annotated[float, "m/s"]  # rate of the place that the tip holds on to, on a lattice
+    V_Ay: Annotated[float, "m/s"]
