@@ -1,5 +1,6 @@
 """The project's one way to compile a function with numba, kept on disk (kernel_cache.py)."""
 
+import warnings
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -14,6 +15,11 @@ config: Any = _config
 sigutils: Any = _sigutils
 CFunc: Any = _CFunc
 _F = TypeVar("_F", bound=Callable[..., object])
+
+# A record that begins with the fields of another is taken by kernels of that one: it is the same pointer.
+warnings.filterwarnings(
+    "ignore", ".*has been considered a subtype of", category=numba.core.errors.NumbaExperimentalFeatureWarning
+)
 
 
 def _compiled(function: _F, **options: Any) -> _F:
