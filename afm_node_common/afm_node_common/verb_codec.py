@@ -25,8 +25,9 @@ from afm_model.microscope.verb import Verb, find
 ANY = "verb"
 """Name of the action for every verb that has none of its own."""
 _TOLD = ("success", "message")
-_TYPES = {name: "".join(part.capitalize() for part in name.split("_")) for name in (*registry.names("verb"), ANY)}
-ACTIONS: dict[str, Any] = {name: getattr(action, kind) for name, kind in _TYPES.items() if hasattr(action, kind)}
+TITLES = {name: "".join(part.capitalize() for part in name.split("_")) for name in (*registry.names("verb"), ANY)}
+"""Names of the types, and of the verbs for people, by the names of the actions."""
+ACTIONS: dict[str, Any] = {name: getattr(action, kind) for name, kind in TITLES.items() if hasattr(action, kind)}
 """Types of actions by their names, which are those of the verbs."""
 
 

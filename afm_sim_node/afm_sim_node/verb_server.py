@@ -16,7 +16,7 @@ from afm_model.microscope.results import COMPLETE, Outcome
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Withdraw
 from afm_model.run import Run
-from afm_node_common.verb_codec import ACTIONS, put_outcome, verb_of
+from afm_node_common.verb_codec import ACTIONS, TITLES, put_outcome, verb_of
 
 from .clients import Feedback
 
@@ -188,13 +188,14 @@ class VerbServer:
     def _answer(self, name: str, goal: ServerGoalHandle, result: Any) -> None:
         """Send the result."""
 
-        title = "".join(part.capitalize() for part in name.split("_"))
-
         def conclude(goal: ServerGoalHandle) -> Any:
             self._unanswered -= 1
             if goal.is_cancel_requested:
                 if result.success:
-                    result.success, result.message = False, f"{title} was cancelled at its end; the tip is withdrawn"
+                    result.success, result.message = (
+                        False,
+                        f"{TITLES[name]} was cancelled at its end; the tip is withdrawn",
+                    )
                 goal.canceled()
             elif result.success:
                 goal.succeed()

@@ -163,7 +163,8 @@ class KernelCache(caching._Cache):  # type: ignore[misc]
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep what was compiled for a signature; a folder that cannot be written costs a warning."""
         path = self._path(signature, data.codegen)
-        if path is None or data.lifted or data.library.has_dynamic_globals:
+        made = data._asdict()
+        if path is None or made["lifted"] or made["library"].has_dynamic_globals:
             return
         try:
             write(path, dumps(data._reduce()))

@@ -20,7 +20,7 @@ _HOOKS = {
     "on_measurement": ("on_sensors", "on_measurements"),
 }
 """For which sorts of faults each function of the part is called."""
-_SORTS = ("on_sensors", "on_drives", "on_measurements", "on_commands", "on_sample")
+_SORTS = tuple(sort for sorts in _HOOKS.values() for sort in sorts)
 """How many faults of a sort are in the table; where there is none, nothing is computed."""
 
 

@@ -20,6 +20,7 @@ from .limits import (
     RUNNING,
     TOO_HARD,
     TRAVEL,
+    GuardCounts,
     GuardState,
     LimitConstants,
     bring_back,
@@ -78,7 +79,7 @@ class Guard:
 
     def counts(self) -> dict[str, int]:
         """Withdrawals, and ticks in which the instrument had the drive, by their names in `run.Counts`."""
-        return {name: int(self._record[name]) for name in GuardState.names[-5:]}
+        return {name: int(self._record[name]) for name in GuardCounts.names}
 
     def retract(self) -> None:
         """Take the drive: the controller is silent."""

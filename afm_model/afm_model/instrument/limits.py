@@ -44,7 +44,15 @@ class LimitConstants(Record):
     rest: Annotated[Vector, "V"]  # drive of the start
 
 
-class GuardState(Record):
+class GuardCounts(Record):
+    withdrawals: int
+    ticks_withdrawn: int
+    scored_ticks_withdrawn: int
+    ticks_retracted: int
+    scored_ticks_retracted: int
+
+
+class GuardState(GuardCounts):
     """Where the limits stand. It is no state of a part, and not in the hash."""
 
     phase: int
@@ -59,11 +67,6 @@ class GuardState(Record):
     drive: Annotated[Vector, "V"]  # the instrument's own
     target: Annotated[Vector, "V"]
     moves: Vector  # [V] in a tick
-    withdrawals: int
-    ticks_withdrawn: int
-    scored_ticks_withdrawn: int
-    ticks_retracted: int
-    scored_ticks_retracted: int
 
 
 @kernel

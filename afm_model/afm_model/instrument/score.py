@@ -69,7 +69,7 @@ def count_step(t: ScoreSums, o: Truth, a: Setpoint, b: Setpoint, f: float, perio
 
     Parameters
     ----------
-    t, o : records of ScoreSums and TRUTH
+    t, o : records of ScoreSums and Truth
     a, b : records of Setpoint
         At the control ticks before and after.
     f, period : float

@@ -76,7 +76,7 @@ def sense(o: Truth, deflection: float, drifted: DriftState, p: SensorConstants, 
     o : record of Truth
     deflection : float
         As the photodetector has read it [m].
-    drifted : record of DRIFTED
+    drifted : record of DriftState
         A displacement that the sensors do not see.
     p, s : records of SensorConstants and SensorState
     r : random numbers, three

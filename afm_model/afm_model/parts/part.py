@@ -311,7 +311,7 @@ class Plant(Part):
     rest : callable
         (parameters, p, s, m) -> drive (x, y, z) [V] that holds the start; writes the state at the start into s.
     map : callable, optional
-        Parameters -> array of float64, read-only for the kernel, at m[plant_map of HEADER]: a table, say.
+        Parameters -> array of float64, read-only for the kernel, at m[plant_map of BlockHeader]: a table, say.
     sample_in_si : bool
         The plant takes slopes and curvatures of the sample in SI, not in scaled coordinates, and checks by itself
         whether its tip touches the sample in one point.
