@@ -249,6 +249,23 @@ def _sentence(error: ValidationError, known: Mapping[str, Specification]) -> str
     return "; ".join(parts)
 
 
+def refuse_together(group: Group, prefix: str, *names: str) -> None:
+    """Raise ValueError if more than one of these parameters of a group is given, which is when it is not 0.
+
+    Parameters
+    ----------
+    group : Group
+    prefix : str
+        What stands before their names in the sentence, such as "detector."; none if empty.
+    *names : str
+    """
+    fields = type(group).model_fields
+    units = {name: next(each.symbol for each in fields[name].metadata if isinstance(each, Unit)) for name in names}
+    given = [f"{prefix}{name} = {getattr(group, name):g} {units[name]}" for name in names if getattr(group, name)]
+    if len(given) > 1:
+        raise ValueError(f"{' and '.join(given)} are not allowed together: give one")
+
+
 def flatten(values: Group, prefix: str = "") -> dict[str, Value]:
     """The inverse of `build`: dotted name to value."""
     flat: dict[str, Value] = {}

@@ -16,7 +16,7 @@ from ..core.converter import convert
 from ..core.jit import kernel
 from ..core.low_pass import LowPass
 from ..core.records import Block, Record
-from ..core.schema import NonNegative, Positive, Unit
+from ..core.schema import NonNegative, Positive, Unit, refuse_together
 from ..parts.groups import DetectorParameters
 from ..parts.part import Detector, Numbers, Tree
 from ..parts.signals import Detection, Truth
@@ -56,15 +56,7 @@ class Photodiode(DetectorParameters):
 
     @model_validator(mode="after")
     def _one_noise(self) -> "Photodiode":
-        given = {
-            f"detector.noise = {self.noise:g} V": self.noise,
-            f"detector.noise_density = {self.noise_density:g} V/sqrt(Hz)": self.noise_density,
-            f"detector.deflection_noise_density = {self.deflection_noise_density:g} m/sqrt(Hz)": (
-                self.deflection_noise_density
-            ),
-        }
-        if len(several := [sentence for sentence, value in given.items() if value > 0.0]) > 1:
-            raise ValueError(f"{' and '.join(several)} are not allowed together: give one")
+        refuse_together(self, "detector.", "noise", "noise_density", "deflection_noise_density")
         return self
 
     @property

@@ -16,7 +16,7 @@ from pydantic import Field, model_validator
 
 from ..core.jit import kernel
 from ..core.records import Record
-from ..core.schema import NonNegative, Unit
+from ..core.schema import NonNegative, Unit, refuse_together
 from ..parts.groups import OnboardParameters
 from ..parts.part import ONBOARD_SETTINGS, Channel, Numbers, Onboard, Tree
 from ..parts.signals import FOLLOW, GIVEN, HOLD, Detection, Drive, Setpoint
@@ -51,11 +51,7 @@ class PiParameters(OnboardParameters):
             raise ValueError(
                 f"onboard.low = {self.low:g} m is not allowed: it must be < onboard.high = {self.high:g} m"
             )
-        if self.setpoint_voltage != 0.0 and self.setpoint_force != 0.0:
-            raise ValueError(
-                f"onboard.setpoint_voltage = {self.setpoint_voltage:g} V and onboard.setpoint_force = "
-                f"{self.setpoint_force:g} N are not allowed together: give one"
-            )
+        refuse_together(self, "onboard.", "setpoint_voltage", "setpoint_force")
         return self
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import Field, create_model, model_validator
 
 from ..core.errors import ParameterError
-from ..core.schema import Group, Unit, Value, build, chosen_group
+from ..core.schema import Group, Unit, Value, build, chosen_group, refuse_together
 from ..detector import Photodiode
 from ..law.sampled import SampledLaw
 from ..piezo import PiezoParameters
@@ -36,11 +36,7 @@ class _Setpoint(Group):
 
     @model_validator(mode="after")
     def _one(self) -> "_Setpoint":
-        if self.setpoint_force != 0.0 and self.setpoint_voltage != 0.0:
-            raise ValueError(
-                f"microscope.setpoint_force = {self.setpoint_force:g} N and microscope.setpoint_voltage = "
-                f"{self.setpoint_voltage:g} V are not allowed together: give one"
-            )
+        refuse_together(self, "microscope.", "setpoint_force", "setpoint_voltage")
         return self
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field, model_validator
 
-from ..core.schema import Group, NonNegative, Positive, Unit
+from ..core.schema import Group, NonNegative, Positive, Unit, refuse_together
 
 
 class ProgramParameters(Group):
@@ -173,11 +173,7 @@ class DetectorParameters(Group):
 
     @model_validator(mode="after")
     def _sensors_fit(self) -> "DetectorParameters":
-        if self.position_noise > 0.0 and self.position_noise_density > 0.0:
-            raise ValueError(
-                f"detector.position_noise = {self.position_noise:g} m and detector.position_noise_density = "
-                f"{self.position_noise_density:g} m/sqrt(Hz) are not allowed together: give one"
-            )
+        refuse_together(self, "detector.", "position_noise", "position_noise_density")
         if self.position_bits > 0 and self.position_limit == 0.0:
             raise ValueError(
                 f"detector.position_bits = {self.position_bits} needs a range: detector.position_limit must be > 0 m, "

@@ -15,7 +15,7 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from ..core.jit import kernel
-from ..core.schema import NonNegative, Positive, Unit
+from ..core.schema import NonNegative, Positive, Unit, refuse_together
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Program, Tree
 from ..parts.signals import Detection, Setpoint
@@ -59,11 +59,7 @@ class ForceCurveParameters(ProgramParameters):
 
     @model_validator(mode="after")
     def _one_trigger(self) -> "ForceCurveParameters":
-        if self.trigger_voltage > 0.0 and self.trigger_force > 0.0:
-            raise ValueError(
-                f"reference.trigger_voltage = {self.trigger_voltage:g} V and reference.trigger_force = "
-                f"{self.trigger_force:g} N are not allowed together: give one"
-            )
+        refuse_together(self, "reference.", "trigger_voltage", "trigger_force")
         return self
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ...core.errors import VerbError
-from ...core.schema import Unit
+from ...core.schema import Unit, refuse_together
 from ...program import orders
 from ...program.force_curve import APPROACH, DWELL, LIFT, RETRACT, SETTLE
 from ...program.orders import Order, Step
@@ -151,11 +151,7 @@ class ForceCurve(Verb):
 
     @model_validator(mode="after")
     def _one_trigger(self) -> "ForceCurve":
-        if self.trigger_voltage > 0.0 and self.trigger_force > 0.0:
-            raise ValueError(
-                f"trigger_voltage = {self.trigger_voltage:g} V and trigger_force = {self.trigger_force:g} N are not "
-                f"allowed together: give one"
-            )
+        refuse_together(self, "", "trigger_voltage", "trigger_force")
         return self
 
     def trigger(self, view: InstrumentView) -> float:
