@@ -16,7 +16,7 @@ from afm_msgs.msg import NamedArray, ScanLine
 
 from afm_model.core import registry
 from afm_model.core.errors import ParameterError
-from afm_model.core.schema import specifications
+from afm_model.core.schema import python_value, specifications
 from afm_model.microscope.arrays import Arrays, Variable, arrays_of
 from afm_model.microscope.image import Image, Line
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome, Standing, TimeSeries
@@ -153,7 +153,7 @@ def _encoded(value: Any) -> Any:
         return msg.Record(time=numbers(value.time), channels=list(value.channels), units=units, data=data)
     if dataclasses.is_dataclass(value):
         return _put(value, getattr(msg, type(value).__name__)())
-    return value if isinstance(value, str | bool) else value.item() if isinstance(value, np.generic) else value
+    return python_value(value)
 
 
 def _decoded(kind: Any, message: Any, **given: Any) -> Any:

@@ -12,6 +12,7 @@ from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
 import annotated_types
+import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
 
@@ -247,6 +248,11 @@ def _sentence(error: ValidationError, known: Mapping[str, Specification]) -> str
             # Raised by a validator that looks at several parameters and names them itself.
             parts.append(str(item["msg"]).removeprefix("Value error, "))
     return "; ".join(parts)
+
+
+def python_value(value: Any) -> Any:
+    """A number of numpy as one of Python, which parameters are declared as; anything else as it is."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def refuse_together(group: Group, prefix: str, *names: str) -> None:

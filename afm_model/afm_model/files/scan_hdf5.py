@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..core.errors import ParameterError, ResultFileError
-from ..core.schema import build
+from ..core.schema import build, python_value
 from ..microscope.image import DIRECTIONS, RETRACE, Image, Line, as_image
 from ..microscope.verbs import Scan
 from .result_files import Disk, checked, reason
@@ -252,7 +252,7 @@ def read_scan(path: Path | str) -> Image:
 
 
 def _image(file: Any) -> Image:
-    known = {name: _plain(file.attrs[name]) for name in Scan.model_fields}
+    known = {name: python_value(file.attrs[name]) for name in Scan.model_fields}
     scan = build(Scan, known)
     units = {str(name): str(unit) for name, unit in zip(file.attrs["names"], file.attrs["units"], strict=True)}
     image = Image.empty(scan, units)
@@ -265,7 +265,3 @@ def _image(file: Any) -> Image:
         image.lines_done = 1 + max(image.row(int(row)) for row in done)
     image.complete = image.lines_done == scan.lines
     return image
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value

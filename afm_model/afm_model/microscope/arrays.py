@@ -105,8 +105,3 @@ def to_xarray(result: Any) -> "xarray.Dataset | xarray.DataArray | Any":
     if set(arrays.variables) == {""}:
         return xarray.DataArray(arrays.variables[""].values, attrs=dict(arrays.variables[""].attributes))
     return xarray.Dataset(dict(arrays.variables), dict(arrays.coordinates), dict(arrays.attributes))
-
-
-def plain(value: Any) -> Any:
-    """A number of numpy as one of Python."""
-    return value.item() if isinstance(value, np.generic) else value

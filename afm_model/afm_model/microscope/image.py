@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.schema import build
-from .arrays import Arrays, Variable, attributes, plain, variable
+from ..core.schema import build, python_value
+from .arrays import Arrays, Variable, attributes, variable
 
 if TYPE_CHECKING:
     import xarray
@@ -179,7 +179,7 @@ def as_image(scan: "Image | xarray.Dataset") -> Image:
     given: Mapping[str, Any] = getattr(scan, "attrs", {})
     if given.get("verb") != "Scan":
         raise ValueError(f"this is no scan, neither an Image nor the labelled arrays of one: {type(scan).__name__}")
-    notes = {str(name): plain(value) for name, value in given.items()}
+    notes = {str(name): python_value(value) for name, value in given.items()}
     variables = {str(name): values for name, values in scan.data_vars.items() if name not in _MADE}
     units = {name.removeprefix(_MEASURED): values.attrs["units"] for name, values in variables.items()}
     data = {

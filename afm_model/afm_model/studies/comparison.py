@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..core.errors import ParameterError
+from ..core.schema import python_value
 from ..parameters import ControllerParameters, SimParameters, build, flatten
 from .contender import CONDITIONS, Common, Contender, instrument_under, law_under
 
@@ -108,7 +107,7 @@ class Comparison:
         """
         row = self.table.iloc[number]
         law = next(each for each in self.contenders if each.label == row["law"])
-        conditions = {name: _plain(row[name]) for name in CONDITIONS}
+        conditions = {name: python_value(row[name]) for name in CONDITIONS}
         plain, default = flatten(instrument_under(self.common, conditions)), flatten(SimParameters())
         instrument = {name: value for name, value in plain.items() if value != default.get(name)}
         if law.start is not None:
@@ -121,7 +120,3 @@ class Comparison:
         own, usual = flatten(controller), flatten(build(ControllerParameters, {"law.kind": law.kind}))
         given = {name: value for name, value in own.items() if name == "law.kind" or value != usual.get(name)}
         return {"/**/afm_sim_node": instrument, "/**/afm_controller_node": given}
-
-
-def _plain(value: object) -> object:
-    return value.item() if isinstance(value, np.generic) else value

@@ -11,10 +11,8 @@ from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..core.errors import DivergenceError, DriveError, ParameterError, PartError
-from ..core.schema import with_parts
+from ..core.schema import python_value, with_parts
 from ..instrument import score
 from ..law import TimingWarning, disagreements
 from ..parameters import ControllerParameters, Group, SimParameters, Value, changed, specifications
@@ -110,7 +108,7 @@ def _columns(
         if isinstance(values, str | bytes) or not hasattr(values, "__len__"):
             raise ParameterError(f"{name} = {values} is not allowed in a sweep: it must be a list of values")
         # Plain Python numbers: those of numpy are not what the parameters are declared as.
-        given[name] = [value.item() if isinstance(value, np.generic) else value for value in values]
+        given[name] = [python_value(value) for value in values]
         for value in given[name]:
             if not isinstance(value, int | float | str):
                 raise ParameterError(

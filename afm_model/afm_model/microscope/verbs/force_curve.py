@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ...core.errors import VerbError
-from ...core.schema import Unit, refuse_together
+from ...core.schema import Unit, python_value, refuse_together
 from ...program import orders
 from ...program.force_curve import APPROACH, DWELL, LIFT, RETRACT, SETTLE
 from ...program.orders import Order, Step
-from ..arrays import Arrays, Variable, plain, variable
+from ..arrays import Arrays, Variable, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task, landing
 from ..results import MicroscopeState, TimeSeries
@@ -118,7 +118,7 @@ def _curve(dataset: Any, time: Any, numbers: Mapping[str, Any]) -> Curve:
         {name: np.asarray(values, dtype=np.float64) for name, values in variables.items()},
         {name: values.attrs["units"] for name, values in variables.items()},
     )
-    read = {name: plain(numbers[name]) for name in _UNITS}
+    read = {name: python_value(numbers[name]) for name in _UNITS}
     return Curve(record=record, **read | {"triggered": bool(read["triggered"])})
 
 
