@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.jit import kernel
 from ..core.records import Block
+from ..core.splines import slopes
 from .maugis import branch
 
 NODES = 1025
@@ -39,19 +40,18 @@ def table(model: str, rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _row(model: str, transition: float) -> NDArray[np.float64]:
-    from scipy.interpolate import CubicSpline  # here: a quarter of a second for nothing where no table is made
-
     exact = branch(model, transition)
     s = np.linspace(0.0, REACH, NODES)
     d = exact.least_indentation + s * s
     a, force = exact.solve(d)
-    forces, radii = CubicSpline(s, force), CubicSpline(s, a)
+    force_slope, a_slope = slopes(force, s[1]), slopes(a, s[1])
     # F = offset + (d + shift)^(3/2); a^2 = d + factor d^(1/4) + shift_a, as adhesion widens a large contact.
-    shift = (forces(REACH, 1) / (2.0 * REACH) / 1.5) ** 2 - d[-1]
-    factor = 4.0 * d[-1] ** 0.75 * (a[-1] * radii(REACH, 1) / REACH - 1.0)
-    shift_a = a[-1] ** 2 - d[-1] - factor * d[-1] ** 0.25
-    head = [d[0], force[0], shift, force[-1] - (d[-1] + shift) ** 1.5, factor, shift_a]
-    return np.concatenate([head, np.stack([force, forces(s, 1), a, radii(s, 1)], axis=1).ravel()])
+    root = force_slope[-1] / (2.0 * REACH) / 1.5
+    fourth = math.sqrt(math.sqrt(d[-1]))
+    factor = 4.0 * fourth * fourth * fourth * (a[-1] * a_slope[-1] / REACH - 1.0)
+    shift_a = a[-1] * a[-1] - d[-1] - factor * fourth
+    head = [d[0], force[0], root * root - d[-1], force[-1] - root * root * root, factor, shift_a]
+    return np.concatenate([head, np.stack([force, force_slope, a, a_slope], axis=1).ravel()])
 
 
 @kernel
@@ -102,7 +102,7 @@ def _in_row(beyond: float, d: float, t: Block, at: int) -> tuple[float, float, f
     spacing = REACH / (NODES - 1)
     if s >= REACH:
         root = math.sqrt(d + t[at + 2])
-        fourth = d**0.25
+        fourth = math.sqrt(math.sqrt(d))
         a = math.sqrt(d + t[at + 4] * fourth + t[at + 5])
         return t[at + 3] + root * root * root, 1.5 * root, a, (0.5 + 0.125 * t[at + 4] * fourth / d) / a
     place = s / spacing

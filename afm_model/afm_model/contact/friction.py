@@ -2,9 +2,10 @@
 
 import math
 
+from ..core.elementary import cbrt, square
 from ..core.jit import kernel
 
-_AREA = 4.0 ** (2.0 / 3.0)
+_AREA = square(cbrt(4.0))
 """Contact area at zero load over that at pull-off."""
 
 
@@ -24,8 +25,8 @@ def bound_of_load(f_s: float, rho: float, load_ratio: float) -> float:
 
     load_ratio is that of the load N to the pull-off load |L_s| at this radius.
     """
-    root = math.sqrt(max(1.0 + load_ratio, 0.0))
-    return f_s * (rho * (1.0 + root)) ** (4.0 / 3.0)
+    area = rho * (1.0 + math.sqrt(max(1.0 + load_ratio, 0.0)))
+    return f_s * area * cbrt(area)
 
 
 STICK = True

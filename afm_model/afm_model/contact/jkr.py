@@ -18,12 +18,13 @@ K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. Lond. A 324 (1971) 301, 
 import math
 from typing import Any
 
+from ..core.elementary import cbrt, square
 from ..core.jit import kernel
 
-U_FIXED_GRIPS = (1.0 / 6.0) ** (1.0 / 3.0)
+U_FIXED_GRIPS = cbrt(1.0 / 6.0)
 """u at which the contact breaks when the displacement is held (fixed grips), docs/theory.md (9)."""
 
-INDENTATION_FIXED_GRIPS = U_FIXED_GRIPS**4 - 2.0 / 3.0 * U_FIXED_GRIPS
+INDENTATION_FIXED_GRIPS = -0.5 * U_FIXED_GRIPS
 """delta R_e / a_0^2 at which the contact breaks when the displacement is held: -0.2752."""
 
 
@@ -52,7 +53,7 @@ def u_of_indentation(d: float) -> float:
         return u
     # Resolvent cubic m^3 + d m - 1/18 = 0, one positive real root on this branch.
     discriminant = max(1.0 / 1296.0 + d * d * d / 27.0, 0.0)
-    c = (1.0 / 36.0 + math.sqrt(discriminant)) ** (1.0 / 3.0)
+    c = cbrt(1.0 / 36.0 + math.sqrt(discriminant))
     m = c - d / (3.0 * c)
     root = math.sqrt(2.0 * m)
     u = 0.5 * (root + math.sqrt(max(4.0 / (3.0 * root) - 2.0 * m, 0.0)))
@@ -77,7 +78,7 @@ def u_of_load(load_ratio: float) -> float:
     float [1]
         (a / a_0)^(1/2) = ((1 + sqrt(1 + L/|L_s|)) / 2)^(1/3).
     """
-    return (0.5 * (1.0 + math.sqrt(max(1.0 + load_ratio, 0.0)))) ** (1.0 / 3.0)
+    return cbrt(0.5 * (1.0 + math.sqrt(max(1.0 + load_ratio, 0.0))))
 
 
 @kernel
@@ -125,12 +126,12 @@ def contact_radius(load: float, R_e: float, K: float, gamma: float) -> float:
     pull_off = 3.0 * math.pi * R_e * gamma
     if load < -pull_off:
         raise ValueError(f"load = {load:g} N is below the pull-off load {-pull_off:g} N: there is no contact")
-    return radius_at_zero_load(R_e, K, gamma) * u_of_load(load / pull_off) ** 2
+    return radius_at_zero_load(R_e, K, gamma) * square(u_of_load(load / pull_off))
 
 
 def radius_at_zero_load(R_e: float, K: float, gamma: float) -> float:
     """a_0 = (12 pi R_e^2 gamma / K)^(1/3) [m], docs/theory.md (3); the paper prints R_e without the square."""
-    return (12.0 * math.pi * R_e**2 * gamma / K) ** (1.0 / 3.0)
+    return cbrt(12.0 * math.pi * R_e * R_e * gamma / K)
 
 
 def hertz_radius(load: float, R_e: float, K: float) -> float:
@@ -143,7 +144,7 @@ def hertz_radius(load: float, R_e: float, K: float) -> float:
     """
     if load < 0.0:
         raise ValueError(f"load = {load:g} N pulls: without adhesion there is no contact")
-    return (R_e * load / K) ** (1.0 / 3.0)
+    return cbrt(R_e * load / K)
 
 
 @kernel

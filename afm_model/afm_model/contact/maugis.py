@@ -27,6 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.elementary import cbrt, sincos_each, square
+
 _Array = NDArray[np.float64]
 MODELS = ("maugis", "jkr", "dmt")
 
@@ -71,11 +73,11 @@ def branch(model: str, transition: float = 0.0) -> Branch:
         # F = a^3 - a sqrt(6 a), d = a^2 - (2/3) sqrt(6 a); d is least at a^3 = 1/6.
         def jkr(a: _Array) -> tuple[_Array, _Array, _Array]:
             root = np.sqrt(6.0 * a)
-            return a, a**3 - a * root, a**2 - 2.0 / 3.0 * root
+            return a, a * a * a - a * root, a * a - 2.0 / 3.0 * root
 
-        return Branch((1.0 / 6.0) ** (1.0 / 3.0), 1e3, jkr)
+        return Branch(cbrt(1.0 / 6.0), 1e3, jkr)
     if model == "dmt":
-        return Branch(0.0, 1e3, lambda a: (a, a**3 - 2.0, a**2))
+        return Branch(0.0, 1e3, lambda a: (a, a * a * a - 2.0, a * a))
     return _maugis(transition)
 
 
@@ -84,16 +86,16 @@ def along(lam: float) -> Callable[[_Array], tuple[_Array, _Array, _Array]]:
     area; `lam` is the transition parameter."""
 
     def at(t: _Array) -> tuple[_Array, _Array, _Array]:
-        mu = np.tan(t)
+        sine, cosine = sincos_each(t)
+        mu, m = sine / cosine, 1.0 / cosine
         # 1 - m and mu - t cancel where the zone is narrow: half angles and a series.
-        m = 1.0 / np.cos(t)
-        m_less_1 = 2.0 * np.sin(0.5 * t) ** 2 * m
-        narrow = t < 0.02
-        A = np.where(narrow, 4.0 / 3.0 * t**3 + 0.8 * t**5 + 136.0 / 315.0 * t**7, mu + (m * m - 2.0) * t)
-        B = np.where(narrow, 0.5 * t**2 + t**4 / 8.0 + 7.0 / 144.0 * t**6, mu * t - m_less_1)
+        m_less_1 = 2.0 * square(sincos_each(0.5 * t)[0]) * m
+        narrow, t2 = t < 0.02, t * t
+        A = np.where(narrow, t * t2 * (4.0 / 3.0 + t2 * (0.8 + 136.0 / 315.0 * t2)), mu + (m * m - 2.0) * t)
+        B = np.where(narrow, t2 * (0.5 + t2 * (0.125 + 7.0 / 144.0 * t2)), mu * t - m_less_1)
         b = 4.0 / 3.0 * lam * lam * B
         a = 2.0 / (b + np.sqrt(b * b + 2.0 * lam * A))
-        return a, a**3 - lam * a * a * (mu + m * m * t), a * a - 4.0 / 3.0 * lam * a * mu
+        return a, a * a * a - lam * a * a * (mu + m * m * t), a * a - 4.0 / 3.0 * lam * a * mu
 
     return at
 

@@ -8,6 +8,7 @@ import numba
 from numba.core import config as _config
 from numba.core import sigutils as _sigutils
 from numba.core.ccallback import CFunc as _CFunc
+from numba.extending import register_jitable
 
 from .kernel_cache import KernelCache
 
@@ -44,6 +45,11 @@ def kernel(function: _F) -> _F:
 def routine(function: _F) -> _F:
     """As `kernel`, but called, not compiled into its callers: for what is long and is called from several places."""
     return _compiled(function)
+
+
+def inlined(function: _F) -> _F:
+    """A plain Python function that kernels take too: reading parameters calls it and compiles nothing."""
+    return register_jitable(error_model="numpy", forceinline=True)(function)
 
 
 def is_compiled(function: object) -> bool:

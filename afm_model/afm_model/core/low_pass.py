@@ -13,6 +13,7 @@ docs/imperfections.md.
 import math
 from collections.abc import Mapping
 
+from .elementary import exp, expm1
 from .records import Record
 
 
@@ -52,6 +53,6 @@ def constants(bandwidth: float, rms: float, period: float) -> Mapping[str, float
     if bandwidth == 0.0:
         return {"filtered": 0.0, "keep": 0.0, "new": 1.0, "old": 0.0, "noise": rms, "shake": rms}
     way = 2.0 * math.pi * bandwidth * period
-    keep, mean = math.exp(-way), -math.expm1(-way) / way
-    shake = rms * math.sqrt(-math.expm1(-2.0 * way))
+    keep, mean = exp(-way), -expm1(-way) / way
+    shake = rms * math.sqrt(-expm1(-2.0 * way))
     return {"filtered": 1.0, "keep": keep, "new": 1.0 - mean, "old": mean - keep, "noise": rms, "shake": shake}

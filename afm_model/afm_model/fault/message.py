@@ -6,10 +6,10 @@ Messages may overtake one another. The newest one that has arrived counts, by th
 import math
 
 from ..core.jit import kernel
+from ..core.random_numbers import bits, uniform
 from ..core.records import numbers_at, numbers_of, record_at, size
 from ..parts.signals import Delivery, Measurement, PiezoDrive, copy_command
 from ..parts.timing import ticks_of
-from .chance import uniform
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
 from .memory import SENSED, SLOTS, Constants, Memory, OnTheirWay
 
@@ -30,12 +30,12 @@ def _arrival(k: int, message: int, p: Constants) -> int:
         if p.target[i] != message or not p.first[i] <= k < p.last[i]:
             continue
         if p.kind[i] == _LOSS:
-            if uniform(p.seed[i], k, message) < p.magnitude[i]:
+            if uniform(bits(bits(p.seed[i], k), message)) < p.magnitude[i]:
                 return _NEVER
         elif p.kind[i] == _LATENCY:
             late += _ticks_of(p.magnitude[i], p.control_period)
         elif p.kind[i] == _JITTER:
-            late += math.floor(uniform(p.seed[i], k, message) * (p.magnitude[i] / p.control_period + 1.0))
+            late += math.floor(uniform(bits(bits(p.seed[i], k), message)) * (p.magnitude[i] / p.control_period + 1.0))
     return int(k + min(late, LATENCY_TICKS))
 
 

@@ -3,9 +3,9 @@
 import math
 
 from ..core.jit import kernel
+from ..core.random_numbers import bits, normal
 from ..core.records import Block
 from ..parts.signals import Drive, Measurement
-from .chance import normal
 from .entry import DRIVES, KINDS, SENSORS, TARGETS
 from .memory import Constants, Memory
 
@@ -23,7 +23,7 @@ def _spoiled(x: float, i: int, t: float, number: int, p: Constants, f: Memory) -
     """What fault i makes of value x at time t [s]; `number` is that of the tick or update, for what is drawn."""
     kind, size = p.kind[i], p.magnitude[i]
     if kind == _NOISE:
-        return x + size * normal(p.seed[i], number, p.target[i])
+        return x + size * normal(bits(p.seed[i], number), p.target[i])
     if kind == _DROPOUT:
         return 0.0
     if kind == _STUCK:

@@ -10,6 +10,7 @@ resonances of the scanner are faster than any drift by many orders of magnitude.
 import math
 from typing import Annotated
 
+from ..core.elementary import exp, expm1
 from ..core.jit import kernel
 from ..core.records import Block, Record, Vector
 from ..parameters import InstrumentParameters
@@ -43,8 +44,8 @@ def drift_constants(parameters: InstrumentParameters) -> Numbers:
         "rate": [drift.rate_x, drift.rate_y, drift.rate_z],
         "decay": drift.decay_time,
         "wander": drift.wander,
-        "keep": math.exp(-ratio),
-        "shake": drift.wander * math.sqrt(-math.expm1(-2.0 * ratio)),
+        "keep": exp(-ratio),
+        "shake": drift.wander * math.sqrt(-expm1(-2.0 * ratio)),
         "metres": [piezo.sensitivity_x, piezo.sensitivity_y, piezo.sensitivity_z],
     }
 
@@ -65,8 +66,8 @@ def drift(t: float, late: float, v: Drive, p: DriftConstants, s: DriftState) -> 
     """Add the drift to what the piezo makes of the drive, v [V], at time t [s], `late` after the begin of the tick."""
     left, way = 1.0, t
     if p.decay > 0.0:
-        left = math.exp(-t / p.decay)
-        way = -p.decay * math.expm1(-t / p.decay)
+        left = exp(-t / p.decay)
+        way = -p.decay * expm1(-t / p.decay)
     for axis in range(3):
         s.displacement[axis] = p.rate[axis] * way + s.wandered[axis] + s.wandering[axis] * late
         s.rate[axis] = p.rate[axis] * left + s.wandering[axis]

@@ -11,6 +11,7 @@ from typing import Annotated
 
 from ..core import low_pass, registry
 from ..core.converter import convert
+from ..core.elementary import exp
 from ..core.jit import kernel
 from ..core.low_pass import LowPass
 from ..core.records import Block, Record, Vector
@@ -63,7 +64,7 @@ def sensor_constants(parameters: InstrumentParameters) -> Numbers:
         "lsb": 2.0 * d.position_limit / 2**d.position_bits if d.position_bits > 0 else 0.0,
         "limit": d.position_limit,
         "period": period,
-        "rate_keep": math.exp(-2.0 * math.pi * d.rate_bandwidth * period) if d.rate_bandwidth > 0.0 else 0.0,
+        "rate_keep": exp(-2.0 * math.pi * d.rate_bandwidth * period) if d.rate_bandwidth > 0.0 else 0.0,
     }
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from ..contact.jkr import effective_radius_ratio
 from ..core import registry
+from ..core.elementary import cbrt, hypot
 from ..core.jit import kernel
 from ..core.records import Block
 from ..parameters import ControllerParameters, InstrumentParameters
@@ -110,8 +111,8 @@ def _steepest_gain(m: Block, p: Any, load: float, reach_x: float, reach_y: float
         for j in range(_PLACES):
             H = surface(x, reach_y * (2.0 * j / (_PLACES - 1) - 1.0), m)
             rho = effective_radius_ratio(H, p.r)
-            root = (1.0 + load / (p.L_s * rho)) ** 0.5
-            rate = p.f_s * H.strength * rho ** (1.0 / 3.0) * (1.0 + root) ** (1.0 / 3.0) / (1.5 * root * p.L_s)
-            slope = (H.slope_x * H.slope_x + H.slope_y * H.slope_y) ** 0.5
+            root = math.sqrt(1.0 + load / (p.L_s * rho))
+            rate = p.f_s * H.strength * cbrt(rho * (1.0 + root)) / (1.5 * root * p.L_s)
+            slope = hypot(H.slope_x, H.slope_y)
             largest = max(largest, rate * slope / (1.0 + 1.0 / p.mu))
     return largest

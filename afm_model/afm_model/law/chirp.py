@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from ..core.elementary import sin
 from ..core.jit import kernel
 from ..core.records import Record, Vector
 from ..core.schema import Positive, Unit
@@ -55,7 +56,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     for axis in range(3):
         if s.started == 0.0:
             s.held[axis] = y.drive[axis]
-        u.voltage[axis] = s.held[axis] + p.amplitude * math.sin(phase(t, p))
+        u.voltage[axis] = s.held[axis] + p.amplitude * sin(phase(t, p))
     s.started = 1.0
 
 

@@ -3,11 +3,11 @@
 Acary, Brogliato, Orlov, DOI 10.1109/TAC.2011.2174676.
 """
 
-import math
 from typing import Annotated
 
 from pydantic import Field
 
+from ..core.elementary import hypot, square
 from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
@@ -44,7 +44,7 @@ class State(SampledState):
 def lateral_unit(parameters: Tree) -> float:
     """Lateral force unit m_p w0^2 x0 [N]."""
     scales = parameters.scales
-    return float(parameters.scanner.mass_ratio * parameters.cantilever.m_c * scales.w0**2 * scales.x0)
+    return float(parameters.scanner.mass_ratio * parameters.cantilever.m_c * square(scales.w0) * scales.x0)
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -70,7 +70,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     middle = p.ahead + 0.5 * p.hold
     _, v_x = reference_at(y, p, 0, middle)
     _, v_y = reference_at(y, p, 1, middle)
-    speed = math.hypot(v_x, v_y)
+    speed = hypot(v_x, v_y)
     f_x, f_y = 0.0, 0.0
     if speed > 0.0:
         f_x, f_y = p.friction * v_x / speed, p.friction * v_y / speed
@@ -79,7 +79,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     a_x = p.k_1[0] * e + p.k_2[0] * e_rate
     e, e_rate = error_ahead(y, p, s, 1, f_y)
     a_y = p.k_1[1] * e + p.k_2[1] * e_rate
-    size = math.hypot(a_x, a_y)
+    size = hypot(a_x, a_y)
     part = 1.0 if size <= p.bound else p.bound / size
     send(u, p, s, 0, feed_forward(y, p, 0) + f_x - part * a_x)
     send(u, p, s, 1, feed_forward(y, p, 1) + f_y - part * a_y)

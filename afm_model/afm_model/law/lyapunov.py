@@ -1,10 +1,11 @@
 """Lyapunov function of the error dynamics of the paper's section 3 and what it gives, docs/theory.md (29) to (35)."""
 
 import math
-import warnings
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..core.elementary import hypot
 
 TANH_GAP = 0.278464542761074
 """sup over s >= 0 of s (1 - tanh s), docs/theory.md (33): |s| - s tanh(alpha s) never exceeds this over alpha."""
@@ -35,23 +36,28 @@ def lyapunov_matrix(c: float, cdot: float, Q: NDArray[np.float64] | None = None)
         If a gain is not positive: A is then not Hurwitz and no such P exists. If Q is not symmetric positive definite,
         or the gains are so far from 1 that P has no digits.
     """
-    from scipy.linalg import solve_continuous_lyapunov  # here: a tenth of a second for nothing in a node without a law
-
     if not (c > 0.0 and cdot > 0.0):
         raise ValueError(f"c = {c:g} and cdot = {cdot:g} must both be > 0 for the error dynamics to be stable")
     weight = np.eye(2) if Q is None else np.asarray(Q, float)
-    if weight.shape != (2, 2) or not np.array_equal(weight, weight.T) or np.linalg.eigvalsh(weight)[0] <= 0.0:
+    if weight.shape != (2, 2) or not np.array_equal(weight, weight.T) or _eigenvalues(weight)[0] <= 0.0:
         raise ValueError(f"Q = {weight.tolist()} must be symmetric and positive definite")
-    A = error_matrix(c, cdot)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # the solver's doubts are settled below
-        P = solve_continuous_lyapunov(A.T, -weight)
-    P = np.asarray(0.5 * (P + P.T))
-    rest = P @ A + A.T @ P + weight
-    # Gains of very different size leave the solver no digits.
-    if not np.linalg.norm(rest) <= 1e-6 * np.linalg.norm(weight) or np.linalg.eigvalsh(P)[0] <= 0.0:
+    # The three equations of the symmetric matrix, solved one after the other.
+    p12 = 0.5 * weight[0, 0] / c
+    p22 = (0.5 * weight[1, 1] + p12) / cdot
+    P = np.array([[cdot * p12 + c * p22 - weight[0, 1], p12], [p12, p22]])
+    # Gains of very different size leave no digits.
+    if not _eigenvalues(P)[0] > 0.0:
         raise ValueError(f"c = {c:g} and cdot = {cdot:g} are too far from 1 to solve for P")
     return P
+
+
+def _eigenvalues(of: NDArray[np.float64]) -> tuple[float, float]:
+    """Of a symmetric matrix (2, 2), the smaller one first."""
+    mean, apart = 0.5 * (of[0, 0] + of[1, 1]), hypot(0.5 * (of[0, 0] - of[1, 1]), of[0, 1])
+    largest = mean + apart
+    return float((of[0, 0] * of[1, 1] - of[0, 1] * of[0, 1]) / largest if largest > 0.0 else mean - apart), float(
+        largest
+    )
 
 
 def ultimate_bound(P: NDArray[np.float64], alpha: float, M: float, lambda_min_Q: float = 1.0) -> float:
@@ -82,8 +88,8 @@ def ultimate_bound(P: NDArray[np.float64], alpha: float, M: float, lambda_min_Q:
     """
     if not (alpha > 0.0 and lambda_min_Q > 0.0 and M >= 0.0):
         raise ValueError(f"alpha = {alpha:g} and lambda_min_Q = {lambda_min_Q:g} must be > 0, M = {M:g} must be >= 0")
-    eigenvalues = np.linalg.eigvalsh(P)
+    eigenvalues = _eigenvalues(np.asarray(P))
     if not eigenvalues[0] > 0.0:
         raise ValueError(f"P = {np.asarray(P).tolist()} must be positive definite")
     ball = math.sqrt(2.0 * TANH_GAP * M / (alpha * lambda_min_Q))
-    return ball * math.sqrt(float(eigenvalues[-1] / eigenvalues[0]))
+    return ball * math.sqrt(float(eigenvalues[1] / eigenvalues[0]))

@@ -3,11 +3,11 @@
 Ohnishi, Shibata, Murakami, DOI 10.1109/3516.491410.
 """
 
-import math
 from typing import Annotated
 
 from pydantic import Field
 
+from ..core.elementary import expm1
 from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import NonNegative, Unit
@@ -50,7 +50,7 @@ def _values(parameters: Tree) -> Numbers:
         **sampled.sampled_values(parameters),
         "k_1": [*(k for k, _ in K), 0.0],
         "k_2": [*(k for _, k in K), 0.0],
-        "gain": -math.expm1(-axes[0].hold / average) if average > 0.0 else 1.0,
+        "gain": -expm1(-axes[0].hold / average) if average > 0.0 else 1.0,
     }
 
 

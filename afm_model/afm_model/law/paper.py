@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from ..core.elementary import square, tanh
 from ..core.jit import kernel
 from ..core.records import Record, Vector
 from ..core.schema import NonNegative, Positive
@@ -94,7 +95,7 @@ def _values(parameters: Tree) -> Numbers:
             "eta": eta,
             "xi": getattr(scanner, f"xi_{axis}"),
             # Static displacement is U / eta^2 in units of length.
-            "volts": length / (eta**2 * getattr(parameters.piezo, f"sensitivity_{axis}")),
+            "volts": length / (square(eta) * getattr(parameters.piezo, f"sensitivity_{axis}")),
         }
         for name, value in of_axis.items():
             vectors[name].append(float(value))
@@ -105,7 +106,7 @@ def _values(parameters: Tree) -> Numbers:
 def switching(kind: float, s: float, alpha: float) -> float:
     """sgn(s), or tanh(alpha s) in its place."""
     if kind == TANH:
-        return math.tanh(alpha * s)
+        return tanh(alpha * s)
     if s > 0.0:
         return 1.0
     return -1.0 if s < 0.0 else 0.0

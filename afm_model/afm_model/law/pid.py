@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from ..core.elementary import square
 from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import Positive
@@ -67,9 +68,9 @@ class State(SampledState):
 def tustin(b: list[float], a: list[float], hold: float) -> tuple[float, ...]:
     """b_0, b_1, b_2, a_1, a_2 of b(s) / a(s), coefficients of (s^2, s, 1), by s = (2 / hold) (z - 1) / (z + 1)."""
     bases = [np.polymul([1.0, -1.0], [1.0, -1.0]), np.array([1.0, 0.0, -1.0]), np.polymul([1.0, 1.0], [1.0, 1.0])]
-    scales = [(2.0 / hold) ** 2, 2.0 / hold, 1.0]
+    scales = [square(2.0 / hold), 2.0 / hold, 1.0]
     weights = np.array([scale * base for scale, base in zip(scales, bases, strict=True)])
-    above, below = np.array(b) @ weights, np.array(a) @ weights
+    above, below = (sum(each * row for each, row in zip(of, weights, strict=True)) for of in (b, a))
     numbers = np.concatenate([above, below[1:]]) / below[0]
     return tuple(float(number) for number in numbers)
 
@@ -94,7 +95,7 @@ def simc(eta: float, xi: float, hold: float, delay: float, slowness: float = 1.0
     if closed * eta < 1.0:
         # Faster than the resonance the scanner is a mass, 1 / s^2.
         integral_time = derivative_time = 4.0 * closed
-        gain = 1.0 / (4.0 * closed**2)
+        gain = 1.0 / (4.0 * square(closed))
         coefficients = tustin([0.0, derivative_time, 1.0], [0.0, smoothing, 1.0], hold)
     else:
         # Slower than it, a notch makes two lags 1 / eta of it; the derivative cancels one of them.

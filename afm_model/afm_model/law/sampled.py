@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from annotated_types import Ge, Le
 from pydantic import Field
 
+from ..core.elementary import exp, square
 from ..core.jit import kernel
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import LawParameters, PlantParameters
@@ -113,7 +114,7 @@ def time_constant(parameters: Tree) -> float:
 
 def pole(parameters: Tree, axis: Axis) -> float:
     """Eigenvalue of that time constant over the step of `axis`."""
-    return math.exp(-axis.hold / time_constant(parameters))
+    return exp(-axis.hold / time_constant(parameters))
 
 
 def lateral_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
@@ -130,17 +131,17 @@ def sampled_values(parameters: Tree) -> dict[str, Any]:
     scales, cantilever = parameters.scales, parameters.cantilever
     axis = free_axes(parameters)[2]
     eta_c = 2.0 * math.pi * cantilever.f_c / scales.w0
-    pole = math.exp(-axis.hold / max(axis.hold, 1.0 / eta_c))
+    pole = exp(-axis.hold / max(axis.hold, 1.0 / eta_c))
     k_z1, k_z2 = place_poles(axis, pole, pole)
     return scanner.scanner_values(parameters) | {
         "k_z1": k_z1,
         "k_z2": k_z2,
         # Critically damped filter of second order with the same pole.
-        "alpha_h": 1.0 - pole**2,
-        "beta_h": (1.0 - pole) ** 2,
+        "alpha_h": 1.0 - square(pole),
+        "beta_h": square(1.0 - pole),
         "eta_c": eta_c,
         "mu": parameters.scanner.mass_ratio,
-        "w": cantilever.W / (cantilever.m_c * scales.w0**2 * scales.z0),
+        "w": cantilever.W / (cantilever.m_c * square(scales.w0) * scales.z0),
         "a": cantilever.a / scales.z0,
     }
 

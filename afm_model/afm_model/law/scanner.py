@@ -11,6 +11,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.elementary import exp, expm1, sin, sincos, square
 from ..core.jit import kernel
 from ..core.records import Record, Vector
 from ..parts.part import Tree
@@ -67,13 +68,20 @@ class Axis(NamedTuple):
 
 
 def free_axis(eta: float, xi: float, hold: float) -> Axis:
-    """Exact step of a free axis over a time `hold` [1/w0] of held drive."""
-    from scipy.linalg import expm  # here: a tenth of a second for nothing in a node without a law
+    """Exact step of a free axis, xi < 1, over a time `hold` [1/w0] of held drive."""
+    decay, w = xi * eta, eta * math.sqrt(1.0 - xi * xi)
+    s, c = sincos(w * hold)
+    left = exp(-decay * hold)
+    moved = left * s / w
+    phi = np.array([[left * c + decay * moved, moved], [-eta * eta * moved, left * c - decay * moved]])
+    # 1 - phi_11 without loss of digits at a short hold.
+    lost = 2.0 * left * square(sin(0.5 * w * hold)) - expm1(-decay * hold) - decay * moved
+    return Axis(eta, xi, hold, phi, np.array([lost / (eta * eta), moved]))
 
-    A = np.zeros((3, 3))
-    A[0, 1], A[1, 0], A[1, 1], A[1, 2] = 1.0, -eta * eta, -2.0 * xi * eta, 1.0
-    E = expm(A * hold)
-    return Axis(eta, xi, hold, E[:2, :2], E[:2, 2])
+
+def times(a: _Array, b: _Array) -> _Array:
+    """Product of a matrix (2, 2) with another or a vector, always in this order of sums."""
+    return np.stack([row[0] * b[0] + row[1] * b[1] for row in a])
 
 
 def free_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
@@ -88,9 +96,9 @@ def free_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
 
 def place_poles(axis: Axis, one: float, other: float) -> tuple[float, float]:
     """K for which phi - gamma K has the eigenvalues `one` and `other`: Ackermann's formula."""
-    reached = np.column_stack([axis.gamma, axis.phi @ axis.gamma])
-    wanted = (axis.phi - one * np.eye(2)) @ (axis.phi - other * np.eye(2))
-    K = np.linalg.solve(reached.T, np.array([0.0, 1.0])) @ wanted
+    (g_1, g_2), (h_1, h_2) = axis.gamma, times(axis.phi, axis.gamma)
+    wanted = times(axis.phi - one * np.eye(2), axis.phi - other * np.eye(2))
+    K = (g_1 * wanted[1] - g_2 * wanted[0]) / (g_1 * h_2 - h_1 * g_2)
     return float(K[0]), float(K[1])
 
 
@@ -100,19 +108,21 @@ def scanner_values(parameters: Tree) -> dict[str, Any]:
     columns: dict[str, list[float]] = defaultdict(list)
     lengths = (scales.x0, scales.x0, scales.z0)
     for axis, name, length in zip(free_axes(parameters), "xyz", lengths, strict=True):
-        volts = length / (axis.eta**2 * getattr(piezo, f"sensitivity_{name}"))
+        volts = length / (square(axis.eta) * getattr(piezo, f"sensitivity_{name}"))
         columns["length"].append(length)
         columns["volts"].append(volts)
         columns["limit"].append(piezo.limit / volts if piezo.limit > 0.0 else math.inf)
-        ahead = np.linalg.matrix_power(axis.phi, law.delay_ticks)
+        ahead = np.eye(2)
+        for _ in range(law.delay_ticks):
+            ahead = times(axis.phi, ahead)
         matrices = {
             "phi": axis.phi,
             "gamma": axis.gamma,
-            "weight": axis.gamma / (axis.gamma @ axis.gamma),
+            "weight": axis.gamma / (square(axis.gamma[0]) + square(axis.gamma[1])),
             "ahead": ahead,
-            "due": ahead @ axis.gamma,
+            "due": times(ahead, axis.gamma),
             # The static response is 1 / eta^2.
-            "flown": (np.eye(2) - ahead) @ np.array([1.0 / axis.eta**2, 0.0]),
+            "flown": (np.eye(2) - ahead)[:, 0] / square(axis.eta),
         }
         for of, matrix in matrices.items():
             for index, number in np.ndenumerate(matrix):

@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from ..core.elementary import hypot
 from ..core.jit import kernel
 from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
@@ -22,7 +23,7 @@ from .scanner import Axis, feed_forward, follow_flight, place_poles, position, r
 
 K_1, K_2 = 1.5, 1.1
 """Levant's gains: K_1 sqrt(L) and K_2 L for a disturbance whose rate is bounded by L."""
-_REAL, _IMAGINARY = 0.5 * K_1, math.sqrt(K_2 - 0.25 * K_1**2)
+_REAL, _IMAGINARY = 0.5 * K_1, math.sqrt(K_2 - 0.25 * K_1 * K_1)
 """Roots of p^2 + K_1 p + K_2 = 0 are -_REAL +- i _IMAGINARY."""
 _SMALLEST = 1e-12
 """Below this the sliding variable [x0 w0] counts as zero."""
@@ -64,9 +65,9 @@ def sliding_row(axis: Axis, K: tuple[float, float]) -> tuple[float, float]:
     """
     closed = axis.phi - np.outer(axis.gamma, K)
     # Both columns are multiples of one vector, and C is normal to it: the longer one has more digits.
-    longest = closed[:, int(np.argmax(np.linalg.norm(closed, axis=0)))]
+    longest = closed[:, int(np.argmax(np.abs(closed).max(axis=0)))]
     C = np.array([-longest[1], longest[0]])
-    C *= axis.hold / (C @ axis.gamma)
+    C *= axis.hold / (C[0] * axis.gamma[0] + C[1] * axis.gamma[1])
     return float(C[0]), float(C[1])
 
 
@@ -109,7 +110,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     s_y, u_y = sliding(y, p, 1)
     # The continuous law is linear with the eigenvalues sqrt(L / |s|) (-_REAL +- i _IMAGINARY); implicitly, a pole p of
     # continuous time becomes 1 / (1 - hold p).
-    size = math.hypot(s_x, s_y)
+    size = hypot(s_x, s_y)
     m = min(p.hold * p.root_L / math.sqrt(max(size, _SMALLEST)), p.fastest)
     real, imaginary = 1.0 + _REAL * m, _IMAGINARY * m
     square = real * real + imaginary * imaginary
@@ -120,7 +121,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     send(u, p, s, 1, u_y + proportional * s_y + s.twist_y)
     s.twist_x += integral * s_x
     s.twist_y += integral * s_y
-    size = math.hypot(s.twist_x, s.twist_y)
+    size = hypot(s.twist_x, s.twist_y)
     if size > p.bound:
         s.twist_x *= p.bound / size
         s.twist_y *= p.bound / size

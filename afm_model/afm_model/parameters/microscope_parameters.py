@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, create_model, model_validator
 
+from ..core.elementary import square
 from ..core.errors import ParameterError
 from ..core.schema import Group, Unit, Value, build, chosen_group, refuse_together
 from ..detector import Photodiode
@@ -123,9 +124,9 @@ def known_of(lever: LeverGroup, piezo: Mapping[str, Value], own: Mapping[str, Va
         What the controller is given itself.
     """
     c, s, pair = lever.cantilever_numbers, lever.scanner_numbers, lever.pair_numbers
-    mass = c.k / (2.0 * math.pi * c.f0) ** 2
+    mass = c.k / square(2.0 * math.pi * c.f0)
     news: dict[str, Value] = {"cantilever.f_c": c.f0, "cantilever.xi_c": 0.5 / c.Q, "cantilever.m_c": mass}
-    news["scanner.mass_ratio"] = s.k_x / (2.0 * math.pi * s.f_x) ** 2 / mass
+    news["scanner.mass_ratio"] = s.k_x / square(2.0 * math.pi * s.f_x) / mass
     for axis in "xyz":
         news |= {f"scanner.f_{axis}": getattr(s, f"f_{axis}"), f"scanner.xi_{axis}": 0.5 / s.Q}
     news |= piezo

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.call import INTEGER, NUMBER, POINTER, Argument
+from ..core.random_numbers import Stream
 from ..core.records import Record
 from ..core.schema import Group
 from .signals import (
@@ -124,7 +125,7 @@ class Part:
     recorded: bool = True
     channels: tuple[Channel, ...] = ()
     draws: int = 0
-    draw: Callable[[Any, np.random.Generator, int], NDArray[np.float64] | None] | None = None
+    draw: Callable[[Any, Stream, int], NDArray[np.float64] | None] | None = None
 
     def arguments(self, function: str) -> tuple[Argument, ...]:
         """What a kernel of this part is called with."""

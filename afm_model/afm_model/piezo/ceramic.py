@@ -20,6 +20,7 @@ import numpy as np
 from annotated_types import Ge, Lt
 from pydantic import Field
 
+from ..core.elementary import expm1, power
 from ..core.jit import kernel
 from ..core.records import Array, Record, Vector
 from ..core.schema import NonNegative, Unit
@@ -29,7 +30,7 @@ from ..parts.signals import Drive
 
 PLAYS = 12
 EXPONENTIALS = 15
-TIMES = np.logspace(-3.0, 4.0, EXPONENTIALS)
+TIMES = np.array([power(10.0, 0.5 * i - 3.0) for i in range(EXPONENTIALS)])
 """Time constants of creep [s]: the law holds from 3 ms to 1000 s."""
 NOMINAL_TIME = 0.1
 """After a step, when the displacement is that of `piezo.sensitivity_*` [s]."""
@@ -95,22 +96,22 @@ def _values(parameters: Tree) -> Numbers:
         if opening > 0.0:
             U = 0.5 * stroke / getattr(piezo, f"sensitivity_{name}")
             # Knots 0, U / 64, ..., U: the first curve's slope changes at all but the first and the last.
-            r = U * np.array([0.0, *2.0 ** (0.5 * np.arange(-PLAYS, 1))])
+            r = U * np.array([0.0, *(power(2.0, 0.5 * i) for i in range(-PLAYS, 1))])
             c = 4.0 * opening / U
             linear[axis] = 1.0 - 2.0 * opening + 0.5 * c * r[1]
             threshold[:, axis], weight[:, axis] = r[1:-1], 0.5 * c * (r[2:] - r[:-2])
     share = 0.5 * piezo.creep
     return {
         "lagging": float(piezo.amplifier_bandwidth > 0.0),
-        "follow": -math.expm1(-2.0 * math.pi * piezo.amplifier_bandwidth * period),
+        "follow": -expm1(-2.0 * math.pi * piezo.amplifier_bandwidth * period),
         "hysteretic": float(np.any(weight > 0.0)),
         "linear": linear,
         "threshold": threshold,
         "weight": weight,
         "creep": piezo.creep,
         "share": share,
-        "decay": -np.expm1(-period / TIMES),
-        "at_once": float(share * np.expm1(-NOMINAL_TIME / TIMES).sum()),
+        "decay": [-expm1(-period / time) for time in TIMES],
+        "at_once": share * math.fsum(expm1(-NOMINAL_TIME / time) for time in TIMES),
     }
 
 

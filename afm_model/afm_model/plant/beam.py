@@ -7,6 +7,8 @@ of cos x cosh x = -1; docs/lever.md (1) to (5).
 import math
 from dataclasses import dataclass
 
+from ..core.elementary import cos, cosh, sin, sinh, square
+
 WAVE_NUMBERS = (1.8751040687119611, 4.694091132974174, 7.854757438237613)
 """Roots of cos x cosh x = -1: wave number of a mode times the length."""
 MODES = len(WAVE_NUMBERS)
@@ -14,14 +16,14 @@ MODES = len(WAVE_NUMBERS)
 
 def _end(x: float) -> tuple[float, float]:
     """Deflection of a mode of mean square 1 at the end, and what clamps it: sinh and sin over cosh and cos."""
-    ratio = (math.sinh(x) - math.sin(x)) / (math.cosh(x) + math.cos(x))
-    return math.cosh(x) - math.cos(x) - ratio * (math.sinh(x) - math.sin(x)), ratio
+    ratio = (sinh(x) - sin(x)) / (cosh(x) + cos(x))
+    return cosh(x) - cos(x) - ratio * (sinh(x) - sin(x)), ratio
 
 
 def end_slope(x: float) -> float:
     """Slope of a mode at the end times the length, over its deflection there."""
     deflection, ratio = _end(x)
-    return x * (math.sinh(x) + math.sin(x) - ratio * (math.cosh(x) - math.cos(x))) / deflection
+    return x * (sinh(x) + sin(x) - ratio * (cosh(x) - cos(x))) / deflection
 
 
 def end_by_base(x: float) -> float:
@@ -40,7 +42,9 @@ class Mode:
     base: float  # force of inertia on it over that on its mass at the end, as the base moves across
 
 
-MODE = tuple(Mode((x / WAVE_NUMBERS[0]) ** 2, 12.0 / x**4, end_slope(x), end_by_base(x)) for x in WAVE_NUMBERS)
+MODE = tuple(
+    Mode(square(x / WAVE_NUMBERS[0]), 12.0 / square(x * x), end_slope(x), end_by_base(x)) for x in WAVE_NUMBERS
+)
 
 
 @dataclass(frozen=True)
@@ -59,19 +63,19 @@ def rest(modes: int) -> Rest:
     """What is left of the static compliance 1, 3/2, 3 by the first `modes` modes."""
     taken = MODE[:modes]
     return Rest(
-        1.0 - sum(mode.compliance for mode in taken),
-        1.5 - sum(mode.compliance * mode.slope for mode in taken),
-        3.0 - sum(mode.compliance * mode.slope**2 for mode in taken),
+        1.0 - math.fsum(mode.compliance for mode in taken),
+        1.5 - math.fsum(mode.compliance * mode.slope for mode in taken),
+        3.0 - math.fsum(mode.compliance * square(mode.slope) for mode in taken),
     )
 
 
-TWIST_COMPLIANCE = 8.0 / math.pi**2
+TWIST_COMPLIANCE = 8.0 / square(math.pi)
 """Static twist of the end in the first mode of torsion, over that of the cantilever."""
 
 
 def mass(k: float, f0: float) -> float:
     """Of a cantilever of spring constant k [N/m] whose first resonance is f0 [Hz], in kg: x_1^4 k / 3 (2 pi f0)^2."""
-    return WAVE_NUMBERS[0] ** 4 * k / (3.0 * (2.0 * math.pi * f0) ** 2)
+    return square(square(WAVE_NUMBERS[0])) * k / (3.0 * square(2.0 * math.pi * f0))
 
 
 def torsional_resonance(k_torsion: float, mass: float, width: float, thickness: float) -> float:
@@ -85,4 +89,4 @@ def torsional_resonance(k_torsion: float, mass: float, width: float, thickness: 
         Of the whole cantilever; its tip is left out.
     width, thickness : float [m]
     """
-    return 0.25 * math.sqrt(12.0 * k_torsion / (mass * (width**2 + thickness**2)))
+    return 0.25 * math.sqrt(12.0 * k_torsion / (mass * (square(width) + square(thickness))))

@@ -14,6 +14,7 @@ from typing import Any
 
 from ..contact.friction import bound_of_area
 from ..contact.jkr import INDENTATION_FIXED_GRIPS, effective_radius_ratio, load_of_u, stiffness_of_u, u_of_indentation
+from ..core.elementary import cbrt
 from ..core.jit import kernel
 from ..core.records import Block
 from ..parts.dispatch import surface
@@ -56,7 +57,7 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     H = surface(s.X, s.Y, m)
     H_X, H_Y = H.slope_x, H.slope_y
     rho = effective_radius_ratio(H, p.r)
-    rho_third = rho ** (1.0 / 3.0)
+    rho_third = cbrt(rho)
     delta = s.Z + H.height - s.Q
     d = delta / (p.delta_0 * rho_third)
     touching = delta >= 0.0 or (s.contact != 0.0 and d > INDENTATION_FIXED_GRIPS)

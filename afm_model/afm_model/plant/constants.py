@@ -8,6 +8,7 @@ import math
 from typing import Annotated
 
 from ..contact.jkr import radius_at_zero_load
+from ..core.elementary import square
 from ..core.jit import kernel
 from ..core.records import Record
 from ..parts.part import Numbers, Tree
@@ -72,12 +73,12 @@ def plant_constants(parameters: Tree, treatment: int = 0) -> Numbers:
         "a": cantilever.a / z0,
         "r": contact.R / z0,
         "L_s": contact.pull_off_force / units.normal_force,
-        "delta_0": radius_at_zero_load(contact.R, contact.K, gamma) ** 2 / contact.R / z0,
+        "delta_0": square(radius_at_zero_load(contact.R, contact.K, gamma)) / contact.R / z0,
         "f_s": contact.friction_at_pull_off / units.lateral_force,
         "zeta_n": contact.zeta_n,
-        "gain_x": (2.0 * math.pi * scanner.f_x / w0) ** 2 * piezo.sensitivity_x / x0,
-        "gain_y": (2.0 * math.pi * scanner.f_y / w0) ** 2 * piezo.sensitivity_y / x0,
-        "gain_z": (2.0 * math.pi * scanner.f_z / w0) ** 2 * piezo.sensitivity_z / z0,
+        "gain_x": square(2.0 * math.pi * scanner.f_x / w0) * piezo.sensitivity_x / x0,
+        "gain_y": square(2.0 * math.pi * scanner.f_y / w0) * piezo.sensitivity_y / x0,
+        "gain_z": square(2.0 * math.pi * scanner.f_z / w0) * piezo.sensitivity_z / z0,
         "x0": x0,
         "z0": z0,
         "lateral_speed": x0 * w0,

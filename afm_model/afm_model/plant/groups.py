@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from ..core.elementary import square
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import PlantParameters
 from .physics import Microscope
@@ -28,4 +29,4 @@ class PlantGroup(PlantParameters):
 
     def spring_constant(self, parameters: Microscope) -> float:
         """That of `cantilever.*` [N/m]."""
-        return parameters.cantilever.m_c * (2.0 * math.pi * parameters.cantilever.f_c) ** 2
+        return parameters.cantilever.m_c * square(2.0 * math.pi * parameters.cantilever.f_c)

@@ -46,12 +46,12 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> Voltage:
     s.F_max = bound_of_load(p.f_s, 1.0, load / p.L_s)
     place_sample(s, p, m)
     drawn = parameters.plant.kind == "paper" and parameters.plant.z == "uniform"
-    u_z = (p.eta_z**2 + p.eta_c**2 / p.mu) * z_r if drawn else p.eta_z**2 * s.Z + load / p.mu
+    u_z = (p.eta_z * p.eta_z + p.eta_c * p.eta_c / p.mu) * z_r if drawn else p.eta_z * p.eta_z * s.Z + load / p.mu
     return 0.0, 0.0, float(u_z) / p.gain_z
 
 
 def start_free(parameters: Tree, p: Any, s: Any, m: Any) -> Voltage:
     """The cantilever at rest, the sample plant.gap below it; arguments as in `rest`."""
-    s.Q = p.a - p.w / p.eta_c**2
+    s.Q = p.a - p.w / (p.eta_c * p.eta_c)
     s.Z = s.Q - surface(0.0, 0.0, m).height - parameters.plant.gap / p.z0
-    return 0.0, 0.0, float(p.eta_z**2 * s.Z) / p.gain_z
+    return 0.0, 0.0, float(p.eta_z * p.eta_z * s.Z) / p.gain_z

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..contact.friction import bound_of_load
 from ..contact.jkr import effective_radius_ratio
 from ..core.jit import kernel
+from ..core.random_numbers import Stream
 from ..core.records import Block
 from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree
@@ -122,10 +123,10 @@ def _values(parameters: Tree) -> Numbers:
     return plant_constants(parameters, TREATMENTS[plant.z])
 
 
-def _draw(parameters: Tree, generator: np.random.Generator, ticks: int) -> NDArray[np.float64] | None:
+def _draw(parameters: Tree, generator: Stream, ticks: int) -> NDArray[np.float64] | None:
     """f_z of section 4.2 of the paper."""
     plant = parameters.plant
-    return generator.uniform(-plant.M_z, plant.M_z, (ticks, 1)) if plant.z == "uniform" else None
+    return plant.M_z * (2.0 * generator.random((ticks, 1)) - 1.0) if plant.z == "uniform" else None
 
 
 def _check(parameters: Tree) -> None:

@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple
 from annotated_types import Ge, Lt
 from pydantic import Field
 
+from ..core.elementary import cbrt, square
 from ..core.schema import Group, NonNegative, Positive, Unit
 
 
@@ -36,7 +37,7 @@ class Contact(Group):
     @property
     def friction_at_pull_off(self) -> float:
         """F_fs = pi tau (R |L_s| / K)^(2/3) [N] on a flat sample, docs/theory.md (13)."""
-        return math.pi * self.tau * (self.R * self.pull_off_force / self.K) ** (2.0 / 3.0)
+        return math.pi * self.tau * square(cbrt(self.R * self.pull_off_force / self.K))
 
 
 class Cantilever(Group):
@@ -101,5 +102,6 @@ class Microscope(Group):
     @property
     def units(self) -> Units:
         """Units of force."""
-        scales, m_c = self.scales, self.cantilever.m_c
-        return Units(self.scanner.mass_ratio * m_c * scales.w0**2 * scales.x0, m_c * scales.w0**2 * scales.z0)
+        scales = self.scales
+        force = self.cantilever.m_c * square(scales.w0)
+        return Units(self.scanner.mass_ratio * force * scales.x0, force * scales.z0)

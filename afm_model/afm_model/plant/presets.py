@@ -5,6 +5,8 @@ Numbers of makers are nominal; each can be replaced by a parameter of the plant.
 
 from typing import NamedTuple
 
+from ..core.elementary import square
+
 
 class LeverPreset(NamedTuple):
     """A cantilever, SI units."""
@@ -48,7 +50,7 @@ class ScannerPreset(NamedTuple):
 
 
 def _scanner(mass: float, f_xy: float, mass_z: float, f_z: float, Q: float) -> ScannerPreset:
-    k_xy, k_z = ((6.283185307179586 * f) ** 2 * m for f, m in ((f_xy, mass), (f_z, mass_z)))
+    k_xy, k_z = (square(6.283185307179586 * f) * m for f, m in ((f_xy, mass), (f_z, mass_z)))
     return ScannerPreset(k_xy, k_xy, k_z, f_xy, f_xy, f_z, Q)
 
 

@@ -1,6 +1,7 @@
 """Static contact under the load of a resting cantilever."""
 
 from ..contact.jkr import effective_radius_ratio, indentation_of_u, u_of_load
+from ..core.elementary import cbrt
 from ..core.jit import kernel
 from ..core.records import Block
 from ..parts.dispatch import surface
@@ -17,7 +18,7 @@ def static_load(p: Constants, q: float) -> float:
 @kernel
 def static_indentation(p: Constants, rho: float, load: float) -> float:
     """JKR indentation [z0] under `load` at effective radius ratio rho, docs/theory.md (6), (7)."""
-    return p.delta_0 * rho ** (1.0 / 3.0) * indentation_of_u(u_of_load(load / (p.L_s * rho)))
+    return p.delta_0 * cbrt(rho) * indentation_of_u(u_of_load(load / (p.L_s * rho)))
 
 
 @kernel

@@ -4,6 +4,7 @@ import math
 
 from ..contact.jkr import radius_at_zero_load, stiffness_of_u, u_of_load
 from ..core import registry
+from ..core.elementary import cbrt, hypot, square
 from ..core.jit import plain
 from ..parts.part import Tree
 
@@ -113,7 +114,7 @@ def stable_step(parameters: Tree, *, with_contact: bool | None = None) -> float:
 
 def _spring(mass: float, frequency: float) -> float:
     """Stiffness [N/m]."""
-    return mass * (2.0 * math.pi * frequency) ** 2
+    return mass * square(2.0 * math.pi * frequency)
 
 
 def _lateral(parameters: Tree) -> float:
@@ -126,18 +127,18 @@ def _vertical(parameters: Tree, load: float | None) -> float:
     scanner, cantilever = parameters.scanner, parameters.cantilever
     if load is None:
         # On both springs.
-        return 2.0 * math.pi * math.hypot(scanner.f_z, cantilever.f_c / math.sqrt(scanner.mass_ratio))
+        return 2.0 * math.pi * hypot(scanner.f_z, cantilever.f_c / math.sqrt(scanner.mass_ratio))
     # The sum bounds the larger eigenvalue of sample and tip from above.
     mass = cantilever.m_c / (1.0 + 1.0 / scanner.mass_ratio)
     alone = 2.0 * math.pi * max(cantilever.f_c, scanner.f_z)
-    return math.sqrt(_stiffest_contact(parameters, load) / mass + alone**2)
+    return math.sqrt(_stiffest_contact(parameters, load) / mass + square(alone))
 
 
 def _stiffest_contact(parameters: Tree, load: float) -> float:
     """Contact stiffness [N/m] under a load [N], where the sample makes it largest."""
     contact = parameters.contact
     u = plain(u_of_load)(load / contact.pull_off_force)
-    a0_squared = radius_at_zero_load(contact.R, contact.K, contact.surface_energy) ** 2
+    a0_squared = square(radius_at_zero_load(contact.R, contact.K, contact.surface_energy))
     curvature = registry.find("sample", parameters.sample.kind).curvature(parameters)
     rho = 1.0 / (1.0 - curvature * contact.R / parameters.scales.z0)
-    return float(plain(stiffness_of_u)(u) * contact.pull_off_force * contact.R / a0_squared * rho ** (2.0 / 3.0))
+    return float(plain(stiffness_of_u)(u) * contact.pull_off_force * contact.R / a0_squared * square(cbrt(rho)))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..core.elementary import cos, sin, square
 from ..core.jit import kernel
 from ..core.records import Array, Record, numbers_at, pointer_at, record_at, size
 from ..core.schema import Unit
@@ -147,7 +148,7 @@ def along_line(tau: float, p: Constants) -> tuple[float, float, float, float, fl
     if sign > 0.0:
         return x, v, a, y, 0.0, 0.0
     y += p.step * u * u * u * (10.0 + u * (6.0 * u - 15.0))
-    rate = 30.0 * u * u * (1.0 - u) ** 2
+    rate = 30.0 * u * u * square(1.0 - u)
     bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)
     return x, v, a, y, p.step * rate / p.turn, p.step * bend / (p.turn * p.turn)
 
@@ -247,7 +248,7 @@ def put_in_force(order: Order, tick: int, parameters: Tree, p: Any, s: Any) -> N
     p.begin = tick * control
     if isinstance(motion, Lines):
         p.motion = LINES
-        p.centre_x, p.centre_y, p.cos, p.sin = motion.x, motion.y, math.cos(motion.angle), math.sin(motion.angle)
+        p.centre_x, p.centre_y, p.cos, p.sin = motion.x, motion.y, cos(motion.angle), sin(motion.angle)
         p.width, p.first, p.step, p.lines = motion.size, motion.first, motion.step, motion.lines
         p.image, p.turn = motion.image * sample, motion.turn * sample
         p.speed = motion.size / p.image

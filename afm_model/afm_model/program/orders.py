@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.records import Record, size
+from ..core.splines import clamped_spline
 
 DEGREES = 6
 """Coefficients of a polynomial."""
@@ -83,12 +84,9 @@ class Sampled:
 
     def coefficients(self) -> NDArray[np.float64]:
         """Of each piece, x and y (pieces, 2, DEGREES): its place is a polynomial of s from 0 to 1."""
-        from scipy.interpolate import CubicSpline  # here: a quarter of a second for nothing where no order needs it
-
         found = np.zeros((self.pieces, 2, DEGREES))
         for axis, values in enumerate((self.x, self.y)):
-            # From the highest power to the constant.
-            found[:, axis, :4] = CubicSpline(np.arange(self.pieces + 1.0), values, bc_type="clamped").c[::-1].T
+            found[:, axis, :4] = clamped_spline(np.asarray(values, np.float64))
         return found
 
 

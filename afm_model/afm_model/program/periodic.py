@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from annotated_types import Gt, Lt
 from pydantic import Field
 
+from ..core.elementary import sincos
 from ..core.jit import kernel
 from ..core.records import Record
 from ..core.schema import NonNegative, Unit
@@ -87,11 +88,14 @@ def waveform(shape: float, amplitude: float, omega: float, t: float) -> tuple[fl
     if shape == CONSTANT:
         return amplitude, 0.0, 0.0
     phase = omega * t
-    sine = math.sin(phase)
     if shape == SINE:
-        return amplitude * sine, amplitude * omega * math.cos(phase), -amplitude * omega * omega * sine
+        sine, cosine = sincos(phase)
+        return amplitude * sine, amplitude * omega * cosine, -amplitude * omega * omega * sine
+    # Of the period, counted from the lowest place.
+    part = phase * (0.5 / math.pi) + 0.25
+    part -= math.floor(part)
     slope = amplitude * omega * 2.0 / math.pi
-    return amplitude * 2.0 / math.pi * math.asin(sine), slope if math.cos(phase) >= 0.0 else -slope, 0.0
+    return amplitude * (1.0 - 4.0 * abs(part - 0.5)), slope if part < 0.5 else -slope, 0.0
 
 
 @kernel

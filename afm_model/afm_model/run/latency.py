@@ -4,11 +4,15 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Literal
 
-import numpy as np
 from annotated_types import Ge, Lt
 from pydantic import Field
 
+from ..core.elementary import exp
+from ..core.random_numbers import Stream
 from ..core.schema import Group, NonNegative, Positive, Unit
+
+_LATENCIES = 3000
+"""Stream of the random numbers of latencies."""
 
 
 class Latency(Group):
@@ -27,13 +31,13 @@ class Latency(Group):
 
     def draw(self) -> Callable[[], float]:
         """A function that draws one latency after the other [s]; infinite: the drive is lost."""
-        random = np.random.default_rng(self.seed)
+        random = Stream(self.seed, _LATENCIES)
 
         def draw() -> float:
             # Always both: whether drives are lost changes no latency.
-            deviation, lost = random.standard_normal(), random.random() < self.loss
+            deviation, lost = float(random.standard_normal(1)[0]), bool(random.random(1)[0] <= self.loss)
             if self.kind == "lognormal":
-                latency = self.median * math.exp(self.spread * deviation)
+                latency = self.median * exp(self.spread * deviation)
             else:
                 latency = self.median * (1.0 + self.spread * deviation)
             return math.inf if lost else max(latency, self.floor)

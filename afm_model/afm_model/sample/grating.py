@@ -11,6 +11,7 @@ from typing import Annotated
 from annotated_types import Gt, Le
 from pydantic import Field
 
+from ..core.elementary import cos, square, tan
 from ..core.jit import kernel
 from ..core.records import Block, Record
 from ..core.schema import Positive, Unit
@@ -51,16 +52,16 @@ def _values(parameters: Tree) -> Numbers:
     sample, scales = parameters.sample, parameters.scales
     R = parameters.plant.radius_of_tip(parameters)
     inner, outer = sample.edge_radius - R, sample.edge_radius + R
-    half = math.tan(0.5 * sample.angle)
+    half = tan(0.5 * sample.angle)
     corner = 0.5 * (sample.pitch - sample.top) - R * half
-    foot = corner - sample.step / math.tan(sample.angle)
+    foot = corner - sample.step / tan(sample.angle)
     return {
         "pitch": sample.pitch,
-        "foot": foot + inner * half * math.cos(sample.angle),
+        "foot": foot + inner * half * cos(sample.angle),
         "foot_flat": foot - inner * half,
-        "head": corner - outer * half * math.cos(sample.angle),
+        "head": corner - outer * half * cos(sample.angle),
         "head_flat": corner + outer * half,
-        "slope": math.tan(sample.angle),
+        "slope": tan(sample.angle),
         "step": sample.step,
         "inner": inner,
         "outer": outer,
@@ -73,7 +74,7 @@ def _values(parameters: Tree) -> Numbers:
 def _check(parameters: Tree) -> None:
     sample, R = parameters.sample, parameters.plant.radius_of_tip(parameters)
     if sample.edge_radius <= R:
-        x = 0.5 * (sample.pitch - sample.top) - sample.step / math.tan(sample.angle)
+        x = 0.5 * (sample.pitch - sample.top) - sample.step / tan(sample.angle)
         raise ValueError(
             f"sample.edge_radius = {sample.edge_radius:g} m is not allowed: in the inner edges, at x = +-{x:.4g} "
             f"m, the tip touches in one point only if it is > {R:g} m, the radius of the tip"
@@ -121,7 +122,7 @@ def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None
 
 
 def _curvature(parameters: Tree) -> float:
-    return 0.5 / float(parameters.sample.edge_radius) * parameters.scales.x0**2 / float(parameters.scales.z0)
+    return 0.5 / float(parameters.sample.edge_radius) * square(parameters.scales.x0) / float(parameters.scales.z0)
 
 
 GRATING = Sample(

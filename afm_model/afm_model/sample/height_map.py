@@ -1,5 +1,6 @@
 """A sample from a height map in a file, with a map of materials beside it."""
 
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
@@ -65,7 +66,7 @@ def _made(sample: HeightMap, R: float, x0: float, z0: float, changed: tuple[int,
         materials = (found[0], found[1])
     heights = field.values * sample.height_unit
     return relief(
-        heights - heights.mean(),
+        heights - math.fsum(heights.ravel()) / heights.size,
         width,
         length,
         wrap=sample.border == "wrap",

@@ -11,10 +11,10 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from ..core import registry
+from ..core.elementary import cos, sin, sincos
 from ..core.jit import kernel
 from ..core.records import Block, Record
 from ..core.schema import NonNegative, Positive, Unit
-from ..core.sincos import sincos
 from ..parts.groups import SampleParameters
 from ..parts.part import Corrugation, Numbers, Sample, Tree
 from ..parts.signals import Surface
@@ -66,8 +66,8 @@ def _values(parameters: Tree) -> Numbers:
     return {
         "kind": LATTICES[sample.lattice],
         "q": 2.0 * math.pi / sample.constant,
-        "cos": math.cos(sample.angle),
-        "sin": math.sin(sample.angle),
+        "cos": cos(sample.angle),
+        "sin": sin(sample.angle),
         "energy": sample.energy,
         "height": sample.height,
         "x0": scales.x0,

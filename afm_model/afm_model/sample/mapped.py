@@ -11,8 +11,10 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.jit import kernel
+from ..core.elementary import square
+from ..core.jit import kernel, plain
 from ..core.records import Block, Record
+from ..core.splines import b_spline_coefficients, weighted
 from ..parts.groups import SampleParameters
 from ..parts.part import Sample, Tree
 from ..parts.signals import Surface
@@ -22,6 +24,10 @@ FINER = 3
 """Dilation is done on a grid so much finer: curvatures are then right to some percent of that of the tip."""
 LEAST_RADIUS, LARGEST_RADIUS = 0.25, 4.0
 """Bounds of R_e / R on a dilated map: in a kink the tip touches at two places, which is no contact of one radius."""
+
+
+_THERE = (1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0)
+"""Weights of a cubic B-spline's coefficients for its value at a node."""
 
 
 class Constants(Record):
@@ -85,19 +91,15 @@ def relief(
     ValueError
         If the tip would touch a surface that is not to be dilated in more than one point.
     """
-    from scipy.ndimage import spline_filter  # here: a tenth of a second for nothing where there is no map
-
     rows, columns = heights.shape
     pitch_x, pitch_y = width / columns, length / rows
-    mode = "grid-wrap" if wrap else "mirror"
     if dilate:
-        heights = _dilated(heights, pitch_x, pitch_y, R, mode)
-    coefficients = spline_filter(heights, 3, mode=mode)
+        heights = _dilated(heights, pitch_x, pitch_y, R, wrap)
+    coefficients = b_spline_coefficients(heights, wrap)
     # Second derivatives of the spline at its nodes.
-    padded = np.pad(coefficients, 1, mode="wrap" if wrap else "reflect")
-    across = np.array([1.0, 4.0, 1.0]) / 6.0
-    second_x = sum(w * np.diff(padded[i : rows + i], 2, axis=1) for i, w in enumerate(across)) / pitch_x**2
-    second_y = sum(w * np.diff(padded[:, i : columns + i], 2, axis=0) for i, w in enumerate(across)) / pitch_y**2
+    bend = (1.0, -2.0, 1.0)
+    second_x = weighted(coefficients, _THERE, bend, wrap) / square(pitch_x)
+    second_y = weighted(coefficients, bend, _THERE, wrap) / square(pitch_y)
     curvature = -0.5 * (second_x + second_y)
     if dilate:
         ratio = np.clip(1.0 - curvature * R, LEAST_RADIUS, LARGEST_RADIUS)
@@ -111,7 +113,7 @@ def relief(
             )
         ratio = 1.0 / (1.0 + curvature * R)
     adhesion = materials[1] if materials is not None else np.ones((1, 1))
-    low, high = float(ratio.min()) * float(adhesion.min()) ** 2, float(ratio.max()) * float(adhesion.max()) ** 2
+    low, high = float(ratio.min()) * square(float(adhesion.min())), float(ratio.max()) * square(float(adhesion.max()))
     constants = {
         "columns": columns,
         "rows": rows,
@@ -134,23 +136,30 @@ def relief(
     )
 
 
-def _dilated(heights: _Array, pitch_x: float, pitch_y: float, R: float, mode: str) -> _Array:
+def _dilated(heights: _Array, pitch_x: float, pitch_y: float, R: float, wrap: bool) -> _Array:
     """Largest height of the surface plus tip over all places under the tip, on a finer grid."""
-    from scipy.ndimage import grey_dilation, zoom
+    from scipy.ndimage import grey_dilation  # here: a tenth of a second for nothing where there is no map
 
     step_x, step_y = pitch_x / FINER, pitch_y / FINER
     half_x, half_y = int(R / step_x), int(R / step_y)
     x, y = np.meshgrid(step_x * np.arange(-half_x, half_x + 1), step_y * np.arange(-half_y, half_y + 1))
     under = R * R - x * x - y * y
     ball = np.where(under >= 0.0, np.sqrt(np.maximum(under, 0.0)) - R, -np.inf)
-    if mode == "grid-wrap":
-        fine = zoom(heights, FINER, order=3, mode="grid-wrap", grid_mode=True)
-        # Centres of fine pixels: the middle one of each coarse pixel is its centre.
-        rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="wrap")
-        return np.ascontiguousarray(rolled[FINER // 2 :: FINER, FINER // 2 :: FINER])
-    fine = zoom(heights, FINER, order=3, mode="mirror", grid_mode=True)
-    rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="reflect")
+    # Centres of fine pixels: the middle one of each coarse pixel is its centre.
+    coefficients = b_spline_coefficients(heights, wrap)
+    fine = np.empty((FINER * heights.shape[0], FINER * heights.shape[1]))
+    places = [plain(_weights)((i - FINER // 2) / FINER % 1.0) for i in range(FINER)]
+    for i, along_y in enumerate(places):
+        for j, along_x in enumerate(places):
+            low_y, low_x = i < FINER // 2, j < FINER // 2
+            fine[i::FINER, j::FINER] = weighted(coefficients, _about(along_y, low_y), _about(along_x, low_x), wrap)
+    rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="wrap" if wrap else "reflect")
     return np.ascontiguousarray(rolled[FINER // 2 :: FINER, FINER // 2 :: FINER])
+
+
+def _about(weights: tuple[float, ...], low: bool) -> tuple[float, ...]:
+    """Of five neighbours about a pixel; the four weights begin one below it, or two if the place is `low`."""
+    return (*weights, 0.0) if low else (0.0, *weights)
 
 
 @kernel
@@ -178,7 +187,7 @@ def surface(x: float, y: float, h: Surface, p: Constants, values: Block) -> None
     i, j = math.floor(u), math.floor(v)
     f, g = u - i, v - j
     a0, a1, a2, a3 = _weights(f)
-    b0, b1, b2, b3 = -0.5 * (1.0 - f) ** 2, -2.0 * f + 1.5 * f * f, 0.0, 0.5 * f * f
+    b0, b1, b2, b3 = -0.5 * square(1.0 - f), -2.0 * f + 1.5 * f * f, 0.0, 0.5 * f * f
     b2 = -(b0 + b1 + b3)
     c0, c1, c2, c3 = 1.0 - f, 3.0 * f - 2.0, 1.0 - 3.0 * f, f
     i0, i1 = _index(i - 1, p.columns, p.wrap), _index(i, p.columns, p.wrap)
@@ -188,11 +197,11 @@ def surface(x: float, y: float, h: Surface, p: Constants, values: Block) -> None
     for n in range(4):
         # Weights along y of this row, for value, slope and curvature.
         if n == 0:
-            w, s, c = w0, -0.5 * (1.0 - g) ** 2, 1.0 - g
+            w, s, c = w0, -0.5 * square(1.0 - g), 1.0 - g
         elif n == 1:
             w, s, c = w1, -2.0 * g + 1.5 * g * g, 3.0 * g - 2.0
         elif n == 2:
-            w, s, c = w2, 2.0 * (1.0 - g) - 1.5 * (1.0 - g) ** 2, 1.0 - 3.0 * g
+            w, s, c = w2, 2.0 * (1.0 - g) - 1.5 * square(1.0 - g), 1.0 - 3.0 * g
         else:
             w, s, c = w3, 0.5 * g * g, g
         row = _index(j - 1 + n, p.rows, p.wrap) * p.columns
@@ -250,7 +259,7 @@ def map_sample(
         check=check,
         map=lambda parameters: of(parameters).numbers,
         height=lambda parameters: of(parameters).amplitude,
-        curvature=lambda parameters: of(parameters).curvature * parameters.scales.x0**2 / parameters.scales.z0,
+        curvature=lambda parameters: of(parameters).curvature * square(parameters.scales.x0) / parameters.scales.z0,
         contrast=lambda parameters: of(parameters).contrast,
         surface=surface,
     )

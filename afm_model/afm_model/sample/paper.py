@@ -7,10 +7,10 @@ from typing import Annotated
 
 from pydantic import Field
 
+from ..core.elementary import sincos, square
 from ..core.jit import kernel
 from ..core.records import Block, Record
 from ..core.schema import NonNegative, Unit
-from ..core.sincos import sincos
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree
 from ..parts.signals import Surface
@@ -40,7 +40,7 @@ def _curvature(parameters: Tree) -> float:
     """At the tops and bottoms."""
     sample = parameters.sample
     x0 = parameters.scales.x0
-    return 0.5 * ((sample.k_x * x0) ** 2 + (sample.k_y * x0) ** 2) * abs(sample.beta) / parameters.scales.z0
+    return 0.5 * (square(sample.k_x * x0) + square(sample.k_y * x0)) * abs(sample.beta) / parameters.scales.z0
 
 
 @kernel

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from ..core.elementary import square
 from ..core.jit import kernel
 from ..core.records import Block, Record
 from ..core.schema import Positive, Unit
@@ -55,11 +56,16 @@ def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None
     h.adhesion = p.adhesion if second else 1.0
 
 
+def _contrast(parameters: Tree) -> tuple[float, float]:
+    other = square(parameters.sample.adhesion)
+    return min(1.0, other), max(1.0, other)
+
+
 PATCHES = Sample(
     name="patches",
     parameters=Patches,
     constants=Constants,
     values=_values,
-    contrast=lambda parameters: (min(1.0, parameters.sample.adhesion**2), max(1.0, parameters.sample.adhesion**2)),
+    contrast=_contrast,
     surface=surface,
 )

@@ -1,11 +1,11 @@
 """A tilted plane."""
 
-import math
 from typing import Annotated
 
 from annotated_types import Gt, Lt
 from pydantic import Field
 
+from ..core.elementary import tan
 from ..core.jit import kernel
 from ..core.records import Block, Record
 from ..core.schema import Unit
@@ -31,7 +31,7 @@ class Constants(Record):
 def _values(parameters: Tree) -> Numbers:
     sample, scales = parameters.sample, parameters.scales
     rise = scales.x0 / scales.z0
-    return {"slope_x": math.tan(sample.angle_x) * rise, "slope_y": math.tan(sample.angle_y) * rise}
+    return {"slope_x": tan(sample.angle_x) * rise, "slope_y": tan(sample.angle_y) * rise}
 
 
 @kernel

@@ -1,5 +1,6 @@
 """A rough surface by its spectrum and a seed: self-affine with a roll-off, periodic."""
 
+import math
 from functools import lru_cache
 from typing import Annotated
 
@@ -8,10 +9,16 @@ from annotated_types import Ge, Gt, Le
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..core.elementary import power_each, square
+from ..core.fourier import filtered
+from ..core.random_numbers import Stream
 from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Tree
 from .mapped import Relief, Scales, map_sample, relief
+
+_HEIGHTS = 2000
+"""Stream of the random numbers of heights."""
 
 
 class Rough(SampleParameters):
@@ -31,13 +38,14 @@ class Rough(SampleParameters):
 def heights(sample: Rough) -> NDArray[np.float64]:
     """Heights (pixels, pixels) [m]."""
     n = sample.pixels
-    white = np.random.default_rng(sample.surface_seed).standard_normal((n, n))
-    q = 2.0 * np.pi * np.fft.fftfreq(n, sample.size / n)
-    q2 = q[:, None] ** 2 + q[None, :] ** 2
-    amplitude = (1.0 + q2 * sample.correlation**2) ** (-0.5 * (1.0 + sample.hurst))
-    amplitude[(q2 == 0.0) | (q2 > (2.0 * np.pi / sample.shortest) ** 2)] = 0.0
-    z = np.fft.ifft2(np.fft.fft2(white) * amplitude).real
-    return np.asarray(z * sample.rms / z.std())
+    white = Stream(sample.surface_seed, _HEIGHTS).standard_normal((n, n))
+    waves = np.arange(n)
+    q = 2.0 * np.pi / sample.size * np.minimum(waves, n - waves)
+    q2 = square(q)[:, None] + square(q)[None, :]
+    amplitude = power_each((1.0 + q2 * square(sample.correlation)).ravel(), -0.5 * (1.0 + sample.hurst)).reshape(n, n)
+    amplitude[(q2 == 0.0) | (q2 > square(2.0 * np.pi / sample.shortest))] = 0.0
+    z = filtered(white, amplitude)
+    return np.asarray(z * (sample.rms / math.sqrt(math.fsum(square(z).ravel()) / z.size)))
 
 
 def _of(parameters: Tree) -> Relief:

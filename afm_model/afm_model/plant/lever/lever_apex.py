@@ -10,11 +10,12 @@ from typing import Annotated
 from pydantic import Field
 
 from ...core import registry
+from ...core.elementary import square
 from ...core.errors import ParameterError
+from ...core.random_numbers import key_of
 from ...core.schema import NonNegative, Unit
 from ...parts.groups import PlantParameters
 from ...parts.part import Corrugation, Numbers, Tree
-from ..random_numbers import key_of
 
 BOLTZMANN = 1.380649e-23
 """[J/K]."""
@@ -74,7 +75,7 @@ def apex_constants(parameters: Tree) -> Numbers:
         "lattice_force": found.force,
         "lattice_slope": found.slope,
         "apex_compliance": 1.0 / plant.apex_stiffness if plant.apex_stiffness else 0.0,
-        "apex_hold": mass * (4.0 / h**2 + 2.0 * damping / h),
+        "apex_hold": mass * (4.0 / square(h) + 2.0 * damping / h),
         "apex_carry": 2.0 * mass / h,
         "apex_noise": math.sqrt(2.0 * mass * damping * BOLTZMANN * plant.temperature / h),
         "apex_key": key_of(plant.seed, THERMAL_APEX),

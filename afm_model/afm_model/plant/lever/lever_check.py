@@ -3,6 +3,7 @@
 import math
 
 from ...core import registry
+from ...core.elementary import square
 from ...core.errors import ParameterError
 from ...core.schema import flatten
 from ...parts.part import Tree
@@ -128,7 +129,7 @@ def warnings(parameters: Tree) -> list[str]:
         k, f = getattr(s, f"k_{axis}"), getattr(s, f"f_{axis}")
         if k < 1e4:
             found.append(f"plant.k_{axis} = {k:g} N/m is implausible: scanners have 1e5 to 1e8 N/m")
-        moved = k / (2.0 * math.pi * f) ** 2
+        moved = k / square(2.0 * math.pi * f)
         if not 1e-5 <= moved <= 10.0:
             found.append(
                 f"plant.k_{axis} = {k:g} N/m and plant.f_{axis} = {f:g} Hz make the moving mass {moved:.3g} kg: "

@@ -1,15 +1,15 @@
 """Constants of the plant `lever` from its parameters, SI units: docs/lever.md (1) to (7), (14), (15), (26)."""
 
-import cmath
 import math
 from typing import Annotated, Any
 
 from ...contact.contact_table import transitions
 from ...core import registry
+from ...core.elementary import cbrt, cosh, sincos, sinh, square, tan, tanh
+from ...core.random_numbers import THERMAL, key_of
 from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from .. import beam
-from ..random_numbers import THERMAL, key_of
 from .lever_apex import BOLTZMANN, apex_constants
 
 _MODES = ("mode_w2", "mode_inverse", "mode_push", "mode_base", "kick", "mode_y", "mode_z", "mode_shown")
@@ -101,27 +101,34 @@ def contrast(parameters: Tree) -> tuple[float, float]:
         bend = sample_curvature(parameters) * parameters.plant.cantilever_numbers.tip_radius
         # One that is sharper than the tip is refused at the start.
         low, high = (1.0 / (1.0 + bend), 1.0 / (1.0 - bend)) if bend < 1.0 else (1.0, 1.0)
-    return low ** (1.0 / 3.0), high ** (1.0 / 3.0)
+    return cbrt(low), cbrt(high)
 
 
 def sample_curvature(parameters: Tree) -> float:
     """Largest |mean curvature| of the sample [1/m]."""
     scales = parameters.scales
     curvature: float = registry.find("sample", parameters.sample.kind).curvature(parameters)
-    return curvature * scales.z0 / scales.x0**2
+    return curvature * scales.z0 / square(scales.x0)
 
 
 def _oscillator(frequency: float, damping: float, h: float) -> tuple[float, float]:
     """(w^2, 1/D) of a damped oscillator in the implicit midpoint rule, docs/lever.md (15): its frequency is met."""
-    w = 2.0 / h * math.tan(math.pi * frequency * h)
+    w = 2.0 / h * tan(math.pi * frequency * h)
     return w * w, 1.0 / (1.0 + h * damping * w + 0.25 * h * h * w * w)
 
 
 def _ringing(frequency: float, damping: float, h: float) -> tuple[float, float]:
     """The same with the decay met as well, docs/lever.md (26): where a step is a good part of a period."""
-    root = cmath.sqrt(damping * damping - 1.0)
-    fast, slow = (2.0 / h * cmath.tanh(math.pi * frequency * h * (-damping + sign * root)) for sign in (-1.0, 1.0))
-    w2, loss = (fast * slow).real, -(fast + slow).real
+    turn, root = 2.0 * math.pi * frequency * h, math.sqrt(abs(damping * damping - 1.0))
+    if damping < 1.0:
+        # The hyperbolic tangents of two conjugate numbers, their product and sum.
+        s, c = sincos(turn * root)
+        a = turn * damping
+        below = cosh(a) + c
+        w2, loss = square(2.0 / h) * (square(sinh(a)) + s * s) / square(below), 4.0 / h * sinh(a) / below
+    else:
+        fast, slow = (2.0 / h * tanh(0.5 * turn * (damping + sign * root)) for sign in (-1.0, 1.0))
+        w2, loss = fast * slow, fast + slow
     return w2, 1.0 / (1.0 + 0.5 * h * loss + 0.25 * h * h * w2)
 
 
@@ -150,7 +157,7 @@ def lever_constants(parameters: Tree) -> Numbers:
     units = plant.contact_units
     # The tip stands below the neutral axis by `arm`; y runs along the cantilever, towards its end.
     arm, L = c.tip_height + 0.5 * c.thickness, c.length
-    cos, sin = math.cos(plant.tilt), math.sin(plant.tilt)
+    sin, cos = sincos(plant.tilt)
 
     def lab(along: float, across: float) -> tuple[float, float]:
         """(y, z) of a vector given along the cantilever and across it."""
@@ -182,15 +189,15 @@ def lever_constants(parameters: Tree) -> Numbers:
     # What follows without delay, along the cantilever (1) and across it (2); then in the laboratory's y and z.
     rest = beam.rest(plant.modes)
     r11, r12, r22 = (
-        (arm / L) ** 2 * rest.turn_by_couple / c.k,
+        square(arm / L) * rest.turn_by_couple / c.k,
         arm / L * rest.turn_by_force / c.k,
         rest.end_by_force / c.k,
     )
     static = {
-        "rest_x": arm**2 * (1.0 - share) / c.k_torsion + 1.0 / c.k_in_plane,
-        "rest_yy": cos**2 * r11 + 2.0 * cos * sin * r12 + sin**2 * r22,
-        "rest_yz": (cos**2 - sin**2) * r12 + cos * sin * (r22 - r11),
-        "rest_zz": cos**2 * r22 - 2.0 * cos * sin * r12 + sin**2 * r11,
+        "rest_x": square(arm) * (1.0 - share) / c.k_torsion + 1.0 / c.k_in_plane,
+        "rest_yy": cos * cos * r11 + 2.0 * cos * sin * r12 + sin * sin * r22,
+        "rest_yz": (cos * cos - sin * sin) * r12 + cos * sin * (r22 - r11),
+        "rest_zz": cos * cos * r22 - 2.0 * cos * sin * r12 + sin * sin * r11,
     }
     # Force in the laboratory, split along the cantilever and across it, turns the end.
     by_couple, by_force = arm / L * rest.turn_by_couple / c.k, rest.turn_by_force / c.k

@@ -7,6 +7,7 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 import math
 
 from ...contact.contact_table import attraction, end_of_contact, look_up
+from ...core.elementary import cbrt, exp, log
 from ...core.jit import kernel
 from ...core.records import Block
 from ...parts.signals import Surface
@@ -23,7 +24,7 @@ def place_frame(H: Surface, p: Constants, f: State, m: Block, at: int) -> None:
     rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
     contrast = H.adhesion
     # (w^2 R_e)^(1/3), and the other powers by it.
-    root = 1.0 if rho == 1.0 and contrast == 1.0 else (contrast * contrast * rho) ** (1.0 / 3.0)
+    root = 1.0 if rho == 1.0 and contrast == 1.0 else cbrt(contrast * contrast * rho)
     f.unit_force = p.unit_force * contrast * rho
     f.unit_indentation = p.unit_indentation * root
     f.unit_radius = p.unit_radius * contrast * rho / root
@@ -136,9 +137,9 @@ def strengthened(bound: float, drawn: float, give: float, p: Constants) -> float
     if p.strengthening == 0.0 or slid <= 0.0:
         return bound
     # In y = ln(1 + v / v_0) the balance is concave: Newton's method from beyond the root does not step over it.
-    y = min(slid / (give * bound * p.strengthening), math.log(1.0 + slid / p.slow_way))
+    y = min(slid / (give * bound * p.strengthening), log(1.0 + slid / p.slow_way))
     for _ in range(30):
-        way = p.slow_way * math.exp(y)
+        way = p.slow_way * exp(y)
         excess = drawn - give * bound * (1.0 + p.strengthening * y) - (way - p.slow_way)
         change = excess / (give * bound * p.strengthening + way)
         y += change

@@ -8,9 +8,9 @@ load follow from it.
 import math
 
 from ...core.jit import kernel, routine
+from ...core.random_numbers import normal as standard_normal
 from ...core.records import Block
 from ...parts.dispatch import surface
-from ..random_numbers import normal as standard_normal
 from .lever_constants import Constants
 from .lever_contact import indent, normal, place_frame
 from .lever_state import State

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
+from ...core.elementary import cbrt, square
 from ...core.schema import NonNegative, Positive, Unit
 from .. import beam
 from ..presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
@@ -99,12 +100,12 @@ class LeverGroup(ApexParameters):
         k_torsion = self.k_torsion or (preset.k_torsion if same else 0.0)
         k_in_plane = self.k_in_plane or (preset.k_in_plane if same else 0.0)
         slender = chosen.thickness / chosen.width
-        by_shape = chosen.k * chosen.length**2 * 2.0 / (3.0 * (1.0 + POISSON)) * (1.0 - 0.63 * slender)
+        by_shape = chosen.k * square(chosen.length) * 2.0 / (3.0 * (1.0 + POISSON)) * (1.0 - 0.63 * slender)
         k_torsion = k_torsion or by_shape
         mass = beam.mass(chosen.k, chosen.f0)
         return chosen._replace(
             k_torsion=k_torsion,
-            k_in_plane=k_in_plane or chosen.k / slender**2,
+            k_in_plane=k_in_plane or chosen.k / square(slender),
             f_torsion=chosen.f_torsion or beam.torsional_resonance(k_torsion, mass, chosen.width, chosen.thickness),
             Q_torsion=chosen.Q_torsion or chosen.Q,
         )
@@ -133,7 +134,7 @@ class LeverGroup(ApexParameters):
             return 0.0
         pair, R = self.pair_numbers, self.cantilever_numbers.tip_radius
         stress = DUGDALE * pair.work_of_adhesion / pair.range
-        return 2.0 * stress * (R / (math.pi * pair.work_of_adhesion * pair.K**2)) ** (1.0 / 3.0)
+        return 2.0 * stress * cbrt(R / (math.pi * pair.work_of_adhesion * square(pair.K)))
 
     @property
     def contact_units(self) -> "ContactUnits":
@@ -142,8 +143,8 @@ class LeverGroup(ApexParameters):
         w, K = pair.work_of_adhesion, pair.K
         return ContactUnits(
             force=math.pi * w * R,
-            radius=(math.pi * w * R * R / K) ** (1.0 / 3.0),
-            indentation=(math.pi**2 * w * w * R / K**2) ** (1.0 / 3.0),
+            radius=cbrt(math.pi * w * R * R / K),
+            indentation=cbrt(square(math.pi * w / K) * R),
         )
 
 

@@ -1,9 +1,11 @@
 """State of the plant `lever` at the start: at rest in contact at the setpoint, or free; docs/lever.md (3), (17)."""
 
+import math
 from typing import Any
 
 import numpy as np
 
+from ...core.elementary import square
 from ...core.errors import ParameterError
 from ...core.jit import plain
 from ...core.records import record_at
@@ -49,9 +51,9 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     scanner = plant.scanner_numbers
     # Static compliance: the modes' part is what they take in a step without inertia.
     each = [push / (p.half * w2 * inverse) if w2 else 0.0 for push, w2, inverse in _modes(p)]
-    C_yy = p.rest_yy + sum(c * y * y for c, y in zip(each, p.mode_y, strict=True))
-    C_yz = p.rest_yz + sum(c * y * z for c, y, z in zip(each, p.mode_y, p.mode_z, strict=True))
-    C_zz = p.rest_zz + sum(c * z * z for c, z in zip(each, p.mode_z, strict=True))
+    C_yy = p.rest_yy + math.fsum(c * y * y for c, y in zip(each, p.mode_y, strict=True))
+    C_yz = p.rest_yz + math.fsum(c * y * z for c, y, z in zip(each, p.mode_y, p.mode_z, strict=True))
+    C_zz = p.rest_zz + math.fsum(c * z * z for c, z in zip(each, p.mode_z, strict=True))
     phi_by_x = p.twist_push / (p.half * p.twist_w2 * p.twist_inverse) if p.twist_w2 else 0.0
     C_x = p.rest_x + p.arm * phi_by_x
     raised = parameters.reference.z_r - p.a
@@ -61,7 +63,7 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
         place_frame(H, p, s, m, at)
         # A lattice is flat: its height belongs to its potential.
         n = np.array([0.0, 0.0, 1.0]) if p.lattice else np.array([H.slope_x * p.rise, H.slope_y * p.rise, 1.0])
-        n /= np.linalg.norm(n)
+        n /= math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
         if plant.gap > 0.0:
             s.delta = -plant.gap * n[2]
         else:
@@ -88,7 +90,7 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     for i in range(3):
         s.q[i] = each[i] * (p.mode_y[i] * s.F_y + p.mode_z[i] * s.F_z)
     s.tip = C_yz * s.F_y + C_zz * s.F_z
-    s.shown = float(np.dot(p.mode_shown, s.q)) + p.shown_y * s.F_y + p.shown_z * s.F_z
+    s.shown = math.fsum(p.mode_shown * s.q) + p.shown_y * s.F_y + p.shown_z * s.F_z
     s.phi = phi_by_x * s.F_x
     s.twist = s.phi + p.twist_x * s.F_x
     s.Z = p.a + s.tip - H.height * p.z0 + s.delta * n[2]
@@ -141,7 +143,7 @@ def _indentation(load: float, parameters: Tree, p: Any, s: Any, m: Any, at: int)
         high *= 1.5
     else:
         raise ParameterError(f"the load of {load:.4g} N at reference.z_r is beyond what a contact bears")
-    grid = s.end + np.linspace(0.0, 1.0, 400) ** 2 * (high - s.end)
+    grid = s.end + square(np.linspace(0.0, 1.0, 400)) * (high - s.end)
     forces = np.array([force(delta) for delta in grid])
     weakest = int(np.argmin(forces))
     if load <= forces[weakest]:

@@ -6,14 +6,13 @@ the lateral stiffness 8 G* a of the contact; on a sample of atoms the tip moves 
 implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (23).
 """
 
-import math
-
+from ...core.elementary import cos, square, tan
 from ...core.jit import kernel
+from ...core.random_numbers import normal
 from ...core.records import Block, record_at
 from ...parts.header import BlockHeader
 from ...parts.signals import Actuation, Truth
 from ..beam import MODES
-from ..random_numbers import normal
 from .lever_constants import Constants
 from .lever_friction import on_surface
 from .lever_lattice import on_lattice
@@ -53,9 +52,9 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     if v.amplitude != 0.0:
         # At mid-step as the scheme sees a base that stands at each step where it should, docs/lever.md (39).
         angle, turn = v.phase + v.angular_frequency * (t + half - v.since), v.angular_frequency * half
-        moved = v.amplitude * math.cos(turn) * math.cos(angle)
-        acceleration = -moved * (math.tan(turn) / half) ** 2
-        end = v.amplitude * math.cos(angle + turn)
+        moved = v.amplitude * cos(turn) * cos(angle)
+        acceleration = -moved * square(tan(turn) / half)
+        end = v.amplitude * cos(angle + turn)
 
     # Rates at mid-step if the tip felt no force, docs/lever.md (15); positions there.
     r_x = (s.V_X + half * p.w2[0] * (p.metres[0] * v.voltage[0] - s.X)) * p.inverse[0]
