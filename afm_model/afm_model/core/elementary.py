@@ -42,7 +42,7 @@ def _bits(x: float) -> int:
 
 def _from_bits(i: int) -> float:
     """The number of these bits."""
-    return float(struct.unpack("<d", struct.pack("<q", i))[0])
+    return float(struct.unpack("<d", struct.pack("<Q", i & 0xFFFFFFFFFFFFFFFF))[0])
 
 
 def _cast(to: Any, of: Any, code: Any) -> Any:

@@ -33,7 +33,7 @@ LEVERS = {
     # V-shaped: torsion from a lateral stiffness of 56.2 N/m at the tip, calculated from the measured k (table 2 of
     # Nanoscale Res. Lett. 7:608); that it does not bend in its plane is assumed. Measured k = 0.16 N/m (nominal 0.12);
     # f0, tip radius and Q from memory.
-    "snl_10b": LeverPreset(0.16, 23e3, 30.0, 205e-6, 40e-6, 0.6e-6, 8e-6, 2e-9, 56.2 * 8e-6**2, 1e3),
+    "snl_10b": LeverPreset(0.16, 23e3, 30.0, 205e-6, 40e-6, 0.6e-6, 8e-6, 2e-9, 56.2 * square(8e-6), 1e3),
 }
 
 

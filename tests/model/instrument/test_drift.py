@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from afm_model import Instrument, InstrumentParameters, build
+from afm_model.core.random_numbers import Stream
 from afm_model.parameters import SimParameters
 from afm_model.studies.start_checks import implausible
 
@@ -67,8 +68,8 @@ def test_z_loop_follows_the_drift_along_z_and_the_tip_is_dragged_until_it_slides
 def test_random_part_is_an_ornstein_uhlenbeck_process_of_its_own_stream():
     rms, time, ticks = 3e-9, 2e-3, 600
     read, _, _ = held(PAPER | {"drift.wander": rms, "drift.wander_time": time, "plant.seed": 5}, ticks)
-    # The fifth stream of the seed, three numbers a tick.
-    normal = np.random.default_rng(np.random.SeedSequence(5).spawn(5)[4]).standard_normal((768, 3))[:ticks]
+    # Stream 4 of the seed, three numbers a tick.
+    normal = Stream(5, 4).standard_normal((ticks, 3))
     keep = np.exp(-PERIOD / time)
     shaken = rms * np.sqrt(1.0 - keep**2) * normal
     shaken[0] = rms * normal[0]

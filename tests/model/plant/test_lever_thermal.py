@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import welch
 
-from afm_model.plant.random_numbers import normal
+from afm_model.core.random_numbers import normal
 
 from .lever_bench import LeverBench
 from .test_lever import UPRIGHT, contact_under, series

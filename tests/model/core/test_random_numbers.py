@@ -4,7 +4,7 @@ import numpy as np
 from scipy import stats
 
 from afm_model.core.jit import kernel
-from afm_model.plant.random_numbers import bits, key_of, normal, uniform
+from afm_model.core.random_numbers import bits, key_of, normal, uniform
 
 
 @kernel
