@@ -1,9 +1,9 @@
 """Finds elementary functions that are not afm_model.core.elementary's in what a run is made of.
 
 Run by `make lint`. The C library's sin, exp, pow ..., numpy's, and what rests on BLAS and LAPACK give other last bits
-on other machines. Of numpy stay arrays, sums, products and square roots; scipy stays where nothing is rounded. A power is
-one of whole numbers (`2**bits`); others are `square`, `cbrt`, `power`. Sums of floats are `math.fsum`'s, since `sum`
-rounds differently from Python 3.12 on.
+on other machines. Of numpy stay arrays, sums, products and square roots; scipy stays where nothing is rounded. A power
+is one of whole numbers (`2**bits`); others are `square`, `cbrt`, `power`. Sums of floats are `math.fsum`'s, since
+`sum` rounds differently from Python 3.12 on.
 """
 
 import ast
