@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .estimate import Estimate
+from .force_curves import tilted_deflection
 
 _Array = NDArray[np.float64]
 BOLTZMANN = 1.380649e-23
@@ -60,6 +61,8 @@ def spring_constant(
     *,
     band: tuple[float, float] | None = None,
     tilt: float = 0.0,
+    tip_height: float = 0.0,
+    length: float = math.inf,
     correction: float = RECTANGULAR,
 ) -> ThermalTune:
     """Spring constant from the deflection of a free cantilever: k = correction k_B T / <z^2>.
@@ -79,8 +82,11 @@ def spring_constant(
     band : (float, float) [Hz], optional
         Where to fit; an octave to either side of the peak with the most variance if not given.
     tilt : float [rad]
-        Angle of the cantilever to the sample, if the sensitivity is that of a vertical way: the end moves by its
-        cosine.
+        Angle of the cantilever to the sample, if the sensitivity is that of a vertical way, as from a force curve: see
+        `tilted_deflection`. k is that across the cantilever; for vertical forces take `tilted_stiffness` of it.
+    tip_height, length : float [m]
+        With a tilt: of the tip below the cantilever's neutral axis; of the cantilever. Left out, the tip is taken as
+        low: k is too high by some 2 % then (0.2 rad, a tip of a twentieth of the length).
     correction : float
         Of the first mode and of the slope: 0.817 for a rectangular cantilever and a small spot; 0.971 if deflection
         itself is measured.
@@ -95,7 +101,7 @@ def spring_constant(
     voltage = np.asarray(voltage, np.float64)
     per_volt = sensitivity if isinstance(sensitivity, Estimate) else Estimate(sensitivity)
     _require(voltage, rate, per_volt.value, temperature, tilt, correction)
-    scale = per_volt.value * math.cos(tilt)
+    scale = per_volt.value * tilted_deflection(tilt, tip_height, length)
     length = len(voltage) // _SEGMENTS
     f, density = welch(voltage * scale, rate, nperseg=length, detrend="linear")
     low, high = band if band is not None else _octaves(f, density)
