@@ -54,6 +54,20 @@ def test_drift_and_a_tilted_cantilever_are_taken_into_account():
     assert rough.k.uncertainty == pytest.approx(math.hypot(plain.k.uncertainty, 0.06 * plain.k.value), rel=1e-9)
 
 
+@pytest.mark.parametrize(("f0", "Q"), [(23e3, 40.0), (13e3, 80.0)])
+def test_second_mode_that_an_adc_of_100_khz_folds_beside_the_first_one_changes_nothing(f0, Q):
+    """Folded from 6.27 f0 to 44 kHz or 18.5 kHz, with 0.251 of k_B T / k; both modes alone at the full rate."""
+    ratios = []
+    for seed in range(8):
+        first = record(0.2, f0, Q, 1e-15, 1.0, seed)
+        second = math.sqrt(0.251 / 0.817428) * record(0.2, 6.2669 * f0, Q, 1e-15, 1.0, 100 + seed)
+        alone = spring_constant(first, RATE, SENSITIVITY, 295.0)
+        folded = spring_constant((first + second)[::5], RATE / 5.0, SENSITIVITY, 295.0)
+        assert folded.f0.value == pytest.approx(f0, rel=5e-3)
+        ratios.append(folded.k.value / alone.k.value)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=5e-3)
+
+
 @pytest.mark.parametrize("tilt", [0.2, -0.3])
 def test_sensitivity_of_a_simulated_curve_of_a_tilted_cantilever_gives_its_hidden_spring_constant(tilt):
     """The record is made up for the hidden k; the sensitivity is what a curve of the simulator on graphite says."""
