@@ -44,15 +44,9 @@ def drift_constants(parameters: InstrumentParameters) -> Numbers:
         "rate": [drift.rate_x, drift.rate_y, drift.rate_z],
         "decay": drift.decay_time,
         "wander": drift.wander,
-<<<<<<< HEAD
         "keep": exp(-ratio),
         "shake": drift.wander * math.sqrt(-expm1(-2.0 * ratio)),
-        "metres": [piezo.sensitivity_x, piezo.sensitivity_y, piezo.sensitivity_z],
-=======
-        "keep": math.exp(-ratio),
-        "shake": drift.wander * math.sqrt(-math.expm1(-2.0 * ratio)),
         "metres": piezo.sensitivities,
->>>>>>> da42069f205ad49243dbd6318cdb862d78811106
     }
 
 

@@ -107,13 +107,8 @@ def scanner_values(parameters: Tree) -> dict[str, Any]:
     law, scales, piezo = parameters.law, parameters.scales, parameters.piezo
     columns: dict[str, list[float]] = defaultdict(list)
     lengths = (scales.x0, scales.x0, scales.z0)
-<<<<<<< HEAD
-    for axis, name, length in zip(free_axes(parameters), "xyz", lengths, strict=True):
-        volts = length / (square(axis.eta) * getattr(piezo, f"sensitivity_{name}"))
-=======
     for axis, metres, length in zip(free_axes(parameters), piezo.sensitivities, lengths, strict=True):
-        volts = length / (axis.eta**2 * metres)
->>>>>>> da42069f205ad49243dbd6318cdb862d78811106
+        volts = length / (square(axis.eta) * metres)
         columns["length"].append(length)
         columns["volts"].append(volts)
         columns["limit"].append(piezo.limit / volts if piezo.limit > 0.0 else math.inf)

@@ -56,21 +56,11 @@ def _values(parameters: Tree) -> Numbers:
     corner = 0.5 * (sample.pitch - sample.top) - R * half
     foot = corner - sample.step / tan(sample.angle)
     return {
-<<<<<<< HEAD
-        "pitch": sample.pitch,
         "foot": foot + inner * half * cos(sample.angle),
-=======
-        "foot": foot + inner * half * math.cos(sample.angle),
->>>>>>> da42069f205ad49243dbd6318cdb862d78811106
         "foot_flat": foot - inner * half,
         "head": corner - outer * half * cos(sample.angle),
         "head_flat": corner + outer * half,
-<<<<<<< HEAD
         "slope": tan(sample.angle),
-        "step": sample.step,
-=======
-        "slope": math.tan(sample.angle),
->>>>>>> da42069f205ad49243dbd6318cdb862d78811106
         "inner": inner,
         "outer": outer,
         "bend": 0.5 / sample.edge_radius,
