@@ -1,9 +1,9 @@
 """A law of your own, law.kind kalman:KALMAN: Kalman filter made for law.period, and PD with feedforward."""
 
+import math
 from typing import Annotated
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from afm_model.law import SampledLaw
 from afm_model.parts import Field, Law, Record, Unit, Vector, kernel
@@ -32,12 +32,12 @@ class State(Record):
 
 def values(parameters):
     law, T = parameters.law, parameters.law.period
-    A = np.array([[1.0, T], [0.0, 1.0]])
-    Q = law.jerk**2 * np.array([[T**4 / 4.0, T**3 / 2.0], [T**3 / 2.0, T**2]])
-    P = solve_discrete_are(A.T, np.array([[1.0], [0.0]]), Q, np.array([[law.position_noise**2]]))
-    gain = P[:, 0] / (P[0, 0] + law.position_noise**2)
+    # The steady Kalman filter in closed form: Kalata 1984, doi:10.1109/TAES.1984.310438.
+    index = law.jerk * T * T / law.position_noise
+    r = 0.25 * (4.0 + index - math.sqrt(8.0 * index + index * index))
     w = 2.0 * np.pi * np.array(parameters.scanner.frequencies)
-    return {"gain": gain[0], "gain_rate": gain[1], "w": w, "volts": 1.0 / (w**2 * parameters.piezo.sensitivities)}
+    volts = 1.0 / (w * w * parameters.piezo.sensitivities)
+    return {"gain": 1.0 - r * r, "gain_rate": 2.0 * (1.0 - r) * (1.0 - r) / T, "w": w, "volts": volts}
 
 
 @kernel

@@ -22,7 +22,7 @@ from afm_model.plant import Constants, State, compliant
 COMPILER = "cc"
 FLAGS = {
     "c": ["-O3", "-shared", "-fPIC"],
-    # Contraction to fused operations is another rounding and gains two percent: a step waits for pow, sqrt, division.
+    # Contraction to fused operations is another rounding and gains two percent: a step waits for roots and divisions.
     "c_native": ["-O3", "-march=native", "-ffp-contract=off", "-shared", "-fPIC"],
 }
 DT = 1e-6

@@ -4,6 +4,8 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stdint.h>
+#include <string.h>
 
 enum { X, V_X, Y, V_Y, Z, V_Z, Q, V_Q, CONTACT, N, F_X, F_Y, F_MAX };
 
@@ -30,6 +32,51 @@ static double larger(double a, double b) { return b > a ? b : a; }
 
 /* contact/jkr.py */
 
+static int64_t bits(double x)
+{
+    int64_t i;
+    memcpy(&i, &x, sizeof i);
+    return i;
+}
+
+static double from_bits(int64_t i)
+{
+    double x;
+    memcpy(&x, &i, sizeof x);
+    return x;
+}
+
+/* cbrt and sincos of afm_model/core/elementary.py, operation by operation. */
+static double cube_root(double x)
+{
+    double y = from_bits(0x553EF0FF289DD796 - (((bits(x) >> 20) * 1398101) >> 2));
+    for (int i = 0; i < 2; i++) {
+        double e = 1.0 - x * y * y * y;
+        y += y * e * (1.0 / 3.0 + e * (2.0 / 9.0 + e * (14.0 / 81.0)));
+    }
+    double root = x * y * y;
+    return root - (root * root * root - x) * (y * y * (1.0 / 3.0));
+}
+
+static void sine_cosine(double x, double *sine, double *cosine)
+{
+    const double round = 6755399441055744.0;
+    double shifted = x * 0.6366197723675814 + round;
+    int64_t quarter = bits(shifted);
+    double k = shifted - round;
+    double a = x - k * 1.5707963267341256, b = k * 6.077100506303966e-11;
+    double r = a - b, rest = ((a - r) - b) - k * 2.0222662487959506e-21, z = r * r;
+    double high = 2.755731610068303e-06 + z * (-2.5051131455427946e-08 + z * 1.591810123027412e-10);
+    double p = 0.008333333333330946 + z * (-0.0001984126983675497 + z * high);
+    double s = r + (r * z * (-0.16666666666666666 + z * p) + rest * (1.0 - 0.5 * z));
+    high = -2.7557317270560326e-07 + z * (2.0876146024689747e-09 + z * -1.1382614868556325e-11);
+    p = 0.041666666666666664 + z * (-0.0013888888888887395 + z * (2.4801587298763433e-05 + z * high));
+    double half = 0.5 * z, w = 1.0 - half, c = w + (((1.0 - w) - half) + (z * z * p - r * rest));
+    bool odd = quarter & 1;
+    *sine = (odd ? c : s) * (quarter & 2 ? -1.0 : 1.0);
+    *cosine = (odd ? s : c) * ((quarter + 1) & 2 ? -1.0 : 1.0);
+}
+
 static double u_of_indentation(double d)
 {
     if (d <= INDENTATION_FIXED_GRIPS)
@@ -41,7 +88,7 @@ static double u_of_indentation(double d)
         return u;
     }
     double discriminant = larger(1.0 / 1296.0 + d * d * d / 27.0, 0.0);
-    double c = pow(1.0 / 36.0 + sqrt(discriminant), 1.0 / 3.0);
+    double c = cube_root(1.0 / 36.0 + sqrt(discriminant));
     double m = c - d / (3.0 * c);
     double root = sqrt(2.0 * m);
     double u = 0.5 * (root + sqrt(larger(4.0 / (3.0 * root) - 2.0 * m, 0.0)));
@@ -67,8 +114,9 @@ static double stiffness_of_u(double u)
 
 static void surface(double x, double y, Surface *h, const Sample *p)
 {
-    double sin_x = sin(p->k_x * x), cos_x = cos(p->k_x * x);
-    double sin_y = sin(p->k_y * y), cos_y = cos(p->k_y * y);
+    double sin_x, cos_x, sin_y, cos_y;
+    sine_cosine(p->k_x * x, &sin_x, &cos_x);
+    sine_cosine(p->k_y * y, &sin_y, &cos_y);
     double height = p->beta * sin_x * sin_y;
     h->height = height;
     h->slope_x = p->beta * p->k_x * cos_x * sin_y;
@@ -161,7 +209,7 @@ static void step(const double *restrict v, const Constants *restrict p, double *
     Surface H;
     surface(s[X], s[Y], &H, sample);
     double rho = effective_radius_ratio(&H, p->r);
-    double rho_third = pow(rho, 1.0 / 3.0);
+    double rho_third = cube_root(rho);
     double delta = s[Z] + H.height - s[Q];
     double d = delta / (p->delta_0 * rho_third);
     bool touching = delta >= 0.0 || (s[CONTACT] != 0.0 && d > INDENTATION_FIXED_GRIPS);

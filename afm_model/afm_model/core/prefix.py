@@ -25,9 +25,9 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     if unit not in _TAKE_ONE or not math.isfinite(largest) or largest == 0.0:
         return 1.0, "" if unit == "1" else unit
     # 999.99 nm is read as 1 µm.
-    power = math.floor(math.log10(abs(largest) * 1.00001) / 3.0)
+    power = math.floor(math.log10(abs(largest) * 1.00001) / 3.0)  # no part of a run
     power = min(max(power, min(_PREFIXES)), max(_PREFIXES))
-    return 1000.0**-power, _PREFIXES[power] + unit
+    return 1000.0**-power, _PREFIXES[power] + unit  # no part of a run
 
 
 def text(value: float, unit: str, digits: int = 4) -> str:

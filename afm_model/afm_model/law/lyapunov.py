@@ -88,8 +88,8 @@ def ultimate_bound(P: NDArray[np.float64], alpha: float, M: float, lambda_min_Q:
     """
     if not (alpha > 0.0 and lambda_min_Q > 0.0 and M >= 0.0):
         raise ValueError(f"alpha = {alpha:g} and lambda_min_Q = {lambda_min_Q:g} must be > 0, M = {M:g} must be >= 0")
-    eigenvalues = _eigenvalues(np.asarray(P))
+    eigenvalues = np.linalg.eigvalsh(P)  # no part of a run
     if not eigenvalues[0] > 0.0:
         raise ValueError(f"P = {np.asarray(P).tolist()} must be positive definite")
     ball = math.sqrt(2.0 * TANH_GAP * M / (alpha * lambda_min_Q))
-    return ball * math.sqrt(float(eigenvalues[1] / eigenvalues[0]))
+    return ball * math.sqrt(float(eigenvalues[-1] / eigenvalues[0]))

@@ -22,7 +22,7 @@ def _count(durations: _Array, counts: NDArray[np.int64]) -> float:
     for duration in durations:
         if not math.isfinite(duration):
             continue
-        place = int(math.log10(max(duration, _LOWEST) / _LOWEST) * _PER_DECADE)
+        place = int(math.log10(max(duration, _LOWEST) / _LOWEST) * _PER_DECADE)  # no part of a run
         counts[min(place, len(counts) - 1)] += 1
         largest = max(largest, duration)
     return largest
@@ -32,7 +32,7 @@ class Histogram:
     """Durations from 0.1 us to 1000 s in logarithmic bins 1.2 % wide: any number of them in 16 kB."""
 
     def __init__(self) -> None:
-        decades = round(np.log10(_HIGHEST / _LOWEST))
+        decades = round(np.log10(_HIGHEST / _LOWEST))  # no part of a run
         self._counts = np.zeros(decades * _PER_DECADE, np.int64)
         self.largest = 0.0
 
@@ -47,7 +47,7 @@ class Histogram:
         if total == 0:
             return [float("nan")] * len(percents)
         at = np.searchsorted(cumulative, np.array(percents) / 100.0 * total)
-        return [min(_LOWEST * 10.0 ** ((int(i) + 1) / _PER_DECADE), self.largest) for i in at]
+        return [min(_LOWEST * 10.0 ** ((int(i) + 1) / _PER_DECADE), self.largest) for i in at]  # no part of a run
 
     @property
     def summary(self) -> list[float]:
