@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -41,8 +42,18 @@ def test_gains_that_do_not_stabilise_are_refused(c, cdot):
         lyapunov_matrix(c, cdot)
 
 
-@pytest.mark.parametrize(("c", "cdot"), [(1.0, 1e8), (1e-9, 1e3), (1e-20, 1.0)])
-def test_gains_that_leave_the_solver_no_digits_are_refused(c, cdot):
+@pytest.mark.parametrize(("c", "cdot"), [(1.0, 1e8), (1e-9, 1e3)])
+def test_gains_of_very_different_size_are_solved_to_the_last_digits(c, cdot):
+    P = lyapunov_matrix(c, cdot)
+    p11, p12, p22 = (Fraction(float(each)) for each in (P[0, 0], P[0, 1], P[1, 1]))
+    exact12 = Fraction(1) / (2 * Fraction(c))
+    exact22 = (Fraction(1, 2) + exact12) / Fraction(cdot)
+    for found, exact in ((p12, exact12), (p22, exact22), (p11, Fraction(cdot) * exact12 + Fraction(c) * exact22)):
+        assert abs(found / exact - 1) < 1e-15
+
+
+@pytest.mark.parametrize(("c", "cdot"), [(1e-20, 1.0)])
+def test_gains_that_leave_no_digits_are_refused(c, cdot):
     with pytest.raises(ValueError, match="too far from 1"):
         lyapunov_matrix(c, cdot)
     with pytest.raises(ParameterError, match="too far from 1"):
