@@ -141,7 +141,7 @@ class Codec:
         decoded = self.decode(bytes(expected))
         return decoded[:2] == (sequence, stamp) and np.array_equal(decoded[2], values)
 
-    def encode(self, sequence: int, stamp_ns: int, values: NDArray[np.float64]) -> bytes:
+    def encode(self, sequence: int, stamp_ns: int, values: Any) -> bytes:
         """Bytes of a message.
 
         Parameters
@@ -151,12 +151,16 @@ class Codec:
             Simulated time.
         values : ndarray (size,), contiguous float64
         """
-        if not self.fast:
-            message = self._type()
-            fill(message, sequence, stamp_ns, values)
-            return bytes(serialize_message(message))
-        seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
-        return b"".join((self._pack_head(seconds, nanoseconds, self._frame, sequence), values, self._tail))
+        if self.fast and type(values) is np.ndarray:
+            seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+            return b"".join((self._pack_head(seconds, nanoseconds, self._frame, sequence), values, self._tail))
+        return self._encode_other(sequence, stamp_ns, values)
+
+    def _encode_other(self, sequence: int, stamp_ns: int, values: Any) -> bytes:
+        """As `encode`, by rclpy's serializer."""
+        message = self._type()
+        fill(message, sequence, stamp_ns, values)
+        return bytes(serialize_message(message))
 
     def decode(self, data: bytes) -> tuple[int, int, Any]:
         """Sequence, stamp [ns] and values (size,) of a message; the array is valid until the next call.

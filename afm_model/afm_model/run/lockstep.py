@@ -2,7 +2,7 @@
 
 import math
 
-from ..core.errors import DriveError, MalformedError
+from ..core.errors import MalformedError
 from ..parameters import SimParameters
 from .engine import Engine
 from .pacing import Peered
@@ -71,8 +71,6 @@ class Lockstep(Peered):
         if self._stalled:
             self._stalled = False
             self._engine.go_on(Cause.ANSWERED)
-        if isinstance(drive, DriveError):
-            raise drive
         self.drive, self.round_trip = drive, self._clock() - self._sent_at
         return 1
 

@@ -27,8 +27,8 @@ class Pacing:
 
     law: Controller | None = None
     """Closes the loop, many ticks in one compiled piece; None: one tick is made with `drive`."""
-    drive: _Array | Command | None = None
-    """[V]; None: the previous one is held."""
+    drive: _Array | Command | DriveError | None = None
+    """[V]; None: the previous one is held. As of `Instrument.tick`."""
     sequence: int | None = None
     """Measurement that it answers; None: that of this tick."""
     round_trip = math.nan
