@@ -30,8 +30,8 @@ _ZERO_AT_START = (
     *("truth", "detection", "displacement", "score", "asked", "asked_next", "delivery", "read", "drifted"),
 )
 """Records that are empty when a run begins."""
-_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP = (
-    LoopState.names.index(name) for name in ("k", "row", "draw", "done", "clipped", "steep")
+_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP, _RANDOM = (
+    LoopState.names.index(name) for name in ("k", "row", "draw", "done", "clipped", "steep", "random")
 )
 
 
@@ -67,10 +67,9 @@ class Instrument:
         self._block_ticks = block_ticks
         self.samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         self._draws = Draws(layout, self.samples_per_tick)
-        self._random = self._draws.numbers
         self._state = self._block[layout.places["hashed"] : layout.places["hashed_end"]]
         self._recorded = Rows(block_ticks, self._state.size, len(layout.channels), self.samples_per_tick, hashed=hashed)
-        self._loop = self._block[layout.places["loop"] :].view(np.int64)
+        self._loop = layout.array(self._block, "loop").view(np.int64)
         self._commanded = CommandRecord(layout.array(self._block, "commanded"))
         self._voltage: Any = memoryview(self._commanded.voltage)  # type: ignore[arg-type]  # an array is a buffer
         self._horizon_count, self._sequence = self._commanded.horizon_count, self._commanded.sequence
@@ -84,6 +83,7 @@ class Instrument:
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.in_python]
         fill_loop(layout.record(self._block, "loop"), parameters)
+        self._point_at_arrays()
         self.reset()
 
     def reset(self) -> None:
@@ -268,8 +268,7 @@ class Instrument:
             except (TypeError, ValueError):
                 self._write_drive(drive)
             self._sequence[0] = self.ticks if sequence is None else sequence
-        recorded = self._recorded
-        outcome: int = advance(self._external, 1, self._block, self._random, recorded.rows, recorded.samples)
+        outcome: int = advance(self._external, 1.0, self._block)
         if outcome != REFUSED:
             self.ticks += 1
             self._row += 1
@@ -311,8 +310,7 @@ class Instrument:
         while self.ticks < end:
             self._prepare()
             ticks = min(end, self._prepared) - self.ticks
-            recorded = self._recorded
-            outcome = advance(controller.block, ticks, self._block, self._random, recorded.rows, recorded.samples)
+            outcome = advance(controller.block, float(ticks), self._block)
             controller.raise_errors()
             done = int(self._loop[_DONE])
             self.ticks += done
@@ -370,8 +368,17 @@ class Instrument:
         Then `hash_cut`, and `block_of` what was cut off.
         """
         cut = self._recorded.cut(self.ticks - self._row, self._row)
+        self._point_at_arrays()
         self._row = self._loop[_ROW] = 0
         return cut
+
+    def _point_at_arrays(self) -> None:
+        """Tell the compiled loop where the arrays beside the block are."""
+        rows, samples = self._recorded.rows, self._recorded.samples
+        self._loop[_RANDOM:] = (
+            *(self._draws.numbers.ctypes.data, rows.ctypes.data, rows.shape[1]),
+            *(samples.ctypes.data, samples.shape[1]),
+        )
 
     def hash_cut(self) -> None:
         """Hash what was cut off: it counts in `trajectory_sha256` with or without this."""
