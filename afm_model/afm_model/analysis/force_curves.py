@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, StraightLine, mean, same_length, straight_line
+from .estimate import Estimate, StraightLine, correlated_mean, same_length, straight_line
 
 _Array = NDArray[np.float64]
 _FREE = 0.2
@@ -48,7 +48,7 @@ def _split(z: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array, _Array, _Ar
 
 def _free(z: _Array, signal: _Array) -> Estimate:
     """Signal of the free cantilever on the approach."""
-    return mean(signal[z <= z[0] + _FREE * (z.max() - z[0])])
+    return correlated_mean(signal[z <= z[0] + _FREE * (z.max() - z[0])])
 
 
 def _pressed(signal: _Array, low: float, high: float) -> slice:
@@ -65,7 +65,7 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
 
     The cantilever follows z where the sample does not give way. Friction of the tip along a cantilever that turns
     while it bends adds to the signal on the approach and takes from it on the retract, so that the mean of both is
-    taken; half of their difference is in the uncertainty. What the contact gives way is not corrected: the result is
+    taken; half of their difference is the uncertainty, unless that of the fits is larger. What the contact gives way is not corrected: the result is
     too large by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m on silicon oxide). With a
     tilted cantilever it is the sensitivity for vertical motion of the tip.
 
@@ -98,7 +98,7 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
         lines.append(straight_line(way[part], signal[part]))
     each = [1.0 / line.slope.value for line in lines]
     of_fit = 0.5 * math.hypot(*(line.slope.uncertainty / line.slope.value**2 for line in lines))
-    return Estimate(0.5 * sum(each), math.hypot(of_fit, 0.5 * abs(each[0] - each[1])))
+    return Estimate(0.5 * sum(each), max(of_fit, 0.5 * abs(each[0] - each[1])))
 
 
 def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) -> float:
