@@ -65,8 +65,9 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
 
     The cantilever follows z where the sample does not give way. Friction of the tip along a cantilever that turns
     while it bends adds to the signal on the approach and takes from it on the retract, so that the mean of both is
-    taken; half of their difference is the uncertainty, unless that of the fits is larger. What the contact gives way is not corrected: the result is
-    too large by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m on silicon oxide). With a
+    taken; half of their difference is the uncertainty, unless that of the fits is larger. What the contact gives way is
+    not corrected: the result is too large by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m
+    on silicon oxide). With a
     tilted cantilever it is the sensitivity for vertical motion of the tip.
 
     Parameters

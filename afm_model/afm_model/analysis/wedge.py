@@ -64,15 +64,15 @@ def wedge_ogletree(
         If no friction coefficient fits.
     """
     s, c = _sine_cosine(angle)
-    ways = ((load_up, up), (load_down, down))
+    ways = [(np.asarray(load, np.float64), signal) for load, signal in ((load_up, up), (load_down, down))]
     lines = [straight_line(*each) for each in ways]
     # Loads are independent of one another, and so few that both lines together tell the noise.
-    counts = np.array([np.size(load) for load, _ in ways])
+    counts = np.array([load.size for load, _ in ways])
     freedom = int(counts.sum()) - 4
     rms = math.sqrt(np.nansum([(n - 2) * line.rms**2 for n, line in zip(counts, lines, strict=True)]) / max(freedom, 1))
     of_noise = rms if freedom else math.nan
     slopes = [
-        Estimate(line.slope.value, of_noise / math.sqrt(n) / float(np.std(load)))
+        Estimate(line.slope.value, of_noise / math.sqrt(n) / float(load.std()))
         for line, n, (load, _) in zip(lines, counts, ways, strict=True)
     ]
 

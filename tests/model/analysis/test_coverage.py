@@ -22,7 +22,14 @@ SYSTEMATIC = {
 }
 """What is wrong about a model is in these, so that they may be larger."""
 EXPECTED = {1.0: math.erf(math.sqrt(0.5)), 2.0: math.erf(math.sqrt(2.0))}
-DRAWS = {"contact_fit": 24, "spring_constant": 90, "fit_resonator": 240, "wedge": 150, "step_height": 150, "force_curve": 240}
+DRAWS = {
+    "contact_fit": 24,
+    "spring_constant": 90,
+    "fit_resonator": 240,
+    "wedge": 150,
+    "step_height": 150,
+    "force_curve": 240,
+}
 
 
 @pytest.mark.parametrize("case", examine.CASES)
