@@ -180,6 +180,24 @@ def together(left: ArrayLike, fitted: int = 1) -> float:
     return float(slow) * (y.size - fitted) / power * student(freedom) ** 2
 
 
+def noise_of(sums: list[tuple[_Array, _Array]]) -> float:
+    """Uncertainty of a weighted sum of samples, for 95 % within two of it: its scatter along stretches of noise alone.
+
+    So it is right for samples fewer than those that count as one, too.
+
+    Parameters
+    ----------
+    sums : list of (ndarray (m,), ndarray (n,))
+        Weights, and noise as it is in the samples; of several sums the uncertainty of one of them. Noise that is
+        shorter than the weights does not count; NaN without any.
+    """
+    slid = [(weights.size, noise - noise.mean(), weights) for weights, noise in sums if noise.size >= weights.size]
+    if not slid:
+        return math.nan
+    each = np.concatenate([np.correlate(noise, weights, "valid") for _, noise, weights in slid])
+    return math.sqrt(float(np.mean(each**2))) * student(sum(noise.size / size for size, noise, _ in slid))
+
+
 def correlated_mean(y: ArrayLike) -> Estimate:
     """Mean of samples that may be correlated, in the order of measurement; a single one has an uncertainty of NaN.
 

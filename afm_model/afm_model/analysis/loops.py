@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, correlated_mean, same_length, student
+from .estimate import Estimate, correlated_mean, noise_of, same_length
 
 _Array = NDArray[np.float64]
 _PASSES = 3
@@ -143,7 +143,7 @@ def _stick_slope(ways: list[tuple[_Array, _Array]], offset: float, reach: float,
 
     Its uncertainty is the slope that noise has over as many samples where the tip slides.
     """
-    slopes, of_noise, stretches = list[float](), list[_Array](), 0.0
+    slopes, sums = list[float](), list[tuple[_Array, _Array]]()
     for x, signal in ways:
         forth = 1.0 if x[-1] > x[0] else -1.0
         way, y = forth * (x - x[0]), forth * (signal - offset)
@@ -152,14 +152,10 @@ def _stick_slope(ways: list[tuple[_Array, _Array]], offset: float, reach: float,
             part = way[chosen] - way[chosen].mean()
             weights = part / float(part @ part)
             slopes.append(float(weights @ y[chosen]))
-            slid = y[way >= (1.0 - sliding) * way[-1]]
-            if slid.size >= chosen.size:
-                of_noise.append(np.correlate(slid - slid.mean(), weights, "valid"))
-                stretches += slid.size / chosen.size
+            sums.append((weights, y[way >= (1.0 - sliding) * way[-1]]))
     if not slopes:
         return Estimate(math.nan, math.nan)
-    noise = math.sqrt(np.mean(np.concatenate(of_noise) ** 2)) * student(stretches) if of_noise else math.nan
-    return Estimate(float(np.mean(slopes)), noise / math.sqrt(len(slopes)))
+    return Estimate(float(np.mean(slopes)), noise_of(sums) / math.sqrt(len(slopes)))
 
 
 def _sticking(way: _Array, y: _Array, reach: float) -> NDArray[np.intp]:
