@@ -188,12 +188,13 @@ def noise_of(sums: list[tuple[_Array, _Array]]) -> float:
     Parameters
     ----------
     sums : list of (ndarray (m,), ndarray (n,))
-        Weights, and noise as it is in the samples; of several sums the uncertainty of one of them. Noise that is
-        shorter than the weights does not count; NaN without any.
+        Weights, and noise as it is in the samples; of several sums the uncertainty of one of them. Where all noise is
+        shorter than the weights, it counts by `together`.
     """
     slid = [(weights.size, noise - noise.mean(), weights) for weights, noise in sums if noise.size >= weights.size]
     if not slid:
-        return math.nan
+        weights, noise = max(sums, key=lambda each: each[1].size)
+        return float(np.linalg.norm(weights)) * math.sqrt(float(noise.var()) * together(noise - noise.mean()))
     each = np.concatenate([np.correlate(noise, weights, "valid") for _, noise, weights in slid])
     return math.sqrt(float(np.mean(each**2))) * student(sum(noise.size / size for size, noise, _ in slid))
 
