@@ -19,6 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
+from unique_identifier_msgs.msg import UUID
 
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.core.schema import Value
@@ -92,6 +93,9 @@ class Remote(Backend):
         self._news = 0
         self._lines: Arriving | None = None
         self._node.create_subscription(MicroscopeStatus, topics.MICROSCOPE, self._on_told, topics.LATCHED_QOS)
+        # By this subscription the microscope knows the client of each goal; see `topics.client`.
+        self._identity = os.urandom(8)
+        self._node.create_subscription(UUID, topics.client(self._identity), lambda goal: None, 10)
         self._node.create_subscription(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
         try:
             found = self._spin_until(lambda: self._told is not None, patience)
@@ -161,7 +165,8 @@ class Remote(Backend):
                 on_progress(Progress(message.feedback.progress, message.feedback.detail))
 
         with Interrupts() as interrupts:
-            sent = client.send_goal_async(goal_of(verb), feedback_callback=on_feedback)
+            number = UUID(uuid=list(self._identity + os.urandom(8)))
+            sent = client.send_goal_async(goal_of(verb), feedback_callback=on_feedback, goal_uuid=number)
             self._wait(sent.done, name, there)
             goal = sent.result()
             if not goal.accepted:
