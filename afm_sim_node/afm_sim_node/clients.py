@@ -39,7 +39,8 @@ class Listeners:
 
     def begin(self, process: bytes = b"") -> None:
         """From now on those are meant that listen now, or are found soon, if their identifier begins with `process`."""
-        self._process, self.meant = process, set[bytes]()
+        self._process = process
+        self.meant = {one for one in self._there() if one.startswith(process)}
         self._silent, self._passed, self._looked_at = 0.0, 0.0, time.monotonic()
 
     def destroy(self) -> None:
@@ -51,8 +52,7 @@ class Listeners:
 
         To be asked some times a second, before `publish`.
         """
-        infos = self._node.get_subscriptions_info_by_topic(self._topic)
-        now, there = time.monotonic(), {bytes(info.endpoint_gid) for info in infos}
+        now, there = time.monotonic(), self._there()
         passed, self._looked_at = min(now - self._looked_at, _LONGEST_LOOK), now
         self._passed += passed
         if self._passed < SILENCE or not self.meant:
@@ -62,6 +62,10 @@ class Listeners:
         acknowledged = self._publisher.wait_for_all_acked(_NOW)
         self._silent = 0.0 if several or acknowledged else self._silent + passed
         return bool(self.meant) and (not self.meant & there or self._silent > SILENCE)
+
+    def _there(self) -> set[bytes]:
+        """Who listens, living or not yet missed by the middleware."""
+        return {bytes(info.endpoint_gid) for info in self._node.get_subscriptions_info_by_topic(self._topic)}
 
 
 def process_of(header: Any) -> bytes:
@@ -93,7 +97,8 @@ class Clients:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._feedback: dict[str, Listeners] = {}
-        self._known: tuple[str, Listeners] | None = None
+        self._known: Listeners | None = None
+        self._topic = ""
 
     def begin(self, kind: Any, name: str, goal: Any, process: bytes) -> None:
         """A goal of the action `name` is being done, for this process (see `process_of`)."""
@@ -101,12 +106,13 @@ class Clients:
             # A second publisher beside that of the action server, which does not let anybody ask for acknowledgements.
             self._feedback[name] = Listeners(self._node, kind.Impl.FeedbackMessage, f"{name}/_action/feedback")
         self._feedback[name].begin(process)
-        topic = topics.client(goal.goal_id.uuid)
-        if self._known is None or self._known[0] != topic:
-            if self._known is not None:
-                self._known[1].destroy()
-            self._known = topic, Listeners(self._node, UUID, topic)
-        self._known[1].begin()
+        topic = self._node.resolve_topic_name(topics.client(goal.goal_id.uuid))
+        if self._known is not None and self._topic == topic:
+            self._known.begin()
+        elif self._known is not None:
+            self._known.destroy()
+            self._known = None
+        self._topic = topic
 
     def look(self, kind: Any, name: str, goal: Any, feedback: Any) -> bool:
         """Publish the feedback of the goal that is being done, some times a second.
@@ -116,10 +122,11 @@ class Clients:
         bool
             Whether its client has gone.
         """
-        assert self._known is not None
-        known, listeners = self._known[1], self._feedback[name]
+        if self._known is None and self._node.count_subscribers(self._topic):
+            self._known = Listeners(self._node, UUID, self._topic)
         # First: what is published now has not been acknowledged yet.
-        gone, anybody = known.gone(), listeners.gone()
-        listeners.publish(kind.Impl.FeedbackMessage(goal_id=goal.goal_id, feedback=feedback))
-        known.publish(goal.goal_id)
-        return gone if known.meant else anybody
+        gone = (self._known or self._feedback[name]).gone()
+        self._feedback[name].publish(kind.Impl.FeedbackMessage(goal_id=goal.goal_id, feedback=feedback))
+        if self._known is not None:
+            self._known.publish(goal.goal_id)
+        return gone
