@@ -216,7 +216,11 @@ def _unchanged(path: Path) -> bool:
     """Whether all of a file is what was written."""
     with open(path, "rb") as file:
         extent = measure(file.fileno())
-        return extent.sealed and not extent.damaged and (extent.complete or extent.whole == os.fstat(file.fileno()).st_size)
+        return (
+            extent.sealed
+            and not extent.damaged
+            and (extent.complete or extent.whole == os.fstat(file.fileno()).st_size)
+        )
 
 
 def _difference(found: Mapping[str, int], expected: Mapping[str, int]) -> str:

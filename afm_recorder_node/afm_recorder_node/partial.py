@@ -168,4 +168,3 @@ class Partial:
             raise
         os.close(old)
         self.news = f"{self.path} was removed while it was written: it has been made again, nothing is lost"
-

@@ -101,7 +101,9 @@ class RecordingFiles:
             number=self._number + 1,
         )
         if writer.number > self._number + 1:
-            self._log.warning(f"a recording is never replaced: this run is recorded in {writer.path}, the next free name")
+            self._log.warning(
+                f"a recording is never replaced: this run is recorded in {writer.path}, the next free name"
+            )
         self._number = writer.number
         if writer.set_aside:
             self._log.warning(

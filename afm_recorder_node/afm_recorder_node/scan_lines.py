@@ -12,8 +12,6 @@ import rerun as rr
 from afm_model.microscope.image import Image, Line
 from afm_model.microscope.verbs import Scan
 
-from .pictures import LINES
-
 
 @dataclass(frozen=True)
 class ScanLine:

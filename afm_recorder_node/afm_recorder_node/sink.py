@@ -2,6 +2,7 @@
 
 import socket
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -61,7 +62,7 @@ class Sink:
         streams.send_series(self._stream, entity, times, values)
         self.sent[entity] += len(times)
 
-    def columns(self, entity: str, times: NDArray[np.int64], columns: list[rr.ComponentColumn]) -> None:
+    def columns(self, entity: str, times: NDArray[np.int64], columns: Iterable[rr.ComponentColumn]) -> None:
         """Send rows of anything: times (n,) [ns]."""
         streams.send_columns(self._stream, entity, times, columns)
         self.sent[entity] += len(times)

@@ -1,5 +1,7 @@
 """What is sent to rerun, and how its streams are let go of. Needs no ROS."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -29,7 +31,7 @@ def send_columns(
     stream: rr.RecordingStream,
     entity: str,
     times: NDArray[np.int64],
-    columns: rr.ComponentColumnList | list[rr.ComponentColumn],
+    columns: Iterable[rr.ComponentColumn],
 ) -> None:
     """Send rows as one chunk: times (n,) [ns], columns with n values each."""
     index = rr.TimeColumn(layout.TIMELINE, duration=times.astype("timedelta64[ns]"))
@@ -37,7 +39,7 @@ def send_columns(
 
 
 def send_blueprint(stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> None:
-    """Arrange the viewer. rerun's own function keeps two threads and 1 MB for each blueprint, as long as the process."""
+    """Arrange the viewer. rerun's own function keeps two threads and 1 MB for each call as long as the process lives."""
     native = rerun_bindings.new_blueprint(layout.APPLICATION, make_default=False, make_thread_default=False)
     arranged = rr.RecordingStream._from_native(native)
     arranged.set_time("blueprint", sequence=0)
