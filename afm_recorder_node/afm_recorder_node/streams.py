@@ -39,7 +39,7 @@ def send_columns(
 
 
 def send_blueprint(stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> None:
-    """Arrange the viewer. rerun's own function keeps two threads and 1 MB for each call as long as the process lives."""
+    """Arrange the viewer. rerun's own function keeps two threads and 1 MB of each call until the process ends."""
     native = rerun_bindings.new_blueprint(layout.APPLICATION, make_default=False, make_thread_default=False)
     arranged = rr.RecordingStream._from_native(native)
     arranged.set_time("blueprint", sequence=0)
