@@ -26,7 +26,6 @@ from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario, load_scenario
 from .arrays import to_xarray
 from .backend import Backend, LoopSettings, OnLine, OnProgress
-from .interrupts import Interrupted
 from .local import Local
 from .results import COMPLETE, MicroscopeState, Outcome
 from .verb import Verb, find
@@ -39,7 +38,8 @@ class Microscope(LoopSettings):
     """What a microscope can do.
 
     Time passes while it does something, and stands still in between (one that runs somewhere else in real time goes
-    on). Ctrl-C withdraws the tip. At the end, `close` or a `with`, the tip is withdrawn.
+    on). Ctrl-C, `stop` and an error in a callback end a verb: the tip is withdrawn, and `outcome` has what was
+    measured. At the end, `close` or a `with`, the tip is withdrawn.
 
     Parameters
     ----------
@@ -58,13 +58,7 @@ class Microscope(LoopSettings):
     ScenarioError, ParameterError
         If there is no such preset, or a parameter is not allowed.
 
-    Attributes
-    ----------
-    outcome : Outcome
-        How the last verb has ended, with its result as it is written to files (`afm_model.files`).
     """
-
-    outcome: Outcome
 
     def __init__(
         self,
@@ -100,6 +94,23 @@ class Microscope(LoopSettings):
         self.backend.close()
 
     @property
+    def outcome(self) -> Outcome | None:
+        """How the last verb has ended, with its result as it is written to files (`afm_model.files`)."""
+        return self.backend.outcome
+
+    def stop(self) -> None:
+        """See `Backend`: `VerbError` is raised where the verb was begun."""
+        self.backend.stop()
+
+    def pause(self) -> None:
+        """See `Backend`."""
+        self.backend.pause()
+
+    def resume(self) -> None:
+        """See `Backend`. Behind a limit the next verb is an approach."""
+        self.backend.resume()
+
+    @property
     def state(self) -> MicroscopeState:
         """Where it stands: approached, feedback, setpoint [V], gains, place [m]."""
         return self.backend.state
@@ -122,7 +133,8 @@ class Microscope(LoopSettings):
         Raises
         ------
         VerbError
-            If it cannot be begun, or has not come to its end; `outcome` then has what was measured.
+            If it cannot be begun, or has not come to its end; `outcome` of the error, and of the microscope, then has
+            what was measured.
 
         Warns
         -----
@@ -134,16 +146,14 @@ class Microscope(LoopSettings):
                 verb = find(verb).of(fields)
             except ParameterError as error:
                 raise VerbError(str(error)) from None
-        try:
-            self.outcome = self.backend.execute(verb, self.on_progress, self.on_line)
-        except Interrupted as error:
-            self.outcome = error.outcome
-            raise
-        if self.outcome.status != COMPLETE:
-            raise VerbError(self.outcome.message)
-        if self.outcome.message:
-            warnings.warn(self.outcome.message, stacklevel=3)
-        return to_xarray(self.outcome.result)
+        outcome = self.backend.execute(verb, self.on_progress, self.on_line)
+        if outcome.status != COMPLETE:
+            broken_off = VerbError(outcome.message)
+            broken_off.outcome = outcome
+            raise broken_off
+        if outcome.message:
+            warnings.warn(outcome.message, stacklevel=3)
+        return to_xarray(outcome.result)
 
     def objection(self, verb: Verb) -> str:
         """Why a verb cannot be begun now, one sentence; empty if it can."""
@@ -220,10 +230,6 @@ class Microscope(LoopSettings):
     def set_loop(self, **settings: Any) -> None:
         """See `LoopSettings`."""
         self.backend.set_loop(**settings)
-
-    def resume(self) -> None:
-        """Go on behind a limit that has withdrawn the sample (`safety.*`); the next verb is an approach."""
-        self.backend.resume()
 
     def set_sample(self, **changes: Value) -> None:
         """Another sample, by parameters `sample.*`; only with the tip withdrawn. Simulated time begins anew."""
