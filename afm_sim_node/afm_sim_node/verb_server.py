@@ -11,11 +11,12 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from afm_model.core.errors import ParameterError, VerbError
+from afm_model.core.errors import VerbError
 from afm_model.microscope.results import COMPLETE, Outcome
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Withdraw
 from afm_model.run import Run
+from afm_node_common.barrier import sentence
 from afm_node_common.verb_codec import ACTIONS, TITLES, put_outcome, verb_of
 
 from .clients import Clients, process_of
@@ -23,7 +24,6 @@ from .clients import Clients, process_of
 _RESULT_KEPT = 30
 """Wall time for which a result is kept for a client that asks for it [s]: a night of force curves is some gigabytes."""
 
-_SENTENCES = (ParameterError, VerbError, ArithmeticError, ValueError)
 _LAST_WORDS = 0.3
 """Wall time that a node which ends leaves for the answer to its last goal [s]."""
 
@@ -59,6 +59,15 @@ class PatientServer(ActionServer):
     def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: object) -> None:
         """Called by rclpy when a goal is accepted."""
         self._begin(goal_handle)
+
+    async def execute(self, taken_data: Any) -> None:
+        """Called by rclpy with requests that have come; whatever they lead to, the node goes on."""
+        try:
+            await super().execute(taken_data)
+        except GeneratorExit:  # the node ends
+            raise
+        except BaseException as error:
+            self._node.get_logger().warning(f"a request to an action was not answered: {sentence(error)}")
 
     def answer(self, goal: ServerGoalHandle, conclude: Callable[[ServerGoalHandle], Any]) -> None:
         """Have the client told the result that `conclude` returns; it has to set the state of the goal, too."""
@@ -159,9 +168,9 @@ class VerbServer:
         try:
             verb = verb_of(name, goal.request)
             self._begin(name, verb, goal, partial(self._over, name, goal, result))
-        except Exception as error:
-            # Neither numbers too large to compute with nor a verb of somebody else's are a reason to end.
-            told = str(error) if isinstance(error, _SENTENCES) else f"{type(error).__name__}: {error}"
+        # Neither numbers too large to compute with nor a verb of somebody else's are a reason to end.
+        except BaseException as error:
+            told = sentence(error)
             self._log.warning(f"{name} was refused: {told}")
             result.message = told
             self._answer(name, goal, result)
@@ -176,7 +185,7 @@ class VerbServer:
         self._going = Going(type(verb).__name__, name, goal, over)
         try:
             self._run.begin(verb)
-        except Exception:
+        except BaseException:
             self._going = None
             raise
         self._changed()
