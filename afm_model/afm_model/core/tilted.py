@@ -2,6 +2,8 @@
 
 import math
 
+from .elementary import cos, sin
+
 
 def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) -> float:
     """Spring constant of a tilted cantilever for vertical forces and vertical motion of its tip [N/m].
@@ -38,10 +40,10 @@ def tilted_deflection(tilt: float, tip_height: float = 0.0, length: float = math
         As in `tilted_stiffness`.
     """
     arm = tip_height / length
-    return (math.cos(tilt) - 2.0 * arm * math.sin(tilt)) / _vertical_compliance(tilt, arm)
+    return (cos(tilt) - 2.0 * arm * sin(tilt)) / _vertical_compliance(tilt, arm)
 
 
 def _vertical_compliance(tilt: float, arm: float) -> float:
     """Vertical motion of the tip by a vertical force, over force by spring constant."""
-    s, c = math.sin(tilt), math.cos(tilt)
+    s, c = sin(tilt), cos(tilt)
     return c * c - 3.0 * arm * s * c + 3.0 * arm * arm * s * s
