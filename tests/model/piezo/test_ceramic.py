@@ -29,7 +29,7 @@ class Ceramic:
     def __init__(self, values: dict[str, Any], start: float = 0.0) -> None:
         parameters = build(InstrumentParameters, values)
         self.p = record_at(np.zeros(size(CERAMIC.constants)), 0, CERAMIC.constants)
-        for name, value in CERAMIC.values(parameters).items():
+        for name, value in {"creep": parameters.piezo.creep, **CERAMIC.values(parameters)}.items():
             self.p[name] = value
         self.s = record_at(np.zeros(size(CERAMIC.state)), 0, CERAMIC.state)
         CERAMIC.begin(parameters, self.s, (start, 0.0, 0.0))
