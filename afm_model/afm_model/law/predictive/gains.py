@@ -6,6 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.elementary import square
+from ..scanner import free_axis, times
+
 _Array = NDArray[np.float64]
 
 
@@ -41,13 +44,9 @@ def grid(hold: float, response: float) -> Grid:
 
 def transition(stiffness: float, damping: float, time: float) -> tuple[_Array, _Array]:
     """Phi (2, 2) and Gamma (2,) of q'' = U - stiffness q - damping q' over `time` under a constant U."""
-    from scipy.linalg import expm  # here: a tenth of a second for nothing in a node without a law
-
-    A = np.zeros((3, 3))
-    A[0, 1] = 1.0
-    A[1] = -stiffness, -damping, 1.0
-    E = expm(A * time)
-    return E[:2, :2], E[:2, 2]
+    eta = math.sqrt(stiffness)
+    axis = free_axis(eta, 0.5 * damping / eta, time)
+    return axis.phi, axis.gamma
 
 
 def gains(stiffness: float, damping: float, hold: float, division: Grid) -> HoldGains:
@@ -74,21 +73,42 @@ def gains(stiffness: float, damping: float, hold: float, division: Grid) -> Hold
     Phi, Gamma = transition(stiffness, damping, hold / fine)
     powers = [np.eye(2)]
     for _ in range(n):
-        powers.append(Phi @ powers[-1])
+        powers.append(times(Phi, powers[-1]))
     # Position at the end of interval j from a unit impulse in interval i: powers[j - i] Gamma.
-    of_impulse = np.array([power[0] @ Gamma for power in powers[:n]])
+    of_impulse = np.array([power[0, 0] * Gamma[0] + power[0, 1] * Gamma[1] for power in powers[:n]])
     A = np.zeros((n + holds, holds))
     for hold_number in range(holds):
         for i in range(hold_number * fine, (hold_number + 1) * fine):
             A[i:n, hold_number] += of_impulse[: n - i]
-    weight = math.sqrt(fine * T**4)
+    weight = math.sqrt(fine) * T * T
     A[n:] = weight * np.eye(holds)
-    of_errors, of_means = np.split(np.linalg.pinv(A)[0], [n])
-    K = of_errors @ np.array([power[0] for power in powers[1:]])
-    G = np.array([sum(of_errors[j] * powers[j - i][0] for j in range(i, n)) for i in range(n)])
+    of_errors, of_means = np.split(_first_of_least_squares(A), [n])
+    K = _total(of_errors, np.array([power[0] for power in powers[1:]]))
+    G = np.array([_total(of_errors[i:], np.array([power[0] for power in powers[: n - i]])) for i in range(n)])
     # The drive asked for in an interval is the rate asked for over Gamma.
     G[:, 1] += np.repeat(of_means, fine) * weight / (fine * Gamma[1])
     return HoldGains(K, G, Phi, Gamma)
+
+
+def _total(weights: _Array, rows: _Array) -> _Array:
+    """Sum of the rows, each by its weight."""
+    return np.array([math.fsum(column) for column in (weights[:, None] * rows).T])
+
+
+def _first_of_least_squares(A: _Array) -> _Array:
+    """First row of the pseudoinverse of A (m, n), whose columns are independent: by the normal equations."""
+    n = A.shape[1]
+    S = np.array([[math.fsum(A[:, i] * A[:, j]) for j in range(n)] for i in range(n)])
+    y = np.zeros(n)
+    y[0] = 1.0
+    for i in range(n):
+        for j in range(i + 1, n):
+            share = S[j, i] / S[i, i]
+            S[j] -= share * S[i]
+            y[j] -= share * y[i]
+    for i in range(n - 1, -1, -1):
+        y[i] = (y[i] - math.fsum(S[i, i + 1 :] * y[i + 1 :])) / S[i, i]
+    return _total(y, np.ascontiguousarray(A.T))
 
 
 def observer_gains(stiffness: float, damping: float, period: float, disturbance: float, noise: float) -> _Array:
@@ -103,10 +123,17 @@ def observer_gains(stiffness: float, damping: float, period: float, disturbance:
     noise : float
         Rms noise of the position.
     """
-    from scipy.linalg import solve_discrete_are  # as above
-
     Phi, Gamma = transition(stiffness, damping, period)
-    C = np.array([[1.0, 0.0]])
-    # In units of the noise, so that the equation is well scaled.
-    P = solve_discrete_are(Phi.T, C.T, np.outer(Gamma, Gamma) * (disturbance / noise) ** 2, np.eye(1))
+    # Riccati's equation by doubling: Chu, Fan, Lin, Wang, Int. J. Control 77 (2004) 767,
+    # doi:10.1080/00207170410001714988. In units of the noise, so that it is well scaled.
+    A, G, P = Phi.T, np.array([[1.0, 0.0], [0.0, 0.0]]), np.outer(Gamma, Gamma) * square(disturbance / noise)
+    for _ in range(60):
+        W = np.eye(2) + times(G, P)
+        inverse = np.array([[W[1, 1], -W[0, 1]], [-W[1, 0], W[0, 0]]]) / (W[0, 0] * W[1, 1] - W[0, 1] * W[1, 0])
+        A_inverse, before = times(A, inverse), P
+        P = P + times(times(A.T, P), times(inverse, A))
+        G = G + times(A_inverse, times(G, A.T))
+        A = times(A_inverse, A)
+        if np.array_equal(P, before):
+            break
     return P[:, 0] / (P[0, 0] + 1.0)
