@@ -129,7 +129,7 @@ def test_setpoint_and_gains_change_while_it_follows():
     # Back by 5 V at 9.71 nm/V: the cantilever is tilted.
     assert standing.z - before == pytest.approx(-5.0 * 9.71e-9, rel=2e-3)
     for call in (lambda: microscope.set_setpoint(), lambda: microscope.set_setpoint(force=1e-9, voltage=1.0)):
-        with pytest.raises(ParameterError, match="one of them must be given, not 0"):
+        with pytest.raises(ParameterError, match="give one of them"):
             call()
     with pytest.raises(ParameterError, match=r"onboard.integral_gain = -1.0 .* is not allowed"):
         microscope.set_gains(integral=-1.0)
