@@ -92,7 +92,7 @@ def test_uncertainty_of_a_loop_is_that_of_repeated_noise(rng):
 
 def test_what_is_no_loop_is_refused_in_a_sentence():
     x = np.linspace(0.0, 1.0, 100)
-    with pytest.raises(ValueError, match="at least two turns"):
+    with pytest.raises(ValueError, match="three turns of the position"):
         friction_loop(x, x)
     back = np.concatenate([x, x[::-1], x, x[::-1]])
     with pytest.raises(ValueError, match="the loop is not open"):
