@@ -1,5 +1,6 @@
 """The first thing an executable runs. It imports nothing that takes time."""
 
+import ctypes
 import gc
 import importlib
 import os
@@ -17,11 +18,21 @@ def start(module: str) -> int:
         # nohup has a program ignore SIGHUP: that stays.
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _leave)
+    _bound_lengths()
     # What is loaded stays: looking for garbage among it would take a tenth of the time.
     gc.disable()
     main: Callable[[], int] = importlib.import_module(module).main
     gc.enable()
     return main()
+
+
+def _bound_lengths() -> None:
+    """Have the middleware check lengths that a message claims (msgs/src/cdr_bounds.cpp); before it is loaded itself."""
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        library = os.path.join(prefix, "lib", "libafm_cdr_bounds.so")
+        if os.path.exists(library):
+            ctypes.CDLL(library, mode=ctypes.RTLD_GLOBAL)
+            return
 
 
 def _leave(number: int, frame: object) -> None:

@@ -84,10 +84,11 @@ def _values(names: Sequence[str], values: Sequence[str]) -> dict[str, Any]:
     """
     if len(names) != len(values):
         raise ParameterError(f"{len(names)} names with {len(values)} values are not allowed: each name needs one value")
-    read = {name: _value(text) for name, text in zip(names, values, strict=True)}
-    for name in read:
-        if names.count(name) > 1:
+    read: dict[str, Any] = {}
+    for name, text in zip(names, values, strict=True):
+        if name in read:
             raise ParameterError(f"the name {name} is given twice: each name needs one value")
+        read[name] = _value(text)
         if read[name] == "":
             raise ParameterError(f"{name} =  is not allowed: it must be a number, true, false or a word")
     return read

@@ -4,7 +4,7 @@ Nothing here knows the simulated instrument: the functions take arrays from any 
 """
 
 from .estimate import Estimate, correlated_mean, correlation_length
-from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve, tilted_stiffness
+from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve, tilted_deflection, tilted_stiffness
 from .loops import FrictionLoop, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
@@ -35,6 +35,7 @@ __all__ = [
     "roughness",
     "spring_constant",
     "step_height",
+    "tilted_deflection",
     "tilted_stiffness",
     "two_levels",
     "wedge_by_flat",

@@ -180,7 +180,7 @@ def specifications(model: type[Group], prefix: str = "") -> Iterator[Specificati
 
 
 @cache
-def _known(model: type[Group]) -> dict[str, Specification]:
+def specified(model: type[Group]) -> dict[str, Specification]:
     """Every parameter of `model` by name; thousands of sets of one model are made in a sweep."""
     return {spec.name: spec for spec in specifications(model)}
 
@@ -279,7 +279,7 @@ def build(model: type[G], values: Mapping[str, Value]) -> G:
         One sentence that names each unknown name, or each value out of its bounds, and what is allowed.
     """
     model = with_parts(model, values)
-    known = _known(model)
+    known = specified(model)
     nested: dict[str, Any] = {}
     for name, value in values.items():
         if name not in known:
@@ -371,6 +371,6 @@ def changed(parameters: G, news: Mapping[str, Value], anew: Collection[str] = ()
     model = parameters.origin or type(parameters)
     values = {name: value for name, value in flatten(parameters).items() if name.partition(".")[0] not in anew}
     if any(name.endswith(".kind") for name in news):
-        known = _known(with_parts(model, {**values, **news}))
+        known = specified(with_parts(model, {**values, **news}))
         values = {name: value for name, value in values.items() if name in known}
     return build(model, {**values, **news})  # type: ignore[return-value]  # as declared, with the groups of its parts

@@ -108,7 +108,7 @@ class Operator(LoopSettings):
     def _next(self) -> None:
         try:
             task = next(self._tasks, None)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             # Whatever somebody else's verb raises, the tip is withdrawn.
             self._close_collectors()
             told = str(error) if isinstance(error, VerbError | ParameterError) else f"{type(error).__name__}: {error}"

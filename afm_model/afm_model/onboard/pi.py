@@ -18,7 +18,7 @@ from ..core.jit import kernel
 from ..core.records import Record
 from ..core.schema import NonNegative, Unit, refuse_together
 from ..parts.groups import OnboardParameters
-from ..parts.part import ONBOARD_SETTINGS, Channel, Numbers, Onboard, Tree
+from ..parts.part import ONBOARD_SETTINGS, Numbers, Onboard, Tree
 from ..parts.signals import FOLLOW, GIVEN, HOLD, Detection, Drive, Setpoint
 
 
@@ -181,5 +181,4 @@ PI = Onboard(
     warnings=_warnings,
     setpoint=_setpoint,
     settings={name: name for name in ONBOARD_SETTINGS},
-    channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),
 )

@@ -68,6 +68,11 @@ class PiezoParameters(Group):
     )
     dac_bits: Annotated[int, Ge(0), Lt(33)] = Field(0, description="resolution over +-limit; 0: continuous")
 
+    @property
+    def sensitivities(self) -> tuple[float, float, float]:
+        """Static displacement per volt along x, y, z [m/V]."""
+        return self.sensitivity_x, self.sensitivity_y, self.sensitivity_z
+
     @model_validator(mode="after")
     def _bits_need_a_range(self) -> "PiezoParameters":
         if self.dac_bits > 0 and self.limit == 0.0:

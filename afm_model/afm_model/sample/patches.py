@@ -27,7 +27,7 @@ class Patches(SampleParameters):
 
 
 class Constants(Record):
-    width: float
+    width: Annotated[float, "x0"]
     squares: float
     strength: float
     adhesion: float
@@ -35,12 +35,7 @@ class Constants(Record):
 
 def _values(parameters: Tree) -> Numbers:
     sample = parameters.sample
-    return {
-        "width": sample.width / parameters.scales.x0,
-        "squares": float(sample.pattern == "squares"),
-        "strength": sample.strength,
-        "adhesion": sample.adhesion,
-    }
+    return {"width": sample.width / parameters.scales.x0, "squares": float(sample.pattern == "squares")}
 
 
 @kernel

@@ -31,7 +31,7 @@ def bare(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "poor.py").write_text(
         "from dataclasses import replace\n"
         "from integral import INTEGRAL\n"
-        "BLIND = replace(INTEGRAL, channels=(), setpoint=None)\n"
+        "BLIND = replace(INTEGRAL, moves_z=False, channels=())\n"
         "MUTE = replace(INTEGRAL, channels=INTEGRAL.channels[:1], setpoint=None, settings={})\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
