@@ -187,7 +187,7 @@ def specified(model: type[Group]) -> dict[str, Specification]:
 
 def out_of_range(model: type[Group], values: Mapping[str, Any]) -> str:
     """What of these values by dotted names is outside its range, a sentence; empty if nothing is."""
-    known = _known(model)
+    known = specified(model)
     return "; ".join(filter(None, (known[name].refusal(value) for name, value in values.items())))
 
 
