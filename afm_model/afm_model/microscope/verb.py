@@ -68,9 +68,9 @@ class Verb(Group):
         """
         given: dict[str, Any] = {}
         for name, value in fields.items():
-            if isinstance(value, str) or not isinstance(value, Iterable):
+            if isinstance(value, str) or not hasattr(value, "__len__"):
                 given[name] = python_value(value)
-            elif all(isinstance(each, str) for each in value):
+            elif len(value) > 0 and all(isinstance(each, str) for each in value):
                 # Several words of one field, as its text has them.
                 given[name] = ", ".join(value)
             else:
