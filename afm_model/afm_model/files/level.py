@@ -53,7 +53,7 @@ def plane(values: _Array, exclude: _Mask | None = None) -> _Array:
 def background(values: _Array, exclude: _Mask | None = None) -> _Array:
     """The picture without the plane that most of it lies on: hills and holes on less than half of it do not tilt it.
 
-    As `plane`, but first by least absolute distances, then by what is near that plane. 0 is the height of the background.
+    As `plane`, but by least absolute distances, then by what is near that plane. 0 is the height of the background.
     """
     return _level(values, exclude, _ROUNDS)
 
