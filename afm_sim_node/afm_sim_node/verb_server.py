@@ -19,7 +19,7 @@ from afm_model.run import Run
 from afm_node_common.barrier import sentence
 from afm_node_common.verb_codec import ACTIONS, TITLES, put_outcome, verb_of
 
-from .clients import Feedback
+from .clients import Clients, process_of
 
 _RESULT_KEPT = 30
 """Wall time for which a result is kept for a client that asks for it [s]: a night of force curves is some gigabytes."""
@@ -45,6 +45,13 @@ class PatientServer(ActionServer):
     ) -> None:
         super().__init__(node, kind, name, self._never, **options)
         self._begin = begin
+        self.processes: dict[bytes, bytes] = {}
+        """Process that has asked for the goal which is being accepted."""
+
+    async def _execute_goal_request(self, request_header_and_message: Any) -> None:
+        header, request = request_header_and_message
+        self.processes = {bytes(request.goal_id.uuid): process_of(header)}
+        await super()._execute_goal_request(request_header_and_message)
 
     def _never(self, goal: ServerGoalHandle) -> Any:
         raise AssertionError("a goal is answered by `answer`")
@@ -95,9 +102,9 @@ class VerbServer:
     """
 
     def __init__(self, node: Node, run: Run, begun: Callable[[Verb], object], changed: Callable[[], object]) -> None:
-        self._node, self._run, self._begun, self._changed = node, run, begun, changed
+        self._run, self._begun, self._changed = run, begun, changed
         self._log = node.get_logger()
-        self._feedback: dict[str, Feedback] = {}
+        self._clients = Clients(node)
         self._going: Going | None = None
         self._unanswered = 0
         self.scan = 0
@@ -133,13 +140,11 @@ class VerbServer:
         going = self._going
         if going is None or going.goal is None:
             return
-        feedback, progress = self._feedback[going.action], self._run.operator.progress
-        # First: what is published now has not been acknowledged yet.
-        if feedback.gone:
+        progress, kind = self._run.operator.progress, ACTIONS[going.action]
+        told = kind.Feedback(progress=float(progress.fraction), detail=progress.detail)
+        if self._clients.look(kind, going.action, going.goal, told):
             self._log.warning(f"the client of {going.title} has gone: it is cancelled and the tip withdrawn")
             self._run.operator.cancel("cancelled, because its client has gone")
-        told = ACTIONS[going.action].Feedback(progress=float(progress.fraction), detail=progress.detail)
-        feedback.publish(going.goal, told)
 
     def verb_over(self, outcome: Outcome) -> None:
         """A verb has come to its end."""
@@ -175,9 +180,8 @@ class VerbServer:
             raise VerbError(objection)
         self._begun(verb)
         if goal is not None:
-            if name not in self._feedback:
-                self._feedback[name] = Feedback(self._node, ACTIONS[name], name)
-            self._feedback[name].begin()
+            process = self._servers[name].processes.get(bytes(goal.goal_id.uuid), b"")
+            self._clients.begin(ACTIONS[name], name, goal, process)
         self._going = Going(type(verb).__name__, name, goal, over)
         try:
             self._run.begin(verb)

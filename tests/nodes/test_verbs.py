@@ -183,7 +183,7 @@ def test_force_curves_come_whole(bench: Bench) -> None:
     outcome = outcome_of(verb, bench.do(verb), cancelled=False)
     curve = outcome.result[0]
     assert (len(outcome.result), curve.triggered, curve.approach_rate) == (1, True, 5e-6)
-    assert set(curve.record.channels) == {"z", "deflection", "lateral", "phase"}
+    assert set(curve.record.channels) == {"z", "deflection_voltage", "lateral_voltage", "phase"}
     assert len(curve.record.time) == len(curve.record.channels["z"]) > 1000
 
 

@@ -152,7 +152,7 @@ class Operator(LoopSettings):
     def _away(self, execution: Execution) -> tuple[tuple[Step, ...], float]:
         """Steps off the sample, and how long they take [s]: further by what the cantilever is pressed."""
         view, usual = self._view, Withdraw()
-        pressed = max(execution.standing().deflection, 0.0) * view.parameters.detector.deflection_sensitivity
+        pressed = max(execution.standing().deflection_voltage, 0.0) * view.parameters.detector.deflection_sensitivity
         return withdrawing(view, usual.distance + pressed, usual.rate, execution.surface)
 
     def _end(self) -> None:
