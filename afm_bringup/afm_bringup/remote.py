@@ -1,6 +1,7 @@
 """A microscope that runs somewhere else, on topics: what is asked of it here is done there."""
 
 import math
+import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -11,6 +12,7 @@ from action_msgs.msg import GoalStatus
 from afm_msgs.msg import ScanLine
 from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
 from std_srvs.srv import Trigger
+from unique_identifier_msgs.msg import UUID
 
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.core.schema import Value
@@ -60,6 +62,9 @@ class Remote(Backend):
     ) -> None:
         self._remote = RemoteNode(namespace, patience, check)
         self._lines: Arriving | None = None
+        # By this subscription the microscope knows the client of each goal; see `topics.client`.
+        self._identity = os.urandom(8)
+        self._remote.node.create_subscription(UUID, topics.client(self._identity), lambda goal: None, 10)
         self._doing = self._stopped = self._wanted_pause = self._paused = False
         self._remote.node.create_subscription(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
 
@@ -119,7 +124,8 @@ class Remote(Backend):
         self._doing, self._stopped = True, False
         try:
             with Interrupts() as interrupts:
-                sent = client.send_goal_async(goal_of(verb), feedback_callback=on_feedback)
+                number = UUID(uuid=list(self._identity + os.urandom(8)))
+                sent = client.send_goal_async(goal_of(verb), feedback_callback=on_feedback, goal_uuid=number)
                 remote.wait(sent.done, name, there)
                 goal = sent.result()
                 if not goal.accepted:

@@ -23,7 +23,7 @@ class LoopSettings(ABC):
         """Change settings of the loop, names of `afm_model.parts.part.ONBOARD_SETTINGS`."""
 
     def set_setpoint(self, *, force: float | None = None, voltage: float | None = None) -> None:
-        """Setpoint of the deflection, as force of the cantilever [N] or as voltage [V]: one of both."""
+        """Setpoint of the deflection, as vertical force [N] or as voltage [V]: one of both."""
         if (force is None) == (voltage is None):
             raise ParameterError(f"force = {force} N with voltage = {voltage} V is not allowed: give one of them")
         self.set_loop(setpoint_force=force or 0.0, setpoint_voltage=voltage or (0.0 if force else NO_DEFLECTION))

@@ -3,6 +3,7 @@
 import warnings
 
 import pytest
+from quick_lever import PRESSED
 
 from afm_model import ParameterError
 from afm_model.core.errors import VerbError
@@ -18,18 +19,18 @@ def microscope():
 
 
 def test_a_setpoint_that_the_photodiode_cannot_read_is_refused_and_one_of_nothing_is_set(microscope):
-    with pytest.raises(ParameterError, match=r"a setpoint of 5e\+09 V is not allowed: the detector saturates at 50 V"):
+    with pytest.raises(ParameterError, match=r"a setpoint of 4\.\d+e\+09 V is not allowed: the detector saturates at 50 V"):
         microscope.set_setpoint(force=10.0)
     with pytest.raises(ParameterError, match=r"a setpoint of -60 V is not allowed"):
         microscope.set_setpoint(voltage=-60.0)
-    with pytest.raises(ParameterError, match=r"a setpoint of 5e\+09 V is not allowed: the photodiode reads \+-50 V"):
+    with pytest.raises(ParameterError, match=r"a setpoint of 4\.\d+e\+09 V is not allowed: the photodiode reads \+-50 V"):
         Microscope("two_materials", onboard={"setpoint_force": 10.0})
     microscope.approach(**FAST)
     for force in (-3e-9, 0.0):
         microscope.set_setpoint(force=force)
         stands = microscope.move_to(x=10e-9 + force, y=0.0, speed=0.1e-6)
-        assert microscope.state.setpoint == pytest.approx(force / 0.2 / 10e-9)
-        assert stands.deflection == pytest.approx(force / 0.2 / 10e-9, abs=0.1)
+        assert microscope.state.setpoint == pytest.approx(force * PRESSED / 10e-9)
+        assert stands.deflection_voltage == pytest.approx(force * PRESSED / 10e-9, abs=0.1)
     assert microscope.state.setpoint == 0.0
     assert microscope.state.approached
 
@@ -39,7 +40,7 @@ def test_a_force_curve_that_the_photodiode_clips_says_so(microscope):
     microscope.approach(**FAST)
     with pytest.warns(UserWarning, match=r"the photodiode was at the end of its range in \d+ samples"):
         curve = microscope.force_curve(ramp=400e-9, lift=200e-9, approach_rate=20e-6, retract_rate=20e-6)
-    assert float(curve.deflection.max()) == 10.0
+    assert float(curve.deflection_voltage.max()) == 10.0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         microscope.force_curve(trigger_force=5e-9, approach_rate=20e-6, retract_rate=20e-6)
@@ -49,7 +50,7 @@ def test_a_loop_that_oscillates_is_told_when_its_gains_are_set_and_when_it_scans
     microscope.approach(**FAST)
     with pytest.warns(UserWarning, match=r"makes the z loop oscillate"):
         microscope.set_gains(integral=40e-6)
-    with pytest.warns(UserWarning, match=r"the z loop did not hold the setpoint of 5 V: its error was .* V rms"):
+    with pytest.warns(UserWarning, match=r"the z loop did not hold the setpoint of 4\.\d+ V: its error was .* V rms"):
         microscope.scan(size_x=50e-9, pixels=16, lines=4, line_rate=20.0)
     with warnings.catch_warnings(), Microscope("two_materials") as steady:
         warnings.simplefilter("error")
@@ -77,7 +78,7 @@ def test_a_tip_that_is_lost_is_approached_no_more_and_feedback_is_off_behind_a_w
     microscope.withdraw()
     assert (microscope.state.approached, microscope.state.feedback) == (False, "off")
     # The sample drifts away, further than z goes.
-    with Microscope("two_materials", drift={"rate_z": -5e-6}, onboard={"high": 800e-9}) as lost:
+    with Microscope("two_materials", drift={"rate_z": -1e-6}, onboard={"high": 640e-9}) as lost:
         lost.approach(**FAST)
         assert lost.state.approached
         lost.move_to(x=20e-6, y=0.0, speed=100e-6)

@@ -52,7 +52,7 @@ class Approach(Verb):
         if run.triggered:
             run.state.approached = True
             return
-        rise = run.standing().deflection - run.rest
+        rise = run.standing().deflection_voltage - run.rest
         away = Step(orders.RAMP, target=before, rate=max(self.rate, Withdraw().rate))
         yield Task(Order(view.stay(), (away,)), (target - before) / away.rate, "no sample found, withdrawing")
         run.state.near = False
