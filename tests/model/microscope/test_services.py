@@ -159,8 +159,8 @@ def test_feedback_is_held_switched_off_and_given_to_the_controller():
     microscope.execute(MoveTo(x=0.0))
     volts = microscope.instrument.drive[2]
     assert microscope.instrument.z_drive == pytest.approx(volts, abs=1e-15)
-    # To withdraw, the instrument needs nobody.
-    assert microscope.execute(Withdraw(rate=50e-6)).status == COMPLETE
+    # To withdraw, the instrument needs nobody; the controller has pressed beyond the range of the photodiode.
+    assert microscope.execute(Withdraw(distance=2e-6, rate=50e-6)).status == COMPLETE
     assert not microscope.instrument.in_contact
     with pytest.raises(ParameterError, match=r"onboard.feedback = of is not allowed: it must be one of on, hold, off"):
         microscope.set_feedback("of")

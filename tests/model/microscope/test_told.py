@@ -19,12 +19,16 @@ def microscope():
 
 
 def test_a_setpoint_that_the_photodiode_cannot_read_is_refused_and_one_of_nothing_is_set(microscope):
-    with pytest.raises(ParameterError, match=r"a setpoint of 4\.\d+e\+09 V is not allowed: the detector saturates at 50 V"):
+    with pytest.raises(
+        ParameterError, match=r"a setpoint of 4\.\d+e\+09 V is not allowed: the detector saturates at 50 V"
+    ):
         microscope.set_setpoint(force=10.0)
     with pytest.raises(ParameterError, match=r"a setpoint of -60 V is not allowed"):
         microscope.set_setpoint(voltage=-60.0)
-    with pytest.raises(ParameterError, match=r"a setpoint of 4\.\d+e\+09 V is not allowed: the photodiode reads \+-50 V"):
-        Microscope("two_materials", onboard={"setpoint_force": 10.0})
+    with pytest.raises(
+        ParameterError, match=r"a setpoint of 4\.\d+e\+08 V is not allowed: the photodiode reads \+-50 V"
+    ):
+        Microscope("two_materials", onboard={"setpoint_force": 1.0})
     microscope.approach(**FAST)
     for force in (-3e-9, 0.0):
         microscope.set_setpoint(force=force)
@@ -78,7 +82,7 @@ def test_a_tip_that_is_lost_is_approached_no_more_and_feedback_is_off_behind_a_w
     microscope.withdraw()
     assert (microscope.state.approached, microscope.state.feedback) == (False, "off")
     # The sample drifts away, further than z goes.
-    with Microscope("two_materials", drift={"rate_z": -1e-6}, onboard={"high": 640e-9}) as lost:
+    with Microscope("two_materials", drift={"rate_z": -1e-6}, onboard={"high": 200e-9}) as lost:
         lost.approach(**FAST)
         assert lost.state.approached
         lost.move_to(x=20e-6, y=0.0, speed=100e-6)
