@@ -22,6 +22,21 @@ from afm_node_common import topics
 from afm_node_common.shared_memory import used_by
 
 EVIL = "import pathlib\npathlib.Path({mark!r}).touch()\nraise SystemExit('ended by a message')\n"
+FAILS = """
+import builtins, dataclasses
+from pydantic import Field
+import patches
+
+class Parameters(patches.Patches):
+    error: str = Field("", description="what is raised")
+
+def values(parameters):
+    if parameters.sample.error:
+        raise getattr(builtins, parameters.sample.error)("of a part")
+    return patches.values(parameters)
+
+SAMPLE = dataclasses.replace(patches.PATCHES, name="fails", parameters=Parameters, values=values)
+"""
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
@@ -59,7 +74,8 @@ def server(tmp_path: Path) -> Iterator[Server]:
     folder = tmp_path
     (folder / "evil.py").write_text(EVIL.format(mark=str(folder / "mark")))
     (folder / "patches.py").write_text((PARTS / "patches.py").read_text())
-    arguments = ros_arguments(INSTRUMENT | LAW | {"process.parts": "patches:PATCHES"})
+    (folder / "fails.py").write_text(FAILS)
+    arguments = ros_arguments(INSTRUMENT | LAW | {"process.parts": "patches:PATCHES, fails:SAMPLE"})
     command = ("env", "-C", folder, executable("afm_sim_node", "afm_sim_node"), *arguments)
     with Graph() as graph, Command(*command, folder=folder) as running:
         states: list[Any] = []
@@ -91,6 +107,15 @@ def test_message_runs_no_code_but_chooses_parts_that_were_named_at_start(server:
     assert "evil:X was not loaded when the node started" in result.reason
     assert not (server.folder / "mark").exists()
     assert server.exchange(kind="patches:PATCHES", width="5e-9") == ""
+
+
+def test_whatever_a_service_leads_to_is_answered_and_the_simulator_goes_on(server: Server) -> None:
+    for error in ("SystemExit", "KeyboardInterrupt", "MemoryError", "RecursionError", "KeyError"):
+        told = server.exchange(kind="fails:SAMPLE", error=error)
+        assert error in told, told
+        assert "of a part" in told
+        assert "\n" not in told
+    assert server.exchange(kind="fails:SAMPLE", width="5e-9") == ""
 
 
 CLAIM = struct.pack("<I", 2**24)

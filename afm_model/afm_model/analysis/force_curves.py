@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, StraightLine, correlation_length, mean, same_length, straight_line
+from .estimate import Estimate, StraightLine, correlated_mean, noise_of, same_length, straight_line
 
 _Array = NDArray[np.float64]
 _FREE = 0.2
@@ -48,7 +48,7 @@ def _split(z: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array, _Array, _Ar
 
 def _free(z: _Array, signal: _Array) -> Estimate:
     """Signal of the free cantilever on the approach."""
-    return mean(signal[z <= z[0] + _FREE * (z.max() - z[0])])
+    return correlated_mean(signal[z <= z[0] + _FREE * (z.max() - z[0])])
 
 
 def _pressed(signal: _Array, low: float, high: float) -> slice:
@@ -65,11 +65,11 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
 
     The cantilever follows z where the sample does not give way. Friction of the tip along a cantilever that turns
     while it bends adds to the signal on the approach and takes from it on the retract, so that the mean of both is
-    taken, in which it cancels to first order (a coefficient of 0.3 leaves 1e-3); half of their difference is in the
-    uncertainty. What the contact gives way is not corrected: the result is
-    too large by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m on silicon oxide). With a
-    tilted cantilever it is the sensitivity for vertical motion of the tip: times `tilted_stiffness` and the voltage it
-    is the vertical force, times `tilted_deflection` the sensitivity across the cantilever.
+    taken, in which it cancels to first order (a coefficient of 0.3 leaves 1e-3); half of their difference is the
+    uncertainty, unless that of the fits is larger. What the contact gives way is not corrected: the result is too large
+    by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m on silicon oxide). With a tilted
+    cantilever it is the sensitivity for vertical motion of the tip: times `tilted_stiffness` and the voltage it is the
+    vertical force, times `tilted_deflection` the sensitivity across the cantilever.
 
     Parameters
     ----------
@@ -100,51 +100,7 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
         lines.append(straight_line(way[part], signal[part]))
     each = [1.0 / line.slope.value for line in lines]
     of_fit = 0.5 * math.hypot(*(line.slope.uncertainty / line.slope.value**2 for line in lines))
-    return Estimate(0.5 * sum(each), math.hypot(of_fit, 0.5 * abs(each[0] - each[1])))
-
-
-def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) -> float:
-    """Spring constant of a tilted cantilever for vertical forces and vertical motion of its tip [N/m].
-
-        k / (cos^2 b - 3 (h / L) sin b cos b + 3 (h / L)^2 sin^2 b)
-
-    A vertical force acts across the cantilever and, by the height h of the tip, as a couple on its end: end loads of a
-    uniform beam. Take it with a sensitivity from a force curve, which is that for vertical motion.
-
-    Parameters
-    ----------
-    k : float [N/m]
-        Of the cantilever, for a force across it.
-    tilt : float [rad]
-        Angle b by which it points down to the sample.
-    tip_height, length : float [m]
-        Of the tip below the cantilever's neutral axis; of the cantilever.
-    """
-    return k / _vertical_compliance(tilt, tip_height / length)
-
-
-def tilted_deflection(tilt: float, tip_height: float = 0.0, length: float = math.inf) -> float:
-    """Deflection across a tilted cantilever, as a photodiode shows it, over the vertical motion of its tip.
-
-        (cos b - 2 (h / L) sin b) / (cos^2 b - 3 (h / L) sin b cos b + 3 (h / L)^2 sin^2 b)
-
-    1 / cos b with a low tip: the tip slides while the sample moves vertically, so that the end bends by more than the
-    sample moves. A sensitivity from a force curve counts vertical motion; times this it is that across the cantilever,
-    of which a thermal record consists. (Heim, Kappl, Butt, Langmuir 20 (2004) 2760; Hutter, Langmuir 21 (2005) 2630.)
-
-    Parameters
-    ----------
-    tilt, tip_height, length
-        As in `tilted_stiffness`.
-    """
-    arm = tip_height / length
-    return (math.cos(tilt) - 2.0 * arm * math.sin(tilt)) / _vertical_compliance(tilt, arm)
-
-
-def _vertical_compliance(tilt: float, arm: float) -> float:
-    """Vertical motion of the tip by a vertical force, over force by spring constant."""
-    s, c = math.sin(tilt), math.cos(tilt)
-    return c * c - 3.0 * arm * s * c + 3.0 * arm * arm * s * s
+    return Estimate(0.5 * sum(each), max(of_fit, 0.5 * abs(each[0] - each[1])))
 
 
 def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
@@ -229,7 +185,6 @@ def _pull_off(z: _Array, d: _Array, free: _Array, k: float, of_base: float) -> E
     if depth >= 0.0:
         return Estimate(0.0, k * of_base)
     noise = float(free.std())
-    counted = noise * math.sqrt(correlation_length(free))
     begin = int(np.flatnonzero(d < 0.5 * depth)[0])
     # Behind this the cantilever swings freely, to the same depth nearly.
     back = np.flatnonzero(d[begin:] > 0.25 * depth)
@@ -241,11 +196,12 @@ def _pull_off(z: _Array, d: _Array, free: _Array, k: float, of_base: float) -> E
     low, high = -math.inf, math.inf
     while width <= lowest - begin:
         part = slice(lowest - width, min(lowest + width, last) + 1)
-        (value, by_noise, by_step), (parabola, _, _) = (_least(z[part], d[part], order) for order in (3, 2))
-        low, high = max(low, value - counted * by_noise), min(high, value + counted * by_noise)
+        (value, weights, by_step), (parabola, _, _) = (_least(z[part], d[part], order) for order in (3, 2))
+        of_noise = noise_of([(weights, free)])
+        low, high = max(low, value - of_noise), min(high, value + of_noise)
         if low > high:
             break
-        found = Estimate(-k * value, k * math.hypot(counted * by_noise, by_step, value - parabola, of_base))
+        found = Estimate(-k * value, k * math.hypot(of_noise, by_step, value - parabola, of_base))
         width = max(width + 1, width * 4 // 3)
     if math.isnan(found.value):
         step = 0.29 * abs(float(d[lowest] - d[lowest - 1]))
@@ -253,9 +209,9 @@ def _pull_off(z: _Array, d: _Array, free: _Array, k: float, of_base: float) -> E
     return found
 
 
-def _least(z: _Array, d: _Array, order: int) -> tuple[float, float, float]:
-    """Least value of a polynomial through samples, up to half a step behind the last one; its uncertainty by noise of
-    1, and by not knowing where in this step it ends."""
+def _least(z: _Array, d: _Array, order: int) -> tuple[float, _Array, float]:
+    """Least value of a polynomial through samples, up to half a step behind the last one; the weights of the samples in
+    it, and its uncertainty by not knowing where in this step it ends."""
     x = (z - z[-1]) / (z[0] - z[-1])
     step = 1.0 / (z.size - 1)
     places = np.vander(np.append(-0.5 * step, np.linspace(0.0, 1.0, 201)), order + 1)
@@ -263,4 +219,4 @@ def _least(z: _Array, d: _Array, order: int) -> tuple[float, float, float]:
     values = places @ (inverse @ d)
     at = int(np.argmin(values))
     by_step = 2.0 * abs(float(values[1] - values[0])) / math.sqrt(12.0) if at == 0 else 0.0
-    return float(values[at]), float(np.linalg.norm(places[at] @ inverse)), by_step
+    return float(values[at]), places[at] @ inverse, by_step

@@ -6,6 +6,7 @@ What a format needs (gwyfile, h5py, matplotlib) is imported when a file is writt
 from .curve_files import write_curve_tab, write_curves
 from .gwyddion import write_gsf, write_gwy
 from .layers import Layer, layer, layers
+from .level import background as level_background
 from .level import lines as level_lines
 from .level import plane as level_plane
 from .picture import picture, sheet, write_picture, write_sheet
@@ -19,6 +20,7 @@ __all__ = [
     "figures",
     "layer",
     "layers",
+    "level_background",
     "level_lines",
     "level_plane",
     "picture",

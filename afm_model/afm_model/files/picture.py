@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _Array = NDArray[np.float64]
-Levelling = Literal["plane", "lines", "none"]
+Levelling = Literal["background", "plane", "lines", "none"]
 COLOURS = "cividis"
 """The map of colours: even steps of brightness, the same to a colour-blind eye."""
 _MISSING = "0.82"
@@ -39,21 +39,24 @@ def levelled(found: Layer, how: Levelling | None = None) -> tuple[_Array, str]:
     ----------
     found : Layer
     how : str, optional
-        "plane", "lines" (each by its median) or "none". If it is not given: a plane of a height, nothing of the rest.
+        "background" (the plane that most of it lies on), "plane" (of least squares), "lines" (each by its median) or
+        "none". If it is not given: that of the background of a height, nothing of the rest.
 
     Returns
     -------
     (ndarray (lines, pixels), str)
     """
     if how is None:
-        how = "plane" if found.title.startswith("Height") else "none"
+        how = "background" if found.title.startswith("Height") else "none"
+    if how == "background":
+        return level.background(found.values), "less its background"
     if how == "plane":
         return level.plane(found.values), "less its plane"
     if how == "lines":
         return level.lines(found.values), "less the median of each line"
     if how == "none":
         return found.values, ""
-    raise ValueError(f"a picture is levelled by plane, lines or none, not by {how!r}")
+    raise ValueError(f"a picture is levelled by background, plane, lines or none, not by {how!r}")
 
 
 def scale_bar(width: float) -> float:

@@ -53,7 +53,7 @@ def test_same_scan_gives_the_same_bytes(tmp_path, write):
 def test_picture_has_title_unit_and_scale_bar():
     figure = picture(scans.scanned())
     axes, bar = figure.axes
-    assert axes.get_title() == "Height, less its plane"
+    assert axes.get_title() == "Height, less its background"
     assert bar.get_title() == "nm"
     (drawn,) = axes.patches
     assert drawn.get_width() == pytest.approx(50e-9 / 200e-9)
@@ -91,14 +91,20 @@ def test_layer_of_one_value_is_drawn_in_one_colour(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("how", "words"), [("plane", "less its plane"), ("lines", "less the median of each line"), ("none", "")]
+    ("how", "words"),
+    [
+        ("background", "less its background"),
+        ("plane", "less its plane"),
+        ("lines", "less the median of each line"),
+        ("none", ""),
+    ],
 )
 def test_levelling_of_a_picture_is_told_in_its_title(how, words):
     assert picture(scans.scanned(pixels=8, lines=8), how=how).axes[0].get_title().partition(", ")[2] == words
 
 
 def test_levelling_of_another_name_is_refused():
-    with pytest.raises(ValueError, match="levelled by plane, lines or none, not by 'parabola'"):
+    with pytest.raises(ValueError, match="levelled by background, plane, lines or none, not by 'parabola'"):
         picture(scans.scanned(pixels=8, lines=8), how="parabola")
 
 

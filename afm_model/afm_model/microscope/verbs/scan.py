@@ -14,7 +14,7 @@ from ..image import Image, Line
 from ..notes import notes
 from ..plan import LinePlan, lines
 from ..results import MicroscopeState
-from ..verb import Angle, Length, LineCount, Metre, Rate, Speed, Verb, outside
+from ..verb import Angle, Length, LineCount, Metre, Rate, Speed, Verb, outside, too_much
 from ..view import InstrumentView
 
 _AT_THE_END = 1e-12
@@ -71,6 +71,10 @@ class Scan(Verb):
                 f"channels = {self.channels} is not allowed: there is no {', '.join(missing)}; there are "
                 f"{', '.join(known)}"
             )
+        yield from too_much(
+            2.0 * self.pixels * self.lines * len(names),
+            f"a scan of pixels = {self.pixels}, lines = {self.lines} and {len(names)} channels",
+        )
         yield from frame(lines(self, view), view)
 
     def empty(self, view: InstrumentView) -> Image:
