@@ -4,6 +4,7 @@ What a format needs (gwyfile, h5py, matplotlib) is imported when a file is writt
 """
 
 from .curve_files import write_curve_tab, write_curves
+from .curve_picture import curve_picture, write_curve_picture
 from .gwyddion import write_gsf, write_gwy
 from .layers import Layer, layer, layers
 from .level import background as level_background
@@ -17,6 +18,7 @@ __all__ = [
     "Figures",
     "Layer",
     "ScanFile",
+    "curve_picture",
     "figures",
     "layer",
     "layers",
@@ -27,6 +29,7 @@ __all__ = [
     "read_scan",
     "sheet",
     "text_table",
+    "write_curve_picture",
     "write_curve_tab",
     "write_curves",
     "write_gsf",

@@ -261,5 +261,8 @@ class Microscope(LoopSettings):
 
 
 def _changed(parameters: SimParameters, changes: Mapping[str, Mapping[str, Value]]) -> SimParameters:
+    for group, each in changes.items():
+        if not isinstance(each, Mapping):
+            raise ParameterError(f"{group} = {each} is not allowed: it must be parameters by name, {group}={{...}}")
     news = {f"{group}.{name}": value for group, each in changes.items() for name, value in each.items()}
     return changed(parameters, news, anew=[group for group, each in changes.items() if "kind" in each])

@@ -8,7 +8,16 @@ from matplotlib import colormaps
 from PIL import Image as Png
 
 from afm_model.core.prefix import prefixed, text
-from afm_model.files import layer, layers, picture, sheet, write_picture, write_sheet
+from afm_model.files import (
+    curve_picture,
+    layer,
+    layers,
+    picture,
+    sheet,
+    write_curve_picture,
+    write_picture,
+    write_sheet,
+)
 from afm_model.files.picture import COLOURS, levelled, scale_bar
 
 from . import scans
@@ -136,3 +145,21 @@ def test_numbers_are_told_with_the_prefix_that_people_use(value, unit, words):
 
 def test_prefix_of_nothing_is_none():
     assert prefixed(float("nan"), "m") == (1.0, "m")
+
+
+def test_force_curves_are_drawn_from_their_turn_in_newton(tmp_path):
+    curves = [scans.curve(0.0, 0.0), scans.curve(1e-9, 0.0)]
+    (axes,) = curve_picture(curves).axes
+    assert axes.get_title() == "2 force curves"
+    assert axes.get_ylabel() == "force [nN]"
+    lines = [line for line in axes.lines if line.get_label() in ("approach", "retract")]
+    assert [line.get_label() for line in lines] == ["approach", "retract"]
+    read = curves[0].record.channels
+    z, force = lines[0].get_data()
+    assert len(z) == np.count_nonzero(read["phase"] == read["phase"][0])
+    assert z.max() == pytest.approx(0.0, abs=0.2)
+    assert force.max() == pytest.approx(1e9 * 0.2 * 1e-7 * read["deflection_voltage"].max())
+    drawn = pixels(write_curve_picture(tmp_path / "curves.png", curves))
+    assert near(drawn, (1.0, 0.5, 0.05)).any()
+    with pytest.raises(ValueError, match="no force curve"):
+        curve_picture([])

@@ -1,6 +1,7 @@
 """The verb Scan. What it brings back is an `afm_model.microscope.image.Image`."""
 
 from collections.abc import Iterator
+from difflib import get_close_matches
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Le
@@ -67,8 +68,10 @@ class Scan(Verb):
             signals(view.instrument, names)
         except KeyError as error:
             missing, known = error.args
+            near = dict.fromkeys(each for name in missing for each in get_close_matches(name, known, n=1))
+            meant = f" (did you mean {', '.join(near)}?)" if near else ""
             yield (
-                f"channels = {self.channels} is not allowed: there is no {', '.join(missing)}; there are "
+                f"channels = {self.channels} is not allowed: there is no {', '.join(missing)}{meant}; there are "
                 f"{', '.join(known)}"
             )
         yield from too_much(
