@@ -221,10 +221,11 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
     # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
     patience = LOOK_PERIOD if len(nodes) == 1 else 0.001
     serve_at, look_at = 0.0, 0.0
+    steps = [node.step for node in nodes]
     while not stop.requested:
         busy = False
-        for node in nodes:
-            if node.step():
+        for step in steps:
+            if step():
                 busy = True
         if not busy:
             nodes[0].wait(patience)

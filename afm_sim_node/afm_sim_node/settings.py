@@ -67,11 +67,11 @@ class Settings:
 
 
 def setpoint(run: Run) -> tuple[float, float]:
-    """In force now: [V], and as force of the cantilever [N]; NaN: not known."""
+    """In force now: [V], and as vertical force [N]; NaN: not known."""
     volts = float(run.operator.state.setpoint)
     parameters = run.instrument.parameters
-    k = parameters.plant.spring_constant(parameters) or float("nan")
-    return volts, volts * parameters.detector.deflection_sensitivity * k
+    known = parameters.plant.spring_constant(parameters) != 0.0
+    return volts, volts / parameters.plant.deflection_voltage(parameters, 1.0) if known else float("nan")
 
 
 def _values(names: Sequence[str], values: Sequence[str]) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.tilted import tilted_deflection
 from .estimate import Estimate
-from .force_curves import tilted_deflection
 
 _Array = NDArray[np.float64]
 BOLTZMANN = 1.380649e-23

@@ -22,7 +22,7 @@ class LoopSettings(ABC):
         """Change settings of the loop, names of `afm_model.parts.part.ONBOARD_SETTINGS`."""
 
     def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
-        """Setpoint of the deflection, as force of the cantilever [N] or as voltage [V]."""
+        """Setpoint of the deflection, as vertical force [N] or as voltage [V]."""
         if (force == 0.0) == (voltage == 0.0):
             raise ParameterError(
                 f"force = {force:g} N with voltage = {voltage:g} V is not allowed: one of them must be given, not 0"

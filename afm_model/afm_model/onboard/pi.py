@@ -34,7 +34,7 @@ class PiParameters(OnboardParameters):
         0.0, description="setpoint of the deflection; 0: by setpoint_force"
     )
     setpoint_force: Annotated[float, Unit("N")] = Field(
-        0.0, description="setpoint as force of the cantilever (plant lever); 0: by the reference of the tip height"
+        0.0, description="setpoint as vertical force (plant lever); 0: by the reference of the tip height"
     )
     low: Annotated[float, Unit("m")] = Field(-5e-6, description="least z")
     high: Annotated[float, Unit("m")] = Field(5e-6, description="largest z")

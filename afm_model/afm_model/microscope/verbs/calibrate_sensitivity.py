@@ -62,7 +62,7 @@ def _found(curves: Sequence[Curve]) -> Calibration | None:
     if not records:
         return None
     try:
-        each = [deflection_sensitivity(read["z"], read["deflection"]) for read in records]
+        each = [deflection_sensitivity(read["z"], read["deflection_voltage"]) for read in records]
     except ValueError as error:
         raise VerbError(f"no sensitivity comes out of the curves: {error}") from None
     values = [one.value for one in each]
