@@ -18,7 +18,7 @@ from ..arrays import Arrays, Variable, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task, landing
 from ..results import MicroscopeState, TimeSeries
-from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast
+from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast, too_much
 from ..view import InstrumentView
 
 if TYPE_CHECKING:
@@ -174,6 +174,11 @@ class ForceCurve(Verb):
                 f"ramp = {self.ramp:g} m is not allowed here: with lift = {self.lift:g} m z has "
                 f"{high - view.offset + self.lift:.4g} m to go towards the sample"
             )
+        one = self.ramp / self.approach_rate + self.dwell + self.ramp / self.retract_rate
+        yield from too_much(
+            len(_NAMES) * view.samples(self.count * one, self.sample_rate),
+            f"count = {self.count} of curves of up to {one:.4g} s at sample_rate = {self.sample_rate:g} Hz",
+        )
 
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`."""
@@ -206,9 +211,7 @@ class ForceCurve(Verb):
             measured[-1] = recorder, run.triggered
         target = min(down + _AGAIN * self.lift, view.reach[1])
         # A short lift does not leave the sample: the setpoint counts from where the deflection is.
-        program = view.instrument.orders.program
-        rest = float(program["total"] / program["samples"])
-        again = landing(view, target, self.approach_rate, self.settle, rest)
+        again = landing(view, target, self.approach_rate, self.settle, run.rest)
         yield Task(Order(view.stay(), again), back, "back to the sample")
         if not run.triggered:
             raise VerbError(
