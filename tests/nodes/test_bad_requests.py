@@ -15,6 +15,7 @@ from quick_lever import INSTRUMENT, LAW
 from raw_requests import RawRequests
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.action import ActionClient
 from rclpy.node import Node
 from support import Command, Graph, executable, ros_arguments
 
@@ -105,6 +106,11 @@ def test_message_runs_no_code_but_chooses_parts_that_were_named_at_start(server:
     (result,) = server.call(SetParameters, "afm_sim_node/set_parameters", parameters=[kind]).results
     assert not result.successful
     assert "evil:X was not loaded when the node started" in result.reason
+    verb = ActionClient(server.client, action.Verb, "/afm/verb")
+    server.command.wait_until(verb.server_is_ready, server.graph)
+    goal = server.graph.result(verb.send_goal_async(action.Verb.Goal(verb="evil:X")))
+    assert "evil:X was not loaded" in server.graph.result(goal.get_result_async()).result.message
+    verb.destroy()
     assert not (server.folder / "mark").exists()
     assert server.exchange(kind="patches:PATCHES", width="5e-9") == ""
 
