@@ -7,7 +7,7 @@ SHELL := bash
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
 PACKAGES := afm_model msgs afm_node_common afm_sim_node afm_controller_node afm_recorder_node afm_bringup tests
-MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/srv/*.srv $(p)/action/*.action $(p)/launch/*.py $(p)/config/*))
+MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/src/* $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/srv/*.srv $(p)/action/*.action $(p)/launch/*.py $(p)/config/*))
 BUILT := ros2_ws/install/.built
 
 help:
@@ -34,7 +34,7 @@ setup:
 # many containers; a folder of somebody else).
 build: setup
 	@if [ ! -e $(BUILT) ] || [ .venv/.complete -nt $(BUILT) ] || [ -n "$$(find $(MANIFESTS) -newer $(BUILT))" ]; then tools/build.sh; fi
-	@.venv/bin/python -m compileall -q $(wildcard afm_*/afm_*)
+	@[ ! -w afm_model ] || .venv/bin/python -m compileall -q $(wildcard afm_*/afm_*)
 
 demo: build
 	@. ./env.sh && ros2 run afm_bringup session closed_loop_tanh --out out/demo

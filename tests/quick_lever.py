@@ -17,6 +17,9 @@ LEVER = {
     "onboard.setpoint_force": 10e-9,
     "onboard.integral_gain": 10e-6,
 }
+_ARM = 12.5e-6 / 225e-6
+PRESSED = 10e-9 / 0.2 * (math.cos(0.2) - 2.0 * _ARM * math.sin(0.2)) / 10e-9
+"""Deflection at the setpoint [V]: a vertical force on a tip below a cantilever that is tilted by 0.2 rad."""
 INSTRUMENT = LEVER | {"reference.kind": "verbs"}
 LAW = {"law.kind": "pid", "law.period": 100e-6}
 KNOWN = {f"scanner.f_{axis}": f for axis, f in (("x", 500.0), ("y", 500.0), ("z", 5e3))} | {

@@ -11,6 +11,12 @@ fail() {
   exit 1
 }
 
+# Tools of ROS 2 write paths into scripts and CMake files without quotes; found out by them, that takes a quarter of an hour.
+if printf '%s' "$root$(pwd -P)" | LC_ALL=C grep -q '[^A-Za-z0-9_./@+,=~-]'; then
+  fail "ROS 2 cannot be built in the folder $(pwd -P)" \
+    "its path must consist of the letters a to z, digits and . _ - + @ , = ~ (no space, no accents): move the clone"
+fi
+
 # A ROS 2 counts as sourced if it is not our own environment.
 ros=wheels
 if [ -n "${ROS_DISTRO:-}" ] && [ "${AFM_ROS:-}" != wheels ]; then
@@ -38,6 +44,8 @@ if [ "$(cat .venv/.complete 2>/dev/null)" = "$wanted" ]; then
   exit 0
 fi
 
+[ -w . ] || fail "$root belongs to $(stat -c %U .), and is not built for this Python and ROS 2: you cannot build there" \
+  "make a clone of your own, or ask for: make build"
 "$python" -c 'import venv, ensurepip' 2>/dev/null ||
   fail "Python's venv module is missing" "install it with: sudo apt install python3-venv"
 headers=$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')

@@ -7,6 +7,11 @@ root=$(dirname "$PWD")
 if [ -z "${ROS_DISTRO:-}" ] || [ "${AFM_ROS:-}" = wheels ]; then
   export AMENT_PREFIX_PATH="$root/.venv" CMAKE_PREFIX_PATH="$root/.venv" ROS_DISTRO=jazzy ROS_VERSION=2
 fi
+if [ ! -w . ]; then
+  echo "error: $root belongs to $(stat -c %U .), and what is built there is older than its sources: you cannot build there" >&2
+  echo "       make a clone of your own, or ask for: make build" >&2
+  exit 1
+fi
 # Building against the old install would only bring in what is to be replaced.
 rm -rf build install log
 . "$root/.venv/bin/activate"

@@ -2,8 +2,7 @@
 
 from afm_msgs.msg import ScanLine
 
-from afm_model.microscope.backend import OnLine
-from afm_model.microscope.image import Image
+from afm_model.microscope.image import Image, Line
 from afm_model.microscope.verbs import Scan
 from afm_node_common.verb_codec import line_of
 
@@ -16,13 +15,12 @@ class Arriving:
     scan : Scan
     after : float
         Simulated time before it [s]: the microscope keeps lines of scans before for whoever comes late.
-    on_line : OnLine or None
-        Called with each line.
     """
 
-    def __init__(self, scan: Scan, after: float, on_line: OnLine | None) -> None:
+    def __init__(self, scan: Scan, after: float) -> None:
         self.image: Image | None = None
-        self._scan, self._after, self._on_line = scan, after, on_line
+        self._new = list[Line]()
+        self._scan, self._after = scan, after
         self._number = 0
 
     def put(self, message: ScanLine) -> None:
@@ -34,8 +32,12 @@ class Arriving:
             self.image = Image.empty(self._scan, dict(zip(message.channels, message.units, strict=True)))
         line = line_of(message)
         self.image.put(line)
-        if self._on_line is not None:
-            self._on_line(line)
+        self._new.append(line)
+
+    def news(self) -> list[Line]:
+        """Lines that have come since this was asked last."""
+        news, self._new = self._new, []
+        return news
 
     @property
     def received(self) -> int:
@@ -45,3 +47,7 @@ class Arriving:
     def missing(self, lines_done: int) -> int:
         """How many lines of so many, trace and retrace counted each, have not come."""
         return self.image.missing(lines_done) if self.image is not None else 2 * lines_done
+
+    def has_news(self, lines_done: int, before: int) -> bool:
+        """Whether one has come behind so many, or none of so many lines is missing."""
+        return not self.missing(lines_done) or self.received > before

@@ -74,7 +74,7 @@ class ScanSession(Session):
 
         def check() -> None:
             if self._interrupted:
-                remote.cancel()
+                remote.stop()
             else:
                 self._check()
 

@@ -6,7 +6,7 @@ import shlex
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -28,7 +28,9 @@ from .results_folder import CARD, PICTURE, RECORDING, FolderError, ResultsFolder
 from .scenario_input import write_parameters
 
 _START_TIMEOUT = 180.0
-"""Wall time for all nodes to start and see each other; a first start compiles the kernels [s]."""
+"""Wall time without progress of the start, on an idle machine; a first start compiles the kernels [s]."""
+_SAY_PERIOD = 20.0
+"""Wall time after which a start that takes longer is told, again and again [s]."""
 _DISCOVERY_TIME = 1.0
 """Wall time for the discovery of nodes that already run, before anything is started [s]."""
 _INCOMPATIBLE_TIME = 2.0
@@ -220,12 +222,22 @@ class Session:
             commands["controller"] = [*shlex.split(self._controller), *(arguments if self._ros_arguments else ())]
         return commands
 
-    def _wait_for_simulator(self) -> None:
-        def there() -> bool:
-            return self._check(controllers=0) or self._monitor.simulators > 0
+    def _wait_for(self, there: Callable[[], bool], missing: Callable[[], str]) -> None:
+        """Wait, and tell what for; no longer than `_START_TIMEOUT` without a change of what is missing."""
+        told, since = missing(), time.monotonic()
+        while not self._monitor.spin_until(there, _SAY_PERIOD):
+            now, before, told = time.monotonic(), told, missing()
+            since = since if told == before else now
+            # A machine with so much to do gives each process so much less.
+            limit = _START_TIMEOUT * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+            # Only an external controller may take longer.
+            patient = self._controller == EXTERNAL and told.startswith("a controller")
+            if now > since + limit and not patient:
+                raise SessionError(f"waited {now - since:.0f} s for {told}")
+            say(f"Still waiting for {told} ...")
 
-        if not self._monitor.spin_until(there, _START_TIMEOUT):
-            raise SessionError(f"waited {_START_TIMEOUT:g} s for the simulator")
+    def _wait_for_simulator(self) -> None:
+        self._wait_for(lambda: self._check(controllers=0) or self._monitor.simulators > 0, lambda: "the simulator")
 
     def _wait_until_ready(self) -> None:
         monitor, external = self._monitor, self._controller == EXTERNAL
@@ -244,11 +256,7 @@ class Session:
             return monitor.ready
 
         with self._console.status("Starting the nodes ...") if self._console.is_terminal else _nothing():
-            while not monitor.spin_until(ready, _START_TIMEOUT):
-                # Only an external controller may take longer.
-                if not (external and monitor.missing.startswith("a controller")):
-                    raise SessionError(f"waited {_START_TIMEOUT:g} s for {monitor.missing}")
-                say(f"Still waiting for {monitor.missing} ...")
+            self._wait_for(ready, lambda: monitor.missing)
             self._processes.note_shared_memory()
             if not monitor.play(_START_TIMEOUT):
                 raise SessionError("the simulator does not answer its play service")

@@ -71,11 +71,12 @@ class ControllerNode(Node):
         state takes a step for each measurement, not for each message. A lower sequence begins another run. What cannot
         be read is dropped: the law does not see it.
         """
-        taken = self._take()
+        take, decode, encode, publish = self._take, self._decode, self._encode, self._publish
+        taken = take()
         if taken is None:
             return False
         try:
-            sequence, stamp_ns, measurement = self._decode(taken[0])
+            sequence, stamp_ns, measurement = decode(taken[0])
         except MalformedError as error:
             self.drops.add(topics.MEASUREMENT, str(error))
             return True
@@ -87,7 +88,7 @@ class ControllerNode(Node):
             self._drive = self._controller.answer(measurement, stamp_ns * 1e-9)
             self._answered = sequence
             self._answers += 1
-        self._publish(self._encode(sequence, stamp_ns, self._drive))
+        publish(encode(sequence, stamp_ns, self._drive))
         return True
 
     def wait(self, timeout: float) -> None:

@@ -30,6 +30,7 @@ NANOSECONDS = 1_000_000_000
 _BIG_ENDIAN_CDR, LITTLE_ENDIAN_CDR = b"\x00\x00", b"\x00\x01"
 _PLAIN = {"uint64": "<Q", "double": "<d"}
 _SEQUENCES = {"sequence<double>": "d", "sequence<float>": "f"}
+_ndarray = np.ndarray
 _LONGEST_FRAME = 256
 """frame_id beyond which a message is left to rclpy's serializer [bytes]."""
 
@@ -141,7 +142,7 @@ class Codec:
         decoded = self.decode(bytes(expected))
         return decoded[:2] == (sequence, stamp) and np.array_equal(decoded[2], values)
 
-    def encode(self, sequence: int, stamp_ns: int, values: NDArray[np.float64]) -> bytes:
+    def encode(self, sequence: int, stamp_ns: int, values: Any) -> bytes:
         """Bytes of a message.
 
         Parameters
@@ -151,12 +152,17 @@ class Codec:
             Simulated time.
         values : ndarray (size,), contiguous float64
         """
-        if not self.fast:
-            message = self._type()
-            fill(message, sequence, stamp_ns, values)
-            return bytes(serialize_message(message))
-        seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
-        return b"".join((self._pack_head(seconds, nanoseconds, self._frame, sequence), values, self._tail))
+        if self.fast and type(values) is _ndarray:
+            pack = self._pack_head
+            seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+            return b"".join((pack(seconds, nanoseconds, self._frame, sequence), values, self._tail))
+        return self._encode_other(sequence, stamp_ns, values)
+
+    def _encode_other(self, sequence: int, stamp_ns: int, values: Any) -> bytes:
+        """As `encode`, by rclpy's serializer."""
+        message = self._type()
+        fill(message, sequence, stamp_ns, values)
+        return bytes(serialize_message(message))
 
     def decode(self, data: bytes) -> tuple[int, int, Any]:
         """Sequence, stamp [ns] and values (size,) of a message; the array is valid until the next call.
@@ -167,8 +173,9 @@ class Codec:
             If these bytes are not one message of this type and nothing else, with a frame_id in UTF-8 and a stamp that
             is not before 0.
         """
+        unpack = self._layout.unpack
         try:
-            kind, seconds, nanoseconds, frame, sequence, numbers, end = self._layout.unpack(data)
+            kind, seconds, nanoseconds, frame, sequence, numbers, end = unpack(data)
         except struct.error:  # too short for this layout, or too long
             return self._decode_other(data)
         if (

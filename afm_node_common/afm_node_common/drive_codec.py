@@ -25,7 +25,7 @@ _VOLTAGE, _DRIVE = 24, 24  # bytes
 
 
 class DriveCodec(Codec):
-    """Encoder and decoder of PiezoDrive. What `decode` gives in place of an array: see `Drive`.
+    """Encoder and decoder of PiezoDrive. What `encode` takes and `decode` gives in place of an array: see `Drive`.
 
     Parameters
     ----------
@@ -36,20 +36,19 @@ class DriveCodec(Codec):
     def __init__(self, *, fast: bool = True) -> None:
         super().__init__(PiezoDrive, 3, tail=_NO_HORIZON, fast=fast)
 
-    def encode(self, sequence: int, stamp_ns: int, values: NDArray[np.float64] | Command) -> bytes:
-        """Bytes of a message: see `Codec.encode`; `values` are voltages (3,) [V], or a Command."""
+    def _encode_other(self, sequence: int, stamp_ns: int, values: Any) -> bytes:
         if not isinstance(values, Command):
-            return super().encode(sequence, stamp_ns, values)
+            return super()._encode_other(sequence, stamp_ns, values)
         if not len(values.horizon):
-            return super().encode(sequence, stamp_ns, values.voltage)
-        if not self.fast:
-            message = PiezoDrive()
-            fill(message, sequence, stamp_ns, values.voltage)
-            message.horizon_period = float(values.horizon_period)
-            message.horizon = [Vector3(x=x, y=y, z=z) for x, y, z in values.horizon.tolist()]
-            return bytes(serialize_message(message))
-        head = super().encode(sequence, stamp_ns, values.voltage)[: -len(_NO_HORIZON)]
-        return head + _PERIOD_AND_COUNT.pack(values.horizon_period, len(values.horizon)) + values.horizon.tobytes()
+            return self.encode(sequence, stamp_ns, values.voltage)
+        if self.fast:
+            head = self.encode(sequence, stamp_ns, values.voltage)[: -len(_NO_HORIZON)]
+            return head + _PERIOD_AND_COUNT.pack(values.horizon_period, len(values.horizon)) + values.horizon.tobytes()
+        message = PiezoDrive()
+        fill(message, sequence, stamp_ns, values.voltage)
+        message.horizon_period = float(values.horizon_period)
+        message.horizon = [Vector3(x=x, y=y, z=z) for x, y, z in values.horizon.tolist()]
+        return bytes(serialize_message(message))
 
     def _decode_other(self, data: bytes) -> tuple[int, int, Any]:
         return self._decode_horizon(data) or super()._decode_other(data)

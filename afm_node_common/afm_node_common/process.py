@@ -20,6 +20,10 @@ class Process(Group):
         -1, description="processor to which the control loop's thread is bound; -1: any"
     )
     lock_memory: bool = Field(False, description="keep all memory of the process from being paged out")
+    parts: str = Field(
+        "",
+        description="parts of your own, module:NAME, that messages may choose while the node runs; separated by commas",
+    )
     fast_codec: bool = Field(True, description="read and write messages in place; false: by rclpy, same bytes")
 
 

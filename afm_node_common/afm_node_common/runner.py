@@ -16,13 +16,15 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from afm_model.core import registry
 from afm_model.core.errors import ParameterError, PartError
 from afm_model.core.schema import with_parts
 from afm_model.parameters import ControllerParameters, Group, InstrumentParameters, SetupSection, specifications
 
 from . import scheduling
+from .barrier import guard_services
 from .process import Process
-from .shared_memory import shared_memory_cleanup
+from .shared_memory import make_private, shared_memory_cleanup
 from .waiting import Waiting
 
 RCLError = rclpy_implementation.RCLError
@@ -166,6 +168,8 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
         executor = SingleThreadedExecutor()
         for make_node, _ in nodes:
             made.append(make_node())
+            make_private()
+            guard_services(made[-1])
             executor.add_node(made[-1])
 
         def spin_once(timeout: float) -> None:
@@ -176,7 +180,10 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
         gc.freeze()
         for node in made:
             if isinstance(node, Scheduled):
+                for part in filter(None, map(str.strip, node.process.parts.split(","))):
+                    registry.load(part)
                 scheduling.apply(node.process, node.get_logger().warning)
+        registry.close()
         _loop(made, spin_once, stop)
         for node in made:
             if isinstance(node, Finishing):
@@ -214,10 +221,11 @@ def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) 
     # One node alone sleeps until its next message. With several, a message for another one must not wait for it.
     patience = LOOK_PERIOD if len(nodes) == 1 else 0.001
     serve_at, look_at = 0.0, 0.0
+    steps = [node.step for node in nodes]
     while not stop.requested:
         busy = False
-        for node in nodes:
-            if node.step():
+        for step in steps:
+            if step():
                 busy = True
         if not busy:
             nodes[0].wait(patience)

@@ -1,5 +1,7 @@
 """Names and quality of service of every topic and service, relative to the instrument's namespace."""
 
+from collections.abc import Sequence
+
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from afm_model.parameters import scenario
@@ -39,6 +41,14 @@ SET_PROBE = "set_probe"
 def clock(namespace: str) -> str:
     """Topic of simulated time: where ROS looks for it, or in the namespace of an instrument that has another one."""
     return "/clock" if namespace == f"/{NAMESPACE}" else "clock"
+
+
+def client(goal_id: Sequence[int]) -> str:
+    """Topic that the client of a goal may subscribe to: the simulator then knows for certain when that client has gone.
+
+    It is named by the first 8 of the 16 bytes of the identifier of the goal, which the client chooses.
+    """
+    return f"client_{bytes(goal_id[:8]).hex()}"
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:

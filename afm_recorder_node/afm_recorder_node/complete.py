@@ -1,10 +1,11 @@
 """Completes a recording that was interrupted or has just ended: large chunks, index, verified. Needs no ROS."""
 
 import ctypes
+import itertools
 import os
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,7 +17,10 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
 from . import layout, pictures
+from .checksums import measure, seal_file
 from .friction_loop import FrictionLoop
+from .names import claim
+from .streams import give_up, let_go, send_blueprint, send_event, send_series
 
 _CHUNK_ROWS = 32_768
 """Rows of a chunk; one costs some 0.3 ms to read and 1 kB in the file."""
@@ -41,31 +45,40 @@ class _Batch:
     rows: int = 0
 
 
-def complete(source: Path, target: Path, expected: Mapping[str, int] | None = None) -> Counter[str]:
+def complete(
+    source: Path, targets: Iterable[Path], expected: Mapping[str, int] | None = None, note: str = ""
+) -> tuple[Path, Counter[str]]:
     """Copy the contents of a recording without an end into a complete one.
 
-    Nothing stands under the name `target` before all of it has been read back.
+    No file has the name of a recording before all of it has been read back, and none is replaced.
 
     Parameters
     ----------
     source : Path
         Whole messages, perhaps without an end; see `afm_recorder_node.reader.readable`.
-    target : Path
+    targets : iterable of Path
+        Names for it: it gets the first one that is free.
     expected : mapping, optional
         Rows that each entity has to have. Without it the source may end in something that cannot be read.
+    note : str
+        Text of an event at the end of the copy.
 
     Returns
     -------
-    Counter
-        Rows by entity.
+    (Path, Counter)
+        Its name; rows by entity.
 
     Raises
     ------
     NoRoom
         If there is no room for a copy.
     OSError
-        If it could not be written, or is not what it should be. `source` is untouched in any case.
+        If it could not be written, is not what it should be, or no name is free. `source` is untouched in any case.
     """
+    if expected is not None and not _unchanged(source):
+        raise OSError(f"{source} has been changed by somebody else")
+    names = iter(targets)
+    target = next(names)
     closing = target.with_stem(f"{target.stem}.closing")
     with suppress(FileNotFoundError):
         closing.unlink()
@@ -74,19 +87,21 @@ def complete(source: Path, target: Path, expected: Mapping[str, int] | None = No
         raise NoRoom(f"{target} needs {size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free")
     file = os.open(closing, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:
-        written = _copy(source, file, whole=expected is not None)
+        written = _copy(source, file, note, whole=expected is not None)
+        let_go()
         if expected is not None and written != Counter(expected):
             raise OSError(f"{source} does not contain the written data: {_difference(written, expected)}")
-        verify(closing, written)
+        seal_file(file)
+        verify(closing, written + Counter({layout.EVENTS: bool(note)}))
         os.fsync(file)
-        os.replace(closing, target)
+        name = claim(closing, itertools.chain([target], names))
     except BaseException:
         with suppress(FileNotFoundError):
             closing.unlink()
         raise
     finally:
         os.close(file)
-    return written
+    return name, written
 
 
 def chunks(path: Path, *, whole: bool = True) -> Iterator[Chunk]:
@@ -121,10 +136,11 @@ def series(batch: pa.RecordBatch) -> _Rows | None:
     return times, batch.column(layout.SCALARS).flatten().to_numpy()
 
 
-def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
+def _copy(source: Path, file: int, note: str, whole: bool) -> Counter[str]:
     written: Counter[str] = Counter()
     batches: dict[str, _Batch] = defaultdict(_Batch)
     loop = FrictionLoop()
+    last = 0
     with _ending(rr.RecordingStream(layout.APPLICATION, send_properties=False)) as stream:
         # Through the open file: the name may now belong to another file.
         stream.set_sinks(rr.FileSink(f"/proc/self/fd/{file}"))
@@ -139,6 +155,7 @@ def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
                 stream.send_chunks(chunk)
             else:
                 times, values = rows
+                last = max(last, int(times[-1]))
                 batch = batches[chunk.entity_path]
                 batch.times.append(times)
                 batch.values.append(values.reshape(len(times), -1))
@@ -153,16 +170,10 @@ def _copy(source: Path, file: int, whole: bool) -> Counter[str]:
         for entity in list(batches):
             send(entity)
         loop.send(stream)
-        stream.send_blueprint(layout.blueprint(layout.further(written), pictures.pictures(written)))
+        if note:
+            send_event(stream, last, note, "ERROR")
+        send_blueprint(stream, layout.blueprint(layout.further(written), pictures.pictures(written)))
     return +written
-
-
-def send_series(stream: rr.RecordingStream, entity: str, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
-    """Send rows of numbers as one chunk: times (n,) [ns], values (n,) or (n, width)."""
-    index = rr.TimeColumn(layout.TIMELINE, duration=times.astype("timedelta64[ns]"))
-    if values.ndim == 2 and values.shape[1] == 1:
-        values = values[:, 0]
-    stream.send_columns(entity, [index], rr.Scalars.columns(scalars=values), strict=True)
 
 
 @contextmanager
@@ -174,7 +185,7 @@ def _ending(stream: rr.RecordingStream) -> Iterator[rr.RecordingStream]:
         stream.disconnect()
     except (RuntimeError, ValueError) as error:
         # Ending the stream, even with the process, may wait for ever for a thread of rerun's that has died.
-        rr.unregister_shutdown()
+        give_up()
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
         raise OSError(str(error)) from error
 
@@ -188,6 +199,8 @@ def verify(path: Path, expected: Mapping[str, int], *, index: bool = True) -> No
         If it cannot be read, or does not hold the rows that are expected of each entity.
     """
     found: Counter[str] = Counter()
+    if not _unchanged(path):
+        raise OSError(f"{path} could not be written completely: what was read back is not what was written")
     try:
         if index:
             RrdReader(path).store()
@@ -197,6 +210,17 @@ def verify(path: Path, expected: Mapping[str, int], *, index: bool = True) -> No
         raise OSError(f"{path} could not be written completely: {error}") from error
     if +found != +Counter(expected):
         raise OSError(f"{path} could not be written completely: {_difference(found, expected)}")
+
+
+def _unchanged(path: Path) -> bool:
+    """Whether all of a file is what was written."""
+    with open(path, "rb") as file:
+        extent = measure(file.fileno())
+        return (
+            extent.sealed
+            and not extent.damaged
+            and (extent.complete or extent.whole == os.fstat(file.fileno()).st_size)
+        )
 
 
 def _difference(found: Mapping[str, int], expected: Mapping[str, int]) -> str:

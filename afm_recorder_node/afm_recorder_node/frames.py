@@ -1,24 +1,35 @@
-"""How an .rrd file is cut into messages, so that one that breaks off can be read up to its last whole message.
+"""How an .rrd file is cut into messages.
 
 A file of rerun 0.41 is a header of 12 bytes, then messages: kind and length of the content, 8 bytes each,
-little-endian, then the content. The message of kind 0 ends the file; behind its content, the index, stands a footer.
+little-endian, then the content. The message of kind 0 ends the file; its content is the index, and a footer follows it.
 """
 
 import os
 import struct
-from typing import BinaryIO
+from collections.abc import Iterator
+from typing import NamedTuple
 
 HEADER = 12
-_MAGIC = b"RRF2"
-_MESSAGE = struct.Struct("<QQ")
-_END = 0
-_FOOTER, _FOOTER_MAGIC = 32, b"RRF2FOOT"
+MAGIC = b"RRF2"
+MESSAGE = struct.Struct("<QQ")
+END_KIND, STORE_KIND = 0, 1
+FOOTER = struct.Struct("<QQI8sI")
+"""Start and length of the index, its checksum, a mark, and the number of indices."""
+FOOTER_MAGIC = b"RRF2FOOT"
 
-END = _MESSAGE.pack(_END, 0)
+END = MESSAGE.pack(END_KIND, 0)
 """Ends a file that has no index."""
 
 
-def without_ends(stream: bytes) -> bytes:
+class Message(NamedTuple):
+    """Where a message stands in a file [bytes]."""
+
+    kind: int
+    start: int
+    end: int
+
+
+def split(stream: bytes) -> list[bytes]:
     """The messages of an encoded stream, without header and end, to be appended to other messages.
 
     Parameters
@@ -28,46 +39,32 @@ def without_ends(stream: bytes) -> bytes:
     """
     messages = []
     position = 0
-    while position + _MESSAGE.size <= len(stream):
-        if stream.startswith(_MAGIC, position):
+    while position + MESSAGE.size <= len(stream):
+        if stream.startswith(MAGIC, position):
             position += HEADER
             continue
-        kind, length = _MESSAGE.unpack_from(stream, position)
-        after = position + _MESSAGE.size + length
-        if kind == _END:
-            after += _FOOTER if length else 0
+        kind, length = MESSAGE.unpack_from(stream, position)
+        after = position + MESSAGE.size + length
+        if kind == END_KIND:
+            after += FOOTER.size if length else 0
         else:
             messages.append(stream[position:after])
         position = after
-    return b"".join(messages)
+    return messages
 
 
-def measure(file: BinaryIO) -> tuple[int, bool]:
-    """How far a file can be read.
-
-    Parameters
-    ----------
-    file : binary file, open for reading
-
-    Returns
-    -------
-    (int, bool)
-        Bytes from the begin up to the end of the last whole message; whether the file is complete: its end is there.
-        0 bytes if it is no .rrd file.
-    """
-    size = os.fstat(file.fileno()).st_size
-    if size < HEADER or os.pread(file.fileno(), len(_MAGIC), 0) != _MAGIC:
-        return 0, False
+def walk(file: int) -> Iterator[Message]:
+    """The whole messages of an open file, up to its end or to where it breaks off; nothing if it is no .rrd file."""
+    size = os.fstat(file).st_size
+    if os.pread(file, len(MAGIC), 0) != MAGIC:
+        return
     position = HEADER
-    while position + _MESSAGE.size <= size:
-        kind, length = _MESSAGE.unpack(os.pread(file.fileno(), _MESSAGE.size, position))
-        after = position + _MESSAGE.size + length
-        if kind == _END:
-            if not length:
-                return position, after == size
-            footer = os.pread(file.fileno(), _FOOTER, after)
-            return position, len(footer) == _FOOTER and _FOOTER_MAGIC in footer
+    while len(head := os.pread(file, MESSAGE.size, position)) == MESSAGE.size:
+        kind, length = MESSAGE.unpack(head)
+        after = position + MESSAGE.size + length
         if after > size:
-            break
+            return
+        yield Message(kind, position, after)
+        if kind == END_KIND:
+            return
         position = after
-    return position, False

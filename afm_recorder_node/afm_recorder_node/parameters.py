@@ -14,7 +14,8 @@ class RecorderParameters(Group):
     path: str = Field(
         "recording.rrd",
         description="file of the recording, complete when the recorder ends and recording.partial.rrd until then; "
-        "after a reset of the instrument a new one begins, recording-2.rrd. A file of that name is replaced",
+        "after a reset of the instrument a new one begins, recording-2.rrd. No file is "
+        "replaced: the first of these names that is free is taken",
     )
     live_port: Annotated[int, Ge(0), Lt(65536)] = Field(
         0,

@@ -1,11 +1,12 @@
 """The growing file of a recording: locked by one process, and readable at any time. Needs no ROS."""
 
 import fcntl
-import itertools
 import os
-import stat
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+
+from .names import check_name, check_plain, claim, numbered, partial_of
 
 _COPIED_AT_ONCE = 1 << 24
 _NONE = -1
@@ -15,26 +16,8 @@ class InUse(OSError):
     """Another recorder writes there."""
 
 
-def partial_of(path: Path) -> Path:
-    """Where the recording `path` grows: recording.partial.rrd for recording.rrd."""
-    return path.with_stem(f"{path.stem}.partial")
-
-
-def check_name(path: Path) -> None:
-    """Raise if the path cannot be that of a recording.
-
-    Raises
-    ------
-    OSError
-        If something other than a plain file stands there, or the name is kept for recordings under way.
-    """
-    if path.stem.endswith((".partial", ".closing")):
-        raise OSError(f"the name {path.name} is kept for recordings under way: take another one")
-    _check_plain(path)
-
-
 class Partial:
-    """The file that a recording grows in, beside the name it will have.
+    """The file that a recording grows in, beside the name it will have: the first free one of run.rrd, run-2.rrd, ...
 
     It is locked by the kernel for as long as this process lives, so that no two recorders write one file. What a
     recorder that died has left there is set aside: recording.interrupted.rrd, then recording.interrupted-2.rrd.
@@ -45,11 +28,13 @@ class Partial:
     Parameters
     ----------
     path : Path
-        Name of the recording.
+        First name of the recording.
     header : bytes
         First bytes of the file.
     patient : bool
         If the file cannot be made now, try again with each write in place of raising.
+    number : int
+        First number to be tried.
 
     Raises
     ------
@@ -59,8 +44,15 @@ class Partial:
         If the file cannot be made; the message says why.
     """
 
-    def __init__(self, path: Path, header: bytes, *, patient: bool = False) -> None:
-        self.path = partial_of(path)
+    def __init__(self, path: Path, header: bytes, *, patient: bool = False, number: int = 1) -> None:
+        self._first = path
+        self.number = number - 1
+        for self.name in numbered(path, number):
+            self.number += 1
+            check_name(self.name)
+            if not self.name.exists():
+                break
+        self.path = partial_of(self.name)
         self.set_aside: Path | None = None
         """What a recorder that died had left; None if there was nothing."""
         self.problem = ""
@@ -70,7 +62,6 @@ class Partial:
         self._written = 0
         self._waiting = bytearray(header)
         self._file = _NONE
-        check_name(path)
         try:
             self._file = self._open()
         except OSError as error:
@@ -101,11 +92,17 @@ class Partial:
         self.problem = ""
         return True
 
-    def give_name(self, path: Path) -> None:
-        """The file is complete: give it its name."""
+    @property
+    def names(self) -> Iterator[Path]:
+        """Names that it may get, of which the first free one is its own."""
+        return numbered(self._first, self.number)
+
+    def give_name(self) -> Path:
+        """The file is complete: give it the first name that is free."""
         os.fsync(self._file)
-        os.replace(self.path, path)
+        name = claim(self.path, self.names)
         self.release()
+        return name
 
     def discard(self) -> None:
         """Remove the file."""
@@ -122,7 +119,7 @@ class Partial:
     def _open(self) -> int:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         while True:
-            _check_plain(self.path)
+            check_plain(self.path)
             flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
             file = os.open(self.path, flags, 0o666)
             try:
@@ -133,29 +130,12 @@ class Partial:
                 if self._is(file):  # not removed or set aside by another recorder just now
                     if os.fstat(file).st_size == 0:
                         return file
-                    self.set_aside = self._set_aside()
+                    stem = self.path.stem.removesuffix(".partial")
+                    self.set_aside = claim(self.path, numbered(self.path.with_stem(f"{stem}.interrupted")))
             except BaseException:
                 os.close(file)
                 raise
             os.close(file)
-
-    def _set_aside(self) -> Path:
-        """Give the file of a dead recorder a name that is free."""
-        stem = self.path.stem.removesuffix(".partial") + ".interrupted"
-        for number in itertools.count(1):
-            name = self.path.with_stem(stem if number == 1 else f"{stem}-{number}")
-            try:
-                os.link(self.path, name, follow_symlinks=False)
-            except FileExistsError:
-                continue
-            except OSError:  # a file system without links
-                if name.exists() or name.is_symlink():
-                    continue
-                self.path.rename(name)
-                return name
-            self.path.unlink()
-            return name
-        raise AssertionError
 
     def _there(self) -> bool:
         return self._file != _NONE and self._is(self._file)
@@ -188,17 +168,3 @@ class Partial:
             raise
         os.close(old)
         self.news = f"{self.path} was removed while it was written: it has been made again, nothing is lost"
-
-
-def _check_plain(path: Path) -> None:
-    """Raise if the path is no plain file: a link would be followed, a device replaced."""
-    try:
-        mode = path.lstat().st_mode
-    except FileNotFoundError:
-        return
-    for is_kind, what in ((stat.S_ISDIR, "folder"), (stat.S_ISLNK, "symbolic link"), (stat.S_ISREG, "")):
-        if is_kind(mode):
-            if what:
-                raise OSError(f"{path} is a {what}: it must be a plain file or not exist")
-            return
-    raise OSError(f"{path} is a device, pipe or socket: it must be a plain file or not exist")

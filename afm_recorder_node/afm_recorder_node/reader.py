@@ -19,10 +19,18 @@ import yaml
 from numpy.typing import NDArray
 
 from . import layout, pictures
+from .checksums import Extent, measure
 from .complete import chunks, series
-from .frames import measure
 from .layout import Signal
-from .recording import Channel, IncompleteRecording, ParameterChange, Recording, RecordingError
+from .recording import (
+    Channel,
+    DamagedRecording,
+    IncompleteRecording,
+    ParameterChange,
+    Recording,
+    RecordingError,
+    UncheckedRecording,
+)
 from .scan_lines import images
 
 _Array = NDArray[np.float64]
@@ -40,6 +48,8 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
 
     Raises
     ------
+    DamagedRecording
+        If it is not what was written: all of it is checked.
     RecordingError
         If there is no file, or it is no recording of this microscope.
 
@@ -47,6 +57,8 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
     -----
     IncompleteRecording
         If the recorder is still at work, or has died; `complete` tells it too.
+    UncheckedRecording
+        If it has no checksums, as those of earlier versions.
     """
     batches, whole = _read(path, every)
     time_ticks, ticks = _aligned(batches, layout.TICKS)
@@ -80,30 +92,49 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
 
 
 @contextmanager
-def readable(path: str | os.PathLike[str]) -> Iterator[tuple[Path, bool]]:
-    """A file that rerun can read to its end, and whether the recording is complete.
+def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator[tuple[Path, Extent]]:
+    """A file that rerun can read to its end, and what of the recording is in it.
 
     Of one that breaks off within a message, or still grows, that is a copy of what is whole.
 
+    Parameters
+    ----------
+    path : path
+    salvage : bool
+        Leave out what has changed since it was written, in place of raising.
+
     Raises
     ------
+    DamagedRecording
+        If it is not what was written.
     RecordingError
         If there is no file, or it is no .rrd file.
     """
     try:
         with open(path, "rb") as file:
-            whole, complete = measure(file)
-            if not whole:
+            extent = measure(file.fileno())
+            if not extent.whole:
                 raise RecordingError(f"{os.fspath(path)} is no readable recording: it is no .rrd file")
-            if complete or whole == os.fstat(file.fileno()).st_size:
-                yield Path(path), complete
+            if extent.damaged and not salvage:
+                (begin, end), size = extent.damaged[0], sum(end - begin for begin, end in extent.damaged)
+                raise DamagedRecording(
+                    f"{os.fspath(path)} is damaged: bytes {begin} to {end} are not what was written ({size} bytes in "
+                    "all); `ros2 run afm_recorder_node repair` copies the rest"
+                )
+            if not extent.damaged and (extent.complete or extent.whole == os.fstat(file.fileno()).st_size):
+                yield Path(path), extent
                 return
             with tempfile.NamedTemporaryFile(suffix=".rrd") as copy:
                 position = 0
-                # The recorder may cut it back meanwhile, when its disk is full.
-                while block := os.sendfile(copy.fileno(), file.fileno(), position, whole - position):
-                    position += block
-                yield Path(copy.name), False
+                for begin, end in (*extent.damaged, (extent.whole, extent.whole)):
+                    # The recorder may cut it back meanwhile, when its disk is full.
+                    while position < begin and (
+                        block := os.sendfile(copy.fileno(), file.fileno(), position, begin - position)
+                    ):
+                        position += block
+                    position = max(position, end)
+                extent.complete = False
+                yield Path(copy.name), extent
     except OSError as error:
         raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
 
@@ -112,9 +143,9 @@ def _read(path: str | os.PathLike[str], every: int) -> tuple[_Batches, bool]:
     """All chunks of the recording, by entity, of the signals one row in `every`; and whether it is complete."""
     ticks = {signal.entity for signal in layout.TICKS}
     batches: _Batches = defaultdict(list)
-    with readable(path) as (file, complete):
+    with readable(path) as (file, extent):
         try:
-            for chunk in chunks(file, whole=complete):
+            for chunk in chunks(file, whole=extent.complete):
                 batch = chunk.to_record_batch()
                 entity = chunk.entity_path
                 if every > 1 and series(batch) and (entity in ticks or not entity.startswith(f"{layout.PARAMETERS}/")):
@@ -124,11 +155,13 @@ def _read(path: str | os.PathLike[str], every: int) -> tuple[_Batches, bool]:
         # What rerun raises for a file that it cannot read.
         except (RuntimeError, ValueError, OSError) as error:
             raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
-    if not complete:
+    if not extent.complete:
         warnings.warn(
             f"{os.fspath(path)} has no end: its recorder is still at work, or has died", IncompleteRecording, 3
         )
-    return batches, complete
+    elif not extent.sealed:
+        warnings.warn(f"{os.fspath(path)} has no checksums: it cannot be checked", UncheckedRecording, 3)
+    return batches, extent.complete
 
 
 def _rows(batches: list[pa.RecordBatch], signal: Signal) -> tuple[NDArray[np.int64], _Array]:

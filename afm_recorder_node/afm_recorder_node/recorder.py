@@ -207,11 +207,10 @@ class Recorder:
             self._writer.score(time_ns, values)
 
     def _close(self) -> None:
-        counts = self.counts()
         if self._writer.close() is None:
             self._log.warning("nothing recorded: no block has come from the instrument")
         else:
-            report(self._log, counts, self._intake.streams[_CONTROL].begin)
+            report(self._log, self.counts(), self._intake.streams[_CONTROL].begin)
 
     def _begin_run(self) -> None:
         try:

@@ -15,6 +15,14 @@ class RecordingError(ValueError):
     """A file that is no readable recording; the message names it and says why."""
 
 
+class DamagedRecording(RecordingError):
+    """A file that has changed since it was written."""
+
+
+class UncheckedRecording(UserWarning):
+    """The file of a recorder that wrote no checksums: a change of it would not be noticed."""
+
+
 class IncompleteRecording(UserWarning):
     """The file of a recorder that is still at work, or has died: it ends where that one wrote last."""
 

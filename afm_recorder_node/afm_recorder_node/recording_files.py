@@ -36,7 +36,7 @@ class RecordedCounts:
 
 
 class RecordingFiles:
-    """Opens the recordings of one run after another: recording.rrd, recording-2.rrd, ...
+    """Opens the recordings of one run after another: recording.rrd, recording-2.rrd, ...; no file is replaced.
 
     Parameters
     ----------
@@ -46,7 +46,8 @@ class RecordingFiles:
 
     def __init__(self, parameters: RecorderParameters, log: Log) -> None:
         self._parameters, self._log = parameters, log
-        self._run = 1
+        self._path = Path(parameters.path).absolute()
+        self._number = 0
         self._problem = ""
 
     def open_first(self) -> RecordingWriter:
@@ -58,7 +59,7 @@ class RecordingFiles:
             If there cannot be a file at the path, or no server at the port.
         """
         try:
-            return self._open(self._parameters.live_port)
+            return self._open(self._parameters.live_port, patient=False)
         except OSError as error:
             raise ParameterError(f"cannot record to {self._path}: {error}") from None
 
@@ -70,16 +71,15 @@ class RecordingFiles:
         ParameterError
             If there is none.
         """
-        self._run += 1
         # During a run nobody can choose another name.
         for port in (self._parameters.live_port, 0):
             for _ in range(_NAMES_TRIED):
                 try:
-                    return self._open(port)
+                    return self._open(port, patient=True)
                 except OSError as error:
-                    self._log.error(f"cannot record to {self._path}: {error}")
-                    self._run += 1
-        raise ParameterError(f"cannot record to {self._path}, nor under the {_NAMES_TRIED} names before it")
+                    self._log.error(f"cannot record under the next name of {self._path}: {error}")
+                    self._number += 1
+        raise ParameterError(f"cannot record to {self._path}, nor under {_NAMES_TRIED} names after it")
 
     def watch(self, writer: RecordingWriter) -> None:
         """Log each event of the file once."""
@@ -92,18 +92,19 @@ class RecordingFiles:
             self._log.info(f"{writer.partial} can be written again; an event describes the missing data")
         self._problem = problem
 
-    @property
-    def _path(self) -> Path:
-        path = Path(self._parameters.path).absolute()
-        return path.with_stem(f"{path.stem}-{self._run}") if self._run > 1 else path
-
-    def _open(self, port: int) -> RecordingWriter:
+    def _open(self, port: int, *, patient: bool) -> RecordingWriter:
         writer = RecordingWriter(
             self._path,
             live_port=port or None,
             live_address=self._parameters.live_address,
-            patient=self._run > 1,
+            patient=patient,
+            number=self._number + 1,
         )
+        if writer.number > self._number + 1:
+            self._log.warning(
+                f"a recording is never replaced: this run is recorded in {writer.path}, the next free name"
+            )
+        self._number = writer.number
         if writer.set_aside:
             self._log.warning(
                 f"a recorder that died has left {writer.set_aside}: it can be opened as it is, and "

@@ -12,9 +12,6 @@ import rerun as rr
 from afm_model.microscope.image import Image, Line
 from afm_model.microscope.verbs import Scan
 
-from .layout import TIMELINE
-from .pictures import LINES
-
 
 @dataclass(frozen=True)
 class ScanLine:
@@ -33,30 +30,24 @@ class ScanLine:
         return round(self.line.time * 1e9)
 
 
-def send(stream: rr.RecordingStream, line: ScanLine) -> None:
-    """Write a line, in SI units, as one row."""
+def columns(line: ScanLine) -> list[rr.ComponentColumn]:
+    """A line as one row of the recording, in SI units."""
     about = {
         "channels": line.units,
         "time": line.line.time,
         "scan": line.scan.model_dump(),
     }
     numbers = np.concatenate([np.asarray(line.line.channels[name], dtype=np.float64) for name in line.units])
-    index = rr.TimeColumn(TIMELINE, duration=np.array([line.time_ns], "timedelta64[ns]"))
-    stream.send_columns(
-        LINES,
-        [index],
-        [
-            *rr.AnyValues.columns(
-                scan=[line.number], index=[line.line.index], direction=[line.line.direction], about=[json.dumps(about)]
-            ),
-            *rr.AnyValues.columns(data=numbers).partition([len(numbers)]),
-        ],
-        strict=True,
-    )
+    return [
+        *rr.AnyValues.columns(
+            scan=[line.number], index=[line.line.index], direction=[line.line.direction], about=[json.dumps(about)]
+        ),
+        *rr.AnyValues.columns(data=numbers).partition([len(numbers)]),
+    ]
 
 
 def images(batches: Iterable[pa.RecordBatch]) -> dict[int, Image]:
-    """Images by the number of the scan, whole or as far as they came, from rows that `send` has written."""
+    """Images by the number of the scan, whole or as far as they came, from rows of `columns`."""
     made: dict[int, Image] = {}
     for line in sorted(_lines(batches), key=lambda line: (line.number, line.line.number)):
         if line.number not in made:

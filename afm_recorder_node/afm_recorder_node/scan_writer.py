@@ -1,14 +1,13 @@
 """Writes the scans of one recording: each line as it comes, the image from time to time. Needs no ROS."""
 
-from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
-import rerun as rr
 
-from . import layout, pictures
 from .growth import Growth
-from .scan_lines import ScanLine, send
+from .pictures import LINES
+from .scan_lines import ScanLine, columns
+from .sink import Sink
 
 
 class ScanWriter:
@@ -16,27 +15,15 @@ class ScanWriter:
 
     Parameters
     ----------
-    stream : rr.RecordingStream
-    sent : Counter
-        Rows by entity, counted here too.
-    event : callable
-        Called with the simulated time [ns] and a line of text for a person.
+    sink : Sink
     arrange : callable
         Called when there are images that the viewer does not show yet.
     """
 
-    def __init__(
-        self,
-        stream: rr.RecordingStream,
-        sent: Counter[str],
-        event: Callable[[int, str], None],
-        arrange: Callable[[], None],
-    ) -> None:
+    def __init__(self, sink: Sink, arrange: Callable[[], None]) -> None:
         self.shown: set[str] = set()
         """Entities of the images that there are."""
-        self._stream = stream
-        self._sent = sent
-        self._event = event
+        self._sink = sink
         self._arrange = arrange
         self._growth = Growth()
         self._time_ns = 0
@@ -47,13 +34,12 @@ class ScanWriter:
             self.finish()
             self._growth.begin(line)
             scan = line.scan
-            self._event(
+            self._sink.event(
                 line.time_ns,
                 f"scan {line.number}: {scan.pixels} x {scan.lines} pixels, "
                 f"{scan.size_x * 1e9:.4g} x {scan.height * 1e9:.4g} nm, {', '.join(line.units)}",
             )
-        send(self._stream, line)
-        self._sent[pictures.LINES] += 1
+        self._sink.columns(LINES, np.array([line.time_ns]), columns(line))
         self._time_ns = line.time_ns
         if self._growth.put(line):
             self._draw()
@@ -65,10 +51,8 @@ class ScanWriter:
 
     def _draw(self) -> None:
         drawings = self._growth.draw()
-        index = [rr.TimeColumn(layout.TIMELINE, duration=np.array([self._time_ns], "timedelta64[ns]"))]
         for drawing in drawings:
-            self._stream.send_columns(drawing.entity, index, drawing.columns(), strict=True)
-            self._sent[drawing.entity] += 1
+            self._sink.columns(drawing.entity, np.array([self._time_ns]), drawing.columns())
         new = {drawing.entity for drawing in drawings} - self.shown
         if new:
             self.shown |= new

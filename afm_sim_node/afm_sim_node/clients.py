@@ -1,74 +1,132 @@
 """Whether the client of a goal is still there, which rclpy's action server does not tell."""
 
+import ctypes
+import struct
 import time
 from typing import Any
 
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from unique_identifier_msgs.msg import UUID
+
+from afm_node_common import topics
 
 SILENCE = 3.0
-"""Wall time without an acknowledgement after which a client counts as gone [s]."""
+"""Wall time without an acknowledgement after which a client counts as gone, and in which it is found [s]."""
 _LONGEST_LOOK = 0.5
 """Wall time between two looks that counts at most [s]: while this process stood still, nobody could be heard."""
 _NOW = Duration(seconds=0)
 
 
-class Feedback:
-    """Publishes the feedback of one action, and knows by it who listens.
-
-    Every client of an action subscribes to its feedback, whatever it is written in. The middleware of one that lives
-    acknowledges what it receives, even if the client itself is busy; that of one that was killed does not. Without this
-    the middleware would take twenty seconds to notice.
+class Listeners:
+    """Those who listen to a topic. The middleware acknowledges what it receives, however busy its process is, unless
+    that was killed or stopped; without this the middleware here would take twenty seconds to notice.
 
     Parameters
     ----------
     node : Node
     kind : type
-        Of the action.
-    name : str
-        Of the action.
+        Of the messages.
+    topic : str
     """
 
-    def __init__(self, node: Node, kind: Any, name: str) -> None:
-        self._node, self._message = node, kind.Impl.FeedbackMessage
-        # A second publisher beside that of the action server, which does not let anybody ask for acknowledgements.
-        topic = f"{name}/_action/feedback"
-        self._publisher = node.create_publisher(self._message, topic, QoSProfile(depth=10))
-        self._topic = node.resolve_topic_name(topic)
-        self._listeners: set[bytes] = set()
-        self._silent, self._looked_at = 0.0, 0.0
+    def __init__(self, node: Node, kind: Any, topic: str) -> None:
+        self._node, self._topic = node, node.resolve_topic_name(topic)
+        self._publisher = node.create_publisher(kind, topic, QoSProfile(depth=10))
+        self.publish = self._publisher.publish
+        self.begin()
 
-    def begin(self) -> None:
-        """A goal is being done: whoever listens from now on may be its client."""
-        self._listeners, self._silent, self._looked_at = self._there, 0.0, time.monotonic()
+    def begin(self, process: bytes = b"") -> None:
+        """From now on those are meant that listen now, or are found soon, if their identifier begins with `process`."""
+        self._process = process
+        self.meant = {one for one in self._there() if one.startswith(process)}
+        self._silent, self._passed, self._looked_at = 0.0, 0.0, time.monotonic()
 
-    def publish(self, goal: Any, feedback: Any) -> None:
-        """Publish the feedback of a goal."""
-        self._publisher.publish(self._message(goal_id=goal.goal_id, feedback=feedback))
+    def destroy(self) -> None:
+        """Let the node be destroyed."""
+        self._node.destroy_publisher(self._publisher)
 
-    @property
     def gone(self) -> bool:
-        """Whether one that may be the client was killed, or all of them have left.
+        """Whether all that are meant are gone for certain: they have left, or the only one there is silent.
 
         To be asked some times a second, before `publish`.
         """
-        now = time.monotonic()
+        now, there = time.monotonic(), self._there()
         passed, self._looked_at = min(now - self._looked_at, _LONGEST_LOOK), now
-        # Who is matched only after the goal has come may be the client, too.
-        if not self._listeners:
-            self._listeners = self._there
-            return False
-        if self._publisher.wait_for_all_acked(_NOW):
-            self._silent = 0.0
-        else:
-            self._silent += passed
-        # Of several nobody knows which one is silent, and which one's the goal is: the tip is safe without it.
-        if self._silent > SILENCE:
-            return True
-        return self._publisher.get_subscription_count() < len(self._listeners) and not self._listeners & self._there
+        self._passed += passed
+        if self._passed < SILENCE or not self.meant:
+            self.meant |= {one for one in there if one.startswith(self._process)}
+        # Of several nobody knows which one is silent; the middleware may miss one a moment before the graph does.
+        several = max(len(there), self._publisher.get_subscription_count()) > 1
+        acknowledged = self._publisher.wait_for_all_acked(_NOW)
+        self._silent = 0.0 if several or acknowledged else self._silent + passed
+        return bool(self.meant) and (not self.meant & there or self._silent > SILENCE)
 
-    @property
     def _there(self) -> set[bytes]:
-        infos = self._node.get_subscriptions_info_by_topic(self._topic)
-        return {bytes(info.endpoint_gid) for info in infos}
+        """Who listens, living or not yet missed by the middleware."""
+        return {bytes(info.endpoint_gid) for info in self._node.get_subscriptions_info_by_topic(self._topic)}
+
+
+def process_of(header: Any) -> bytes:
+    """What the identifiers of the process begin with that has sent a request; empty: not known.
+
+    rclpy passes the rmw_request_id_t on but shows its sequence number only: the identifier stands before that.
+    """
+    at = object.__basicsize__
+    if type(header).__basicsize__ < at + 8:
+        return b""
+    request = ctypes.c_void_p.from_address(id(header) + at).value
+    if not request:
+        return b""
+    identifier, sequence = struct.unpack("16sq", ctypes.string_at(request, 24))
+    return identifier[:12] if sequence == getattr(header, "sequence_number", None) and any(identifier) else b""
+
+
+class Clients:
+    """Publishes the feedback of goals, and knows by it whether their client is still there.
+
+    A client that subscribes to the topic of its goals (`topics.client`) is known by that. Any other is known by its
+    request, which names its process as the subscription of the feedback does that every client has.
+
+    Parameters
+    ----------
+    node : Node
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._feedback: dict[str, Listeners] = {}
+        self._known: Listeners | None = None
+        self._topic = ""
+
+    def begin(self, kind: Any, name: str, goal: Any, process: bytes) -> None:
+        """A goal of the action `name` is being done, for this process (see `process_of`)."""
+        if name not in self._feedback:
+            # A second publisher beside that of the action server, which does not let anybody ask for acknowledgements.
+            self._feedback[name] = Listeners(self._node, kind.Impl.FeedbackMessage, f"{name}/_action/feedback")
+        self._feedback[name].begin(process)
+        topic = self._node.resolve_topic_name(topics.client(goal.goal_id.uuid))
+        if self._known is not None and self._topic == topic:
+            self._known.begin()
+        elif self._known is not None:
+            self._known.destroy()
+            self._known = None
+        self._topic = topic
+
+    def look(self, kind: Any, name: str, goal: Any, feedback: Any) -> bool:
+        """Publish the feedback of the goal that is being done, some times a second.
+
+        Returns
+        -------
+        bool
+            Whether its client has gone.
+        """
+        if self._known is None and self._node.count_subscribers(self._topic):
+            self._known = Listeners(self._node, UUID, self._topic)
+        # First: what is published now has not been acknowledged yet.
+        gone = (self._known or self._feedback[name]).gone()
+        self._feedback[name].publish(kind.Impl.FeedbackMessage(goal_id=goal.goal_id, feedback=feedback))
+        if self._known is not None:
+            self._known.publish(goal.goal_id)
+        return gone

@@ -82,15 +82,17 @@ class TopicLink(NodeLink):
 
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
         """Publish a measurement, stamped with its simulated time."""
-        self._publish(self._encode(sequence, round(sequence * self._period_ns), measurement))
+        publish, encode = self._publish, self._encode
+        publish(encode(sequence, round(sequence * self._period_ns), measurement))
 
     def take(self) -> tuple[int, Drive] | None:
         """The oldest drive not yet taken."""
-        taken = self._take()
+        take, decode = self._take, self._decode
+        taken = take()
         if taken is None:
             return None
         data, self._info = taken
-        sequence, _, drive = self._decode(data)
+        sequence, _, drive = decode(data)
         return sequence, drive
 
     def arrived(self) -> float:

@@ -93,6 +93,7 @@ class SimNode(Node):
             in_pieces=parameters.run.mode == "realtime",
         )
         """The life of the instrument."""
+        self.step = self.run.step
         self._streams = Streams(self, parameters, self.run.instrument.channels)
         self.run.warm_up()
         self._telemetry = Telemetry(self, self.run)
@@ -127,10 +128,6 @@ class SimNode(Node):
             self.get_logger().warning(f"the control loop runs without {' and '.join(slow)}: it is slower")
 
     # What the run loop calls.
-
-    def step(self) -> bool:
-        """One look at the inbox or the clock; True if something was done."""
-        return self.run.step()
 
     def wait(self, timeout: float) -> None:
         """Sleep until a drive or a deadline, or for `timeout` seconds of wall time."""

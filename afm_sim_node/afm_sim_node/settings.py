@@ -67,11 +67,11 @@ class Settings:
 
 
 def setpoint(run: Run) -> tuple[float, float]:
-    """In force now: [V], and as force of the cantilever [N]; NaN: not known."""
+    """In force now: [V], and as vertical force [N]; NaN: not known."""
     volts = float(run.operator.state.setpoint)
     parameters = run.instrument.parameters
-    k = parameters.plant.spring_constant(parameters) or float("nan")
-    return volts, volts * parameters.detector.deflection_sensitivity * k
+    known = parameters.plant.spring_constant(parameters) != 0.0
+    return volts, volts / parameters.plant.deflection_voltage(parameters, 1.0) if known else float("nan")
 
 
 def _values(names: Sequence[str], values: Sequence[str]) -> dict[str, Any]:
@@ -84,10 +84,11 @@ def _values(names: Sequence[str], values: Sequence[str]) -> dict[str, Any]:
     """
     if len(names) != len(values):
         raise ParameterError(f"{len(names)} names with {len(values)} values are not allowed: each name needs one value")
-    read = {name: _value(text) for name, text in zip(names, values, strict=True)}
-    for name in read:
-        if names.count(name) > 1:
+    read: dict[str, Any] = {}
+    for name, text in zip(names, values, strict=True):
+        if name in read:
             raise ParameterError(f"the name {name} is given twice: each name needs one value")
+        read[name] = _value(text)
         if read[name] == "":
             raise ParameterError(f"{name} =  is not allowed: it must be a number, true, false or a word")
     return read

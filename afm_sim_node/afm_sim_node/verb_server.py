@@ -11,19 +11,19 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
-from afm_model.core.errors import ParameterError, VerbError
+from afm_model.core.errors import VerbError
 from afm_model.microscope.results import COMPLETE, Outcome
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Withdraw
 from afm_model.run import Run
+from afm_node_common.barrier import sentence
 from afm_node_common.verb_codec import ACTIONS, TITLES, put_outcome, verb_of
 
-from .clients import Feedback
+from .clients import Clients, process_of
 
 _RESULT_KEPT = 30
 """Wall time for which a result is kept for a client that asks for it [s]: a night of force curves is some gigabytes."""
 
-_SENTENCES = (ParameterError, VerbError, ArithmeticError, ValueError)
 _LAST_WORDS = 0.3
 """Wall time that a node which ends leaves for the answer to its last goal [s]."""
 
@@ -45,6 +45,13 @@ class PatientServer(ActionServer):
     ) -> None:
         super().__init__(node, kind, name, self._never, **options)
         self._begin = begin
+        self.processes: dict[bytes, bytes] = {}
+        """Process that has asked for the goal which is being accepted."""
+
+    async def _execute_goal_request(self, request_header_and_message: Any) -> None:
+        header, request = request_header_and_message
+        self.processes = {bytes(request.goal_id.uuid): process_of(header)}
+        await super()._execute_goal_request(request_header_and_message)
 
     def _never(self, goal: ServerGoalHandle) -> Any:
         raise AssertionError("a goal is answered by `answer`")
@@ -52,6 +59,15 @@ class PatientServer(ActionServer):
     def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: object) -> None:
         """Called by rclpy when a goal is accepted."""
         self._begin(goal_handle)
+
+    async def execute(self, taken_data: Any) -> None:
+        """Called by rclpy with requests that have come; whatever they lead to, the node goes on."""
+        try:
+            await super().execute(taken_data)
+        except GeneratorExit:  # the node ends
+            raise
+        except BaseException as error:
+            self._node.get_logger().warning(f"a request to an action was not answered: {sentence(error)}")
 
     def answer(self, goal: ServerGoalHandle, conclude: Callable[[ServerGoalHandle], Any]) -> None:
         """Have the client told the result that `conclude` returns; it has to set the state of the goal, too."""
@@ -86,9 +102,9 @@ class VerbServer:
     """
 
     def __init__(self, node: Node, run: Run, begun: Callable[[Verb], object], changed: Callable[[], object]) -> None:
-        self._node, self._run, self._begun, self._changed = node, run, begun, changed
+        self._run, self._begun, self._changed = run, begun, changed
         self._log = node.get_logger()
-        self._feedback: dict[str, Feedback] = {}
+        self._clients = Clients(node)
         self._going: Going | None = None
         self._unanswered = 0
         self.scan = 0
@@ -124,13 +140,11 @@ class VerbServer:
         going = self._going
         if going is None or going.goal is None:
             return
-        feedback, progress = self._feedback[going.action], self._run.operator.progress
-        # First: what is published now has not been acknowledged yet.
-        if feedback.gone:
+        progress, kind = self._run.operator.progress, ACTIONS[going.action]
+        told = kind.Feedback(progress=float(progress.fraction), detail=progress.detail)
+        if self._clients.look(kind, going.action, going.goal, told):
             self._log.warning(f"the client of {going.title} has gone: it is cancelled and the tip withdrawn")
             self._run.operator.cancel("cancelled, because its client has gone")
-        told = ACTIONS[going.action].Feedback(progress=float(progress.fraction), detail=progress.detail)
-        feedback.publish(going.goal, told)
 
     def verb_over(self, outcome: Outcome) -> None:
         """A verb has come to its end."""
@@ -154,9 +168,9 @@ class VerbServer:
         try:
             verb = verb_of(name, goal.request)
             self._begin(name, verb, goal, partial(self._over, name, goal, result))
-        except Exception as error:
-            # Neither numbers too large to compute with nor a verb of somebody else's are a reason to end.
-            told = str(error) if isinstance(error, _SENTENCES) else f"{type(error).__name__}: {error}"
+        # Neither numbers too large to compute with nor a verb of somebody else's are a reason to end.
+        except BaseException as error:
+            told = sentence(error)
             self._log.warning(f"{name} was refused: {told}")
             result.message = told
             self._answer(name, goal, result)
@@ -166,13 +180,12 @@ class VerbServer:
             raise VerbError(objection)
         self._begun(verb)
         if goal is not None:
-            if name not in self._feedback:
-                self._feedback[name] = Feedback(self._node, ACTIONS[name], name)
-            self._feedback[name].begin()
+            process = self._servers[name].processes.get(bytes(goal.goal_id.uuid), b"")
+            self._clients.begin(ACTIONS[name], name, goal, process)
         self._going = Going(type(verb).__name__, name, goal, over)
         try:
             self._run.begin(verb)
-        except Exception:
+        except BaseException:
             self._going = None
             raise
         self._changed()

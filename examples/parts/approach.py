@@ -5,9 +5,7 @@ reference.kind: approach:APPROACH, with onboard.kind pi and plant.gap
 
 from typing import Annotated
 
-from pydantic import Field
-
-from afm_model.parts import Channel, Program, ProgramParameters, Record, Unit, kernel
+from afm_model.parts import Channel, Field, Program, ProgramParameters, Record, Unit, kernel
 from afm_model.parts.signals import OPEN
 
 
@@ -26,11 +24,6 @@ class State(Record):
     arrived: float
 
 
-def values(parameters):
-    approach = parameters.reference
-    return {"rate": approach.rate, "touch": approach.touch, "z_r": approach.z_r}
-
-
 @kernel
 def reference(t, r, p):
     for axis in range(3):
@@ -46,14 +39,11 @@ def watch(t, d, r, p, s):
         r.z_mode, r.z_offset = OPEN, p.rate * t
 
 
-_functions = {"reference": reference, "watch": watch}
-_channels = (Channel("arrived", "1", "arrived"),)
 APPROACH = Program(
-    name="approach",
     parameters=Approach,
     constants=Constants,
     state=State,
-    values=values,
-    channels=_channels,
-    **_functions,
+    reference=reference,
+    watch=watch,
+    channels=(Channel("arrived", "1", "arrived"),),
 )

@@ -3,9 +3,8 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
-from afm_model.parts import Fault, FaultParameters, Record, Unit, Vector, kernel
+from afm_model.parts import Fault, FaultParameters, Field, Record, Unit, Vector, kernel
 
 
 class Bursts(FaultParameters):
@@ -28,13 +27,7 @@ class State(Record):
 
 
 def values(parameters):
-    fault = parameters.fault
-    return {
-        "probability": fault.rate * parameters.plant.control_period,
-        "length": fault.length,
-        "noise": fault.noise,
-        "loss": fault.loss,
-    }
+    return {"probability": parameters.fault.rate * parameters.plant.control_period}
 
 
 def draw(parameters, generator, ticks):
@@ -59,4 +52,4 @@ def on_drive(k, t, u, p, s, r):
 
 
 _functions = {"draw": draw, "on_measurement": on_measurement, "on_drive": on_drive}
-BURSTS = Fault(name="bursts", parameters=Bursts, constants=Constants, state=State, values=values, draws=3, **_functions)
+BURSTS = Fault(parameters=Bursts, constants=Constants, state=State, values=values, draws=3, **_functions)

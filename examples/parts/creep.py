@@ -6,9 +6,7 @@ piezo.kind: creep:CREEP
 import math
 from typing import Annotated, Any
 
-from pydantic import Field
-
-from afm_model.parts import Array, Channel, Piezo, PiezoParameters, Record, kernel
+from afm_model.parts import Array, Channel, Field, Piezo, PiezoParameters, Record, kernel
 
 POLES = 6  # time constants 1 ms, 10 ms, ... 100 s: one a decade gives the logarithm to 3e-4 of the step
 
@@ -30,7 +28,7 @@ class State(Record):
 
 def values(parameters: Any) -> dict[str, Any]:
     T = parameters.detector.sample_period
-    return {"creep": parameters.piezo.creep, "decay": [-math.expm1(-T / 10.0 ** (i - 3)) for i in range(POLES)]}
+    return {"decay": [-math.expm1(-T / 10.0 ** (i - 3)) for i in range(POLES)]}
 
 
 @kernel
@@ -44,7 +42,6 @@ def actuate(t, u, v, p, s):
 
 
 CREEP = Piezo(
-    name="creep",
     parameters=Creep,
     constants=Constants,
     state=State,

@@ -3,10 +3,9 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 from scipy.ndimage import spline_filter
 
-from afm_model.parts import Record, Sample, SampleParameters, Unit, kernel
+from afm_model.parts import Field, Record, Sample, SampleParameters, Unit, kernel
 
 
 class HeightMap(SampleParameters):
@@ -58,4 +57,4 @@ def surface(x, y, h, p, map):
     h.curvature = -0.5 * (h.curvature_xx + h.curvature_yy)
 
 
-HEIGHT_MAP = Sample(name="map", parameters=HeightMap, constants=Constants, values=values, map=load, surface=surface)
+HEIGHT_MAP = Sample(parameters=HeightMap, constants=Constants, values=values, map=load, surface=surface)

@@ -1,10 +1,9 @@
 """A z loop of your own, onboard.kind integral:INTEGRAL: an integrator that can be set a setpoint in volts only."""
 
+import math
 from typing import Annotated
 
-from pydantic import Field
-
-from afm_model.parts import Channel, Onboard, OnboardParameters, Record, Unit, kernel
+from afm_model.parts import Field, Onboard, OnboardParameters, Record, Unit, kernel
 from afm_model.parts.signals import FOLLOW, GIVEN, HOLD
 
 
@@ -29,13 +28,9 @@ class State(Record):
 
 
 def values(parameters):
-    loop, detector = parameters.onboard, parameters.detector
-    step = 2.0 * 3.14159 * loop.bandwidth * detector.sample_period * detector.deflection_sensitivity
-    return {"target": loop.target, "step": step, "range": loop.range, "metres": parameters.piezo.sensitivity_z}
-
-
-def begin(parameters, s, drive):
-    s.z = parameters.piezo.sensitivity_z * drive[2]
+    detector = parameters.detector
+    step = 2.0 * math.pi * parameters.onboard.bandwidth * detector.sample_period * detector.deflection_sensitivity
+    return {"step": step, "metres": parameters.piezo.sensitivity_z}
 
 
 @kernel
@@ -55,16 +50,11 @@ def regulate(t, d, r, u, p, s):
 
 
 INTEGRAL = Onboard(
-    name="integral",
     parameters=Integral,
     constants=Constants,
     state=State,
     values=values,
-    begin=begin,
     regulate=regulate,
     moves_z=True,
-    # What verbs and services need: z and the error as channels, the setpoint, and what can be set.
-    channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),
-    setpoint=lambda parameters: parameters.onboard.target,
     settings={"setpoint_voltage": "target"},
 )

@@ -7,14 +7,10 @@ A cos(2 pi f t + phi), the channels `lock_in_amplitude` and `lock_in_phase` sett
 import math
 from typing import Annotated
 
-from pydantic import Field
-
-from afm_model.parts import Channel, Detector, DetectorParameters, Record, Unit, Vector, kernel
+from afm_model.parts import Channel, Detector, DetectorParameters, Field, Record, Unit, Vector, kernel
 
 
 class LockIn(DetectorParameters):
-    """Reference and filter of the lock-in amplifier."""
-
     frequency: Annotated[float, Unit("Hz")] = Field(1e3, gt=0, description="reference frequency")
     time_constant: Annotated[float, Unit("s")] = Field(2e-3, gt=0, description="of each of the two low-passes")
 
@@ -37,13 +33,8 @@ class State(Record):
 
 def values(parameters):
     d = parameters.detector
-    return {
-        "a": parameters.cantilever.a,
-        "deflection_sensitivity": d.deflection_sensitivity,
-        "lateral_sensitivity": d.lateral_sensitivity,
-        "turn": 2.0 * math.pi * d.frequency * d.sample_period,
-        "share": -math.expm1(-d.sample_period / d.time_constant),
-    }
+    turn = 2.0 * math.pi * d.frequency * d.sample_period
+    return {"a": parameters.cantilever.a, "turn": turn, "share": -math.expm1(-d.sample_period / d.time_constant)}
 
 
 @kernel
@@ -66,4 +57,4 @@ def detect(o, d, p, s, r):
 
 CHANNELS = (Channel("lock_in_amplitude", "m", "amplitude"), Channel("lock_in_phase", "rad", "phase"))
 _own = {"constants": Constants, "state": State, "channels": CHANNELS, "values": values, "detect": detect}
-LOCK_IN = Detector(name="lock_in", parameters=LockIn, noisy=lambda _: False, ideal=lambda _: True, **_own)
+LOCK_IN = Detector(parameters=LockIn, noisy=lambda _: False, ideal=lambda _: True, **_own)

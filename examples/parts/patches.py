@@ -5,9 +5,7 @@ sample.kind: patches:PATCHES
 
 from typing import Annotated
 
-from pydantic import Field
-
-from afm_model.parts import Record, Sample, SampleParameters, Unit, kernel
+from afm_model.parts import Field, Record, Sample, SampleParameters, Unit, kernel
 
 
 class Patches(SampleParameters):
@@ -23,7 +21,7 @@ class Constants(Record):
 
 
 def values(parameters):
-    return {"width": parameters.sample.width / parameters.scales.x0, "ratio": parameters.sample.ratio}
+    return {"width": parameters.sample.width / parameters.scales.x0}
 
 
 @kernel
@@ -33,4 +31,4 @@ def surface(x, y, h, p, map):
     h.strength = 1.0 if (x / p.width) % 2.0 < 1.0 else p.ratio
 
 
-PATCHES = Sample(name="patches", parameters=Patches, constants=Constants, values=values, surface=surface)
+PATCHES = Sample(parameters=Patches, constants=Constants, values=values, surface=surface)

@@ -3,9 +3,7 @@
 import math
 from typing import Annotated
 
-from pydantic import Field
-
-from afm_model.parts import Plant, PlantParameters, Record, Unit, Vector, kernel, surface
+from afm_model.parts import Field, Plant, PlantParameters, Record, Unit, Vector, kernel, surface
 
 
 class Viscous(PlantParameters):
@@ -31,17 +29,11 @@ class State(Record):
 
 
 def values(parameters):
-    scanner, piezo, scales = parameters.scanner, parameters.piezo, parameters.scales
-    w = [2.0 * math.pi * getattr(scanner, f"f_{axis}") for axis in "xyz"]
-    c = [2.0 * getattr(scanner, f"xi_{axis}") * w_i for axis, w_i in zip("xyz", w, strict=True)]
-    metres = [getattr(piezo, f"sensitivity_{axis}") for axis in "xyz"]
+    scanner = parameters.scanner
+    w = [2.0 * math.pi * f for f in scanner.frequencies]
+    c = [2.0 * xi * w_i for xi, w_i in zip(scanner.damping_ratios, w, strict=True)]
     mass = scanner.mass_ratio * parameters.cantilever.m_c
-    numbers = {"dt": parameters.plant.dt, "x0": scales.x0, "z0": scales.z0, "film": parameters.plant.film, "mass": mass}
-    return numbers | {"w": w, "c": c, "metres": metres}
-
-
-def rest(parameters, p, s, m):
-    return 0.0, 0.0, 0.0
+    return {"mass": mass, "w": w, "c": c, "metres": parameters.piezo.sensitivities}
 
 
 @kernel
@@ -64,5 +56,4 @@ def observe(p, s, o):
     o.tip_height, o.tip_rate, o.contact = s.tip, s.tip_rate, 1.0
 
 
-_functions = {"rest": rest, "step": step, "observe": observe}
-VISCOUS = Plant(name="viscous", parameters=Viscous, constants=Constants, state=State, values=values, **_functions)
+VISCOUS = Plant(parameters=Viscous, constants=Constants, state=State, values=values, step=step, observe=observe)

@@ -59,7 +59,7 @@ def test_code_of_the_page_draws_the_loop(tmp_path, monkeypatch):
     scope: dict[str, Any] = {}
     exec(compile(EXAMPLES["see"], "see", "exec"), scope)
     assert (tmp_path / "loop.png").stat().st_size > 5000
-    assert np.ptp(scope["done"].lateral_force) == pytest.approx(8e-9, rel=0.02)
+    assert np.ptp(scope["done"].lateral_force) == pytest.approx(2.0 * 3.92e-9, rel=0.01)
 
 
 def test_code_of_the_page_finds_the_spring_constant_from_a_second_of_thermal_noise(capsys):

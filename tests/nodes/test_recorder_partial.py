@@ -1,5 +1,6 @@
 """The file that a recording grows in: whose it is, what may stand there, what is left when its writer dies."""
 
+import errno
 import logging
 import os
 import resource
@@ -7,14 +8,16 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from afm_recorder_node import layout
+from afm_recorder_node import layout, sink
 from afm_recorder_node.complete import complete
+from afm_recorder_node.names import claim, numbered
 from afm_recorder_node.parameters import RecorderParameters
 from afm_recorder_node.partial import InUse, Partial
 from afm_recorder_node.reader import read_recording
@@ -58,6 +61,11 @@ def left(killed: bytes, tmp_path: Path) -> Path:
     path = tmp_path / "run.partial.rrd"
     path.write_bytes(killed)
     return path
+
+
+def ticks(path: Path) -> int:
+    """Ticks in a complete recording."""
+    return len(read_recording(path).time_ticks)
 
 
 def rows(recording_path: Path) -> int:
@@ -116,14 +124,14 @@ def test_complete_recording_has_large_pieces_only(left: Path, tmp_path: Path) ->
         return int(line.removeprefix("num_chunks = ").replace(" ", ""))
 
     before = pieces(left)
-    complete(left, tmp_path / "run.rrd")
+    complete(left, [tmp_path / "run.rrd"])
     # Six signals of ten pieces each, one after it.
     assert pieces(tmp_path / "run.rrd") <= before - 50
 
 
 def test_recording_that_does_not_hold_what_was_written_gets_no_name(left: Path, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="1000 of 1001 rows of /position"):
-        complete(left, tmp_path / "run.rrd", {"/position": 1001})
+        complete(left, [tmp_path / "run.rrd"], {"/position": 1001})
     assert [file.name for file in tmp_path.iterdir()] == [left.name]
 
 
@@ -133,8 +141,10 @@ def test_file_that_another_one_changed_while_it_grew_gets_no_name(tmp_path: Path
     writer.flush()
     with writer.partial.open("r+b") as file:
         file.seek(-2000, os.SEEK_END)
-        file.write(b"\0" * 1000)
-    with pytest.raises(OSError, match="incomplete"):
+        (byte,) = file.read(1)
+        file.seek(-2000, os.SEEK_END)
+        file.write(bytes([byte ^ 1]))
+    with pytest.raises(OSError, match=r"incomplete: .* has been changed"):
         writer.close()
     assert [file.name for file in tmp_path.iterdir()] == ["run.partial.rrd"]
 
@@ -148,7 +158,23 @@ def test_second_writer_of_one_path_is_refused_and_a_third_after_the_first_is_not
     assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 10
     with closing(RecordingWriter(tmp_path / "run.rrd")) as third:
         write(third, 0, 20)
-    assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 20
+    assert third.path == tmp_path / "run-2.rrd"
+    assert ticks(third.path) == 20
+
+
+def test_recorder_that_is_started_again_replaces_no_complete_recording(tmp_path: Path, killed: bytes) -> None:
+    path = tmp_path / "run.rrd"
+    for count in (30, 20, 10):
+        with closing(RecordingWriter(path)) as writer:
+            write(writer, 0, count)
+    assert [ticks(tmp_path / name) for name in ("run.rrd", "run-2.rrd", "run-3.rrd")] == [30, 20, 10]
+    (tmp_path / "run-4.partial.rrd").write_bytes(killed)
+    with closing(RecordingWriter(path)) as writer:
+        write(writer, 0, 5)
+    assert (writer.path, writer.number) == (tmp_path / "run-4.rrd", 4)
+    assert writer.set_aside == tmp_path / "run-4.interrupted.rrd"
+    assert writer.set_aside.read_bytes() == killed
+    assert [ticks(tmp_path / name) for name in ("run.rrd", "run-2.rrd", "run-3.rrd", "run-4.rrd")] == [30, 20, 10, 5]
 
 
 @pytest.mark.parametrize("name", ["run.rrd", "run.partial.rrd"])
@@ -178,16 +204,47 @@ def test_device_is_not_replaced() -> None:
         RecordingWriter("/dev/null")
 
 
-@pytest.mark.parametrize("make", [lambda path: path.mkdir(), lambda path: path.symlink_to("/etc/passwd")])
+def cannot(*_: object, **__: object) -> None:
+    """As os.link on a file system without links."""
+    raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+
+
+@pytest.mark.parametrize("in_place", [False, True])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda path: path.mkdir(),
+        lambda path: path.symlink_to("/etc/passwd"),
+        lambda path: path.write_text("another one's"),
+    ],
+    ids=["folder", "link", "file"],
+)
+@pytest.mark.parametrize("links", [True, False])
 def test_what_appears_under_the_name_while_recording_is_not_replaced(
-    tmp_path: Path, make: Callable[[Path], None]
+    tmp_path: Path, make: Callable[[Path], None], in_place: bool, links: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if in_place:
+        monkeypatch.setattr(sink, "_COPIED_UP_TO", 0)
+    if not links:
+        monkeypatch.setattr(os, "link", cannot)
     writer = RecordingWriter(tmp_path / "run.rrd")
     write(writer, 0, 10)
     make(tmp_path / "run.rrd")
-    with pytest.raises(OSError, match="must be a plain file"):
-        writer.close()
-    assert rows(tmp_path / "run.partial.rrd") == 10
+    before = os.lstat(tmp_path / "run.rrd")
+    assert writer.close() == writer.path == tmp_path / "run-2.rrd"
+    assert os.lstat(tmp_path / "run.rrd") == before
+    assert ticks(tmp_path / "run-2.rrd") == 10
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run-2.rrd", "run.rrd"]
+
+
+def test_one_name_is_given_once_however_many_want_it(tmp_path: Path) -> None:
+    sources = [tmp_path / f"{n}.tmp" for n in range(20)]
+    for source in sources:
+        source.write_text(source.name)
+    with ThreadPoolExecutor(10) as pool:
+        names = list(pool.map(lambda source: claim(source, numbered(tmp_path / "run.rrd")), sources))
+    assert len(set(names)) == len(sources)
+    assert [name.read_text() for name in names] == [source.name for source in sources]
 
 
 def test_name_kept_for_recordings_under_way_is_refused(tmp_path: Path) -> None:
@@ -211,8 +268,6 @@ def test_folder_that_cannot_be_written_is_told_in_one_sentence() -> None:
 @pytest.mark.parametrize("mask", [0o022, 0o027, 0o077])
 def test_recording_has_the_mode_that_the_umask_gives(tmp_path: Path, mask: int) -> None:
     path = tmp_path / "run.rrd"
-    path.write_text("an older one")
-    path.chmod(0o666)
     before = os.umask(mask)
     try:
         with closing(RecordingWriter(path)) as writer:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recorded import PERIOD, Run
 
 from afm_recorder_node import layout
 from afm_recorder_node.intake import HOLD_LIMIT, Intake
@@ -19,7 +20,6 @@ from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import ParameterChange, Recording, RecordingError
 from afm_recorder_node.writer import RecordingWriter
 
-PERIOD, CONTROL_PERIOD = 1e-6, 2e-6
 SIGNALS = {
     "ticks": ("position", "reference", "error", "drive", "round_trip"),
     "samples": ("deflection", "lateral_force", "lateral_force_y", "normal_force"),
@@ -30,35 +30,6 @@ ROUND_OFF = 4 * np.finfo(np.float64).eps
 
 def close_enough(got: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(got, expected, rtol=ROUND_OFF, atol=0.0, equal_nan=True)
-
-
-class Run:
-    """Signals of a run, in volts and SI units."""
-
-    def __init__(self, ticks: int, seed: int = 0) -> None:
-        rng = np.random.default_rng(seed)
-        self.ticks = ticks
-        self.samples = rng.normal(0.0, 1.0, (4, 2 * ticks))
-        self.scales = (10e-9, 50e-9, 1.0, 1.0)
-        self.position, self.reference = rng.normal(0.0, 5e-9, (2, ticks, 3))
-        self.deflection = rng.normal(0.0, 1e-9, ticks)
-        self.drive = rng.normal(0.0, 1.0, (ticks, 3))
-        self.round_trip = rng.gamma(4.0, 1e-5, ticks).astype(np.float32)
-
-    def write(self, writer: RecordingWriter, start: int, stop: int) -> None:
-        at = slice(start, stop)
-        for channel, samples, scale in zip(layout.CHANNELS, self.samples, self.scales, strict=True):
-            writer.channel(channel, 2 * start, PERIOD, samples[2 * start : 2 * stop], scale)
-        writer.control(
-            start,
-            CONTROL_PERIOD,
-            position=self.position[at],
-            reference=self.reference[at],
-            deflection=self.deflection[at],
-            drive=self.drive[at],
-            round_trip=self.round_trip[at],
-            cantilever_height=3e-9,
-        )
 
 
 def free_port() -> int:
@@ -222,14 +193,15 @@ def test_nothing_stands_under_the_name_before_close(tmp_path: Path) -> None:
     assert writer.close() is None
 
 
-def test_older_recording_stands_until_the_new_one_is_complete(tmp_path: Path) -> None:
+def test_older_recording_stands_and_the_new_one_gets_the_next_name(tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
     record(path, Run(10, seed=1), [0, 10])
     writer = RecordingWriter(path)
     Run(20).write(writer, 0, 20)
     assert len(read_recording(path).time_ticks) == 10
-    writer.close()
-    assert len(read_recording(path).time_ticks) == 20
+    assert writer.close() == tmp_path / "run-2.rrd"
+    assert len(read_recording(path).time_ticks) == 10
+    assert len(read_recording(tmp_path / "run-2.rrd").time_ticks) == 20
 
 
 def test_recording_without_samples_leaves_no_file_and_no_older_one_is_lost(tmp_path: Path) -> None:

@@ -10,11 +10,11 @@ from quick_lever import INSTRUMENT, LAW
 from support import TIMEOUT, Graph, ros_arguments
 from verbs_bench import APPROACH, ENDLESS
 
-from afm_bringup import remote
+from afm_bringup import remote_node
 from afm_bringup.remote import Remote
 from afm_model.core.errors import VerbError
 from afm_model.microscope.image import Line
-from afm_model.microscope.results import FAILED
+from afm_model.microscope.results import CANCELLED, FAILED, Progress
 from afm_model.run import State
 from afm_sim_node.node import SimNode
 
@@ -93,6 +93,35 @@ def test_second_interrupt_leaves_a_paused_run_and_its_tip_is_withdrawn_behind_th
     served.wait_for_rest()
 
 
+def test_a_scan_that_its_callback_stops_pauses_or_breaks_off_keeps_its_lines(served: Served) -> None:
+    client, run = served.client, served.simulator.run
+    seen: list[Line] = []
+
+    def on_line(line: Line) -> None:
+        seen.append(line)
+        if len(seen) == 2:
+            client.pause()
+        elif len(seen) == 4:
+            raise KeyboardInterrupt
+
+    def on_progress(progress: Progress) -> None:
+        if run.state == State.PAUSED:
+            client.resume()
+
+    served.approach()
+    with pytest.raises(KeyboardInterrupt):
+        client.execute(ENDLESS, on_progress, on_line)
+    assert client.outcome is not None
+    assert client.outcome.status == CANCELLED
+    assert client.outcome.result.lines_done >= 2
+    served.wait_for_rest()
+    served.approach()
+    outcome = client.execute(ENDLESS, on_line=lambda line: client.stop())
+    assert (outcome.status, outcome.message) == (CANCELLED, "Scan was cancelled; the tip is withdrawn")
+    assert 1 <= outcome.result.lines_done < ENDLESS.lines
+    served.wait_for_rest()
+
+
 def test_simulator_that_ends_in_good_order_answers_its_goal(served: Served) -> None:
     served.approach()
     served.then = lambda: served.simulator.finish(lambda timeout: served.graph.executor.spin_once(timeout))
@@ -104,7 +133,7 @@ def test_microscope_that_is_started_anew_during_a_verb_is_told_as_ended(
     served: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     served.approach()
-    monkeypatch.setattr(remote, "_GONE", 0.1)
+    monkeypatch.setattr(remote_node, "GONE", 0.1)
     served.then = served.start_anew
     with pytest.raises(VerbError, match="the microscope has ended while Scan was being done"):
         served.client.execute(ENDLESS, on_line=served.on_line)

@@ -1,15 +1,17 @@
 """What a session and a recording use stays what it was. The long form is `make soak`."""
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from soak.judgement import judge
+from soak.judgement import COUNTS, Use, judge
 from soak.report import grown, uses
 from soak.run import endless, soak
 from soak.sampling import Sample
+from soak.verbs import soak_verbs
 from support import assert_nothing_left
 
 from afm_recorder_node.reader import read_recording
@@ -30,6 +32,20 @@ def test_session_uses_no_more_after_ten_thousands_of_messages_than_before(tmp_pa
     assert grown({name: {"memory": found[name]["memory"]} for name in ("afm_sim_node", "afm_controller_node")}) == []
     assert read_recording(out / "recording.rrd").complete
     assert_nothing_left()
+
+
+def test_processes_use_no_more_after_many_verbs_and_recordings_than_before(tmp_path: Path) -> None:
+    samples, recordings = soak_verbs(tmp_path / "out", seconds=0.0, warm_up=3.0, told=print, rounds=7)
+    assert recordings >= 6
+    found = {name: {key: use for key, use in of.items() if key in COUNTS} for name, of in uses(samples).items()}
+    # Threads of a pool that rerun starts and ends are no growth.
+    assert grown({name: {**of, "threads": steady(of["threads"], 4)} for name, of in found.items()}) == []
+    assert_nothing_left()
+
+
+def steady(use: Use, spread: float) -> Use:
+    """As judged, if it may come and go by so much."""
+    return replace(use, flat=use.end <= use.begin + spread)
 
 
 WRITER = """
@@ -62,6 +78,39 @@ def test_writer_of_a_recording_keeps_nothing_of_what_it_has_written(tmp_path: Pa
     command = [sys.executable, "-c", WRITER, str(tmp_path / "run.rrd"), str(FLUSHES)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     assert int(done.stdout) < 1000, f"{done.stdout} kB more"
+
+
+RECORDINGS = """
+import os, sys
+from pathlib import Path
+from recorded import Run
+from soak.sampling import sample
+from afm_recorder_node.writer import RecordingWriter
+
+run = Run(500)
+for number in range(int(sys.argv[2])):
+    writer = RecordingWriter(Path(sys.argv[1]))
+    run.write(writer, 0, run.ticks)
+    writer.close()
+    used = sample(os.getpid())
+    print(used.memory, used.descriptors, used.threads)
+"""
+RECORDED, MINUTES_EACH = 16, 10.0
+"""So that less than 1 MB for each is called flat: rerun keeps 3 to 6 MB and eight threads of each that is not freed."""
+
+
+def test_recorder_keeps_nothing_of_the_recordings_that_it_has_completed(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", RECORDINGS, str(tmp_path / "run.rrd"), str(RECORDED)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=180, env=environment)
+    samples = []
+    for number, line in enumerate(done.stdout.splitlines()):
+        memory, descriptors, threads = map(float, line.split())
+        at = 60.0 * MINUTES_EACH * number
+        samples.append(replace(SAMPLE, at=at, memory=memory, descriptors=descriptors, threads=threads))
+    assert len(samples) == RECORDED
+    assert grown(uses({"recorder": samples[2:]})) == []
+    assert samples[-1].threads <= samples[1].threads
 
 
 @pytest.mark.parametrize("quantity", ["memory", "shared", "descriptors", "threads", "segments"])

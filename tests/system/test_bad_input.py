@@ -46,15 +46,15 @@ NOT_ALLOWED = {
     ),
     "parameter out of range": (
         section(CONTROLLER, "law: {alpha: -1.0}"),
-        ("law.alpha = -1.0 is not allowed: it must be a finite number > 0",),
+        ("law.alpha = -1.0 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",),
     ),
     "parameter that is no number": (
         section(CONTROLLER, "law.alpha: .nan"),
-        ("law.alpha = nan is not allowed: it must be a finite number > 0",),
+        ("law.alpha = nan is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",),
     ),
     "yes for a number": (
         section(CONTROLLER, "law.alpha: yes"),
-        ("law.alpha = True is not allowed: it must be a finite number > 0",),
+        ("law.alpha = True is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",),
     ),
     "parameter that is no choice": (
         section(CONTROLLER, "law.kind: lqr"),
@@ -139,7 +139,8 @@ CASES = {
     ),
     "folder as scenario": Case(("unknown scenario /tmp", "it must be one of", "or a file"), name="/tmp"),
     "parameter out of range": Case(
-        ("law.alpha = -1.0 is not allowed: it must be a finite number > 0",), section(CONTROLLER, "law.alpha: -1.0")
+        ("law.alpha = -1.0 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",),
+        section(CONTROLLER, "law.alpha: -1.0"),
     ),
     "no duration": Case(("run.duration = 0", "it must be > 0 s"), section(CONTROLLER, "law.alpha: 3.0")),
     "sample that the tip does not reach": Case(

@@ -91,3 +91,12 @@ def test_every_requirement_is_locked_in_its_version_with_hashes_and_no_address()
     )
     assert len(wanted) > 100
     assert {name.lower().replace("_", "-"): version for name, version in wanted}.items() <= locked.items()
+
+
+def test_nothing_under_the_gpl_is_installed_to_run_the_instrument() -> None:
+    for name in ("base.txt", "ros-jazzy.lock"):
+        assert "gwyddionpy" not in (ROOT / "requirements" / name).read_text()
+    assert "gwyddionpy-converter" in (ROOT / "requirements" / "test.txt").read_text()
+    sources = [path for package in ROOT.glob("afm_*") for path in package.rglob("*.py")]
+    assert len(sources) > 100
+    assert not [path for path in sources if "gwyddionpy" in path.read_text()]

@@ -133,7 +133,7 @@ def test_ctrl_c_in_the_middle_leaves_the_recording_up_to_there_with_every_change
         wait_for_ticks(500)
         changed, reason = change(controller, "law.alpha", -1.0)
         assert not changed
-        assert reason == "law.alpha = -1.0 is not allowed: it must be a finite number > 0"
+        assert reason == "law.alpha = -1.0 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12"
         for client, name, value in ((controller, "scanner.mass_ratio", 50.0), (simulator, "plant.dt", 1e-7)):
             changed, reason = change(client, name, value)
             assert not changed
@@ -155,9 +155,10 @@ def test_ctrl_c_in_the_middle_leaves_the_recording_up_to_there_with_every_change
 
 
 def test_score_names_the_law_and_the_gains_that_were_in_force_and_each_change(out: Path, tmp_path: Path) -> None:
+    duration = 0.1  # some seconds of wall time: the services of a node may take one until they are found
     scenario = write_scenario(
         tmp_path / "changing.yaml",
-        afm_sim_node={"run.duration": 0.025, "plant.control_period": 2e-6, "score.start": 0.0},
+        afm_sim_node={"run.duration": duration, "plant.control_period": 2e-6, "score.start": 0.0},
         afm_controller_node={"law.kind": "tanh", "law.alpha": 8.0},
     )
     with Graph() as graph, session(scenario, out, folder=tmp_path) as command:
@@ -173,7 +174,7 @@ def test_score_names_the_law_and_the_gains_that_were_in_force_and_each_change(ou
     assert card["law"]["parameters"]["law.alpha"] == 8.0
     (change,) = card["law"]["changes"]
     assert (change["name"], change["old"], change["new"]) == ("law.kind", "tanh", "sgn")
-    assert 0.0 < change["time_s"] < 0.025
+    assert 0.0 < change["time_s"] < duration
     assert "law.kind changed from tanh to sgn" in command.text
     assert card["valid"] is True
     assert_nothing_left()

@@ -3,8 +3,9 @@
 Nothing here knows the simulated instrument: the functions take arrays from any microscope.
 """
 
+from ..core.tilted import along_normal, tilted_deflection, tilted_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
-from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve, tilted_stiffness
+from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve
 from .loops import FrictionLoop, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
@@ -22,6 +23,7 @@ __all__ = [
     "Roughness",
     "ThermalTune",
     "WedgeCalibration",
+    "along_normal",
     "contact_fit",
     "contrast",
     "correlated_mean",
@@ -35,6 +37,7 @@ __all__ = [
     "roughness",
     "spring_constant",
     "step_height",
+    "tilted_deflection",
     "tilted_stiffness",
     "two_levels",
     "wedge_by_flat",

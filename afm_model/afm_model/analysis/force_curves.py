@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, StraightLine, mean, same_length, straight_line
+from .estimate import Estimate, StraightLine, correlated_mean, noise_of, same_length, straight_line
 
 _Array = NDArray[np.float64]
 _FREE = 0.2
@@ -30,7 +30,7 @@ class CurveAnalysis(NamedTuple):
     """Way of z from the snap-in to the contact point [m]: 3/2 of the distance at which a sphere under van der Waals
     attraction snaps in, and the compression of the contact; 0 if the tip does not snap in."""
     adhesion: Estimate
-    """Pull-off force [N], positive."""
+    """Largest pull [N], positive."""
     snap_off_way: float
     """Way of z from the contact point back to the pull-off [m]."""
     work: float
@@ -48,7 +48,7 @@ def _split(z: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array, _Array, _Ar
 
 def _free(z: _Array, signal: _Array) -> Estimate:
     """Signal of the free cantilever on the approach."""
-    return mean(signal[z <= z[0] + _FREE * (z.max() - z[0])])
+    return correlated_mean(signal[z <= z[0] + _FREE * (z.max() - z[0])])
 
 
 def _pressed(signal: _Array, low: float, high: float) -> slice:
@@ -65,9 +65,11 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
 
     The cantilever follows z where the sample does not give way. Friction of the tip along a cantilever that turns
     while it bends adds to the signal on the approach and takes from it on the retract, so that the mean of both is
-    taken; half of their difference is in the uncertainty. What the contact gives way is not corrected: the result is
-    too large by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m on silicon oxide). With a
-    tilted cantilever it is the sensitivity for vertical motion of the tip.
+    taken, in which it cancels to first order (a coefficient of 0.3 leaves 1e-3); half of their difference is the
+    uncertainty, unless that of the fits is larger. What the contact gives way is not corrected: the result is too large
+    by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m on silicon oxide). With a tilted
+    cantilever it is the sensitivity for vertical motion of the tip: times `tilted_stiffness` and the voltage it is the
+    vertical force, times `tilted_deflection` the sensitivity across the cantilever.
 
     Parameters
     ----------
@@ -98,28 +100,7 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
         lines.append(straight_line(way[part], signal[part]))
     each = [1.0 / line.slope.value for line in lines]
     of_fit = 0.5 * math.hypot(*(line.slope.uncertainty / line.slope.value**2 for line in lines))
-    return Estimate(0.5 * sum(each), math.hypot(of_fit, 0.5 * abs(each[0] - each[1])))
-
-
-def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) -> float:
-    """Spring constant of a tilted cantilever for vertical forces and vertical motion of its tip [N/m].
-
-        k / (cos^2 b - 3 (h / L) sin b cos b + 3 (h / L)^2 sin^2 b)
-
-    A vertical force acts across the cantilever and, by the height h of the tip, as a couple on its end: end loads of a
-    uniform beam. Take it with a sensitivity from a force curve, which is that for vertical motion.
-
-    Parameters
-    ----------
-    k : float [N/m]
-        Of the cantilever, for a force across it.
-    tilt : float [rad]
-        Angle b by which it points down to the sample.
-    tip_height, length : float [m]
-        Of the tip below the cantilever's neutral axis; of the cantilever.
-    """
-    s, c, arm = math.sin(tilt), math.cos(tilt), tip_height / length
-    return k / (c * c - 3.0 * arm * s * c + 3.0 * arm * arm * s * s)
+    return Estimate(0.5 * sum(each), max(of_fit, 0.5 * abs(each[0] - each[1])))
 
 
 def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
@@ -142,7 +123,8 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     z_in, d_in, z_out, d_out = _split(z, deflection)
     base = _free(z_in, d_in)
     d_in, d_out = d_in - base.value, d_out - base.value
-    noise = float(np.std(d_in[z_in <= z_in[0] + _FREE * (z_in.max() - z_in[0])]))
+    free = d_in[z_in <= z_in[0] + _FREE * (z_in.max() - z_in[0])]
+    noise = float(free.std())
     if d_in[-1] <= 3.0 * noise:
         raise ValueError("the tip is not pressed on at the end of the approach")
     after = int(np.flatnonzero(d_in <= 0.0)[-1])
@@ -157,7 +139,7 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
         baseline=base,
         contact_point=contact,
         snap_in_way=contact - float(z_in[fall]) if snapped else 0.0,
-        adhesion=_pull_off(z_out, d_out, lowest, k, base.uncertainty, noise),
+        adhesion=_pull_off(z_out, d_out, free, k, base.uncertainty),
         snap_off_way=contact - float(z_out[lowest]),
         work=float(-k * np.trapezoid(np.minimum(d_out[: lowest + 1], 0.0), -z_out[: lowest + 1])),
     )
@@ -192,20 +174,49 @@ def _crossing(z: _Array, d: _Array, i: int) -> float:
     return float(z[i] - d[i] * (z[i + 1] - z[i]) / (d[i + 1] - d[i]))
 
 
-def _pull_off(z: _Array, d: _Array, lowest: int, k: float, of_base: float, noise: float) -> Estimate:
-    """Force at the last sample before the tip comes off, by a line through the last half of the pull.
+def _pull_off(z: _Array, d: _Array, free: _Array, k: float, of_base: float) -> Estimate:
+    """Largest pull, by a cubic through the samples about the lowest one, as far as a cubic describes them.
 
-    The last sample is the last one that still lies on the line, within the noise: the lowest one comes too early.
+    The lowest sample alone is too low by the noise, and a fit over too many samples is wrong by the bend of the curve:
+    the stretch grows until its result contradicts that of a shorter one (O. Lepski's rule). What a
+    parabola differs by, and the step of z in which the tip came off are in the uncertainty.
     """
-    depth = float(d[lowest])
+    depth = float(d.min())
     if depth >= 0.0:
         return Estimate(0.0, k * of_base)
-    begin = int(np.flatnonzero(d[: lowest + 1] > 0.5 * depth)[-1]) + 1
-    if lowest + 1 - begin < _FEWEST:
-        return Estimate(-k * depth, math.nan)
-    line = straight_line(z[begin : lowest + 1] - z[lowest], d[begin : lowest + 1])
-    off = lowest + int(np.flatnonzero(np.append(d[lowest:], 0.0) > 0.5 * depth)[0])
-    on_line = line.slope.value * (z[lowest:off] - z[lowest]) + line.intercept.value + 3.0 * noise
-    last = lowest + int(np.flatnonzero(d[lowest:off] <= np.maximum(on_line, depth))[-1])
-    line = straight_line(z[begin : last + 1] - z[last], d[begin : last + 1])
-    return Estimate(-k * line.intercept.value, k * math.hypot(line.intercept.uncertainty, of_base))
+    noise = float(free.std())
+    begin = int(np.flatnonzero(d < 0.5 * depth)[0])
+    # Behind this the cantilever swings freely, to the same depth nearly.
+    back = np.flatnonzero(d[begin:] > 0.25 * depth)
+    off = begin + int(back[0]) if back.size else d.size
+    lowest = begin + int(np.argmin(d[begin:off]))
+    left = np.flatnonzero(d[lowest:off] > d[lowest] + 6.0 * noise)
+    last = (lowest + int(left[0]) if left.size else off) - 1
+    width, found = max(_FEWEST - 1, last - lowest), Estimate(math.nan, math.nan)
+    low, high = -math.inf, math.inf
+    while width <= lowest - begin:
+        part = slice(lowest - width, min(lowest + width, last) + 1)
+        (value, weights, by_step), (parabola, _, _) = (_least(z[part], d[part], order) for order in (3, 2))
+        of_noise = noise_of([(weights, free)])
+        low, high = max(low, value - of_noise), min(high, value + of_noise)
+        if low > high:
+            break
+        found = Estimate(-k * value, k * math.hypot(of_noise, by_step, value - parabola, of_base))
+        width = max(width + 1, width * 4 // 3)
+    if math.isnan(found.value):
+        step = 0.29 * abs(float(d[lowest] - d[lowest - 1]))
+        return Estimate(-k * d[lowest], k * math.hypot(max(3.0 * noise, step), of_base))
+    return found
+
+
+def _least(z: _Array, d: _Array, order: int) -> tuple[float, _Array, float]:
+    """Least value of a polynomial through samples, up to half a step behind the last one; the weights of the samples in
+    it, and its uncertainty by not knowing where in this step it ends."""
+    x = (z - z[-1]) / (z[0] - z[-1])
+    step = 1.0 / (z.size - 1)
+    places = np.vander(np.append(-0.5 * step, np.linspace(0.0, 1.0, 201)), order + 1)
+    inverse = np.linalg.pinv(np.vander(x, order + 1))
+    values = places @ (inverse @ d)
+    at = int(np.argmin(values))
+    by_step = 2.0 * abs(float(values[1] - values[0])) / math.sqrt(12.0) if at == 0 else 0.0
+    return float(values[at]), places[at] @ inverse, by_step

@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from ..core.errors import ParameterError
+from .estimate import together
 
 _Array = NDArray[np.float64]
 AXES = "xyz"
@@ -116,8 +117,9 @@ def fit_resonator(drive: _Array, position: _Array, period: float) -> Resonator:
             f"{100.0 * LEAST_FIT:g} % are needed (is the tip off the sample, is the noise small?)"
         )
     f, xi, sensitivity = math.exp(found.x[0]), math.exp(found.x[1]), float(found.x[2]) * scale
-    variance = 2.0 * found.cost / (len(x) - 4)
-    errors = np.sqrt(variance * np.diag(np.linalg.inv(found.jac.T @ found.jac)))
+    # What each sample adds to each number, whose noise may be correlated.
+    added = np.linalg.inv(found.jac.T @ found.jac) @ found.jac.T * found.fun
+    errors = [math.sqrt(float(each @ each) * together(each)) for each in added[:3]]
     return Resonator(f, xi, sensitivity, f * errors[0], xi * errors[1], scale * errors[2], fit)
 
 

@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, correlated_mean, mean, same_length, straight_line
+from .estimate import Estimate, correlated_mean, noise_of, same_length
 
 _Array = NDArray[np.float64]
+_PASSES = 3
 
 
 class FrictionLoop(NamedTuple):
@@ -43,7 +44,7 @@ def means(position: ArrayLike, signal: ArrayLike, low: float, high: float) -> tu
     position, signal = same_length(position=position, signal=signal)
     change = np.gradient(position)
     inside = (position >= low) & (position <= high)
-    return mean(signal[inside & (change > 0.0)]), mean(signal[inside & (change < 0.0)])
+    return correlated_mean(signal[inside & (change > 0.0)]), correlated_mean(signal[inside & (change < 0.0)])
 
 
 def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, stick: float = 0.6) -> FrictionLoop:
@@ -52,7 +53,7 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     Parameters
     ----------
     position : array_like (n,) [m]
-        Of the scanner: two turns at least.
+        Of the scanner: three turns at least, so that there are a trace and a retrace from turn to turn.
     signal : array_like (n,)
         Lateral signal.
     sliding : float
@@ -63,23 +64,26 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     Raises
     ------
     ValueError
-        If there are fewer than two turns, or the loop is not open: trace and retrace are equal.
+        If there are fewer than three turns, or the loop is not open: trace and retrace are equal.
     """
     position, signal = same_length(position=position, signal=signal)
     turns = _turns(position)
-    if len(turns) < 2:
-        raise ValueError(f"a friction loop needs at least two turns of the position: there are {len(turns)}")
+    if len(turns) < 3:
+        raise ValueError(
+            f"a friction loop needs a trace and a retrace from turn to turn, three turns of the position: there are "
+            f"{len(turns)}"
+        )
     travels = [slice(a, b + 1) for a, b in pairwise(turns)]
     slid: dict[bool, list[_Array]] = {True: [], False: []}
     for travel in travels:
         x, y = position[travel], signal[travel]
         way = np.abs(x - x[0])
         slid[bool(x[-1] > x[0])].append(y[way >= (1.0 - sliding) * way[-1]])
-    trace, retrace = (mean(np.concatenate(slid[forth])) for forth in (True, False))
+    trace, retrace = (correlated_mean(np.concatenate(slid[forth])) for forth in (True, False))
     half, offset = _half_and_offset(trace, retrace)
     reach = stick * half.value
-    slopes = [_stick_slope(position[travel], signal[travel], offset.value, reach) for travel in travels]
-    return FrictionLoop(half, offset, _weighted(slopes))
+    ways = [(position[travel], signal[travel]) for travel in travels]
+    return FrictionLoop(half, offset, _stick_slope(ways, offset.value, reach, sliding))
 
 
 def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float = 0.5) -> FrictionLoop:
@@ -97,8 +101,7 @@ def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float
     Returns
     -------
     FrictionLoop
-        Uncertainties count the correlation of the noise. The stick slope is NaN where the turns lie outside of the
-        image, as with an overscan.
+        The stick slope is NaN where the turns lie outside of the image, as with an overscan.
 
     Raises
     ------
@@ -116,13 +119,12 @@ def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float
     reach = sliding * (x[-1] - x[0])
     forth, back = correlated_mean(trace[x >= x[-1] - reach]), correlated_mean(retrace[x <= x[0] + reach])
     half, offset = _half_and_offset(forth, back)
-    ways = ((x, trace), (x[::-1], retrace[::-1]))
-    slopes = [
-        _stick_slope(way, signal, offset.value, 0.6 * half.value)
-        for way, signal in ways
+    ways = [
+        (way, signal)
+        for way, signal in ((x, trace), (x[::-1], retrace[::-1]))
         if _sticks(signal, offset.value, half.value, way)
     ]
-    return FrictionLoop(half, offset, _weighted(slopes))
+    return FrictionLoop(half, offset, _stick_slope(ways, offset.value, 0.6 * half.value, sliding))
 
 
 def _half_and_offset(trace: Estimate, retrace: Estimate) -> tuple[Estimate, Estimate]:
@@ -139,26 +141,38 @@ def _sticks(signal: _Array, offset: float, half: float, way: _Array) -> bool:
     return bool(forth * (signal[0] - offset) < -0.6 * half)
 
 
-def _stick_slope(x: _Array, y: _Array, offset: float, reach: float) -> Estimate:
-    """Slope after the turn at the start of a travel, while the signal crosses from one side to the other."""
-    forth = 1.0 if x[-1] > x[0] else -1.0
-    y = forth * (y - offset)
+def _stick_slope(ways: list[tuple[_Array, _Array]], offset: float, reach: float, sliding: float) -> Estimate:
+    """Mean slope after the turn at the start of each way, while the signal crosses from one side to the other.
+
+    Its uncertainty is the slope that noise has over as many samples where the tip slides.
+    """
+    slopes, sums = list[float](), list[tuple[_Array, _Array]]()
+    for x, signal in ways:
+        forth = 1.0 if x[-1] > x[0] else -1.0
+        way, y = forth * (x - x[0]), forth * (signal - offset)
+        chosen = _sticking(way, y, reach)
+        if chosen.size >= 3:
+            part = way[chosen] - way[chosen].mean()
+            weights = part / float(part @ part)
+            slopes.append(float(weights @ y[chosen]))
+            sums.append((weights, y[way >= (1.0 - sliding) * way[-1]]))
+    if not slopes:
+        return Estimate(math.nan, math.nan)
+    return Estimate(float(np.mean(slopes)), noise_of(sums) / math.sqrt(len(slopes)))
+
+
+def _sticking(way: _Array, y: _Array, reach: float) -> NDArray[np.intp]:
+    """Samples behind a turn while a straight line through them is within reach: noise must not choose them one by one,
+    which would make the slope too small."""
     crossed = np.flatnonzero(y > reach)
     end = int(crossed[0]) if crossed.size else y.size
-    inside = np.flatnonzero(y[:end] >= -reach)
-    if inside.size < 3:
-        return Estimate(math.nan, math.nan)
-    return straight_line(forth * x[inside], y[inside]).slope
-
-
-def _weighted(slopes: list[Estimate]) -> Estimate:
-    """Mean over the travels; its uncertainty from their scatter where there are several."""
-    values = np.array([each.value for each in slopes if math.isfinite(each.value)])
-    if values.size == 0:
-        return Estimate(math.nan, math.nan)
-    if values.size == 1:
-        return next(each for each in slopes if math.isfinite(each.value))
-    return mean(values)
+    chosen = np.flatnonzero(y[:end] >= -reach)
+    for _ in range(_PASSES):
+        if chosen.size < 3:
+            break
+        slope, height = np.polyfit(way[chosen], y[chosen], 1)
+        chosen = np.flatnonzero(np.abs(slope * way[: 2 * end] + height) <= reach)
+    return chosen
 
 
 def _turns(position: _Array) -> list[int]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..contact.maugis import MODELS
 from .contact_problem import TABOR, Problem, Solution
-from .estimate import Estimate, binned, correlation_length
+from .estimate import Estimate, binned
 from .force_curves import force_curve, in_contact
 
 REACH = 0.165e-9
@@ -71,7 +71,8 @@ def contact_fit(
     Unknown are the modulus, the work of adhesion, the place of the surface, and the zero of the deflection, which the
     free cantilever tells; and k, radius, reach and sensitivity within what is known of them.
     The pull-off is a measured value too: with a soft cantilever it is what tells the adhesion. Noise counts with its
-    correlation, taken from what the fit leaves. What is wrong about the model is slow, and so counts as well.
+    correlation, taken from what the fit leaves. What is wrong about the model is slow, and so counts as well. The slope
+    of the sample is not in the curve: it makes the modulus wrong by percents, without a word; see `along_normal`.
 
     Parameters
     ----------
@@ -111,8 +112,7 @@ def contact_fit(
     z, deflection = np.asarray(z, np.float64), np.asarray(deflection, np.float64)
     found = force_curve(z, deflection, k.value)
     free, pressed, pulled = in_contact(z, deflection)
-    lowest = deflection[pulled.stop - 1] - found.baseline.value
-    depth = _depth(found.adhesion, lowest, k.value, correlation_length(deflection[free]))
+    depth = Estimate(*(each / k.value for each in found.adhesion))
     known = {
         "k": k,
         "radius": radius,
@@ -145,16 +145,6 @@ def _both(approach: ContactFit, retract: ContactFit) -> ContactFit:
         stiffness=0.5 * (approach.stiffness + retract.stiffness),
         told=retract.told or approach.told,
     )
-
-
-def _depth(adhesion: Estimate, lowest: float, k: float, length: float) -> Estimate:
-    """Deflection at the pull-off, by the line through the last half of the pull and by the lowest sample.
-
-    The line is not straight with a stiff cantilever, and the lowest sample has noise: their difference is uncertain.
-    The line was fitted as if samples were independent; `length` of them count as one.
-    """
-    by_line, of_line = adhesion.value / k, float(np.nan_to_num(adhesion.uncertainty)) / k
-    return Estimate(by_line, math.hypot(of_line * math.sqrt(length), 0.5 * abs(by_line + lowest)))
 
 
 def _estimate(given: Estimate | float, name: str) -> Estimate:

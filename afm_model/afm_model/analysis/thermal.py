@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.tilted import tilted_deflection
 from .estimate import Estimate
 
 _Array = NDArray[np.float64]
@@ -25,6 +26,8 @@ RECTANGULAR = FIRST_MODE / SLOPE**2
 """0.817: spring constant times the mean square shown over k_B T."""
 _SEGMENTS = 16
 _PASSES = 200
+_WIDTHS, _BANDS, _FEWEST = 5.0, 6, 20
+"""Widths of the resonance to either side of it that are fitted, times that they are found anew, points of a fit."""
 _DOUBTFUL = 0.3
 """Relative uncertainty of the variance from which on there is no resonance to speak of."""
 
@@ -60,12 +63,16 @@ def spring_constant(
     *,
     band: tuple[float, float] | None = None,
     tilt: float = 0.0,
+    tip_height: float = 0.0,
+    length: float = math.inf,
     correction: float = RECTANGULAR,
 ) -> ThermalTune:
     """Spring constant from the deflection of a free cantilever: k = correction k_B T / <z^2>.
 
     The fit is that of largest likelihood (a Whittle likelihood of the averaged spectrum), so that it has no bias from
-    the scatter of the spectrum.
+    the scatter of the spectrum. It takes five widths f0/Q to either side of the resonance: an ADC without a filter
+    folds the second mode (6.27 f0, a third of the variance) to anywhere, and its slope would count as the first one's.
+    Choose a rate that does not fold it into these widths.
 
     Parameters
     ----------
@@ -77,10 +84,13 @@ def spring_constant(
         Inverse optical lever sensitivity, from a force curve on a stiff sample. 1 for a record in metres.
     temperature : float [K]
     band : (float, float) [Hz], optional
-        Where to fit; an octave to either side of the peak with the most variance if not given.
+        Where to look for the resonance; an octave to either side of the peak with the most variance if not given.
     tilt : float [rad]
-        Angle of the cantilever to the sample, if the sensitivity is that of a vertical way: the end moves by its
-        cosine.
+        Angle of the cantilever to the sample, if the sensitivity is that of a vertical way, as from a force curve: see
+        `tilted_deflection`. k is that across the cantilever; for vertical forces take `tilted_stiffness` of it.
+    tip_height, length : float [m]
+        With a tilt: of the tip below the cantilever's neutral axis; of the cantilever. Left out, the tip is taken as
+        low: k is too high by some 2 % then (0.2 rad, a tip of a twentieth of the length).
     correction : float
         Of the first mode and of the slope: 0.817 for a rectangular cantilever and a small spot; 0.971 if deflection
         itself is measured.
@@ -95,19 +105,21 @@ def spring_constant(
     voltage = np.asarray(voltage, np.float64)
     per_volt = sensitivity if isinstance(sensitivity, Estimate) else Estimate(sensitivity)
     _require(voltage, rate, per_volt.value, temperature, tilt, correction)
-    scale = per_volt.value * math.cos(tilt)
+    scale = per_volt.value * tilted_deflection(tilt, tip_height, length)
     length = len(voltage) // _SEGMENTS
     f, density = welch(voltage * scale, rate, nperseg=length, detrend="linear")
     low, high = band if band is not None else _octaves(f, density)
     if not 0.0 <= low < high <= 0.5 * rate:
         raise ValueError(f"band = {low:g} to {high:g} Hz is not allowed: it must lie within 0 to {0.5 * rate:g} Hz")
-    chosen = (f >= low) & (f <= high) & (f > 0.0)
-    f, density = f[chosen], density[chosen]
-    if len(f) < 20:
-        raise ValueError(f"the record of {len(voltage) / rate:g} s has {len(f)} points in the band and must have 20")
-    logs, covariance = _fit(f, density)
-    variance, f0, Q, floor = np.exp(logs).tolist()
+    inside = (f >= low) & (f <= high) & (f > 0.0)
+    f, density = f[inside], density[inside]
+    if len(f) < _FEWEST:
+        raise ValueError(
+            f"the record of {len(voltage) / rate:g} s has {len(f)} points in the band and must have {_FEWEST}"
+        )
     resolution = rate / length
+    f, density, logs, covariance = _around_resonance(f, density, resolution)
+    variance, f0, Q, floor = np.exp(logs).tolist()
     if f0 / Q < 4.0 * resolution:
         raise ValueError(
             f"the record of {len(voltage) / rate:g} s is too short for a resonance {f0 / Q:.3g} Hz wide: it must be at "
@@ -164,6 +176,20 @@ def _octaves(f: _Array, density: _Array) -> tuple[float, float]:
     above = place * (mean - np.exp(medfilt(np.log(mean), 61)))
     peak = float(place[2 + int(np.argmax(above[2:]))])
     return 0.5 * peak, min(2.0 * peak, float(f[-1]))
+
+
+def _around_resonance(f: _Array, density: _Array, resolution: float) -> tuple[_Array, _Array, _Array, _Array]:
+    """Frequencies and density within some widths of the resonance, and `_fit` of those."""
+    f0 = float(f[np.argmax(np.convolve(density, np.ones(9) / 9.0, mode="same"))])
+    width = 0.05 * f0
+    for _ in range(_BANDS):
+        near = np.abs(f - f0) <= max(_WIDTHS * width, _FEWEST * resolution)
+        logs, covariance = _fit(f[near], density[near])
+        before, f0 = width, math.exp(logs[1])
+        width = f0 / math.exp(logs[2])
+        if abs(width - before) < 0.05 * width:
+            break
+    return f[near], density[near], logs, covariance
 
 
 def _model(f: _Array, logs: _Array) -> tuple[_Array, _Array]:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, propagated, straight_line
+from .estimate import Estimate, propagated, straight_line, student
 
 _Array = NDArray[np.float64]
 
@@ -64,7 +64,17 @@ def wedge_ogletree(
         If no friction coefficient fits.
     """
     s, c = _sine_cosine(angle)
-    lines = straight_line(load_up, up).slope, straight_line(load_down, down).slope
+    ways = [(np.asarray(load, np.float64), signal) for load, signal in ((load_up, up), (load_down, down))]
+    lines = [straight_line(*each) for each in ways]
+    # Loads are independent of one another, and so few that both lines together tell the noise.
+    counts = np.array([load.size for load, _ in ways])
+    freedom = int(counts.sum()) - 4
+    rms = math.sqrt(np.nansum([(n - 2) * line.rms**2 for n, line in zip(counts, lines, strict=True)]) / max(freedom, 1))
+    of_noise = rms if freedom else math.nan
+    slopes = [
+        Estimate(line.slope.value, of_noise / math.sqrt(n) / float(load.std()))
+        for line, n, (load, _) in zip(lines, counts, ways, strict=True)
+    ]
 
     def m(uphill: float, downhill: float) -> float:
         # D'/W' = (m + 1/m) s c
@@ -74,7 +84,10 @@ def wedge_ogletree(
         f = m(uphill, downhill)
         return f / (c * c - f * f * s * s) / (0.5 * (uphill - downhill))
 
-    return WedgeCalibration(propagated(S, *lines), propagated(m, *lines))
+    found = (propagated(each, *slopes) for each in (S, m))
+    factor = student(freedom) if freedom else math.nan
+    sensitivity, friction = (Estimate(each.value, each.uncertainty * factor) for each in found)
+    return WedgeCalibration(sensitivity, friction)
 
 
 def wedge_varenberg(
@@ -163,34 +176,53 @@ def wedge_by_flat(
             f"loads and signals must go together: on the flat {grid.size} and {widths.size} (at least 2), on the slope "
             f"{L_u.size} and {u.size} up, {L_d.size} and {d.size} down"
         )
-    power: Callable[[_Array], _Array] = PchipInterpolator(grid, widths**1.5, extrapolate=True)
-
-    def width(N: _Array) -> _Array:
-        return np.asarray(np.maximum(power(N), 0.0) ** (2.0 / 3.0))
-
-    def left(x: _Array) -> _Array:
-        S = x[0] * first
-        uphill = c * S * u - s * L_u - S * width(c * L_u + s * S * u)
-        downhill = c * S * d - s * L_d + S * width(c * L_d + s * S * d)
-        return np.concatenate([uphill / L_u, downhill / L_d])
+    if not ((widths > 0.0).all() and (np.diff(grid) > 0.0).all()):
+        raise ValueError(
+            f"half-widths on the flat must be positive and its loads rising: half-widths are {widths.min():.3g} V to "
+            f"{widths.max():.3g} V, loads {', '.join(f'{each:.3g}' for each in grid[:6])} N"
+        )
 
     # Without friction the mean signal is L tan(angle); friction makes it larger.
     first = float(np.mean((L_u + L_d) / (u + d))) * s / c
-    found = least_squares(left, [1.0], xtol=1e-12, ftol=1e-12, gtol=1e-12)
-    S = float(found.x[0]) * first
-    least, largest = float((c * L_d + s * S * d).min()), float((c * L_u + s * S * u).max())
-    if least < grid[0] or largest > grid[-1]:
+
+    def solved(volts: _Array) -> tuple[float, float, _Array, _Array]:
+        """Sensitivity, growth of friction, what is left of (1), normal forces, from widths on the flat and signals."""
+        widths, u, d = np.split(volts, [grid.size, grid.size + L_u.size])
+        power: Callable[[_Array], _Array] = PchipInterpolator(grid, np.maximum(widths, 0.0) ** 1.5, extrapolate=True)
+
+        def friction(S: float, N: _Array) -> _Array:
+            return S * np.asarray(np.maximum(power(N), 0.0) ** (2.0 / 3.0))
+
+        def left(x: _Array) -> _Array:
+            S = x[0] * first
+            uphill = c * S * u - s * L_u - friction(S, c * L_u + s * S * u)
+            downhill = c * S * d - s * L_d + friction(S, c * L_d + s * S * d)
+            return np.concatenate([uphill / L_u, downhill / L_d])
+
+        found = least_squares(left, [1.0], xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        S = float(found.x[0]) * first
+        normal = np.concatenate([c * L_u + s * S * u, c * L_d + s * S * d])
+        middle, step = 0.5 * float(normal.min() + normal.max()), 1e-3 * float(grid[-1] - grid[0])
+        ends = friction(S, np.array([middle - step, middle + step]))
+        return S, float(ends[1] - ends[0]) / (2.0 * step), np.asarray(found.fun), normal
+
+    volts = np.concatenate([widths, u, d])
+    S, growth, left, normal = solved(volts)
+    if normal.min() < grid[0] or normal.max() > grid[-1]:
         raise ValueError(
-            f"the normal force on the slope goes from {least:.3g} N to {largest:.3g} N, loads on the flat only from "
-            f"{grid[0]:.3g} N to {grid[-1]:.3g} N: measure the flat there, too"
+            f"the normal force on the slope goes from {normal.min():.3g} N to {normal.max():.3g} N, loads on the flat "
+            f"only from {grid[0]:.3g} N to {grid[-1]:.3g} N: measure the flat there, too"
         )
-    freedom = max(2 * u.size - 1, 1)
-    scatter = math.sqrt(2.0 * found.cost / freedom / float(found.jac[:, 0] @ found.jac[:, 0]))
-    middle = 0.5 * (least + largest)
-    step = 1e-3 * float(grid[-1] - grid[0])
-    ends = width(np.array([middle - step, middle + step]))
-    growth = S * float(ends[1] - ends[0]) / float(2.0 * step)
-    return WedgeCalibration(Estimate(S, scatter * first), Estimate(growth, growth * scatter / float(found.x[0])))
+    # All signals are taken as equally uncertain, by as much as leaves what is left.
+    step = 1e-4 * float(np.mean(u))
+    changed = [solved(volts + each) for each in step * np.eye(volts.size)]
+    by_signal = np.array([each[2] - left for each in changed])
+    # Weighed so that what is left counts for as many independent numbers as there are beyond the one found.
+    freedom = 2 * u.size - 1
+    square = float(left @ np.linalg.pinv(by_signal.T @ by_signal, rcond=1e-5, hermitian=True) @ left) / freedom
+    noise = math.sqrt(max(square, 0.0)) * student(freedom)
+    of_S, of_growth = (math.sqrt(sum((each[i] - at) ** 2 for each in changed)) for i, at in ((0, S), (1, growth)))
+    return WedgeCalibration(Estimate(S, noise * of_S), Estimate(growth, noise * of_growth))
 
 
 def _sine_cosine(angle: float) -> tuple[float, float]:

@@ -1,5 +1,7 @@
 """Errors raised by the model."""
 
+from typing import Any
+
 
 class ParameterError(ValueError):
     """A parameter has a value for which the model does not hold.
@@ -36,3 +38,6 @@ class VerbError(RuntimeError):
     """Something that the microscope cannot do, or has not brought to its end; the message is one sentence that names
     the value and what is allowed.
     """
+
+    outcome: Any = None
+    """Of a verb that was begun, how it has ended (`afm_model.microscope.Outcome`), with all that was measured."""

@@ -4,10 +4,16 @@ A package offers a part by an entry point of the group `afm_model.FAMILY`, such 
 
     [project.entry-points."afm_model.law"]
     kalman = "my_package.kalman:KALMAN"
+
+To choose `module:NAME` is to run that module. A process that takes orders from others calls `close` when it has
+started: from then on a name chooses among what has been loaded, and loads nothing.
 """
 
 import importlib
+import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -16,6 +22,9 @@ from .errors import ParameterError
 
 _GROUP = "afm_model."
 _OWN: dict[str, dict[str, Any]] = {}
+_loaded: dict[str, Any] = {}
+"""By `module:NAME`."""
+_closed = False
 
 
 def register(*parts: Any) -> None:
@@ -53,25 +62,75 @@ def find(family: str, name: str) -> Any:
         return _OWN[family][name]
     offered = _offered().get(family, {})
     where = offered[name].value if name in offered else name
-    module, _, attribute = where.partition(":")
-    if not attribute:
+    if ":" not in where[:-1]:
         known = ", ".join(names(family))
         raise ParameterError(
             f"there is no {family} {name}: it must be one of {known}, or module:NAME of a part of your own"
         )
-    try:
-        found = _load(module, attribute)
-    except Exception as error:
-        # A module may raise anything on import; the message names it.
-        raise ParameterError(f"{family} {name} cannot be loaded: {type(error).__name__}: {error}") from error
+    found = load(where, f"{family} {name}")
     if getattr(found, "family", None) != family:
         kind = getattr(found, "family", None) or type(found).__name__
         raise ParameterError(f"{family} {name} is no {family} but a {kind}")
     return found
 
 
-def _load(module: str, attribute: str) -> Any:
-    # A file in the folder in which one works is found as `python my_file.py` would find it.
-    if "" not in sys.path:
-        sys.path.insert(0, "")
-    return getattr(importlib.import_module(module), attribute)
+def load(where: str, title: str = "") -> Any:
+    """What `module:NAME` names.
+
+    The module is searched as Python does, and then in the folder in which the process works.
+
+    Parameters
+    ----------
+    where : str
+    title : str
+        What it is for messages; `where` if empty.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot be imported; or was not before `close`.
+    """
+    title = title or where
+    if _closed and where not in _loaded:
+        raise ParameterError(
+            f"{title} was not loaded when the node started, and later nothing is: start it with process.parts:={where}"
+        )
+    if not _closed:
+        module, _, attribute = where.partition(":")
+        try:
+            with _working_folder():
+                _loaded[where] = getattr(importlib.import_module(module), attribute)
+        except (Exception, SystemExit) as error:
+            # A module may raise anything on import; the message names it.
+            raise ParameterError(f"{title} cannot be loaded: {type(error).__name__}: {error}") from error
+    return _loaded[where]
+
+
+def close() -> None:
+    """From now on import nothing: whoever sends a message must not have code run that was not named at start.
+
+    What installed packages offer is loaded now.
+    """
+    global _closed
+    for family, offered in _offered().items():
+        for name in offered:
+            with suppress(ParameterError):
+                find(family, name)
+    _closed = True
+
+
+@contextmanager
+def _working_folder() -> Iterator[None]:
+    """Meanwhile modules are found in the working folder too, behind all others: none of theirs is hidden by it."""
+    try:
+        folder = os.getcwd()
+    except OSError:  # it was removed
+        yield
+        return
+    sys.path.append(folder)
+    try:
+        yield
+    finally:
+        # The last: a module may have put in the same.
+        if folder in sys.path:
+            del sys.path[len(sys.path) - 1 - sys.path[::-1].index(folder)]

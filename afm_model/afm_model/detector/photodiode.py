@@ -93,10 +93,8 @@ class State(Record):
 def _values(parameters: Tree) -> Numbers:
     detector = parameters.detector
     adc_on = detector.adc_bits > 0
-    given = (name for name in Constants.names if name in Photodiode.model_fields and name != "noise")
     return {
         "a": parameters.cantilever.a,
-        **{name: getattr(detector, name) for name in given},
         **low_pass.constants(detector.bandwidth, detector.sample_noise, detector.sample_period),
         "adc_lsb": 2.0 * detector.adc_limit / 2**detector.adc_bits if adc_on else 0.0,
         "adc_limit": detector.adc_limit if adc_on else 0.0,

@@ -109,7 +109,7 @@ def _numbers(parameters: Any, entries: list[Entry]) -> dict[str, Any]:
 
     columns = zip(*rows, strict=True) if rows else [()] * 4
     filled = dict(zip(("kind", "target", "first", "last"), ([*column, *rest] for column in columns), strict=True))
-    detector, scales = parameters.detector, parameters.scales
+    detector = parameters.detector
     return {
         "count": len(entries),
         "on_sensors": count(*SENSORS),
@@ -124,8 +124,6 @@ def _numbers(parameters: Any, entries: list[Entry]) -> dict[str, Any]:
         "dac_period": parameters.piezo.dac_period or parameters.plant.control_period,
         "deflection_sensitivity": detector.deflection_sensitivity,
         "lateral_sensitivity": detector.lateral_sensitivity,
-        "x0": scales.x0,
-        "z0": scales.z0,
     }
 
 

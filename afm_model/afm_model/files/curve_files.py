@@ -37,7 +37,7 @@ def _table(curve: Curve, number: int, session: str, grid: Mapping[str, float]) -
     # afmformats has an approach and a retract; z rests in between.
     part = (phase == APPROACH) | (phase == RETRACT)
     time, retract = record.time[part], phase[part] == RETRACT
-    deflection = record.channels["deflection"][part] * curve.deflection_sensitivity
+    deflection = record.channels["deflection_voltage"][part] * curve.deflection_sensitivity
     height = -record.channels["z"][part]
     steps = np.diff(record.time)
     # Times are sums: their last digits are rounding.

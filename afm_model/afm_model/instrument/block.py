@@ -64,6 +64,11 @@ class LoopState(Record):
     deflection_sensitivity: Annotated[float, "m/V"]
     lateral_sensitivity: Annotated[float, "N/V"]
     halt: int  # index of a number that stops ticking when it is not 0; 0: none
+    random: int  # address of the random numbers, see Draws
+    rows: int  # of what is recorded: states of the parts and measurement at tick k, drive applied from it on
+    width: int  # numbers in a row
+    samples: int  # of the samples, (channels, columns)
+    columns: int
 
 
 class Layout:

@@ -83,6 +83,7 @@ class Controller:
         if goes_on:
             block[state:] = self.block[self._state_at :]
         self._law, self._parameters, self.block, self._state_at = chosen, parameters, block, state
+        self._in_python = chosen.in_python
         if not goes_on:
             self._memory = np.zeros(memory)
             self.reset()
@@ -120,7 +121,8 @@ class Controller:
             If a law has written a horizon that is too long or has no period.
         """
         answer(self.block, time, measurement, self._answer)
-        self.raise_errors()
+        if self._in_python:
+            self.raise_errors()
         return self._command.read() if self._horizon_count[0] else self._drive
 
     def raise_errors(self) -> None:

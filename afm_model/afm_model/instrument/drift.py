@@ -45,7 +45,7 @@ def drift_constants(parameters: InstrumentParameters) -> Numbers:
         "wander": drift.wander,
         "keep": math.exp(-ratio),
         "shake": drift.wander * math.sqrt(-math.expm1(-2.0 * ratio)),
-        "metres": [piezo.sensitivity_x, piezo.sensitivity_y, piezo.sensitivity_z],
+        "metres": piezo.sensitivities,
     }
 
 

@@ -30,8 +30,8 @@ _ZERO_AT_START = (
     *("truth", "detection", "displacement", "score", "asked", "asked_next", "delivery", "read", "drifted"),
 )
 """Records that are empty when a run begins."""
-_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP = (
-    LoopState.names.index(name) for name in ("k", "row", "draw", "done", "clipped", "steep")
+_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP, _RANDOM = (
+    LoopState.names.index(name) for name in ("k", "row", "draw", "done", "clipped", "steep", "random")
 )
 
 
@@ -67,15 +67,14 @@ class Instrument:
         self._block_ticks = block_ticks
         self.samples_per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
         self._draws = Draws(layout, self.samples_per_tick)
-        self._random = self._draws.numbers
         self._state = self._block[layout.places["hashed"] : layout.places["hashed_end"]]
         self._recorded = Rows(block_ticks, self._state.size, len(layout.channels), self.samples_per_tick, hashed=hashed)
-        self._loop = self._block[layout.places["loop"] :].view(np.int64)
+        self._loop = layout.array(self._block, "loop").view(np.int64)
         self._commanded = CommandRecord(layout.array(self._block, "commanded"))
-        self._voltage, self._horizon_count = self._commanded.voltage, self._commanded.horizon_count
-        self._sequence = self._commanded.sequence
+        self._voltage: Any = memoryview(self._commanded.voltage)  # type: ignore[arg-type]  # an array is a buffer
+        self._horizon_count, self._sequence = self._commanded.horizon_count, self._commanded.sequence
         self.measurement = layout.array(self._block, "measurement")
-        self._lost = layout.array(self._block, "delivery")
+        self._lost = memoryview(layout.array(self._block, "delivery"))  # type: ignore[arg-type]
         self._faults = Faults(layout, self._block, parameters)
         self.orders = Orders(layout, self._block, parameters)
         """Orders and settings during the run."""
@@ -84,6 +83,7 @@ class Instrument:
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.in_python]
         fill_loop(layout.record(self._block, "loop"), parameters)
+        self._point_at_arrays()
         self.reset()
 
     def reset(self) -> None:
@@ -180,7 +180,7 @@ class Instrument:
     @property
     def unasked(self) -> bool:
         """Whether a fault has lost the measurement of this tick: there is no answer, and `tick(None)` continues."""
-        return self._lost.item(0) != 0.0
+        return bool(self._lost[0])
 
     def set_faults(self, parameters: InstrumentParameters) -> None:
         """Put other faults in force from the next tick on: `parameters` differ from those of now by them alone.
@@ -236,7 +236,7 @@ class Instrument:
         """Whether the block must be taken before the next tick."""
         return self._row == self._block_ticks
 
-    def tick(self, drive: _Array | Command | None, sequence: int | None = None) -> bool:
+    def tick(self, drive: _Array | Command | DriveError | None, sequence: int | None = None) -> bool:
         """Apply a drive for one control period; `measurement` is then that of the next tick.
 
         True if an order is done with it, or a limit has acted: see `orders` and `guard`.
@@ -245,7 +245,7 @@ class Instrument:
 
         Parameters
         ----------
-        drive : ndarray (3,) [V], or Command; None: the one commanded last goes on
+        drive : ndarray (3,) [V], or Command; None: the one commanded last goes on; a DriveError is raised
         sequence : int, optional
             Tick of the measurement that it answers; this one if not given.
 
@@ -261,24 +261,32 @@ class Instrument:
         # What most ticks need not is asked for here: at this rate every call is felt.
         if self._row == self._block_ticks or self.ticks == self._prepared:
             self._prepare()
-        if isinstance(drive, Command):
-            self._commanded.write(drive)
-        elif drive is not None:
-            if getattr(drive, "shape", None) != (3,) and np.shape(drive) != (3,):
-                raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
-            # Whatever kind of array came, the kernel always gets the same one: another kind would compile it anew.
-            self._voltage[:] = drive
-            self._horizon_count[0] = 0
         if drive is not None:
+            try:
+                self._voltage[:] = drive  # an array of three float64, and nothing else
+                self._horizon_count[0] = 0
+            except (TypeError, ValueError):
+                self._write_drive(drive)
             self._sequence[0] = self.ticks if sequence is None else sequence
-        recorded = self._recorded
-        outcome: int = advance(self._external, 1, self._block, self._random, recorded.rows, recorded.samples)
+        outcome: int = advance(self._external, 1.0, self._block)
         if outcome != REFUSED:
             self.ticks += 1
             self._row += 1
         if outcome != MOVED or self._assembled:
             self._conclude(outcome)
         return outcome == STOPPED
+
+    def _write_drive(self, drive: Any) -> None:
+        """Write what is commanded, whatever it came as: the kernel always gets the same kind of array."""
+        if isinstance(drive, DriveError):
+            raise drive
+        if isinstance(drive, Command):
+            self._commanded.write(drive)
+        elif np.shape(drive) != (3,):
+            raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
+        else:
+            self._commanded.voltage[:] = drive
+            self._horizon_count[0] = 0
 
     def close_loop(self, controller: Controller, ticks: int) -> bool:
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
@@ -302,8 +310,7 @@ class Instrument:
         while self.ticks < end:
             self._prepare()
             ticks = min(end, self._prepared) - self.ticks
-            recorded = self._recorded
-            outcome = advance(controller.block, ticks, self._block, self._random, recorded.rows, recorded.samples)
+            outcome = advance(controller.block, float(ticks), self._block)
             controller.raise_errors()
             done = int(self._loop[_DONE])
             self.ticks += done
@@ -333,9 +340,9 @@ class Instrument:
             raise DriveError(self._describe_refused())
         if outcome == DIVERGED:
             raise DivergenceError(
-                f"the motion diverged (beyond {RANGE:g} m) at {self.time:g} s under a drive of {self._voltage} V, "
-                f"first along {self._diverged_along()}: the loop is unstable, or plant.dt = "
-                f"{self.parameters.plant.dt:g} s is too long"
+                f"the motion diverged (beyond {RANGE:g} m) at {self.time:g} s under a drive of "
+                f"{self._commanded.voltage} V, first along {self._diverged_along()}: the loop is unstable, or "
+                f"plant.dt = {self.parameters.plant.dt:g} s is too long"
             )
 
     def _describe_refused(self) -> str:
@@ -361,8 +368,17 @@ class Instrument:
         Then `hash_cut`, and `block_of` what was cut off.
         """
         cut = self._recorded.cut(self.ticks - self._row, self._row)
+        self._point_at_arrays()
         self._row = self._loop[_ROW] = 0
         return cut
+
+    def _point_at_arrays(self) -> None:
+        """Tell the compiled loop where the arrays beside the block are."""
+        rows, samples = self._recorded.rows, self._recorded.samples
+        self._loop[_RANDOM:] = (
+            *(self._draws.numbers.ctypes.data, rows.ctypes.data, rows.shape[1]),
+            *(samples.ctypes.data, samples.shape[1]),
+        )
 
     def hash_cut(self) -> None:
         """Hash what was cut off: it counts in `trajectory_sha256` with or without this."""

@@ -5,12 +5,9 @@ at every sample of the virtual ADC the program looks, the onboard part and the p
 the plant is stepped, the detector samples it, the score counts it; then everything is measured for the next tick.
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..core.converter import convert
 from ..core.jit import kernel
-from ..core.records import Block, pointer_at, record_at, size
+from ..core.records import Block, numbers_at, pointer_at, record_at, size
 from ..parts.dispatch import (
     actuate,
     control,
@@ -44,7 +41,6 @@ from .limits import RUNNING, GuardState, LimitConstants, has_z, take_drive, watc
 from .score import ScoreSums, count_step
 from .sensors import SensorConstants, SensorState, sense, tell_sensors
 
-_Array = NDArray[np.float64]
 MOVED, REFUSED, DIVERGED, STOPPED = range(4)
 """Outcome of a tick. STOPPED: it moved, and an order was completed or a limit has taken or returned the drive."""
 RANGE = 1e-3
@@ -98,31 +94,20 @@ def start(m: Block, noise: Block, position_noise: Block, faults: Block) -> None:
 
 
 @kernel
-def sample_channels(m: Block, samples: _Array, j: int) -> None:
+def sample_channels(m: Block, c: LoopState, j: int) -> None:
     """Sample every channel into column j."""
     g = record_at(m, 0, BlockHeader)
+    samples = numbers_at(c.samples, g.channel_count * c.columns)
     for channel in range(g.channel_count):
-        samples[channel, j] = m[int(m[g.channels + channel])]
+        samples[channel * c.columns + j] = m[int(m[g.channels + channel])]
 
 
 @kernel
-def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
-    """Apply what is commanded for one control tick and measure at its end.
+def tick(m: Block) -> int:
+    """Apply what is commanded for one control tick of the instrument with the block m, and measure at its end.
 
     Returns MOVED; REFUSED if the command is not `allowed`, with nothing changed; DIVERGED if the position is not
     within RANGE.
-    Few arrays with much in each: handing one over costs more than a step of the plant.
-
-    Parameters
-    ----------
-    m : ndarray
-        Block of the instrument.
-    random : ndarray (DRAW_TICKS * draws,)
-        Random numbers of each tick: of the plant, of the sensors of x, y, z and of the detector at each sample, of
-        the fault, of the drift.
-    rows : ndarray (rows, ...)
-        What is recorded: states of the parts and measurement at tick k, drive applied from it on.
-    samples : ndarray (channels, rows * samples per tick)
     """
     g = record_at(m, 0, BlockHeader)
     c = record_at(m, g.loop, LoopState)
@@ -136,7 +121,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     r = record_at(m, g.asked, Setpoint)
     following = record_at(m, g.asked_next, Setpoint)
     sums = record_at(m, g.score, ScoreSums)
-    drawn = c.draw * g.draws
+    drawn, random = c.draw * g.draws, numbers_at(c.random, DRAW_TICKS * g.draws)
     faults = pointer_at(random, drawn + g.faults)
     disturbance = pointer_at(random, drawn + g.disturbance)
     t = c.k * c.control_period
@@ -160,10 +145,10 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
     reference((c.k + 1) * c.control_period, following, m)
 
     # Tick k as it is recorded; its first sample is the one in its measurement.
-    width = rows.shape[1]
-    for i in range(width):
-        rows[c.row, i] = m[g.hashed + i]
-    sample_channels(m, samples, j)
+    rows, first = numbers_at(c.rows, (c.row + 1) * c.width), c.row * c.width
+    for i in range(c.width):
+        rows[first + i] = m[g.hashed + i]
+    sample_channels(m, c, j)
 
     noise, position_noise = drawn + g.noise, drawn + g.position_noise
     sensors, read = record_at(m, g.sensors, SensorConstants), record_at(m, g.read, SensorState)
@@ -180,7 +165,7 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
                 if i == update:
                     put_in_force(m, command, (i // c.update) * c.dac_period, faults)
                     update += c.update
-                sample_channels(m, samples, j)
+                sample_channels(m, c, j)
             w.voltage[0] = a.voltage[0]
             w.voltage[1] = a.voltage[1]
             w.voltage[2] = a.voltage[2]
@@ -220,17 +205,18 @@ def tick(m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
 
 
 @kernel
-def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samples: _Array) -> int:
+def advance(law: Block, ticks: float, m: Block) -> int:
     """Up to `ticks` control ticks: at each, the law's answer to the measurement is the drive.
 
     Parameters
     ----------
     law : ndarray
         Block of a law; of one without a function for a drive that has been commanded from elsewhere.
-    ticks : int
-        No more than there are rows left.
-    m, random, rows, samples
-        As in `tick`.
+    ticks : float
+        No more than there are rows left. Python hands a float over sooner than an int, and each array for a tenth of a
+        microsecond: all others are found by their addresses in the block.
+    m : ndarray
+        Block of the instrument.
 
     Returns
     -------
@@ -259,7 +245,7 @@ def advance(law: Block, ticks: int, m: Block, random: _Array, rows: _Array, samp
             if not allowed(u):
                 return REFUSED
             take_drive(m, c.k >= c.score_tick)
-        outcome = tick(m, random, rows, samples)
+        outcome = tick(m)
         if outcome != REFUSED:
             c.done += 1
         if outcome == MOVED and limited:

@@ -13,6 +13,8 @@ from ..plant.steps import resolved_load
 from .block import Layout
 from .score import ScoreSummary
 
+_RESTS, _REST_STEPS = 20, 10.0
+"""From so many rests on that last fewer steps than this on average, steps of half the length give another score."""
 _PLACES = 512
 """Places along x and along y at which the sample is looked at: eight and more a bump for the motion of section 4.1."""
 
@@ -41,6 +43,14 @@ def doubts(
             f"the normal force rose to {largest:.3g} N: steps of plant.dt = {plant.dt:g} s resolve the contact up to "
             f"{resolved:.3g} N only"
         )
+    if score.stick_phases >= _RESTS:
+        steps = score.stick_fraction * score.ticks * plant.control_period / plant.dt / score.stick_phases
+        if steps < _REST_STEPS:
+            found.append(
+                f"the tip came to rest {score.stick_phases} times, for {steps:.2g} steps of plant.dt = {plant.dt:g} s "
+                f"on average: rests begin and end with a step, so that these depend on it, and with them tracking "
+                f"error and friction: compare with a run at a fifth of plant.dt"
+            )
     if plant.kind == "paper":
         if least <= weakest:
             found.append(

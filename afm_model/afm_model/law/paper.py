@@ -75,9 +75,6 @@ def _values(parameters: Tree) -> Numbers:
         "eta_c": 2.0 * math.pi * parameters.cantilever.f_c / scales.w0,
         "mu": scanner.mass_ratio,
         "a": parameters.cantilever.a / scales.z0,
-        "x0": scales.x0,
-        "z0": scales.z0,
-        "w0": scales.w0,
     }
     vectors: dict[str, list[float]] = defaultdict(list)
     for axis, length in (("x", scales.x0), ("y", scales.x0), ("z", scales.z0)):

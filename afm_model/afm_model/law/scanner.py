@@ -81,8 +81,8 @@ def free_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
     scanner, w0 = parameters.scanner, parameters.scales.w0
     hold = w0 * parameters.law.period * periods
     return [
-        free_axis(2.0 * math.pi * getattr(scanner, f"f_{axis}") / w0, getattr(scanner, f"xi_{axis}"), hold)
-        for axis in "xyz"
+        free_axis(2.0 * math.pi * f / w0, xi, hold)
+        for f, xi in zip(scanner.frequencies, scanner.damping_ratios, strict=True)
     ]
 
 
@@ -99,8 +99,8 @@ def scanner_values(parameters: Tree) -> dict[str, Any]:
     law, scales, piezo = parameters.law, parameters.scales, parameters.piezo
     columns: dict[str, list[float]] = defaultdict(list)
     lengths = (scales.x0, scales.x0, scales.z0)
-    for axis, name, length in zip(free_axes(parameters), "xyz", lengths, strict=True):
-        volts = length / (axis.eta**2 * getattr(piezo, f"sensitivity_{name}"))
+    for axis, metres, length in zip(free_axes(parameters), piezo.sensitivities, lengths, strict=True):
+        volts = length / (axis.eta**2 * metres)
         columns["length"].append(length)
         columns["volts"].append(volts)
         columns["limit"].append(piezo.limit / volts if piezo.limit > 0.0 else math.inf)

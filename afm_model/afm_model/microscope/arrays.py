@@ -22,6 +22,8 @@ LONG_NAMES = {
     "crosstalk": "half the sum of trace and retrace of the lateral force",
     "z": "z as driven, positive towards the sample",
     "deflection": "deflection of the cantilever",
+    "deflection_voltage": "deflection of the cantilever, as the photodiode shows it",
+    "lateral_voltage": "lateral signal of the photodiode",
     "force": "vertical force on the tip by its deflection, positive away from the sample",
     "phase": "part of the force curve",
     "position": "along the line, as asked for",

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Self
 
 from ..core.errors import ParameterError
 from ..core.schema import Value
@@ -22,7 +22,7 @@ class LoopSettings(ABC):
         """Change settings of the loop, names of `afm_model.parts.part.ONBOARD_SETTINGS`."""
 
     def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
-        """Setpoint of the deflection, as force of the cantilever [N] or as voltage [V]."""
+        """Setpoint of the deflection, as vertical force [N] or as voltage [V]."""
         if (force == 0.0) == (voltage == 0.0):
             raise ParameterError(
                 f"force = {force:g} N with voltage = {voltage:g} V is not allowed: one of them must be given, not 0"
@@ -44,7 +44,17 @@ class LoopSettings(ABC):
 
 
 class Backend(LoopSettings):
-    """Carries out verbs, one after the other."""
+    """Carries out verbs, one after the other. Use it as a context manager, or `close` it."""
+
+    outcome: Outcome | None = None
+    """How the last verb has ended, with all that was measured; also of one that was stopped, or broken off by an error.
+    """
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     @abstractmethod
     def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
@@ -72,13 +82,31 @@ class Backend(LoopSettings):
         """Where the microscope stands."""
 
     @abstractmethod
-    def resume(self) -> None:
-        """Give the loop back its z behind a withdrawal by a limit (`safety.*`): the tip is withdrawn, not approached.
+    def stop(self) -> None:
+        """End the verb that is being done: the tip is withdrawn, what was measured is kept.
+
+        To be called from a callback, or from another thread than that which waits for the verb.
+        """
+
+    @abstractmethod
+    def pause(self) -> None:
+        """Let time stand still in the middle of a verb, until `resume` or `stop`; called as `stop` is.
 
         Raises
         ------
         VerbError
-            If no limit has withdrawn the sample, or one is still passed.
+            If nothing is being done.
+        """
+
+    @abstractmethod
+    def resume(self) -> None:
+        """Go on after `pause`, or give the loop back its z behind a withdrawal by a limit (`safety.*`): the tip is then
+        withdrawn, not approached.
+
+        Raises
+        ------
+        VerbError
+            If neither has happened, or a limit is still passed.
         """
 
     @abstractmethod

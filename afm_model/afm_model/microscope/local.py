@@ -1,6 +1,8 @@
 """A microscope in this process: time passes while a verb is being done, and stands still in between."""
 
+import threading
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from ..core.errors import ParameterError, VerbError
@@ -12,15 +14,18 @@ from ..run.engine import Engine
 from ..run.pacing import Compiled
 from ..run.state import State
 from .backend import Backend, OnLine, OnProgress
+from .image import Line
 from .interrupts import Interrupted, Interrupts
 from .operator import Operator, ignore
 from .prepare import with_verbs
-from .results import MicroscopeState, Outcome
+from .results import CANCELLED, MicroscopeState, Outcome
 from .verb import Verb
 from .verbs import Withdraw
 
 _BLOCK_SAMPLES = 20_000
 """Samples of a block: some hundred milliseconds of computing between two looks."""
+_PAUSED = 0.05
+"""Wall time between two looks in a pause [s]."""
 
 
 class Local(Backend):
@@ -53,6 +58,8 @@ class Local(Backend):
     ) -> None:
         parameters = with_verbs(parameters)
         self._controller, self._given_ticks, self._hashed = controller, block_ticks, hashed
+        self._going, self._stopped = threading.Event(), False
+        self._going.set()
         self._begin(parameters)
 
     def _begin(self, parameters: InstrumentParameters) -> None:
@@ -91,31 +98,80 @@ class Local(Backend):
         return self.operator.objection(verb)
 
     def execute(self, verb: Verb, on_progress: OnProgress | None = None, on_line: OnLine | None = None) -> Outcome:
-        """See `Backend`. Ctrl-C cancels the verb: the tip is withdrawn before `Interrupted` is raised.
+        """See `Backend`. Whatever breaks the verb off, the tip is withdrawn, and `outcome` has what was measured.
 
-        The same if `on_progress` or `on_line` raises something, which is then raised.
+        Raises
+        ------
+        Interrupted
+            After Ctrl-C.
+        BaseException
+            What `on_progress` or `on_line` has raised.
         """
-        operator = self.operator
-        operator.on_line = on_line or ignore
+        operator, lines = self.operator, list[Line]()
+        operator.on_line, call = lines.append, on_line or ignore
         self.engine.begin(verb)
+        self.outcome, self._stopped = None, False
         with Interrupts() as interrupts:
             try:
                 while operator.busy:
-                    self.step()
+                    if self._going.wait(_PAUSED):
+                        self.step()
+                    # Between two steps: what they raise leaves no block half collected.
+                    for line in lines:
+                        call(line)
+                    lines.clear()
                     if on_progress is not None:
                         on_progress(operator.progress)
-                    if interrupts.there:
-                        operator.cancel("interrupted")
-            except Exception:
-                # The tip is withdrawn, where simulated time can go on.
-                operator.on_line = ignore
-                operator.cancel("stopped by an error")
-                while operator.busy:
-                    self.step()
+                    if interrupts.there or self._stopped:
+                        self._going.set()
+                        operator.cancel("interrupted" if interrupts.there else "stopped")
+                if interrupts.there or self._stopped:
+                    self._end()
+            except BaseException:
+                self._end()
                 raise
+            finally:
+                self._going.set()
+        self.outcome = self.outcome or operator.outcome()
         if interrupts.there:
-            raise Interrupted(operator.outcome())
-        return operator.outcome()
+            raise Interrupted(self.outcome)
+        return self.outcome
+
+    def _end(self) -> None:
+        """Bring a verb to its end, and the tip to a safe place, also where it has just come to its end by itself."""
+        operator = self.operator
+        operator.on_line = ignore
+        operator.cancel("stopped by an error")
+        try:
+            self._wait()
+        finally:
+            self.outcome = operator.outcome()
+        if self._withdraw():
+            self.outcome = replace(
+                self.outcome, status=CANCELLED, message="the verb was stopped at its end; the tip is withdrawn"
+            )
+
+    def _withdraw(self) -> bool:
+        """Take the tip away if it is near and time can go on; after a fault nothing moves any more."""
+        if not (self.state.near and self.engine.ticking):
+            return False
+        self.engine.begin(Withdraw())
+        self._wait()
+        return True
+
+    def _wait(self) -> None:
+        while self.operator.busy:
+            self.step()
+
+    def stop(self) -> None:
+        """See `Backend`."""
+        self._stopped = True
+
+    def pause(self) -> None:
+        """See `Backend`."""
+        if not self.operator.busy:
+            raise VerbError("nothing is being done: there is nothing to pause")
+        self._going.clear()
 
     def step(self) -> None:
         """Go on to the end of a block, or of an order; for who does not want to wait for a whole verb."""
@@ -125,6 +181,9 @@ class Local(Backend):
 
     def resume(self) -> None:
         """See `Backend`."""
+        if not self._going.is_set():
+            self._going.set()
+            return
         if self.engine.state != State.WITHDRAWN:
             raise VerbError(f"the run is {self.engine.state.title}: there is nothing to resume")
         if problem := self.engine.bring_back():
@@ -140,9 +199,9 @@ class Local(Backend):
 
     def close(self) -> None:
         """See `Backend`."""
-        # After a fault nothing moves any more.
-        if self.state.near and self.engine.ticking:
-            self.execute(Withdraw())
+        self.operator.cancel()
+        self._wait()
+        self._withdraw()
 
 
 _OF_THE_LOOP = ("control_period", "delay_ticks", "seed")

@@ -11,7 +11,7 @@ verb, in SI units, waits for the end, and returns labelled arrays of xarray. A f
 
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal
@@ -26,10 +26,11 @@ from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario, load_scenario
 from .arrays import to_xarray
 from .backend import Backend, LoopSettings, OnLine, OnProgress
-from .interrupts import Interrupted
 from .local import Local
 from .results import COMPLETE, MicroscopeState, Outcome
+from .signatures import takes_fields_of, word_of
 from .verb import Verb, find
+from .verbs import ForceCurve, MoveTo, Scan, ScanPath
 
 if TYPE_CHECKING:
     import xarray
@@ -39,7 +40,8 @@ class Microscope(LoopSettings):
     """What a microscope can do.
 
     Time passes while it does something, and stands still in between (one that runs somewhere else in real time goes
-    on). Ctrl-C withdraws the tip. At the end, `close` or a `with`, the tip is withdrawn.
+    on). Ctrl-C, `stop` and an error in a callback end a verb: the tip is withdrawn, and `outcome` has what was
+    measured. At the end, `close` or a `with`, the tip is withdrawn.
 
     Parameters
     ----------
@@ -58,13 +60,7 @@ class Microscope(LoopSettings):
     ScenarioError, ParameterError
         If there is no such preset, or a parameter is not allowed.
 
-    Attributes
-    ----------
-    outcome : Outcome
-        How the last verb has ended, with its result as it is written to files (`afm_model.files`).
     """
-
-    outcome: Outcome
 
     def __init__(
         self,
@@ -100,6 +96,23 @@ class Microscope(LoopSettings):
         self.backend.close()
 
     @property
+    def outcome(self) -> Outcome | None:
+        """How the last verb has ended, with its result as it is written to files (`afm_model.files`)."""
+        return self.backend.outcome
+
+    def stop(self) -> None:
+        """See `Backend`: `VerbError` is raised where the verb was begun."""
+        self.backend.stop()
+
+    def pause(self) -> None:
+        """See `Backend`."""
+        self.backend.pause()
+
+    def resume(self) -> None:
+        """See `Backend`. Behind a limit the next verb is an approach."""
+        self.backend.resume()
+
+    @property
     def state(self) -> MicroscopeState:
         """Where it stands: approached, feedback, setpoint [V], gains, place [m]."""
         return self.backend.state
@@ -122,7 +135,8 @@ class Microscope(LoopSettings):
         Raises
         ------
         VerbError
-            If it cannot be begun, or has not come to its end; `outcome` then has what was measured.
+            If it cannot be begun, or has not come to its end; `outcome` of the error, and of the microscope, then has
+            what was measured.
 
         Warns
         -----
@@ -134,16 +148,14 @@ class Microscope(LoopSettings):
                 verb = find(verb).of(fields)
             except ParameterError as error:
                 raise VerbError(str(error)) from None
-        try:
-            self.outcome = self.backend.execute(verb, self.on_progress, self.on_line)
-        except Interrupted as error:
-            self.outcome = error.outcome
-            raise
-        if self.outcome.status != COMPLETE:
-            raise VerbError(self.outcome.message)
-        if self.outcome.message:
-            warnings.warn(self.outcome.message, stacklevel=3)
-        return to_xarray(self.outcome.result)
+        outcome = self.backend.execute(verb, self.on_progress, self.on_line)
+        if outcome.status != COMPLETE:
+            broken_off = VerbError(outcome.message)
+            broken_off.outcome = outcome
+            raise broken_off
+        if outcome.message:
+            warnings.warn(outcome.message, stacklevel=3)
+        return to_xarray(outcome.result)
 
     def objection(self, verb: Verb) -> str:
         """Why a verb cannot be begun now, one sentence; empty if it can."""
@@ -154,23 +166,26 @@ class Microscope(LoopSettings):
         verbs = registry.names("verb")
         if name not in verbs:
             raise AttributeError(f"a microscope has no {name}; its verbs are {', '.join(verbs)}")
-        return partial(self.do, name)
+        return word_of(find(name), partial(self.do, name))
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *registry.names("verb")]
 
     # Words made of verbs.
 
+    @takes_fields_of(MoveTo)
     def move_to(self, x: float, y: float, **fields: Value) -> Any:
         """Move to a place [m]; fields of `MoveTo`."""
         return self.do("move_to", x=x, y=y, **fields)
 
     go_to = move_to
 
+    @takes_fields_of(Scan)
     def get_scan(self, **fields: Value) -> "xarray.Dataset":
         """An image, line by line; fields of `Scan`."""
         return self.do("scan", **fields)
 
+    @takes_fields_of(Scan)
     def scan_individual_line(
         self, direction: Literal["horizontal", "vertical"] = "horizontal", coord: float = 0.0, **fields: Value
     ) -> "xarray.Dataset":
@@ -193,6 +208,7 @@ class Microscope(LoopSettings):
             raise VerbError(f"direction = {direction} is not allowed: it must be horizontal or vertical")
         return self.do("scan", **{"lines": 1, "slow_axis": False, **along, **fields})
 
+    @takes_fields_of(ScanPath)
     def scan_arbitrary_path(self, path_points: ArrayLike, **fields: Value) -> "xarray.Dataset":
         """Measure along straight lines from place to place.
 
@@ -208,8 +224,22 @@ class Microscope(LoopSettings):
             raise VerbError(f"path_points of shape {points.shape} are not allowed: they must be of shape (n, 2)")
         return self.do("scan_path", x=points[:, 0].tolist(), y=points[:, 1].tolist(), **fields)
 
-    def get_spectrum(self, x: float | None = None, y: float | None = None, **fields: Value) -> "xarray.Dataset":
-        """Force curves at a place [m], or where the scanner stands; fields of `ForceCurve`."""
+    @takes_fields_of(ForceCurve)
+    def get_spectrum(
+        self,
+        location: Sequence[float] | None = None,
+        *,
+        x: float | None = None,
+        y: float | None = None,
+        **fields: Value,
+    ) -> "xarray.Dataset":
+        """Force curves at a place [m], given as a pair or as x and y, or where the scanner stands; fields of
+        `ForceCurve`.
+        """
+        if location is not None:
+            if np.shape(location) != (2,) or (x, y) != (None, None):
+                raise VerbError("location must be a pair (x, y), given without x and y")
+            x, y = location
         if x is not None or y is not None:
             at = self.state.place
             self.move_to(at[0] if x is None else x, at[1] if y is None else y)
@@ -221,10 +251,6 @@ class Microscope(LoopSettings):
         """See `LoopSettings`."""
         self.backend.set_loop(**settings)
 
-    def resume(self) -> None:
-        """Go on behind a limit that has withdrawn the sample (`safety.*`); the next verb is an approach."""
-        self.backend.resume()
-
     def set_sample(self, **changes: Value) -> None:
         """Another sample, by parameters `sample.*`; only with the tip withdrawn. Simulated time begins anew."""
         self.backend.set_sample(changes)
@@ -235,5 +261,8 @@ class Microscope(LoopSettings):
 
 
 def _changed(parameters: SimParameters, changes: Mapping[str, Mapping[str, Value]]) -> SimParameters:
+    for group, each in changes.items():
+        if not isinstance(each, Mapping):
+            raise ParameterError(f"{group} = {each} is not allowed: it must be parameters by name, {group}={{...}}")
     news = {f"{group}.{name}": value for group, each in changes.items() for name, value in each.items()}
     return changed(parameters, news, anew=[group for group, each in changes.items() if "kind" in each])

@@ -108,10 +108,10 @@ class Operator(LoopSettings):
     def _next(self) -> None:
         try:
             task = next(self._tasks, None)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             # Whatever somebody else's verb raises, the tip is withdrawn.
             self._close_collectors()
-            told = str(error) if isinstance(error, VerbError) else f"{type(error).__name__}: {error}"
+            told = str(error) if isinstance(error, VerbError | ParameterError) else f"{type(error).__name__}: {error}"
             self._status, self._message = FAILED, told
             self._leave()
             return
@@ -152,7 +152,7 @@ class Operator(LoopSettings):
     def _away(self, execution: Execution) -> tuple[tuple[Step, ...], float]:
         """Steps off the sample, and how long they take [s]: further by what the cantilever is pressed."""
         view, usual = self._view, Withdraw()
-        pressed = max(execution.standing().deflection, 0.0) * view.parameters.detector.deflection_sensitivity
+        pressed = max(execution.standing().deflection_voltage, 0.0) * view.parameters.detector.deflection_sensitivity
         return withdrawing(view, usual.distance + pressed, usual.rate, execution.surface)
 
     def _end(self) -> None:

@@ -40,7 +40,7 @@ class Standing:
     x: float  # place asked for [m]
     y: float
     z: float  # as driven, positive towards the sample [m]
-    deflection: float  # [V]
+    deflection_voltage: float  # [V]
 
 
 @dataclass(frozen=True)

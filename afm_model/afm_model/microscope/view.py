@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-from ..analysis import tilted_stiffness
 from ..core import registry
 from ..core.errors import ParameterError
 from ..instrument import Instrument
@@ -66,26 +65,14 @@ class InstrumentView:
     @property
     def vertical_stiffness(self) -> float:
         """Spring constant for vertical forces [N/m]."""
-        plant = self.parameters.plant
-        c = plant.cantilever_numbers
-        if c is None:
-            return self.spring_constant
-        return tilted_stiffness(c.k, plant.tilt, c.tip_height + 0.5 * c.thickness, c.length)
+        return float(self.parameters.plant.vertical_stiffness(self.parameters))
 
     @property
     def vertical_sensitivity(self) -> float:
-        """Vertical motion of the tip over voltage [m/V], from that of the detector, which is across the cantilever.
-
-        A vertical force F bends a cantilever tilted by b, whose tip is h high, by F/k (cos b - 2 (h / L) sin b) as the
-        photodiode shows it, and moves its tip by F over `vertical_stiffness`.
-        """
-        plant, sensitivity = self.parameters.plant, float(self.parameters.detector.deflection_sensitivity)
-        c = plant.cantilever_numbers
-        if c is None:
-            return sensitivity
-        arm = (c.tip_height + 0.5 * c.thickness) / c.length
-        shown = math.cos(plant.tilt) - 2.0 * arm * math.sin(plant.tilt)
-        return sensitivity * float(c.k) / (self.vertical_stiffness * shown)
+        """Vertical motion of the tip over voltage [m/V], from that of the detector, which is across the cantilever."""
+        if self.spring_constant == 0.0:
+            return float(self.parameters.detector.deflection_sensitivity)
+        return 1.0 / (self.vertical_stiffness * self.volts(1.0))
 
     @property
     def resonance_band(self) -> tuple[float, float] | None:
@@ -108,7 +95,7 @@ class InstrumentView:
         return self.loop.setting(self.parameters, name, default)
 
     def volts(self, force: float) -> float:
-        """Deflection at a force of the cantilever [V]; 0 where its spring constant is not known."""
+        """Deflection under a vertical force [V]; 0 where its spring constant is not known."""
         parameters = self.parameters
         known = self.spring_constant != 0.0
         return float(parameters.plant.deflection_voltage(parameters, force)) if known else 0.0
@@ -171,6 +158,10 @@ class InstrumentView:
             )
         news = {f"onboard.{own[name]}": value for name, value in changes.items()}
         self.instrument.set_onboard(changed(parameters, news))
+
+    def samples(self, duration: float, rate: float = math.inf) -> float:
+        """How many means at this rate [Hz], or at that of the ADC if it is lower, a duration [s] has."""
+        return duration * min(rate, 1.0 / self.sample_period)
 
     def ticks(self, duration: float) -> int:
         """Control ticks that take this time [s] at least, one or more."""

@@ -18,7 +18,7 @@ from ..core.jit import kernel
 from ..core.records import Record
 from ..core.schema import NonNegative, Unit, refuse_together
 from ..parts.groups import OnboardParameters
-from ..parts.part import ONBOARD_SETTINGS, Channel, Numbers, Onboard, Tree
+from ..parts.part import ONBOARD_SETTINGS, Numbers, Onboard, Tree
 from ..parts.signals import FOLLOW, GIVEN, HOLD, Detection, Drive, Setpoint
 
 
@@ -34,7 +34,7 @@ class PiParameters(OnboardParameters):
         0.0, description="setpoint of the deflection; 0: by setpoint_force"
     )
     setpoint_force: Annotated[float, Unit("N")] = Field(
-        0.0, description="setpoint as force of the cantilever (plant lever); 0: by the reference of the tip height"
+        0.0, description="setpoint as vertical force (plant lever); 0: by the reference of the tip height"
     )
     low: Annotated[float, Unit("m")] = Field(-5e-6, description="least z")
     high: Annotated[float, Unit("m")] = Field(5e-6, description="largest z")
@@ -181,5 +181,4 @@ PI = Onboard(
     warnings=_warnings,
     setpoint=_setpoint,
     settings={name: name for name in ONBOARD_SETTINGS},
-    channels=(Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error")),
 )

@@ -30,7 +30,7 @@ _OF_SIMULATOR = _OF_PLANT | _OF_PIEZO | _OF_DETECTOR
 
 class _Setpoint(Group):
     setpoint_force: Annotated[float, Unit("N")] = Field(
-        0.0, description="force of the cantilever at the setpoint of the deflection, and at the start; 0: not given"
+        0.0, description="vertical force at the setpoint of the deflection, and at the start; 0: not given"
     )
     setpoint_voltage: Annotated[float, Unit("V")] = Field(0.0, description="the same as voltage of the detector")
 
@@ -104,8 +104,8 @@ def _of_simulator(setup: _Setpoint, given: Mapping[str, Value], own: Mapping[str
             news |= {"onboard.setpoint_force": force} if force else {"onboard.setpoint_voltage": voltage}
         # With a loop inside the start may be elsewhere.
         if not (has_loop and "reference.z_r" in own):
-            k = _lever(setup).cantilever_numbers.k
-            news["reference.z_r"] = force / k if force else voltage * setup.model_dump()["deflection_sensitivity"]
+            by_voltage = voltage * setup.model_dump()["deflection_sensitivity"]
+            news["reference.z_r"] = _lever(setup).deflection_under(None, force) if force else by_voltage
     for name in news.keys() & own.keys() - {"plant.kind"}:
         raise ParameterError(f"{name} is given twice: by itself, and by microscope.*, which says it for all nodes")
     return news

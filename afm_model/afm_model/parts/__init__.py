@@ -1,5 +1,7 @@
 """Parts of the instrument, and what is needed to make one: docs/extending.md."""
 
+from pydantic import Field
+
 from ..core.jit import kernel
 from ..core.records import Array, Integers, Record, Vector
 from ..core.schema import Unit
@@ -24,6 +26,7 @@ __all__ = [
     "DetectorParameters",
     "Fault",
     "FaultParameters",
+    "Field",
     "Integers",
     "Law",
     "LawParameters",

@@ -7,6 +7,7 @@ from ..core import registry
 from ..core.call import Function
 from ..core.errors import ParameterError, PartError
 from ..core.records import Block, Record, record_at, size
+from ..core.schema import specified
 from .part import Numbers, Part
 
 
@@ -45,7 +46,7 @@ class Assembled:
         return {f"{self.part.family}_{name}": addresses.get(name, 0) for name in self.part.functions}
 
     def fill_constants(self, block: Block, index: int, parameters: Any) -> None:
-        """Make the constants from the parameters.
+        """Make the constants from the parameters: by `values`, or from the parameter of the same name and unit.
 
         Raises
         ------
@@ -54,7 +55,8 @@ class Assembled:
         PartError
             If the part gives values that are not those of its record.
         """
-        self._fill(block, index, self.part.constants, self._made(self.part.values, parameters), "constants")
+        values = {**self._of_same_name(parameters), **self._made(self.part.values, parameters)}
+        self._fill(block, index, self.part.constants, values, "constants")
 
     def fill_start(self, block: Block, index: int, parameters: Any) -> None:
         """Put the state to its start."""
@@ -64,6 +66,17 @@ class Assembled:
             state[:] = 0.0
         if self.part.start is not None:
             self._fill(block, index, self.part.state, self._made(self.part.start, parameters), "state")
+
+    def _of_same_name(self, parameters: Any) -> dict[str, Any]:
+        """Constants that are a parameter of the part, or a scale of the equations."""
+        found: dict[str, Any] = {}
+        for group in (parameters.scales, *(group for _, group in parameters if group.family == self.part.family)):
+            model: Any = type(group)
+            known = specified(model)
+            for name, (_, _, unit) in self.part.constants.fields.items():
+                if name in known and known[name].kind is not str and known[name].unit == (unit or "1"):
+                    found[name] = getattr(group, name)
+        return found
 
     def _made(self, make: Callable[[Any], Numbers], parameters: Any) -> Numbers:
         try:

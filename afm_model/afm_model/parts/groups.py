@@ -68,6 +68,11 @@ class PiezoParameters(Group):
     )
     dac_bits: Annotated[int, Ge(0), Lt(33)] = Field(0, description="resolution over +-limit; 0: continuous")
 
+    @property
+    def sensitivities(self) -> tuple[float, float, float]:
+        """Static displacement per volt along x, y, z [m/V]."""
+        return self.sensitivity_x, self.sensitivity_y, self.sensitivity_z
+
     @model_validator(mode="after")
     def _bits_need_a_range(self) -> "PiezoParameters":
         if self.dac_bits > 0 and self.limit == 0.0:
@@ -117,9 +122,17 @@ class PlantParameters(Group):
         """Spring constant of the cantilever of an instrument with this plant [N/m]; 0: not known."""
         return float(self.cantilever_numbers.k) if self.cantilever_numbers is not None else 0.0
 
+    def vertical_stiffness(self, parameters: Any) -> float:
+        """Vertical force over vertical motion of the tip [N/m]; 0: not known."""
+        return self.spring_constant(parameters)
+
+    def deflection_under(self, parameters: Any, force: float) -> float:
+        """Deflection that is shown under a vertical force [m], where the spring constant is known."""
+        return force / self.spring_constant(parameters)
+
     def deflection_voltage(self, parameters: Any, force: float) -> float:
-        """Deflection at a force of the cantilever [V], where the spring constant is known."""
-        return force / self.spring_constant(parameters) / float(parameters.detector.deflection_sensitivity)
+        """The same [V]: what a force is, as setpoint, trigger and in force curves; docs/microscope.md."""
+        return self.deflection_under(parameters, force) / float(parameters.detector.deflection_sensitivity)
 
     def radius_of_tip(self, parameters: Any) -> float:
         """Of the tip of an instrument with this plant [m]."""

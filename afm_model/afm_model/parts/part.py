@@ -7,6 +7,7 @@ docs/extending.md shows one of each.
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -90,13 +91,14 @@ class Part:
     Parameters
     ----------
     name : str
-        By which a scenario chooses it.
+        By which a scenario chooses it; a part that is chosen as `module:NAME` needs none.
     parameters : type[Group]
         Its parameters; the family's own ones must be among them.
     constants, state : type[Record]
     values : callable
-        Parameters (the whole tree of the instrument, or of the controller) -> values of `constants`. Raises ValueError
-        if the part cannot be made of them.
+        Parameters (the whole tree of the instrument, or of the controller) -> values of `constants`, without those that
+        are a parameter of the part, or of `scales`, of the same name and unit. Raises ValueError if the part cannot be
+        made of them.
     start : callable
         The same -> values of `state` at the start of a run; zeros if not given.
     check : callable
@@ -114,8 +116,8 @@ class Part:
     functions: ClassVar[dict[str, tuple[Argument, ...]]]
     """Kernels of the family and what each is called with, CONSTANTS and STATE standing for the part's records."""
 
-    name: str
     parameters: type[Group]
+    name: str = ""
     constants: type[Record] = Record
     state: type[Record] = Record
     values: Callable[[Tree], Numbers] = _none
@@ -245,6 +247,9 @@ class Piezo(Part):
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 
+_Z_CHANNELS = (Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error"))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Onboard(Part):
     """What runs inside the instrument at the rate of the virtual ADC: `regulate(t, d, r, u, p, s)` may change drive u.
@@ -256,14 +261,14 @@ class Onboard(Part):
     ----------
     begin : callable
         (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
-        called if the part has a state.
+        called if the part has a state. If not given, it writes `s.z` of a part that moves z.
     moves_z : bool
         It drives z, whatever is asked along z. The instrument itself takes z from it by `r.z_mode` GIVEN: u is z then,
-        and the part goes on from there later.
+        and the part goes on from there later. Unless it has channels of its own, the fields `z` of its state (z as
+        driven [m], positive towards the sample) and `error` (setpoint less deflection [V]) are the channels `z_loop`,
+        which verbs need, and `z_loop_error`.
     setpoint : callable, optional
-        Parameters -> setpoint of the deflection [V]. A loop that verbs are to use needs it, and a channel `z_loop`: z
-        as driven [m], positive towards the sample (and, if errors are to be seen, `z_loop_error`: setpoint less
-        deflection [V]).
+        Parameters -> setpoint of the deflection [V], which verbs need; if not given, the setting `setpoint_voltage`.
     settings : mapping of str to str
         Of what verbs and services set, names of ONBOARD_SETTINGS, the names of its parameters. A setting that it lacks
         is refused in words.
@@ -278,11 +283,27 @@ class Onboard(Part):
     until it writes others.
     """
     moves_z: bool = False
-    begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
+    begin: Callable[[Any, Any, tuple[float, float, float]], None] | None = None
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
     """Parameters -> what is implausible, a sentence each."""
     setpoint: Callable[[Tree], float] | None = None
     settings: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """What a loop that moves z need not say."""
+        defaults: dict[str, Any] = {"begin": self._begin}
+        if self.moves_z:
+            defaults["channels"] = tuple(each for each in _Z_CHANNELS if each.field in self.state.names)
+        if "setpoint_voltage" in self.settings:
+            defaults["setpoint"] = partial(self.setting, name="setpoint_voltage")
+        for name, default in defaults.items():
+            if not getattr(self, name):
+                object.__setattr__(self, name, default)
+
+    def _begin(self, parameters: Tree, s: Any, drive: tuple[float, float, float]) -> None:
+        """From the drive that holds the start, without a jump."""
+        if self.moves_z and "z" in self.state.names:
+            s.z = parameters.piezo.sensitivity_z * drive[2]
 
     def setting(self, parameters: Tree, name: str, default: Any = math.nan) -> Any:
         """A setting as it is, by its name in ONBOARD_SETTINGS; `default` if this loop lacks it."""
@@ -309,7 +330,8 @@ class Plant(Part):
     Parameters
     ----------
     rest : callable
-        (parameters, p, s, m) -> drive (x, y, z) [V] that holds the start; writes the state at the start into s.
+        (parameters, p, s, m) -> drive (x, y, z) [V] that holds the start; writes the state at the start into s. If
+        not given, the plant is at rest without a drive.
     map : callable, optional
         Parameters -> array of float64, read-only for the kernel, at m[plant_map of BlockHeader]: a table, say.
     sample_in_si : bool
@@ -331,7 +353,7 @@ class Plant(Part):
 
     step: Kernel
     observe: Kernel
-    rest: Callable[[Any, Any, Any, Any], tuple[float, float, float]]
+    rest: Callable[[Any, Any, Any, Any], tuple[float, float, float]] = lambda parameters, p, s, m: (0.0, 0.0, 0.0)
     map: Callable[[Any], NDArray[np.float64]] | None = None
     sample_in_si: bool = False
     takes_lattice: bool = False

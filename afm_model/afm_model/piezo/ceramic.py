@@ -93,7 +93,7 @@ def _values(parameters: Tree) -> Numbers:
     for axis, (name, stroke) in enumerate(_strokes(parameters).items()):
         opening = getattr(piezo, f"hysteresis_{name}")
         if opening > 0.0:
-            U = 0.5 * stroke / getattr(piezo, f"sensitivity_{name}")
+            U = 0.5 * stroke / piezo.sensitivities[axis]
             # Knots 0, U / 64, ..., U: the first curve's slope changes at all but the first and the last.
             r = U * np.array([0.0, *2.0 ** (0.5 * np.arange(-PLAYS, 1))])
             c = 4.0 * opening / U
@@ -107,7 +107,6 @@ def _values(parameters: Tree) -> Numbers:
         "linear": linear,
         "threshold": threshold,
         "weight": weight,
-        "creep": piezo.creep,
         "share": share,
         "decay": -np.expm1(-period / TIMES),
         "at_once": float(share * np.expm1(-NOMINAL_TIME / TIMES).sum()),

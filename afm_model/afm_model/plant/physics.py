@@ -62,6 +62,16 @@ class Scanner(Group):
     f_y: Annotated[Positive, Unit("Hz")] = Field(407.07, description="resonance along y")
     f_z: Annotated[Positive, Unit("Hz")] = Field(686.13, description="resonance along z")
 
+    @property
+    def frequencies(self) -> tuple[float, float, float]:
+        """Resonances along x, y, z [Hz]."""
+        return self.f_x, self.f_y, self.f_z
+
+    @property
+    def damping_ratios(self) -> tuple[float, float, float]:
+        """Along x, y, z."""
+        return self.xi_x, self.xi_y, self.xi_z
+
 
 class Scales(Group):
     """Scales of the nondimensional equations (section 2.1 of the paper).

@@ -46,7 +46,7 @@ class ForceCurveParameters(ProgramParameters):
         0.0, description="rise of the deflection at which the approach ends; 0: by trigger_force"
     )
     trigger_force: Annotated[NonNegative, Unit("N")] = Field(
-        0.0, description="the same as force of the cantilever; 0, too: the approach ends with the ramp"
+        0.0, description="the same as vertical force; 0, too: the approach ends with the ramp"
     )
     dwell: Annotated[NonNegative, Unit("s")] = Field(0.0, description="rest at the end of the approach, z held")
     count: Annotated[int, Ge(1), Le(1_000_000)] = Field(1, description="curves")

@@ -55,17 +55,16 @@ class Reference(ProgramParameters):
 class Constants(Record):
     shape_x: float
     shape_y: float
-    amplitude_x: float
-    amplitude_y: float
-    omega_x: float
-    omega_y: float
-    z_r: float
+    amplitude_x: Annotated[float, "m"]
+    amplitude_y: Annotated[float, "m"]
+    omega_x: Annotated[float, "rad/s"]
+    omega_y: Annotated[float, "rad/s"]
+    z_r: Annotated[float, "m"]
 
 
 def _values(parameters: Tree) -> Numbers:
     reference = parameters.reference
-    shapes = {"shape_x": SHAPES[reference.shape_x], "shape_y": SHAPES[reference.shape_y]}
-    return shapes | {name: getattr(reference, name) for name in Constants.names if name not in shapes}
+    return {"shape_x": SHAPES[reference.shape_x], "shape_y": SHAPES[reference.shape_y]}
 
 
 @kernel

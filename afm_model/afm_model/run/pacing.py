@@ -25,21 +25,24 @@ class Pacing:
     engine : Engine
     """
 
-    law: Controller | None = None
+    law: Controller | None
     """Closes the loop, many ticks in one compiled piece; None: one tick is made with `drive`."""
-    drive: _Array | Command | None = None
-    """[V]; None: the previous one is held."""
-    sequence: int | None = None
+    drive: _Array | Command | DriveError | None
+    """[V]; None: the previous one is held. As of `Instrument.tick`."""
+    sequence: int | None
     """Measurement that it answers; None: that of this tick."""
-    round_trip = math.nan
+    round_trip: float
     """Wall time from the measurement to the drive [s]."""
-    deadline: float | None = None
+    deadline: float | None
     """When there will be something to do [s]; None: when a drive arrives, or always."""
     by_clock = False
     """Whether simulated time advances between two verbs."""
 
     def __init__(self, engine: "Engine") -> None:
         self._engine, self._instrument = engine, engine.instrument
+        # Here, as Python finds what the class has too only after a search.
+        self.law = self.drive = self.sequence = self.deadline = None
+        self.round_trip = math.nan
 
     def start(self) -> None:
         """Begin with tick 0."""

@@ -33,40 +33,36 @@ class Grating(SampleParameters):
 
 
 class Constants(Record):
-    pitch: float
+    pitch: Annotated[float, "m"]
     foot: float  # where the slope begins, behind the inner arc; [m] from the middle, as all places here
     foot_flat: float  # where the inner arc begins
     head: float  # where the outer arc begins
     head_flat: float  # where it ends
     slope: float
-    step: float
+    step: Annotated[float, "m"]
     inner: Annotated[float, "m"]  # radii of the arcs
     outer: Annotated[float, "m"]
     bend: Annotated[float, "1/m"]  # mean curvature of the edges
-    x0: Annotated[float, "1/m"]
-    z0: Annotated[float, "1/m"]
+    x0: Annotated[float, "m"]
+    z0: Annotated[float, "m"]
 
 
 def _values(parameters: Tree) -> Numbers:
-    sample, scales = parameters.sample, parameters.scales
+    sample = parameters.sample
     R = parameters.plant.radius_of_tip(parameters)
     inner, outer = sample.edge_radius - R, sample.edge_radius + R
     half = math.tan(0.5 * sample.angle)
     corner = 0.5 * (sample.pitch - sample.top) - R * half
     foot = corner - sample.step / math.tan(sample.angle)
     return {
-        "pitch": sample.pitch,
         "foot": foot + inner * half * math.cos(sample.angle),
         "foot_flat": foot - inner * half,
         "head": corner - outer * half * math.cos(sample.angle),
         "head_flat": corner + outer * half,
         "slope": math.tan(sample.angle),
-        "step": sample.step,
         "inner": inner,
         "outer": outer,
         "bend": 0.5 / sample.edge_radius,
-        "x0": scales.x0,
-        "z0": scales.z0,
     }
 
 

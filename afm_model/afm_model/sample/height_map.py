@@ -1,7 +1,6 @@
 """A sample from a height map in a file, with a map of materials beside it."""
 
 from functools import lru_cache
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,7 +9,7 @@ from pydantic import Field
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Tree
-from .map_files import read_field
+from .map_files import file_stamp, read_field
 from .mapped import Relief, Scales, map_sample, relief
 
 
@@ -35,9 +34,7 @@ def _of(parameters: Tree) -> Relief:
     files = (sample.file, sample.strength_file, sample.adhesion_file)
     if not sample.file:
         raise ValueError("sample.file is not given: sample.kind = map needs a height map (.npy, .gsf, .gwy, image)")
-    if missing := [path for path in files if path and not Path(path).is_file()]:
-        raise ValueError(f"sample.kind = map: there is no file {missing[0]}")
-    changed = tuple(Path(path).stat().st_mtime_ns if path else 0 for path in files)
+    changed = tuple(file_stamp(path) if path else 0 for path in files)
     return _made(sample, parameters.plant.radius_of_tip(parameters), scales.x0, scales.z0, changed)
 
 
@@ -59,10 +56,24 @@ def _made(sample: HeightMap, R: float, x0: float, z0: float, changed: tuple[int,
                 raise ValueError(
                     f"sample.{name} = {path} is {values.shape} and must be {(rows, columns)}, as the heights"
                 )
-            if values.min() < 0.0 or (name == "adhesion_file" and values.min() == 0.0):
-                raise ValueError(f"sample.{name} = {path} holds {values.min():g}: a ratio must be positive")
+            if values.min() < 0.0 or (name == "adhesion_file" and values.min() == 0.0) or values.max() > 1e6:
+                raise ValueError(
+                    f"sample.{name} = {path} holds {values.min():g} to {values.max():g}: a ratio must be positive, "
+                    "and at most 1e6"
+                )
             found.append(values)
         materials = (found[0], found[1])
+    for what, pixel in (("x", width / columns), ("y", length / rows)):
+        if not 1e-13 <= pixel <= 1e-3:
+            raise ValueError(
+                f"{sample.file}: a pixel of {pixel:.3g} m along {what} is not allowed: it must be 0.1 pm to 1 mm"
+            )
+    highest = float(np.abs(field.values).max()) * sample.height_unit
+    if not highest <= 1e-2:
+        raise ValueError(
+            f"{sample.file}: a height of {highest:.3g} m is not allowed: it must be at most 10 mm; sample.height_unit "
+            "is the height of one unit of the file"
+        )
     heights = field.values * sample.height_unit
     return relief(
         heights - heights.mean(),

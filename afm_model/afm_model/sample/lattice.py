@@ -56,22 +56,19 @@ class Constants(Record):
     cos: float
     sin: float
     energy: float
-    height: float
-    x0: float
-    z0: float
+    height: Annotated[float, "m"]
+    x0: Annotated[float, "m"]
+    z0: Annotated[float, "m"]
 
 
 def _values(parameters: Tree) -> Numbers:
-    sample, scales = parameters.sample, parameters.scales
+    sample = parameters.sample
     return {
         "kind": LATTICES[sample.lattice],
         "q": 2.0 * math.pi / sample.constant,
         "cos": math.cos(sample.angle),
         "sin": math.sin(sample.angle),
         "energy": sample.energy,
-        "height": sample.height,
-        "x0": scales.x0,
-        "z0": scales.z0,
     }
 
 

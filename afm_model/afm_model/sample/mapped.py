@@ -20,6 +20,8 @@ from ..parts.signals import Surface
 _Array = NDArray[np.float64]
 FINER = 3
 """Dilation is done on a grid so much finer: curvatures are then right to some percent of that of the tip."""
+_MOST_WORK = 4e10
+"""Comparisons for a dilation: a minute of processor time."""
 LEAST_RADIUS, LARGEST_RADIUS = 0.25, 4.0
 """Bounds of R_e / R on a dilated map: in a kink the tip touches at two places, which is no contact of one radius."""
 
@@ -138,18 +140,23 @@ def _dilated(heights: _Array, pitch_x: float, pitch_y: float, R: float, mode: st
     """Largest height of the surface plus tip over all places under the tip, on a finer grid."""
     from scipy.ndimage import grey_dilation, zoom
 
+    wrap = mode == "grid-wrap"
+    # Centres of fine pixels: the middle one of each coarse pixel is its centre.
+    fine = zoom(heights, FINER, order=3, mode=mode, grid_mode=True)
     step_x, step_y = pitch_x / FINER, pitch_y / FINER
-    half_x, half_y = int(R / step_x), int(R / step_y)
+    # Where the ball is higher than the whole relief nothing can touch it.
+    reach = min(R, math.sqrt(2.0 * R * float(np.ptp(fine))) * (1.0 + 1e-6) + max(step_x, step_y))
+    half_x, half_y = int(reach / step_x), int(reach / step_y)
+    if (work := (2 * half_x + 1) * (2 * half_y + 1) * fine.size) > _MOST_WORK:
+        raise ValueError(
+            f"a map of {heights.shape[1]} x {heights.shape[0]} values of {pitch_x:.3g} x {pitch_y:.3g} m is too fine "
+            f"to be dilated by a tip of {R:.3g} m ({work:.2g} comparisons, {_MOST_WORK:.0e} are allowed): "
+            "give it fewer values, or sample.dilate = false"
+        )
     x, y = np.meshgrid(step_x * np.arange(-half_x, half_x + 1), step_y * np.arange(-half_y, half_y + 1))
     under = R * R - x * x - y * y
     ball = np.where(under >= 0.0, np.sqrt(np.maximum(under, 0.0)) - R, -np.inf)
-    if mode == "grid-wrap":
-        fine = zoom(heights, FINER, order=3, mode="grid-wrap", grid_mode=True)
-        # Centres of fine pixels: the middle one of each coarse pixel is its centre.
-        rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="wrap")
-        return np.ascontiguousarray(rolled[FINER // 2 :: FINER, FINER // 2 :: FINER])
-    fine = zoom(heights, FINER, order=3, mode="mirror", grid_mode=True)
-    rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="reflect")
+    rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="wrap" if wrap else "reflect")
     return np.ascontiguousarray(rolled[FINER // 2 :: FINER, FINER // 2 :: FINER])
 
 

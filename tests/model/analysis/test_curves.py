@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from afm_model.analysis import deflection_sensitivity, force_curve, tilted_stiffness
-from afm_model.contact.maugis import branch
+from afm_model.contact.maugis import branch, pull_off
 
 from .bench import K, curve
+from .test_modulus import made_up as exact_curve
 
 SENSITIVITY = 10e-9
 """Of the simulated detector [m/V]."""
@@ -47,6 +48,35 @@ def test_adhesion_is_recovered_within_a_percent(contact):
         assert -least == pytest.approx({"jkr": 1.5, "dmt": 2.0}[contact] * unit, rel=1e-4)
     found = force_curve(record.z, record.deflection, K)
     assert found.adhesion.value == pytest.approx(-least, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("model", "k", "modulus", "work", "radius"),
+    [
+        ("jkr", 2.0, 5e6, 0.05, 500e-9),  # bent, and the tip comes off behind the largest pull
+        ("jkr", 40.0, 5e6, 0.05, 500e-9),
+        ("jkr", 0.05, 5e6, 0.05, 500e-9),
+        ("dmt", 40.0, 3.5e9, 0.08, 10e-9),  # bent, and the tip comes off at the largest pull
+        ("dmt", 0.2, 50e9, 0.1, 10e-9),  # straight
+        ("maugis", 5.0, 3.5e9, 0.08, 10e-9),
+        ("maugis", 40.0, 3.5e9, 0.08, 10e-9),
+    ],
+)
+def test_adhesion_is_the_largest_pull_of_the_exact_contact_within_its_uncertainty(rng, model, k, modulus, work, radius):
+    tabor = (radius * work**2 / (modulus**2 * 0.165e-9**3)) ** (1.0 / 3.0)
+    most = pull_off(model, 1.157 * tabor) * math.pi * work * radius
+    z, d = exact_curve(model, k, modulus, 2.0 * most, 2000, work, radius)
+    step = k * float(z[1] - z[0])
+    # Without noise what is left is the sample in which a soft cantilever comes off.
+    assert force_curve(z, d, k).adhesion.value == pytest.approx(most, rel=2e-4, abs=0.3 * step)
+    for part in (0.005, 0.02):
+        noise = part * most / k * rng.standard_normal((12, z.size))
+        found = np.array([force_curve(z, d + each, k).adhesion for each in noise])
+        off = (found[:, 0] - most) / found[:, 1]
+        assert abs(off.mean()) < 1.0
+        assert np.mean(np.abs(off) < 2.0) > 0.8
+        # And is stated small: the noise of a few samples.
+        assert np.median(found[:, 1]) < 3.0 * part * most
 
 
 def test_friction_along_the_cantilever_leaves_the_adhesion_within_a_percent_on_silicon_oxide():

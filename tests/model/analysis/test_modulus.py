@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from afm_model.analysis import ContactFit, Estimate, contact_fit, young
+from afm_model.analysis import (
+    ContactFit,
+    Estimate,
+    along_normal,
+    contact_fit,
+    tilted_deflection,
+    tilted_stiffness,
+    young,
+)
 from afm_model.contact.maugis import MODELS, branch, pull_off
 
 from .bench import curve
@@ -19,14 +27,20 @@ ZERO = 0.3e-9
 
 
 def made_up(
-    model: str, stiffness: float = K, modulus: float = E, top: float = 20e-9, samples: int = 4000
+    model: str,
+    stiffness: float = K,
+    modulus: float = E,
+    top: float = 20e-9,
+    samples: int = 4000,
+    work: float = WORK,
+    radius: float = RADIUS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """z and deflection of a curve, from the exact contact by bisection at each sample; free before contact."""
     reduced = 4.0 / 3.0 * modulus
-    force = math.pi * WORK * RADIUS
-    length = (math.pi**2 * WORK**2 * RADIUS / reduced**2) ** (1.0 / 3.0)
-    stress = 16.0 / (9.0 * math.sqrt(3.0)) * WORK / REACH
-    exact = branch(model, 2.0 * stress * (RADIUS / (math.pi * WORK * reduced**2)) ** (1.0 / 3.0))
+    force = math.pi * work * radius
+    length = (math.pi**2 * work**2 * radius / reduced**2) ** (1.0 / 3.0)
+    stress = 16.0 / (9.0 * math.sqrt(3.0)) * work / REACH
+    exact = branch(model, 2.0 * stress * (radius / (math.pi * work * reduced**2)) ** (1.0 / 3.0))
     indentation = exact.least_indentation + np.linspace(0.0, (1.5 * top / force + 3.0) ** (1.0 / 3.0), 20_001) ** 2
     bent = force / stiffness * exact.solve(indentation)[1]
     way = length * indentation + bent
@@ -54,6 +68,17 @@ def test_contact_of_a_curve_without_noise_is_recovered_within_a_thousandth(model
     assert found.tabor.value == pytest.approx(tabor, rel=3e-3)
     most = pull_off(model, 1.157 * tabor) * math.pi * WORK * RADIUS
     assert found.pull_off.value == pytest.approx(most, rel=3e-3)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02e-9])
+def test_work_of_adhesion_of_a_soft_sample_is_recovered_though_its_pull_is_bent(rng, noise):
+    work, radius = 0.05, 500e-9
+    z, d = made_up("jkr", stiffness=2.0, modulus=5e6, top=150e-9, work=work, radius=radius)
+    found = contact_fit(
+        z, d + noise * rng.standard_normal(z.size), 2.0, radius, model="jkr", part="retract", sensitivity_error=0.0
+    )
+    assert found.work_of_adhesion.value == pytest.approx(work, rel=1e-3)
+    assert found.modulus.value == pytest.approx(5e6, rel=3e-3)
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.95])
@@ -150,6 +175,27 @@ def test_modulus_of_a_simulated_polymer_is_recovered_within_two_percent_and_one_
         assert found.modulus.value == pytest.approx(0.75 * pair.K, rel=most)
         assert found.work_of_adhesion.value == pytest.approx(pair.work_of_adhesion, rel=of_work)
         assert found.told == ""
+
+
+@pytest.mark.parametrize("angle", [-0.028, 0.028])
+def test_modulus_on_a_slope_is_recovered_along_its_normal_and_wrong_by_percents_without(angle):
+    tilted = LEVER | {"plant.tilt": 0.2, "plant.tau": 1e3, "sample.kind": "plane", "sample.angle_y": angle}
+    record = curve(tilted)
+    plant = record.done.parameters.plant
+    c = plant.cantilever_numbers
+    geometry = (0.2, c.tip_height + 0.5 * c.thickness, c.length)
+    # Vertical, as by the sensitivity of a curve on a flat sample.
+    vertical = record.deflection / tilted_deflection(*geometry)
+    E_star = 0.75 * plant.pair_numbers.K
+
+    def modulus(z: np.ndarray, deflection: np.ndarray, k: float) -> float:
+        fit = contact_fit(z, deflection, k, RADIUS, sensitivity_error=0.0, part="retract")
+        return fit.modulus.value
+
+    corrected = along_normal(record.z, vertical, 2.8, math.tan(angle), *geometry)
+    assert modulus(*corrected) == pytest.approx(E_star, rel=1e-3)
+    wrong = modulus(record.z, vertical, tilted_stiffness(2.8, *geometry)) / E_star - 1.0
+    assert wrong == pytest.approx(-2.4 * angle, rel=0.15)
 
 
 def test_modulus_of_a_simulated_oxide_is_not_told_by_a_soft_cantilever():

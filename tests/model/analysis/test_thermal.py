@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, InstrumentParameters, build
-from afm_model.analysis import Estimate, spring_constant
+from afm_model.analysis import Estimate, deflection_sensitivity, spring_constant
+
+from .bench import curve
 
 KT = 1.380649e-23 * 295.0
 RATE, SENSITIVITY = 500e3, 60e-9
@@ -44,11 +46,42 @@ def test_drift_and_a_tilted_cantilever_are_taken_into_account():
     plain = spring_constant(volts, RATE, SENSITIVITY, 295.0)
     drifting = volts + np.linspace(0.0, 1.0, len(volts))
     assert spring_constant(drifting, RATE, SENSITIVITY, 295.0).k.value == pytest.approx(plain.k.value, rel=1e-2)
-    tilted = spring_constant(volts, RATE, SENSITIVITY / math.cos(0.2), 295.0, tilt=0.2)
+    # A tip that slides: the end moves at right angles to the cantilever, its vertical part is that of the sample.
+    tilted = spring_constant(volts, RATE, SENSITIVITY * math.cos(0.2), 295.0, tilt=0.2)
     assert tilted.k.value == pytest.approx(plain.k.value, rel=1e-9)
     # A sensitivity known to 3 % makes it worse by 6 %.
     rough = spring_constant(volts, RATE, Estimate(SENSITIVITY, 0.03 * SENSITIVITY), 295.0)
     assert rough.k.uncertainty == pytest.approx(math.hypot(plain.k.uncertainty, 0.06 * plain.k.value), rel=1e-9)
+
+
+@pytest.mark.parametrize(("f0", "Q"), [(23e3, 40.0), (13e3, 80.0)])
+def test_second_mode_that_an_adc_of_100_khz_folds_beside_the_first_one_changes_nothing(f0, Q):
+    """Folded from 6.27 f0 to 44 kHz or 18.5 kHz, with 0.251 of k_B T / k; both modes alone at the full rate."""
+    ratios = []
+    for seed in range(8):
+        first = record(0.2, f0, Q, 1e-15, 1.0, seed)
+        second = math.sqrt(0.251 / 0.817428) * record(0.2, 6.2669 * f0, Q, 1e-15, 1.0, 100 + seed)
+        alone = spring_constant(first, RATE, SENSITIVITY, 295.0)
+        folded = spring_constant((first + second)[::5], RATE / 5.0, SENSITIVITY, 295.0)
+        assert folded.f0.value == pytest.approx(f0, rel=5e-3)
+        ratios.append(folded.k.value / alone.k.value)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=5e-3)
+
+
+@pytest.mark.parametrize("tilt", [0.2, -0.3])
+def test_sensitivity_of_a_simulated_curve_of_a_tilted_cantilever_gives_its_hidden_spring_constant(tilt):
+    """The record is made up for the hidden k; the sensitivity is what a curve of the simulator on graphite says."""
+    measured = curve({"plant.tilt": tilt, "plant.pair": "si_graphite"})
+    sensitivity = deflection_sensitivity(measured.z, measured.voltage)
+    shown = measured.done.parameters.detector.deflection_sensitivity
+    volts = record(0.2, 23e3, 40.0, 100e-15, 1.0, 0) * SENSITIVITY / shown
+    c = measured.done.parameters.plant.cantilever_numbers
+    tip = {"tip_height": c.tip_height + 0.5 * c.thickness, "length": c.length}
+    plain = spring_constant(volts, RATE, shown, 295.0)
+    found = spring_constant(volts, RATE, sensitivity, 295.0, tilt=tilt, **tip)
+    # What is left is what the contact gives way, 0.2 %, twice, and friction.
+    assert found.k.value == pytest.approx(plain.k.value, rel=8e-3)
+    assert abs(spring_constant(volts, RATE, sensitivity, 295.0).k.value / plain.k.value - 1.0) > 0.05
 
 
 def test_the_simulated_cantilever_gets_its_own_spring_constant_back_within_three_per_cent():

@@ -58,6 +58,6 @@ def curve(x: float = 0.0, y: float = 0.0, dwell: int = 100) -> Curve:
     deflection = 0.3 + np.where(z > 6e-8, z - 6e-8, 0.0) / 1e-7
     phase = np.concatenate([np.full(2001, APPROACH), np.full(dwell, DWELL), np.full(2001, RETRACT)]).astype(float)
     time = 12.5 + 2e-5 * np.arange(len(z))
-    channels = {"z": z, "deflection": deflection, "lateral": 0.01 * z / 1e-7, "phase": phase}
-    record = TimeSeries(time, channels, {"z": "m", "deflection": "V", "lateral": "V", "phase": "1"})
+    channels = {"z": z, "deflection_voltage": deflection, "lateral_voltage": 0.01 * z / 1e-7, "phase": phase}
+    record = TimeSeries(time, channels, {"z": "m", "deflection_voltage": "V", "lateral_voltage": "V", "phase": "1"})
     return Curve(record, True, x, y, 2.5e-6, 2.5e-6, 1e-7, 0.2, trigger=0.4)

@@ -38,7 +38,7 @@ def test_afmformats_reads_force_height_time_and_segments_with_its_keys(tmp_path,
     for key, wanted in KEYS.items():
         assert read.metadata[key] == (pytest.approx(wanted, rel=1e-9) if isinstance(wanted, float) else wanted), key
     # The dwell belongs to neither segment.
-    z, force = curve.record.channels["z"], curve.record.channels["deflection"] * 1e-7 * 0.2
+    z, force = curve.record.channels["z"], curve.record.channels["deflection_voltage"] * 1e-7 * 0.2
     exact = {"rtol": 0.0 if suffix == "h5" else 1e-8, "atol": 0.0}
     for segment, part in ((read.appr, slice(0, 2001)), (read.retr, slice(2101, None))):
         np.testing.assert_allclose(segment["force"], force[part], **exact)

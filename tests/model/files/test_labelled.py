@@ -67,7 +67,7 @@ def test_places_on_the_sample_are_those_of_a_frame_that_is_turned_about_its_cent
 
 def test_curve_has_its_force_and_the_names_of_its_phases():
     made = to_xarray(scans.curve())
-    np.testing.assert_allclose(made.force, 0.2 * 1e-7 * made.deflection, rtol=1e-12)
+    np.testing.assert_allclose(made.force, 0.2 * 1e-7 * made.deflection_voltage, rtol=1e-12)
     assert made.time.attrs["units"] == "s" and float(made.time[0]) == 12.5
     assert dict(zip(made.phase.flag_meanings.split(), made.phase.flag_values, strict=True))["retract"] == 4
     assert made.attrs["spring_constant"] == 0.2

@@ -52,6 +52,43 @@ def test_where_nothing_was_scored_there_is_nothing_to_doubt():
         assert doubts(scope.parameters, scope.score()) == []
 
 
+class Ramp:
+    """Moves the scanner by the same at every tick [V]."""
+
+    def __init__(self, step: float) -> None:
+        self.step, self.voltage = step, 0.0
+
+    def answer(self, measurement: np.ndarray) -> np.ndarray:
+        self.voltage += self.step
+        return np.array([self.voltage, 0.0, 0.0])
+
+
+def slid(step: float) -> tuple[list[str], ScoreSummary]:
+    """The same of a warm tip that slides at 2 um/s."""
+    values = {"plant.kind": "lever", "sample.kind": "flat", "plant.scanner": "stack_13um", "plant.tilt": 0.0}
+    values |= {"plant.temperature": 295.0, "reference.z_r": 50e-9, "onboard.kind": "pi", "plant.dt": step}
+    values |= {"plant.control_period": 1e-6, "run.duration": 6e-3, "score.start": 2e-3}
+    sim = build(SimParameters, values)
+    run = simulate(sim, Ramp(2e-12 / sim.piezo.sensitivity_x))
+    return run.doubts, run.score
+
+
+def switched(step: float) -> tuple[list[str], ScoreSummary]:
+    """The same of a closed loop whose law switches at every tick."""
+    return told(CLOSED | {"plant.dt": step}, {"law.kind": "sgn"})
+
+
+@pytest.mark.parametrize(("run", "short", "resolved"), [(switched, 2e-7, False), (slid, 5e-8, True)])
+def test_rests_as_short_as_a_step_are_told_and_a_score_that_they_make_moves_with_the_step(run, short, resolved):
+    (sentence,), score = run(1e-6)
+    assert f"the tip came to rest {score.stick_phases} times, for " in sentence
+    assert "on average: rests begin and end with a step" in sentence
+    others, other = run(short)
+    assert other.stick_fraction != pytest.approx(score.stick_fraction, rel=0.5)
+    # Rests of a warm tip take some microseconds, those under a law that switches never more than a step.
+    assert (others == []) == resolved
+
+
 def test_load_for_which_the_step_is_too_long_is_told_with_both_numbers():
     values = {"plant.dt": 2e-6, "detector.sample_period": 2e-6, "run.duration": 0.01, "score.start": 0.0}
     sim = build(SimParameters, values)

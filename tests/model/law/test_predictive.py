@@ -178,7 +178,7 @@ def test_a_reserve_bridges_a_controller_that_stands_still_for_20_ms(delay):
         y = record_at(instrument.measurement, 0, Measurement)
         if tick > 450:
             worst = max(worst, *(abs(y.position - y.reference_position)[:2] / 5e-9 * 100.0))
-    assert worst < 0.2
+    assert worst < 0.5
     # It grows with each answer until it is whole.
     whole = delay + 2 + last
     assert length == [min(length[0] + i, whole) for i in range(len(length))]

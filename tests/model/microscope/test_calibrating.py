@@ -1,7 +1,7 @@
 """Claims about calibrations: what they find of a simulated instrument is what it is."""
 
 import pytest
-from quick_lever import OVER_THE_WEDGE, WEDGE
+from quick_lever import OVER_THE_WEDGE, PRESSED, WEDGE
 
 from afm_model.microscope.verbs import ThermalTune
 
@@ -18,7 +18,7 @@ def test_wedge_gives_the_lateral_sensitivity_within_one_percent():
     believed = microscope.instrument.parameters.detector.lateral_sensitivity
     assert outcome.result.estimate.value == pytest.approx(believed / 1.25, rel=0.01)
     # Behind the calibration the setpoint is that of before.
-    assert microscope.state.setpoint == pytest.approx(5.0)
+    assert microscope.state.setpoint == pytest.approx(PRESSED)
 
 
 def test_thermal_tune_gives_the_stiffness_within_three_standard_uncertainties():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from quick_lever import PRESSED
 
 from afm_model import load_scenario
 from afm_model.microscope.image import Image
@@ -88,6 +89,6 @@ def test_crosstalk_is_half_the_sum_of_trace_and_retrace_and_friction_does_not_sh
     mixed = imaged(scan, detector={"deflection_in_lateral": 0.05})
     inside = np.abs(np.abs(plain.x) - 100e-9) < 60e-9
     # 5 % of a setpoint of 5 V, at 50 nN/V.
-    assert mixed.crosstalk()[:, inside] == pytest.approx(0.05 * 5.0 * 50e-9, rel=1e-3)
+    assert mixed.crosstalk()[:, inside] == pytest.approx(0.05 * PRESSED * 50e-9, rel=1e-3)
     assert np.abs(plain.crosstalk()[:, inside]).max() < 1e-12
     assert mixed.friction()[:, inside] == pytest.approx(plain.friction()[:, inside], rel=1e-6)

@@ -4,10 +4,11 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from quick_lever import KNOWN, LAW, LEVER
+from quick_lever import KNOWN, LAW, LEVER, PRESSED
 
 from afm_model import ControllerParameters, SimParameters, VerbError, build
 from afm_model.analysis import force_curve
+from afm_model.files import write_curves
 from afm_model.microscope.local import Local
 from afm_model.microscope.verbs import Approach, ForceCurve, MoveTo, Scan, Withdraw
 
@@ -80,9 +81,9 @@ def test_approach_withdraw_and_move_go_where_they_say():
     microscope = local()
     begin = microscope.instrument.orders.onboard.z
     standing = microscope.execute(APPROACH).result
-    assert standing.deflection == pytest.approx(5.0, rel=1e-2)  # 10 nN / 0.2 N/m / 10 nm/V
+    assert standing.deflection_voltage == pytest.approx(PRESSED, rel=1e-2)
     assert microscope.state.approached
-    assert standing.z - begin == pytest.approx(20e-9 + 50e-9, abs=3e-9)
+    assert standing.z - begin == pytest.approx(20e-9 + PRESSED * 9.71e-9, abs=1e-9)
     standing = microscope.execute(MoveTo(x=20e-9, y=-10e-9)).result
     assert (standing.x, standing.y) == pytest.approx((20e-9, -10e-9), rel=1e-9)
     assert microscope.instrument.truth.position[:2] == pytest.approx([20e-9, -10e-9], abs=1e-10)
@@ -120,14 +121,33 @@ def test_force_curves_show_snap_in_and_adhesion_and_leave_the_tip_on_the_sample(
     for curve in (first, second):
         assert curve.triggered
         read = curve.record.channels
-        assert read["deflection"][read["phase"] == 2].max() == pytest.approx(1.0, rel=0.02)
-        told = force_curve(read["z"], read["deflection"] * curve.deflection_sensitivity, curve.spring_constant)
+        assert read["deflection_voltage"][read["phase"] == 2].max() == pytest.approx(1.0, rel=0.02)
+        told = force_curve(read["z"], read["deflection_voltage"] * curve.deflection_sensitivity, curve.spring_constant)
         assert told.adhesion.value == pytest.approx(2.0 * units.force, rel=0.01)
         # To pass the fold takes time: 0.013 nm of way at 0.2 um/s, 0.036 nm at 1 um/s.
         assert told.snap_in_way == pytest.approx(way, abs=0.036e-9)
     assert second.record.time[0] > first.record.time[-1]
     assert microscope.state.approached
     assert microscope.instrument.in_contact
+
+
+def test_setpoint_trigger_curve_and_file_mean_one_force_and_it_is_the_vertical_one(tmp_path):
+    # A tilted cantilever without friction, whose truth is the force on the tip.
+    microscope = local(plant__tau=1e3)
+    microscope.set_sample({"kind": "flat"})
+    microscope.execute(APPROACH)
+    assert microscope.instrument.truth.normal_force == pytest.approx(10e-9, rel=2e-3)
+    verb = ForceCurve(trigger_force=30e-9, approach_rate=0.2e-6, ramp=300e-9)
+    (curve,) = microscope.execute(verb).result
+    free = curve.arrays().variables["force"].values[:100].mean()
+    # A sample of z is 2 pm, 0.4 pN.
+    assert curve.arrays().variables["force"].values.max() - free == pytest.approx(30e-9, rel=1e-3)
+    assert curve.trigger == pytest.approx(3.0 * PRESSED)
+    import h5py
+
+    with h5py.File(write_curves(tmp_path / "curve.h5", curve)) as file:
+        assert file["0"].attrs["setpoint"] == pytest.approx(30e-9, rel=1e-9)
+        assert file["0"]["force"][:].max() - free == pytest.approx(30e-9, rel=1e-3)
 
 
 def test_memory_is_the_same_however_many_lines_are_scanned():

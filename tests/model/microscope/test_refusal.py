@@ -1,6 +1,7 @@
 """Claims about goals that cannot be: one sentence each, before anything moves; parameters that are made ready."""
 
 import pytest
+from quick_lever import PRESSED
 
 from afm_model import ParameterError, SimParameters, build
 from afm_model.microscope import (
@@ -39,7 +40,10 @@ def approached():
             "line_rate = 1000 Hz is not allowed with pixels = 128: a pixel would be less",
         ),
         (Scan(line_rate=50.0, pixels=8), "a turn would be shorter than a period of the scanner's resonance of 500 Hz"),
-        (Scan(channels="hight"), "channels = hight is not allowed: there is no hight; there are "),
+        (
+            Scan(channels="hight"),
+            "channels = hight is not allowed: there is no hight (did you mean height?); there are asked_x, ",
+        ),
         (Scan(channels=" , "), "channels is empty: it must name one at least, such as height"),
         (FrictionLoop(count=1), "count = 1 is not allowed: the first line is not part of the result; it must be >= 2"),
         (FrictionLoop(length=5e-6), "outside the travel of the scanner"),
@@ -57,7 +61,7 @@ def approached():
         ),
         (ForceCurve(approach_rate=1.0), "approach_rate = 1 m/s is not allowed: within a sample of 1e-05 s z would go"),
         (ForceCurve(retract_rate=1.0), "retract_rate = 1 m/s is not allowed: within a sample of 1e-05 s z would go"),
-        (ForceCurve(trigger_force=1e-9, approach_rate=1e-3), "it must be <= 0.0005 m/s"),
+        (ForceCurve(trigger_force=1e-9, approach_rate=1e-3), "it must be <= 0.000479 m/s"),
         (ThermalTune(), "ThermalTune is not allowed while the tip is on the sample: withdraw it first"),
     ],
     ids=lambda value: type(value).__name__ if not isinstance(value, str) else "",
@@ -74,14 +78,14 @@ def test_an_approach_to_no_deflection_is_refused():
 
 def test_a_setpoint_or_trigger_that_the_detector_never_tells_is_refused():
     microscope = local(detector__adc_bits=16)
-    with pytest.raises(ParameterError, match=r"a setpoint of 12.5 V is not allowed: the detector saturates at 10 V"):
+    with pytest.raises(ParameterError, match=r"a setpoint of 11.97 V is not allowed: the detector saturates at 10 V"):
         microscope.set_setpoint(force=25e-9)
-    assert microscope.state.setpoint == pytest.approx(5.0)
+    assert microscope.state.setpoint == pytest.approx(PRESSED)
     microscope.execute(APPROACH)
     told = microscope.objection(ForceCurve(trigger_voltage=11.0))
     assert told == "a trigger of 11 V is not allowed: the detector saturates at 10 V"
     told = microscope.objection(CalibrateLateral(setpoint_to=40e-9))
-    assert told == "a setpoint of 20 V is not allowed: the detector saturates at 10 V"
+    assert told == "a setpoint of 19.16 V is not allowed: the detector saturates at 10 V"
 
 
 def test_an_approach_that_would_pass_the_setpoint_within_a_sample_is_refused():

@@ -1,6 +1,7 @@
 """Claims about cancelling, feedback, setpoint, gains, another sample or probe."""
 
 import pytest
+from quick_lever import PRESSED
 
 from afm_model import ParameterError, VerbError
 from afm_model.microscope.results import CANCELLED, COMPLETE
@@ -57,7 +58,7 @@ def test_a_verb_that_is_cancelled_leaves_the_tip_withdrawn_and_the_scanner_at_re
     assert microscope.time < begin + after + 0.1
     assert not microscope.state.approached
     assert not microscope.instrument.in_contact
-    assert microscope.state.setpoint == pytest.approx(5.0)
+    assert microscope.state.setpoint == pytest.approx(PRESSED)
     asked = microscope.instrument.orders.asked
     assert [*asked.velocity, *asked.acceleration] == pytest.approx([0.0] * 6, abs=1e-15)
     # It goes on from there.
@@ -116,18 +117,18 @@ def test_setpoint_and_gains_change_while_it_follows():
     microscope = local()
     microscope.execute(APPROACH)
     microscope.set_setpoint(force=20e-9)
-    assert microscope.state.setpoint == pytest.approx(10.0)
+    assert microscope.state.setpoint == pytest.approx(2.0 * PRESSED)
     standing = microscope.execute(MoveTo(x=10e-9, speed=0.5e-6)).result
-    assert standing.deflection == pytest.approx(10.0, rel=1e-3)
+    assert standing.deflection_voltage == pytest.approx(2.0 * PRESSED, rel=1e-3)
     before = microscope.instrument.orders.onboard.z
     microscope.set_gains(proportional=0.1e-9, integral=5e-6)
     state = microscope.state
     assert (state.proportional_gain, state.integral_gain) == (0.1e-9, 5e-6)
     microscope.set_setpoint(voltage=5.0)
     standing = microscope.execute(MoveTo(x=0.0, speed=0.5e-6)).result
-    assert standing.deflection == pytest.approx(5.0, rel=1e-3)
+    assert standing.deflection_voltage == pytest.approx(5.0, rel=1e-3)
     # Back by 5 V at 9.71 nm/V: the cantilever is tilted.
-    assert standing.z - before == pytest.approx(-5.0 * 9.71e-9, rel=2e-3)
+    assert standing.z - before == pytest.approx((5.0 - 2.0 * PRESSED) * 9.71e-9, rel=2e-3)
     for call in (lambda: microscope.set_setpoint(), lambda: microscope.set_setpoint(force=1e-9, voltage=1.0)):
         with pytest.raises(ParameterError, match="one of them must be given, not 0"):
             call()

@@ -26,7 +26,7 @@ from afm_model import (
 from afm_model.core import registry
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
-LIMIT = 75
+LIMIT = 60
 """Lines that an own part may take."""
 SHORT = {"run.duration": 2e-3, "score.start": 0.0}
 IN_PYTHON = """
@@ -43,6 +43,7 @@ BURSTS = plain(bursts.BURSTS, on_measurement=bursts.on_measurement, on_drive=bur
 """
 BROKEN = """
 import dataclasses
+from typing import Annotated
 from afm_model.parts import kernel
 from own_parts import kalman
 
@@ -56,6 +57,11 @@ def misspelt(t, y, u, p, s):
 RAISES = dataclasses.replace(kalman.KALMAN, control=fails)
 MISSPELT = dataclasses.replace(kalman.KALMAN, control=misspelt)
 WRONG_CONSTANTS = dataclasses.replace(kalman.KALMAN, values=lambda parameters: {"period": 1.0})
+
+class Scaled(kalman.Constants):
+    jerk: Annotated[float, "x0/s^2"]
+
+WRONG_UNIT = dataclasses.replace(kalman.KALMAN, constants=Scaled)
 NO_PART = 3
 """
 
@@ -131,7 +137,7 @@ def test_the_parameters_of_an_own_law_are_checked_and_described_as_ours(own):
     assert described["law.bandwidth"].unit == "rad/s"
     assert "law.alpha" not in described
     with pytest.raises(
-        ParameterError, match=r"law.bandwidth = -1.0 rad/s is not allowed: it must be a finite number > 0"
+        ParameterError, match=r"law.bandwidth = -1.0 rad/s is not allowed: it must be a finite number >= 1e-06"
     ):
         build(ControllerParameters, {"law.kind": "kalman", "law.bandwidth": -1.0})
     with pytest.raises(ParameterError, match=r"unknown parameter law.bandwith: did you mean law.bandwidth"):
@@ -361,6 +367,9 @@ def test_a_broken_part_is_reported_by_its_name(own):
         run({}, law("MISSPELT"))
     with pytest.raises(PartError, match=r"^law own_parts.broken:WRONG_CONSTANTS: the values of its constants"):
         run({}, law("WRONG_CONSTANTS"))
+    # A constant of the name of a parameter has its value in the same unit only.
+    with pytest.raises(PartError, match=r"^law own_parts.broken:WRONG_UNIT: .* the fields of the record differ: jerk$"):
+        run({}, law("WRONG_UNIT"))
     with pytest.raises(
         ParameterError, match=r"law.kind = own_parts.broken:NO_PART is not allowed: .* is no law but a int"
     ):

@@ -48,7 +48,7 @@ def test_the_way_from_minimum_to_minimum_is_that_of_steepest_descent(lattice, an
     found = np.column_stack([r.A_x, r.A_y])[::every]
     # In the same minimum but for the step of a slip; the load gives way a little, which the reference does not know.
     apart = np.hypot(*(found - expected).T)
-    assert np.mean(apart < 0.03 * A) > 0.96
+    assert np.mean(apart < 0.03 * A) > 0.95
     slips = np.flatnonzero(np.hypot(*np.diff(expected, axis=0).T) > 0.3 * A)
     assert len(slips) >= 4
     # Zigzag: on its way along x it goes to both sides.

@@ -199,10 +199,12 @@ def test_static_deflection_is_that_of_finite_elements_under_a_tilted_force(tilt)
     # A vertical force, in the cantilever's frame: couple by its part along, force by its part across.
     N = float(b.s.N)
     end, slope = beam.compliance() @ np.array([N * math.cos(tilt), -N * math.sin(tilt) * arm])
-    assert math.cos(tilt) * end - math.sin(tilt) * arm * slope == pytest.approx(50e-9, rel=1e-9)
-    # The photodiode sees the slope, counted as the deflection that an end force of that slope would make.
-    assert b.s.shown == pytest.approx(2.0 / 3.0 * c.length * slope, rel=1e-9)
-    assert b.s.tip == pytest.approx(50e-9, rel=1e-12)
+    assert b.s.tip == pytest.approx(math.cos(tilt) * end - math.sin(tilt) * arm * slope, rel=1e-9)
+    # The photodiode sees the slope, counted as the deflection that an end force of that slope would make: the setpoint.
+    assert 2.0 / 3.0 * c.length * slope == pytest.approx(50e-9, rel=1e-9)
+    assert b.s.shown == pytest.approx(50e-9, rel=1e-12)
+    # And the force of it is that of the setpoint of this force.
+    assert b.plant.deflection_under(None, N) == pytest.approx(50e-9, rel=1e-9)
 
 
 def test_friction_along_the_cantilever_bends_it():

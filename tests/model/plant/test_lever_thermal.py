@@ -12,7 +12,7 @@ from scipy.signal import welch
 from afm_model.plant.random_numbers import normal
 
 from .lever_bench import LeverBench
-from .test_lever import UPRIGHT, contact_under, series
+from .test_lever import UPRIGHT, along, contact_under, series
 
 KT = 1.380649e-23 * 295.0
 FREE = {"plant__gap": 1e-6, "plant__tilt": 0.0, "plant__temperature": 295.0, "plant__torsion": "moving"}
@@ -159,6 +159,70 @@ def test_spectra_of_what_the_photodiode_shows_are_those_of_damped_oscillators():
             error = (bins.sum() * chunks * 2**3) ** -0.5
             # The scheme has 2/h tan(pi f h) in place of 2 pi f, and 1/cos^2 of it.
             assert ratio == pytest.approx(1.0, abs=4.0 * error + (math.pi * end * step) ** 2 / 3.0), (name, begin)
+
+
+SHOWN = ("N", "F_x", "F_y", "shown", "tip", "delta")
+
+
+def in_contact(b: LeverBench) -> dict[str, float]:
+    """Variances of SHOWN of an upright lever whose tip sticks, by equipartition: springs of modes, contact and rest."""
+    c, p, modes = b.plant.cantilever_numbers, b.p, b.plant.modes
+    a, across = contact_under(b, c.k * 50e-9)
+    along = 8.0 * b.plant.pair_numbers.G * a
+    own = np.diag([c.k * x**4 / 12.0 for x in (1.8751040687, 4.6940911330, 7.8547574382)[:modes]])
+    rest = np.array([[p.rest_yy, p.rest_yz], [p.rest_yz, p.rest_zz]])
+    way = np.array([p.mode_y[:modes], p.mode_z[:modes]])
+    held = np.linalg.inv(np.diag([1.0 / along, 1.0 / across]) + rest)
+    modes_covariance = KT * np.linalg.inv(own + way.T @ held @ way)
+    force = -held @ way
+    rows = {
+        "N": force[1],
+        "F_y": force[0],
+        "shown": p.mode_shown[:modes] + np.array([p.shown_y, p.shown_z]) @ force,
+        "tip": p.mode_z[:modes] + np.array([p.rest_yz, p.rest_zz]) @ force,
+        "delta": force[1] / across,
+    }
+    return {name: float(row @ modes_covariance @ row) for name, row in rows.items()}
+
+
+@pytest.mark.parametrize(("step", "modes"), [(1e-6, 2), (2.5e-7, 2), (5e-7, 3)])
+def test_what_a_tip_in_contact_shows_fluctuates_by_equipartition_whatever_the_step(step, modes):
+    b = LeverBench(**UPRIGHT, plant__dt=step, plant__modes=modes, plant__temperature=295.0, plant__Q=10.0)
+    n = round(0.1 / step)
+    b.stay(n // 10)
+    r = b.stay(n)
+    assert r.stuck.all()
+    for name, expected in in_contact(b).items():
+        assert np.var(r[name]) == pytest.approx(expected, rel=0.05), name
+    assert np.mean(r.N) == pytest.approx(10e-9, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"sample__kind": "plane", "sample__angle_x": 0.3, "sample__angle_y": -0.2, "plant__torsion": "moving"},
+        {"sample__kind": "lattice", "sample__barrier": 3e-19, "plant__apex_mass": 4e-11, "plant__apex_damping": 1e6},
+    ],
+    ids=["slope", "lattice"],
+)
+def test_forces_on_a_slope_and_on_atoms_fluctuate_alike_at_steps_of_any_length(values):
+    given = {"plant__scanner": "stack_13um", "plant__temperature": 295.0, "plant__Q": 10.0, "plant__Q_torsion": 10.0}
+    found = []
+    for step in (1e-6, 1e-7) if "sample__angle_x" in values else (2e-7, 5e-8):
+        b = LeverBench(**(given | values), plant__dt=step)
+        b.stay(round(0.01 / step))
+        found.append(b.stay(round(0.1 / step)))
+    for name in SHOWN:
+        assert np.var(found[0][name]) == pytest.approx(np.var(found[1][name]), rel=0.06), name
+
+
+def test_friction_shown_with_noise_keeps_to_its_bound_and_the_force_is_made_of_it():
+    b = LeverBench(**UPRIGHT, plant__temperature=295.0)
+    r = b.run(along(2e-6 * np.arange(1, 4001) * b.plant.dt))[1000:]
+    assert 0.0 < np.mean(r.stuck) < 1.0
+    assert (np.hypot(r.T_x, r.T_y) <= r.F_max * (1.0 + 1e-12)).all()
+    assert r.F_x == pytest.approx(r.T_x)
+    assert r.F_z == pytest.approx(r.N)
 
 
 def test_noise_is_by_seed_and_none_at_zero_temperature():

@@ -1,6 +1,5 @@
 """The verb CalibrateSensitivity."""
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, ClassVar
 
@@ -8,6 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from ...analysis import deflection_sensitivity
+from ...analysis.estimate import mean
 from ...core.errors import VerbError
 from ...core.schema import Positive, Unit
 from ..execution import Execution, Task
@@ -62,11 +62,11 @@ def _found(curves: Sequence[Curve]) -> Calibration | None:
     if not records:
         return None
     try:
-        each = [deflection_sensitivity(read["z"], read["deflection"]) for read in records]
+        each = [deflection_sensitivity(read["z"], read["deflection_voltage"]) for read in records]
     except ValueError as error:
         raise VerbError(f"no sensitivity comes out of the curves: {error}") from None
-    values = np.array([one.value for one in each])
+    values = [one.value for one in each]
     # What friction does to a curve is the same in all of them, and does not become less by more of them.
-    common = float(np.mean([one.uncertainty for one in each]))
-    scatter = float(values.std(ddof=1)) / math.sqrt(values.size) if values.size > 1 else 0.0
-    return Calibration(float(values.mean()), math.hypot(common, scatter), "m/V", {"curves": values.size})
+    common, scatter = float(np.mean([one.uncertainty for one in each])), mean(values).uncertainty
+    uncertainty = common if len(values) == 1 else max(common, scatter)
+    return Calibration(float(np.mean(values)), uncertainty, "m/V", {"curves": len(values)})

@@ -18,7 +18,7 @@ from ..arrays import Arrays, Variable, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task, landing
 from ..results import MicroscopeState, TimeSeries
-from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast
+from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast, too_much
 from ..view import InstrumentView
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _PHASES = (LIFT, SETTLE, APPROACH, DWELL, RETRACT)
 """Of the steps of an order, in order."""
-_NAMES = {"z": "z", "deflection_voltage": "deflection", "lateral_voltage": "lateral", "step": "phase"}
+_NAMES = ["z", "deflection_voltage", "lateral_voltage", "step"]
 _AGAIN = 2.0
 """The tip goes back to the sample by so many times the way that it was lifted by, at most."""
 _FLAGS = {"flag_values": [APPROACH, DWELL, RETRACT], "flag_meanings": "approach dwell retract"}
@@ -42,7 +42,7 @@ class Curve:
     """One force curve: approach, dwell, retract."""
 
     record: TimeSeries
-    """Channels `z` (as driven, positive towards the sample) [m], `deflection` [V], `lateral` [V], `phase`."""
+    """Channels `z` (as driven, towards the sample) [m], `deflection_voltage` [V], `lateral_voltage` [V], `phase`."""
     triggered: bool  # the approach ended by its trigger
     x: float  # place [m]
     y: float
@@ -55,11 +55,11 @@ class Curve:
     def _variables(self, dims: tuple[str, ...]) -> dict[str, Variable]:
         found = self.record.variables(dims)
         found["phase"] = found["phase"]._replace(attributes={**found["phase"].attributes, **_FLAGS})
-        force = self.record.channels["deflection"] * self.deflection_sensitivity * self.spring_constant
+        force = self.record.channels["deflection_voltage"] * self.deflection_sensitivity * self.spring_constant
         return found | {"force": variable(dims, force, "force", "N")}
 
     def arrays(self) -> Arrays:
-        """Over time: `z`, `deflection`, `lateral`, `phase` and `force`."""
+        """Over time: `z`, `deflection_voltage`, `lateral_voltage`, `phase` and `force`."""
         numbers = {name: getattr(self, name) for name in _UNITS} | {"triggered": int(self.triggered)}
         time = variable(("time",), self.record.time, "time", "s")
         return Arrays(self._variables(("time",)), {"time": time}, numbers)
@@ -97,7 +97,7 @@ def as_curves(curves: "Curve | Sequence[Curve] | xarray.Dataset") -> list[Curve]
         return [curves]
     if isinstance(curves, Sequence) and all(isinstance(each, Curve) for each in curves):
         return list(curves)
-    if not {"z", "deflection", "phase"} <= set(getattr(curves, "data_vars", ())):
+    if not {"z", "deflection_voltage", "phase"} <= set(getattr(curves, "data_vars", ())):
         raise ValueError(f"these are no force curves, neither Curve nor their labelled arrays: {type(curves).__name__}")
     dataset: Any = curves
     if "curve" not in dataset.dims:
@@ -142,9 +142,7 @@ class ForceCurve(Verb):
     trigger_voltage: Volts = Field(
         0.0, description="rise of the deflection at which an approach ends; 0: by trigger_force"
     )
-    trigger_force: Force = Field(
-        0.0, description="the same as force of the cantilever; 0, too: an approach ends with the ramp"
-    )
+    trigger_force: Force = Field(0.0, description="the same as vertical force; 0, too: an approach ends with the ramp")
     dwell: Rest = Field(0.0, description="rest at the end of an approach, z held")
     count: Count = Field(1, description="curves, one after the other")
     sample_rate: SampleRate = Field(50e3, description="samples of the result; each is a mean over samples of the ADC")
@@ -176,6 +174,11 @@ class ForceCurve(Verb):
                 f"ramp = {self.ramp:g} m is not allowed here: with lift = {self.lift:g} m z has "
                 f"{high - view.offset + self.lift:.4g} m to go towards the sample"
             )
+        one = self.ramp / self.approach_rate + self.dwell + self.ramp / self.retract_rate
+        yield from too_much(
+            len(_NAMES) * view.samples(self.count * one, self.sample_rate),
+            f"count = {self.count} of curves of up to {one:.4g} s at sample_rate = {self.sample_rate:g} Hz",
+        )
 
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`."""
@@ -202,7 +205,7 @@ class ForceCurve(Verb):
             Step(orders.RAMP, target=down, rate=self.retract_rate),
         )
         for number in range(self.count):
-            recorder = run.recorder(list(_NAMES), self.sample_rate)
+            recorder = run.recorder(_NAMES, self.sample_rate)
             measured.append((recorder, False))
             yield Task(Order(view.stay(), steps), one, f"curve {number + 1} of {self.count}", recorder)
             measured[-1] = recorder, run.triggered
@@ -230,8 +233,8 @@ class ForceCurve(Verb):
         step = np.maximum.accumulate(step)
         phase = np.array([*_PHASES, RETRACT], np.float64)[step]
         part = phase >= APPROACH
-        values = {_NAMES[name]: values[part] for name, values in record.channels.items() if name != "step"}
-        units = {_NAMES[name]: unit for name, unit in record.units.items()}
+        values = {name: values[part] for name, values in record.channels.items() if name != "step"}
+        units = {name: unit for name, unit in record.units.items() if name != "step"} | {"phase": "1"}
         x, y = view.place
         return Curve(
             TimeSeries(record.time[part], values | {"phase": phase[part]}, units),

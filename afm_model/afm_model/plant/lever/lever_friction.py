@@ -10,12 +10,23 @@ from ...core.records import Block
 from ...parts.dispatch import surface
 from .lever_constants import Constants
 from .lever_contact import hold, indent, place_frame, slide
+from .lever_end import show_end
 from .lever_state import State
 
 
 @kernel
 def on_surface(
-    P_x: float, P_y: float, P_z: float, tip_z: float, p: Constants, s: State, m: Block, at: int
+    P_x: float,
+    P_y: float,
+    P_z: float,
+    tip_z: float,
+    D_x: float,
+    D_y: float,
+    D_z: float,
+    p: Constants,
+    s: State,
+    m: Block,
+    at: int,
 ) -> tuple[float, float, float]:
     """Force of the sample on the tip at mid-step; writes what the contact has come to into the state s.
 
@@ -25,6 +36,8 @@ def on_surface(
         Place of the tip on the sample at mid-step, if it felt no force.
     P_z, tip_z : floats [m]
         Height of the scanner and deflection of the tip there, likewise.
+    D_x, D_y, D_z : floats [m]
+        Way of the sample against the tip in the second half of the step, likewise.
     p, s : records of Constants and State
     m, at : block of the instrument, where the table of the contact begins
 
@@ -122,4 +135,10 @@ def on_surface(
             s.A_x -= s.T_x / (p.stiffness_per_radius * a)
             s.A_y -= s.T_y / (p.stiffness_per_radius * a)
     s.U_x, s.U_y, s.delta, s.a, s.N, s.F_max = u_x, u_y, delta, a, N, bound
+    s.F_x, s.F_y, s.F_z = F_x, F_y, F_z
+    if p.thermal != 0.0:
+        D_x -= (p.W_x - p.rest_x) * F_x
+        D_y -= (p.W_yy - p.rest_yy) * F_y + (p.W_yz - p.rest_yz) * F_z
+        D_z -= (p.W_yz - p.rest_yz) * F_y + (p.W_zz - p.rest_zz) * F_z
+        show_end(n_x, n_y, n_z, s.stuck * p.stiffness_per_radius * a, D_x, D_y, D_z, p, s, m, at)
     return F_x, F_y, F_z

@@ -13,6 +13,7 @@ from ...parts.dispatch import surface
 from ..random_numbers import normal as standard_normal
 from .lever_constants import Constants
 from .lever_contact import indent, normal, place_frame
+from .lever_end import show_end
 from .lever_state import State
 
 _LONGEST = 1.0 / 32.0
@@ -61,7 +62,16 @@ def _indent(
 
 @routine
 def on_lattice(
-    P_x: float, P_y: float, P_z: float, p: Constants, s: State, m: Block, at: int
+    P_x: float,
+    P_y: float,
+    P_z: float,
+    D_x: float,
+    D_y: float,
+    D_z: float,
+    p: Constants,
+    s: State,
+    m: Block,
+    at: int,
 ) -> tuple[float, float, float]:
     """Force of the sample on the tip at mid-step; writes what the contact has come to into the state s.
 
@@ -70,6 +80,8 @@ def on_lattice(
     P_x, P_y, P_z : floats [m]
         Place of the tip on the sample at mid-step and how far the sample without its height stands above it, if it felt
         no force.
+    D_x, D_y, D_z : floats [m]
+        Way of the sample against the tip in the second half of the step, likewise.
     p, s : records of Constants and State
     m, at : block of the instrument, where the table of the contact begins
 
@@ -78,7 +90,7 @@ def on_lattice(
     (F_x, F_y, F_z) : floats [N]
     """
     if s.a == 0.0:
-        return _off(P_x, P_y, P_z, p, s, m, at)
+        return _off(P_x, P_y, P_z, D_z, p, s, m, at)
     k = 1.0 / (p.apex_compliance + 1.0 / (p.stiffness_per_radius * s.a))
     # Cantilever, scanner and contact in series.
     K_1, K_2 = k / (1.0 + k * p.W_x), k / (1.0 + k * p.W_yy)
@@ -121,7 +133,7 @@ def on_lattice(
         if newton and abs(way_x) + abs(way_y) < close:
             break
     if a == 0.0:
-        return _off(P_x, P_y, P_z, p, s, m, at)
+        return _off(P_x, P_y, P_z, D_z, p, s, m, at)
     # What the last step changes.
     more = h_x * way_x + c_y * way_y
     delta += more * give / stiffness if stiffness != 0.0 else more
@@ -138,17 +150,30 @@ def on_lattice(
         s.A_x, s.A_y = u_x, u_y
     s.U_x, s.U_y = P_x - p.W_x * S_x, P_y - p.W_yy * S_y - p.W_yz * N
     s.delta, s.N, s.a = delta, N, a
-    s.F_max = p.lattice_force + p.lattice_slope * max(N, 0.0)
+    s.F_x, s.F_y, s.F_z = s.T_x, s.T_y, _ = S_x, S_y, N
+    if p.thermal != 0.0:
+        # An apex with mass has gone on; one without is where it was.
+        way_x, way_y = s.A_x - u_x, s.A_y - u_y
+        D_x -= (p.W_x - p.rest_x) * S_x + way_x
+        D_y -= (p.W_yy - p.rest_yy) * S_y + (p.W_yz - p.rest_yz) * N + way_y
+        D_z -= (p.W_yz - p.rest_yz) * S_y + (p.W_zz - p.rest_zz) * N - h_x * way_x - (c_y - p.W_yz * K_2) * way_y
+        show_end(0.0, 0.0, 1.0, k if p.apex_hold != 0.0 else 0.0, D_x, D_y, D_z, p, s, m, at)
+    s.F_max = p.lattice_force + p.lattice_slope * max(s.N, 0.0)
     return S_x, S_y, N
 
 
 @routine
-def _off(P_x: float, P_y: float, P_z: float, p: Constants, s: State, m: Block, at: int) -> tuple[float, float, float]:
+def _off(
+    P_x: float, P_y: float, P_z: float, D_z: float, p: Constants, s: State, m: Block, at: int
+) -> tuple[float, float, float]:
     """The same of a tip that does not touch the sample: no lateral force. One that snaps in is at rest there."""
     H = surface(P_x / p.x0, P_y / p.x0, m)
     place_frame(H, p, s, m, at)
     s.delta, s.N, _, s.a = _indent(s.delta, P_z + H.height * p.z0, p.W_zz, p, s, m, at)
     s.U_x, s.U_y = P_x, P_y - p.W_yz * s.N
     s.A_x, s.A_y = s.U_x, s.U_y
-    s.V_Ax = s.V_Ay = s.stuck = s.F_max = 0.0
-    return 0.0, 0.0, s.N
+    s.V_Ax = s.V_Ay = s.stuck = s.F_max = s.F_x = s.F_y = s.T_x = s.T_y = 0.0
+    N = s.F_z = s.N
+    if p.thermal != 0.0:
+        show_end(0.0, 0.0, 1.0, 0.0, 0.0, 0.0, D_z - (p.W_zz - p.rest_zz) * N, p, s, m, at)
+    return 0.0, 0.0, N

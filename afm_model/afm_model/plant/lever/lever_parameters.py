@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
 from ...core.schema import NonNegative, Positive, Unit
+from ...core.tilted import tilted_deflection, tilted_stiffness
 from .. import beam
 from ..presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
 from .lever_apex import ApexParameters
@@ -108,6 +109,20 @@ class LeverGroup(ApexParameters):
             f_torsion=chosen.f_torsion or beam.torsional_resonance(k_torsion, mass, chosen.width, chosen.thickness),
             Q_torsion=chosen.Q_torsion or chosen.Q,
         )
+
+    def vertical_stiffness(self, parameters: Any) -> float:
+        """Vertical force over vertical motion of the tip [N/m]."""
+        return tilted_stiffness(self.cantilever_numbers.k, *self._tilted)
+
+    def deflection_under(self, parameters: Any, force: float) -> float:
+        """Deflection that is shown under a vertical force [m]: across the tilted cantilever, by its slope."""
+        return force / self.vertical_stiffness(parameters) * tilted_deflection(*self._tilted)
+
+    @property
+    def _tilted(self) -> tuple[float, float, float]:
+        """Tilt [rad], height of the tip below the neutral axis, length [m]."""
+        c = self.cantilever_numbers
+        return self.tilt, c.tip_height + 0.5 * c.thickness, c.length
 
     @property
     def scanner_numbers(self) -> ScannerPreset:

@@ -54,6 +54,10 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     C_zz = p.rest_zz + sum(c * z * z for c, z in zip(each, p.mode_z, strict=True))
     phi_by_x = p.twist_push / (p.half * p.twist_w2 * p.twist_inverse) if p.twist_w2 else 0.0
     C_x = p.rest_x + p.arm * phi_by_x
+    # What is given is the deflection that is shown, as to a loop that follows it.
+    shown = list(zip(each, p.mode_y, p.mode_z, p.mode_shown, strict=True))
+    D_y = p.shown_y + sum(c * y * seen for c, y, _, seen in shown)
+    D_z = p.shown_z + sum(c * z * seen for c, _, z, seen in shown)
     raised = parameters.reference.z_r - p.a
     for _ in range(_PASSES):
         before = s.U_x, s.U_y
@@ -65,7 +69,7 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
         if plant.gap > 0.0:
             s.delta = -plant.gap * n[2]
         else:
-            s.delta = _indentation((raised - C_yz * s.T_y) / (C_zz * n[2] + C_yz * n[1]), parameters, p, s, m, at)
+            s.delta = _indentation((raised - D_y * s.T_y) / (D_z * n[2] + D_y * n[1]), parameters, p, s, m, at)
         s.N, _, s.F_max, _, s.a = plain(normal)(s.delta, s, p, m, at)
         s.F_x, s.F_y, s.F_z = s.N * n
         if p.lattice and s.a > 0.0:

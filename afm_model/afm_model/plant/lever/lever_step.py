@@ -78,12 +78,15 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
 
     # Force of the sample on the tip, from where the tip would be on the sample without it.
     P_x, P_y, P_z = s.X + half * r_x - tip_x, s.Y + half * r_y - tip_y, s.Z + half * r_z
+    D_x, D_y, D_z = half * (r_x - p.arm * v_phi), half * r_y, half * r_z
+    D_y, D_z = D_y - p.base_y * (end - moved), D_z - p.base_z * (end - moved)
+    for i in range(MODES):
+        D_y -= half * p.mode_y[i] * rates[i]
+        D_z -= half * p.mode_z[i] * rates[i]
     if p.lattice != 0.0:
-        F_x, F_y, F_z = on_lattice(P_x, P_y, P_z - p.a - tip_z, p, s, m, g.plant_map)
-        s.T_x, s.T_y = F_x, F_y
+        F_x, F_y, F_z = on_lattice(P_x, P_y, P_z - p.a - tip_z, D_x, D_y, D_z, p, s, m, g.plant_map)
     else:
-        F_x, F_y, F_z = on_surface(P_x, P_y, P_z, tip_z, p, s, m, g.plant_map)
-    s.F_x, s.F_y, s.F_z = F_x, F_y, F_z
+        F_x, F_y, F_z = on_surface(P_x, P_y, P_z, tip_z, D_x, D_y, D_z, p, s, m, g.plant_map)
 
     # The whole step at the rates of its middle.
     r_x -= p.push[0] * F_x

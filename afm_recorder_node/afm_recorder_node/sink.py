@@ -1,0 +1,138 @@
+"""The file of one recording while it grows: rerun encodes what is sent, `Partial` writes it. Needs no ROS."""
+
+import socket
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from . import layout, streams
+from .checksums import seal
+from .complete import NoRoom, complete, verify
+from .frames import END, HEADER, split
+from .gaps import Gaps
+from .partial import Partial
+
+_COPIED_UP_TO = 2_000_000_000
+"""Larger files are finished in place [bytes]: a copy takes half a second for each minute of a run at 1 kHz."""
+_LIVE_MEMORY = "256MiB"
+"""What the live server keeps for viewers that connect late; it drops the oldest first."""
+
+
+class Sink:
+    """Encodes what is sent and writes it into a growing file, which gets its name in `close`.
+
+    Parameters are those of `afm_recorder_node.writer.RecordingWriter`.
+    """
+
+    def __init__(self, path: Path, number: int, live_port: int | None, live_address: str, patient: bool) -> None:
+        if live_port is not None:
+            _require_free(live_address, live_port)
+        self.sent: Counter[str] = Counter()
+        """Rows by entity."""
+        self.gaps = Gaps()
+        """Rows that came while the file could not be written."""
+        self._stream = rr.RecordingStream(layout.APPLICATION)
+        # rerun's own file sink only logs a line when a write fails, and remembers each chunk until the end.
+        self._bytes = rr.binary_stream(self._stream)
+        sinks: list[rr.sinks.LogSinkLike] = [self._bytes]
+        if live_port is not None:
+            sinks.append(rr.GrpcServerSink(live_address, live_port, server_memory_limit=_LIVE_MEMORY))
+        self._stream.set_sinks(*sinks)
+        first = self._bytes.read() or b""
+        try:
+            self.file = Partial(path, first[:HEADER], patient=patient, number=number)
+        except BaseException:
+            self._end_stream()
+            raise
+        messages = split(first)
+        self._carrier = messages[0]
+        self.file.write(b"".join(messages) + seal(self._carrier, [first[:HEADER], *messages]))
+
+    def static(self, entity: str, about: rr.AsComponents) -> None:
+        """Log what has no time."""
+        self._stream.log(entity, about, static=True)
+
+    def series(self, entity: str, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+        """Send rows of numbers: times (n,) [ns], values (n,) or (n, width)."""
+        streams.send_series(self._stream, entity, times, values)
+        self.sent[entity] += len(times)
+
+    def columns(self, entity: str, times: NDArray[np.int64], columns: Iterable[rr.ComponentColumn]) -> None:
+        """Send rows of anything: times (n,) [ns]."""
+        streams.send_columns(self._stream, entity, times, columns)
+        self.sent[entity] += len(times)
+
+    def event(self, time_ns: int, text: str, level: str = "INFO", change: str = "") -> None:
+        """Send a line of text; `change` describes a changed parameter in JSON."""
+        streams.send_event(self._stream, time_ns, text, level, change)
+        self.sent[layout.EVENTS] += 1
+
+    def arrange(self, blueprint: rrb.Blueprint) -> None:
+        """Arrange the viewer."""
+        streams.send_blueprint(self._stream, blueprint)
+
+    def write(self) -> None:
+        """Write what was sent to the file; after a gap, add an event about the missing rows."""
+        if self._write(self._bytes.read()) and self.gaps.open:
+            self.event(*self.gaps.take(), "ERROR")
+            self._write(self._bytes.read())
+
+    def close(self, *, keep: bool) -> Path | None:
+        """Finish the recording, read it back and give it its name; if it is not worth to `keep`, remove it.
+
+        Raises
+        ------
+        OSError
+            If it could not be written completely; what could be written stays where it is.
+        """
+        self.write()
+        self._end_stream()
+        if not keep:
+            self.file.discard()
+            return None
+        try:
+            if self.file.problem:
+                raise OSError(self.file.problem)
+            try:
+                if self.file.path.stat().st_size > _COPIED_UP_TO:
+                    raise NoRoom
+                name, _ = complete(self.file.path, self.file.names, self.sent)
+                self.file.discard()
+            except NoRoom:
+                name = self._finish_in_place()
+        except OSError as error:
+            self.file.release()
+            raise OSError(f"{self.file.path} is incomplete: {error}") from error
+        return name
+
+    def _finish_in_place(self) -> Path:
+        """Without room or time for a copy the file keeps its small chunks, and has no index."""
+        if not self.file.write(seal(self._carrier, [], END) + END):
+            raise OSError(self.file.problem)
+        verify(self.file.path, self.sent, index=False)
+        return self.file.give_name()
+
+    def _write(self, stream: bytes | None) -> bool:
+        messages = split(stream or b"")
+        return self.file.write(b"".join([*messages, seal(self._carrier, messages)]) if messages else b"")
+
+    def _end_stream(self) -> None:
+        self._stream.disconnect()
+        self._bytes.read(flush=False)  # read the index, or rerun logs its absence
+        del self._stream, self._bytes
+        streams.let_go()
+
+
+def _require_free(address: str, port: int) -> None:
+    """Raise if the port is taken: rerun would only log a line and record without a server."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((address, port))
+        except OSError as error:
+            raise OSError(f"live_port {port} on {address} is not available: {error.strerror}") from None
