@@ -1,11 +1,15 @@
 """Requests of services as bytes, which no client of ROS sends: by the middleware's own functions."""
 
 import ctypes
+import importlib
+import struct
 from ctypes import POINTER, Structure, byref, c_bool, c_char_p, c_int, c_size_t, c_uint64, c_void_p
 from functools import cache
+from random import Random
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 from rclpy.utilities import get_rmw_implementation_identifier
 
 
@@ -88,13 +92,46 @@ class RawRequests:
         assert ask(self._publisher, byref(count)) == 0
         return count.value > 0
 
-    def send(self, data: bytes) -> None:
-        """Send a request; `data` begins with the four bytes of its encapsulation."""
+    def send(self, data: bytes) -> bool:
+        """Send a request; whether it could be: of a type of bounded size one that is longer cannot.
+
+        `data` begins with the four bytes of its encapsulation.
+        """
         message = _Bytes(data, len(data), len(data))
         publish = _rmw("rmw_publish_serialized_message", c_int, c_void_p, POINTER(_Bytes), c_void_p)
-        assert publish(self._publisher, byref(message), None) == 0
+        return bool(publish(self._publisher, byref(message), None) == 0)
 
     def close(self) -> None:
         """Let the node be destroyed."""
         destroy = _rmw("rmw_destroy_publisher", c_int, c_void_p, c_void_p)
         assert destroy(self._node, self._publisher) == 0
+
+
+def services_of(node: Node, name: str, namespace: str) -> dict[str, type]:
+    """Services of another node, those of its actions included: the type of the request by full name."""
+    return {service: _request(kinds[0]) for service, kinds in node.get_service_names_and_types_by_node(name, namespace)}
+
+
+def _request(kind: str) -> type:
+    package, folder, name = kind.split("/")
+    found = getattr(importlib.import_module(f"{package}.{folder}"), name.partition("_")[0])
+    if folder == "action":
+        found = getattr(found.Impl, f"{name.partition('_')[2]}Service")
+    request: type = found.Request
+    return request
+
+
+def nonsense(rng: Random, kind: type) -> bytes:
+    """Bytes of a request, as a rule none that can be read: at random, or one with some numbers replaced.
+
+    Their number is one of fours: the middleware sends no others.
+    """
+    label = b"\0\1\0\0" if rng.random() < 0.9 else rng.randbytes(4)
+    if rng.random() < 0.5:
+        return label + rng.randbytes(rng.randrange(0, 117, 4))
+    data = bytearray(serialize_message(kind())[4:])
+    data += rng.randbytes(-len(data) % 4 + rng.randrange(0, 20, 4))
+    for _ in range(rng.randrange(1, 4)):
+        at = rng.randrange(0, len(data) + 4, 4)
+        data[at : at + 4] = struct.pack("<I", rng.choice([0, 1, 2 ** rng.randrange(8, 32), rng.randrange(2**32)]))
+    return label + bytes(data)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from afm_bringup.exam.rules import RULES
 from afm_controller_node.node import TUNABLE as LAW_TUNABLE
+from afm_model.core.ranges import RANGES
 from afm_model.fault import KINDS
 from afm_model.fault.entry import DRIVES, SENSORS
 from afm_model.parameters import Group, SetupSection, specifications
@@ -37,6 +38,12 @@ def parameters() -> str:
         "Made by `python tools/make_docs.py` from the declarations in the code; the same text is behind `--help` and",
         "with a full ROS 2 `ros2 param describe`. What is marked * may change while the node runs; the rest is fixed",
         "at start.",
+        "",
+        "A bound that a declaration does not give is that of the unit, and a number other than 0 has a least size:",
+        "",
+        "| unit | least size | largest |",
+        "|---|---|---|",
+        *(f"| {unit} | {least:g} | {most:g} |" for unit, (least, most) in RANGES.items()),
     ]
     for node, model, tunable in NODES:
         lines += ["", f"## {node}", "", "| name | default | unit | allowed | what |", "|---|---|---|---|---|"]

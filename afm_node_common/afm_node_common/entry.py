@@ -19,6 +19,7 @@ def start(module: str) -> int:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _leave)
     _bound_lengths()
+    _find_place_for_logs()
     # What is loaded stays: looking for garbage among it would take a tenth of the time.
     gc.disable()
     main: Callable[[], int] = importlib.import_module(module).main
@@ -33,6 +34,26 @@ def _bound_lengths() -> None:
         if os.path.exists(library):
             ctypes.CDLL(library, mode=ctypes.RTLD_GLOBAL)
             return
+
+
+def _find_place_for_logs() -> None:
+    """ROS 2 ends a program that cannot write its logs into the home folder: then they get another place."""
+    home = os.environ.get("ROS_HOME") or os.path.join(os.environ.get("HOME", ""), ".ros")
+    folder = os.environ.get("ROS_LOG_DIR") or os.path.join(home, "log")
+    try:
+        os.makedirs(folder, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return
+        why = "it cannot be written"
+    except OSError as error:
+        why = str(error.strerror)
+    import tempfile
+
+    # What this process starts finds it too, and tells nothing.
+    os.environ["ROS_LOG_DIR"] = other = tempfile.mkdtemp(prefix="ros_log_")
+    told = f"warning: ROS 2 cannot log into {folder} ({why}); it logs into {other}: set HOME or ROS_LOG_DIR\n"
+    with suppress(OSError):
+        os.write(2, told.encode())
 
 
 def _leave(number: int, frame: object) -> None:

@@ -1,14 +1,15 @@
 """What `ros2 param set` and `ros2 param load` may send, put right or refused before rclpy sees it.
 
-rclpy alone refuses `5` for a number that may have decimals, refuses a value that cannot change even if it is the one in
-force, and raises out of the service, which ends the node, if the type of a value is none that exists.
+rclpy alone refuses `5` or `4e-08` for a number that may have decimals, refuses a value that cannot change even if it is
+the one in force, and raises out of the service, which ends the node, if the type of a value is none that exists.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
+from rcl_interfaces.msg import ParameterType, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -17,6 +18,9 @@ from afm_model.parameters import Specification, unknown_name_message
 
 _TYPES = frozenset(range(ParameterType.PARAMETER_BOOL, ParameterType.PARAMETER_STRING_ARRAY + 1))
 """Numbers of the types that hold a value."""
+
+_NUMBERS: dict[Parameter.Type, Callable[[Any], Any]] = {Parameter.Type.DOUBLE: float, Parameter.Type.INTEGER: int}
+"""`ros2 param` sends 4e-08 as text: to YAML 1.1 a number with an exponent has a point."""
 
 
 class _Refused(ValueError):
@@ -109,12 +113,15 @@ def _checked(node: Node, spec: Specification | None, message: ParameterMessage) 
         raise _Refused(f"{name} cannot be removed: it must be {allowed}")
     if value.type not in _TYPES:
         raise _Refused(f"{name} = a value of the unknown type {value.type} is not allowed: it must be {allowed}")
-    if kind == Parameter.Type.DOUBLE and value.type == ParameterType.PARAMETER_INTEGER:
-        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=float(value.integer_value))
-    if value.type != kind.value:
-        given = parameter_value_to_python(value)
+    given, wrong = parameter_value_to_python(value), value.type != kind.value
+    if wrong and kind in _NUMBERS and value.type in (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_STRING):
+        with suppress(ValueError):
+            given, wrong = _NUMBERS[kind](given), False
+    if wrong:
         raise _Refused(f"{name} = {_short(given)} is not allowed: it must be {allowed}")
-    return Parameter(name, kind, parameter_value_to_python(value))
+    if spec is not None and (told := spec.refusal(given)):
+        raise _Refused(told)
+    return Parameter(name, kind, given)
 
 
 def _short(value: Any) -> str:

@@ -6,6 +6,7 @@ and us, with the unit in the name of the series; `afm_recorder_node.reader` give
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import rerun as rr
@@ -161,6 +162,12 @@ def _plots(name: str, *signals: Signal, z: str | None = None) -> list[rrb.TimeSe
 
 
 def blueprint(further: Iterable[str] = (), pictures: Iterable[str] = ()) -> rrb.Blueprint:
+    """The arrangement of `_blueprint`, the same object each time: rerun keeps the random names in it for ever."""
+    return _blueprint(tuple(sorted(further)), tuple(sorted(pictures)))
+
+
+@cache
+def _blueprint(further: tuple[str, ...], images: tuple[str, ...]) -> rrb.Blueprint:
     """The arrangement of the viewer: signals in plots over simulated time; score, events and parameters below.
 
     With images these come first, and the signals are behind them.
@@ -169,12 +176,11 @@ def blueprint(further: Iterable[str] = (), pictures: Iterable[str] = ()) -> rrb.
 
     Parameters
     ----------
-    further : iterable of str
+    further : tuple of str
         Entities of channels beyond those of CHANNELS.
-    pictures : iterable of str
+    images : tuple of str
         Entities of images of scans.
     """
-    images = list(pictures)
     signals = _signals(further)
     return rrb.Blueprint(
         rrb.Tabs(view(images), signals, active_tab=0) if images else signals,

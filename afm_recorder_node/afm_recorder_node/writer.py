@@ -1,9 +1,7 @@
 """Writes one recording: columns of numbers in, one rerun file out, and a live viewer if wanted. Needs no ROS."""
 
-import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -14,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import layout, pictures
 from .layout import Signal, instants
+from .parameter_writer import ParameterWriter
 from .scan_lines import ScanLine
 from .scan_writer import ScanWriter
 from .sink import Sink
@@ -23,15 +22,6 @@ _CHUNK_ROWS = 32_768
 
 _Array = NDArray[np.float64]
 Level = Literal["INFO", "WARN", "ERROR"]
-
-
-@dataclass
-class _Column:
-    """Rows that wait to be sent."""
-
-    times: list[NDArray[np.int64]] = field(default_factory=list)
-    values: list[_Array] = field(default_factory=list)
-    rows: int = 0
 
 
 class RecordingWriter:
@@ -73,10 +63,9 @@ class RecordingWriter:
         """Name that it will have, or has; `close` takes another one if this one is taken meanwhile."""
         self.number = self._sink.file.number
         """That of the name."""
-        self._columns: dict[str, _Column] = {}
+        self._columns: dict[str, list[tuple[NDArray[np.int64], _Array]]] = {}  # rows that wait to be sent
         self._scales: dict[str, float] = {}
-        self._parameters: dict[str, dict[str, object]] = {}
-        self._changed: dict[str, float] = {}
+        self._parameters = ParameterWriter(self._sink)
         self.unwritten = self._sink.gaps.unwritten
         """Missing rows of each signal, received while the file could not be written."""
         self.scored = False
@@ -192,30 +181,12 @@ class RecordingWriter:
 
     def parameters(self, node: str, values: Mapping[str, object]) -> None:
         """Parameters of a node as they are when the recording begins, or when the node appears."""
-        self._parameters.setdefault(node, {}).update(values)
-        # The layout of a ROS parameter file, so that it can be copied from the viewer and used again.
-        tree = {name: {"ros__parameters": known} for name, known in self._parameters.items()}
-        self._sink.static(layout.PARAMETERS, rr.TextDocument(yaml.safe_dump(tree)))
+        self._parameters.known(node, values)
 
     def parameter_change(self, time_ns: int, node: str, name: str, old: object, new: object) -> None:
-        """A parameter has changed at a simulated time [ns]; numbers become a plot of steps too.
-
-        `old` is None for one that has not been there.
-        """
-        change = {"node": node, "name": name, "old": old, "new": new}
-        # A parameter of bytes is a list of bytes, which JSON does not have.
-        text = f"{node}: {name} is {new}" if old is None else f"{node}: {name} changed from {old} to {new}"
-        self._sink.event(time_ns, text, change=json.dumps(change, default=list))
-        if not isinstance(old, int | float) or not isinstance(new, int | float):
-            return
-        entity = f"{layout.PARAMETERS}/{rr.escape_entity_path_part(node)}/{rr.escape_entity_path_part(name)}"
-        if entity not in self._changed:
-            style = rr.SeriesLines(names=f"{node} {name}", interpolation_mode="StepAfter")
-            self._sink.static(entity, style)
-            self._sink.series(entity, np.zeros(1, np.int64), np.array([float(old)]))
-        self._sink.series(entity, np.array([time_ns]), np.array([float(new)]))
-        self._changed[entity] = float(new)
-        self._end_ns = max(self._end_ns, time_ns)
+        """A parameter has changed at a simulated time [ns]; `old` is None for one that has not been there."""
+        if self._parameters.changed(time_ns, node, name, old, new):
+            self._end_ns = max(self._end_ns, time_ns)
 
     def flush(self) -> None:
         """Write all rows received so far to the file and to a live viewer; a kill does not lose them."""
@@ -237,9 +208,7 @@ class RecordingWriter:
         if self._closed:
             return None
         self._closed = True
-        # A step lasts until the end of the recording.
-        for entity, value in self._changed.items():
-            self._sink.series(entity, np.array([self._end_ns]), np.array([value]))
+        self._parameters.finish(self._end_ns)
         self._scans.finish()
         self._send_columns()
         name = self._sink.close(keep=any(self._sink.sent[entity] for entity in self._columns))
@@ -251,7 +220,7 @@ class RecordingWriter:
         self._sink.arrange(layout.blueprint(layout.further(self._columns), pictures.pictures(self._scans.shown)))
 
     def _declare(self, signal: Signal) -> None:
-        self._columns[signal.entity] = _Column()
+        self._columns[signal.entity] = []
         self._sink.static(signal.entity, rr.SeriesLines(names=signal.names, colors=signal.colors))
 
     def _append(self, signal: Signal, times: NDArray[np.int64], values: _Array) -> None:
@@ -264,11 +233,9 @@ class RecordingWriter:
             self._sink.gaps.put(signal.entity, times, self.problem)
             return
         column = self._columns[signal.entity]
-        column.times.append(times)
-        column.values.append(values)
-        column.rows += len(times)
+        column.append((times, values))
         self._end_ns = max(self._end_ns, int(times[-1]))
-        if column.rows >= _CHUNK_ROWS:
+        if sum(len(times) for times, _ in column) >= _CHUNK_ROWS:
             self._send_column(signal.entity)
             self._sink.write()
 
@@ -277,6 +244,7 @@ class RecordingWriter:
             self._send_column(entity)
 
     def _send_column(self, entity: str) -> None:
-        column, self._columns[entity] = self._columns[entity], _Column()
-        if column.rows:
-            self._sink.series(entity, np.concatenate(column.times), np.concatenate(column.values))
+        column, self._columns[entity] = self._columns[entity], []
+        if column:
+            times, values = (np.concatenate(part) for part in zip(*column, strict=True))
+            self._sink.series(entity, times, values)

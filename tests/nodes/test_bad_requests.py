@@ -15,6 +15,7 @@ from quick_lever import INSTRUMENT, LAW
 from raw_requests import RawRequests
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.action import ActionClient
 from rclpy.node import Node
 from support import Command, Graph, executable, ros_arguments
 
@@ -22,6 +23,21 @@ from afm_node_common import topics
 from afm_node_common.shared_memory import used_by
 
 EVIL = "import pathlib\npathlib.Path({mark!r}).touch()\nraise SystemExit('ended by a message')\n"
+FAILS = """
+import builtins, dataclasses
+from pydantic import Field
+import patches
+
+class Parameters(patches.Patches):
+    error: str = Field("", description="what is raised")
+
+def values(parameters):
+    if parameters.sample.error:
+        raise getattr(builtins, parameters.sample.error)("of a part")
+    return patches.values(parameters)
+
+SAMPLE = dataclasses.replace(patches.PATCHES, name="fails", parameters=Parameters, values=values)
+"""
 PARTS = Path(__file__).parents[2] / "examples" / "parts"
 
 
@@ -59,7 +75,8 @@ def server(tmp_path: Path) -> Iterator[Server]:
     folder = tmp_path
     (folder / "evil.py").write_text(EVIL.format(mark=str(folder / "mark")))
     (folder / "patches.py").write_text((PARTS / "patches.py").read_text())
-    arguments = ros_arguments(INSTRUMENT | LAW | {"process.parts": "patches:PATCHES"})
+    (folder / "fails.py").write_text(FAILS)
+    arguments = ros_arguments(INSTRUMENT | LAW | {"process.parts": "patches:PATCHES, fails:SAMPLE"})
     command = ("env", "-C", folder, executable("afm_sim_node", "afm_sim_node"), *arguments)
     with Graph() as graph, Command(*command, folder=folder) as running:
         states: list[Any] = []
@@ -89,8 +106,22 @@ def test_message_runs_no_code_but_chooses_parts_that_were_named_at_start(server:
     (result,) = server.call(SetParameters, "afm_sim_node/set_parameters", parameters=[kind]).results
     assert not result.successful
     assert "evil:X was not loaded when the node started" in result.reason
+    verb = ActionClient(server.client, action.Verb, "/afm/verb")
+    server.command.wait_until(verb.server_is_ready, server.graph)
+    goal = server.graph.result(verb.send_goal_async(action.Verb.Goal(verb="evil:X")))
+    assert "evil:X was not loaded" in server.graph.result(goal.get_result_async()).result.message
+    verb.destroy()
     assert not (server.folder / "mark").exists()
     assert server.exchange(kind="patches:PATCHES", width="5e-9") == ""
+
+
+def test_whatever_a_service_leads_to_is_answered_and_the_simulator_goes_on(server: Server) -> None:
+    for error in ("SystemExit", "KeyboardInterrupt", "MemoryError", "RecursionError", "KeyError"):
+        told = server.exchange(kind="fails:SAMPLE", error=error)
+        assert error in told, told
+        assert "of a part" in told
+        assert "\n" not in told
+    assert server.exchange(kind="fails:SAMPLE", width="5e-9") == ""
 
 
 CLAIM = struct.pack("<I", 2**24)

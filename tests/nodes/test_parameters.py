@@ -114,9 +114,10 @@ def test_range_is_that_of_the_model_with_open_ends_left_out(graph: Graph, make: 
     assert bits.type == ParameterType.PARAMETER_INTEGER
     (range_,) = bits.integer_range
     assert (range_.from_value, range_.to_value, range_.step) == (0, 32, 1)
-    # Bounded on one side only: ROS cannot say it, so it stands in words.
-    assert list(speed.floating_point_range) == []
-    assert speed.additional_constraints == "a finite number > 0"
+    # What is declared without a bound has that of its unit.
+    (range_,) = speed.floating_point_range
+    assert (range_.from_value, range_.to_value) == (1e-7, 1e9)
+    assert speed.additional_constraints == "a finite number >= 1e-07 and <= 1e+09"
 
 
 def test_values_given_at_start_are_taken_and_a_whole_number_will_do(make: Callable[..., Node]) -> None:
@@ -131,12 +132,12 @@ def test_values_given_at_start_are_taken_and_a_whole_number_will_do(make: Callab
     ("given", "sentence"),
     [
         ({"law__alfa": 3.0}, "unknown parameter law.alfa: did you mean law.alpha?"),
-        ({"law__alpha": -3.0}, "law.alpha = -3.0 is not allowed: it must be a finite number > 0"),
-        ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number > 0"),
-        ({"law__alpha": "steep"}, "law.alpha = steep is not allowed: it must be a finite number > 0"),
+        ({"law__alpha": -3.0}, "law.alpha = -3.0 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12"),
+        ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number >= 1e-12 and <= 1e+12"),
+        ({"law__alpha": "steep"}, "law.alpha = steep is not allowed: it must be a finite number >= 1e-12 and <= 1e+12"),
         ({"law__kind": "lqr"}, NO_LAW),
-        ({"cantilever__a": math.inf}, "cantilever.a = inf m is not allowed: it must be a finite number"),
-        ({"law__alpha": True}, "law.alpha = True is not allowed: it must be a finite number > 0"),
+        ({"cantilever__a": math.inf}, "cantilever.a = inf m is not allowed: it must be a finite number >= -1 and <= 1"),
+        ({"law__alpha": True}, "law.alpha = True is not allowed: it must be a finite number >= 1e-12 and <= 1e+12"),
     ],
 )
 def test_what_is_not_allowed_at_start_is_refused_in_a_sentence_and_nothing_is_declared(
@@ -169,8 +170,8 @@ def test_change_of_a_tunable_parameter_arrives_checked(graph: Graph, make: Calla
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"law__alpha": 0.0}, "law.alpha = 0.0 is not allowed: it must be a finite number > 0"),
-        ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number > 0"),
+        ({"law__alpha": 0.0}, "law.alpha = 0.0 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12"),
+        ({"law__alpha": math.nan}, "law.alpha = nan is not allowed: it must be a finite number >= 1e-12 and <= 1e+12"),
         ({"law__kind": "lqr"}, NO_LAW),
     ],
 )
@@ -191,12 +192,12 @@ def test_change_that_the_node_cannot_work_with_is_refused_with_its_reason(
 ) -> None:
     arrived: list[ControllerNodeParameters] = []
     declare(make(), ControllerNodeParameters, tunable=TUNABLE, accepts=Controller, on_change=arrived.append)
-    (result,) = Remote(graph).set(law__c_x=1e-20)
+    (result,) = Remote(graph).set(law__c_x=1e-12)
     assert not result.successful
-    assert result.reason.startswith(TOO_SMALL + " (c = 1e-20 and cdot = 1 are")
+    assert result.reason.startswith(TOO_SMALL + " (c = 1e-12 and cdot = 1 are")
     assert arrived == []
     with pytest.raises(ParameterError, match=TOO_SMALL):
-        declare(make(law__c_x=1e-20), ControllerNodeParameters, accepts=Controller)
+        declare(make(law__c_x=1e-12), ControllerNodeParameters, accepts=Controller)
 
 
 def test_what_cannot_change_is_refused_with_a_reason(graph: Graph, make: Callable[..., Node]) -> None:
@@ -222,6 +223,16 @@ def test_whole_number_will_do_for_a_number_that_may_have_decimals(graph: Graph, 
     assert (value, type(value)) == (6.0, float)
 
 
+def test_text_that_is_a_number_will_do_for_a_number(graph: Graph, make: Callable[..., Node]) -> None:
+    """What ros2cli sends of 4e-08: its YAML takes that for text."""
+    declare(make(), ControllerNodeParameters, tunable=TUNABLE)
+    remote = Remote(graph)
+    told = remote.set(law__alpha="4e-08", law__kind="sgn", law__c_x="1e300", law__c_y="4e-08 m")
+    assert [result.successful for result in told] == [True, True, False, False]
+    assert told[2].reason == "law.c_x = 1e+300 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12"
+    assert remote.get("law.alpha", "law.kind", "law.c_x") == [4e-08, "sgn", 1.0]
+
+
 @pytest.mark.parametrize("model", [SimNodeParameters, ControllerNodeParameters])
 def test_node_takes_back_all_its_own_values_without_a_change(
     graph: Graph, make: Callable[..., Node], model: type[Group]
@@ -239,22 +250,22 @@ def test_node_takes_back_all_its_own_values_without_a_change(
 
 
 BAD_VALUES = {
-    "no value": (ParameterValue(), "law.alpha cannot be removed: it must be a finite number > 0"),
+    "no value": (ParameterValue(), "law.alpha cannot be removed: it must be a finite number >= 1e-12 and <= 1e+12"),
     "type that does not exist": (
         ParameterValue(type=77),
-        "law.alpha = a value of the unknown type 77 is not allowed: it must be a finite number > 0",
+        "law.alpha = a value of the unknown type 77 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",
     ),
     "array": (
         ParameterValue(type=ParameterType.PARAMETER_DOUBLE_ARRAY, double_array_value=[1.0, 2.0]),
-        "law.alpha = [1.0, 2.0] is not allowed: it must be a finite number > 0",
+        "law.alpha = [1.0, 2.0] is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",
     ),
     "text": (
         ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="steep"),
-        "law.alpha = steep is not allowed: it must be a finite number > 0",
+        "law.alpha = steep is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",
     ),
     "yes": (
         ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=True),
-        "law.alpha = True is not allowed: it must be a finite number > 0",
+        "law.alpha = True is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",
     ),
 }
 

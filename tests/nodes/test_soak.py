@@ -7,10 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from soak.judgement import judge
+from soak.judgement import COUNTS, Use, judge
 from soak.report import grown, uses
 from soak.run import endless, soak
 from soak.sampling import Sample
+from soak.verbs import soak_verbs
 from support import assert_nothing_left
 
 from afm_recorder_node.reader import read_recording
@@ -31,6 +32,20 @@ def test_session_uses_no_more_after_ten_thousands_of_messages_than_before(tmp_pa
     assert grown({name: {"memory": found[name]["memory"]} for name in ("afm_sim_node", "afm_controller_node")}) == []
     assert read_recording(out / "recording.rrd").complete
     assert_nothing_left()
+
+
+def test_processes_use_no_more_after_many_verbs_and_recordings_than_before(tmp_path: Path) -> None:
+    samples, recordings = soak_verbs(tmp_path / "out", seconds=0.0, warm_up=3.0, told=print, rounds=7)
+    assert recordings >= 6
+    found = {name: {key: use for key, use in of.items() if key in COUNTS} for name, of in uses(samples).items()}
+    # Threads of a pool that rerun starts and ends are no growth.
+    assert grown({name: {**of, "threads": steady(of["threads"], 4)} for name, of in found.items()}) == []
+    assert_nothing_left()
+
+
+def steady(use: Use, spread: float) -> Use:
+    """As judged, if it may come and go by so much."""
+    return replace(use, flat=use.end <= use.begin + spread)
 
 
 WRITER = """
@@ -80,7 +95,7 @@ for number in range(int(sys.argv[2])):
     used = sample(os.getpid())
     print(used.memory, used.descriptors, used.threads)
 """
-RECORDED, MINUTES_EACH = 24, 10.0
+RECORDED, MINUTES_EACH = 16, 10.0
 """So that less than 1 MB for each is called flat: rerun keeps 3 to 6 MB and eight threads of each that is not freed."""
 
 

@@ -1,12 +1,16 @@
-"""`make soak`: a session for half an hour; what each of its processes uses has to stay what it was."""
+"""`make soak`: a session, then a microscope with verbs, other samples and resets, for half an hour in all.
+
+What each of their processes uses has to stay what it was."""
 
 import environment
 
 environment.prepare()
 
 import argparse  # noqa: E402
+import shutil  # noqa: E402
 import sys  # noqa: E402
 from datetime import date  # noqa: E402
+from functools import partial  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 from page import write_between_marks  # noqa: E402
@@ -14,12 +18,13 @@ from page import write_between_marks  # noqa: E402
 from afm_recorder_node.reader import read_recording  # noqa: E402
 from soak.report import grown, markdown, show, uses  # noqa: E402
 from soak.run import endless, soak  # noqa: E402
+from soak.verbs import soak_verbs  # noqa: E402
 
 
 def main() -> int:
     """Entry point."""
     parser = argparse.ArgumentParser(prog="make soak", description=__doc__)
-    parser.add_argument("--minutes", type=float, default=30.0, help="wall time that is sampled")
+    parser.add_argument("--minutes", type=float, default=30.0, help="wall time that is sampled, half of it for verbs")
     parser.add_argument("--warm-up", type=float, default=60.0, help="wall time before that [s]")
     parser.add_argument("--every", type=float, default=2.0, help="wall time between two samples [s]")
     parser.add_argument("--scenario", default="closed_loop_realtime", help="a shipped scenario; its run gets no end")
@@ -28,21 +33,33 @@ def main() -> int:
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     scenario = endless(arguments.scenario, arguments.out / "scenario.yaml")
+    say = partial(print, flush=True)
     samples = soak(
         scenario,
         arguments.out,
-        seconds=60.0 * arguments.minutes,
+        seconds=30.0 * arguments.minutes,
         warm_up=arguments.warm_up,
         every=arguments.every,
-        told=lambda line: print(line, flush=True),
+        told=say,
     )
     recording = read_recording(arguments.out / "recording.rrd", every=1000)
-    title = f"{arguments.minutes:g} minutes of {arguments.scenario}, 1000 x {len(recording.time_ticks)} ticks recorded"
-    show(title, samples)
+    titles = [
+        f"{arguments.minutes / 2:g} minutes of {arguments.scenario}, 1000 x {len(recording.time_ticks)} ticks recorded"
+    ]
+    shutil.rmtree(arguments.out / "verbs", ignore_errors=True)
+    verbs, recordings = soak_verbs(
+        arguments.out / "verbs", seconds=30.0 * arguments.minutes, warm_up=arguments.warm_up, told=say
+    )
+    titles.append(
+        f"{arguments.minutes / 2:g} minutes of verbs, other samples, other probes and resets, {recordings} recordings"
+    )
+    parts = [samples, verbs]
+    for title, part in zip(titles, parts, strict=True):
+        show(title, part)
     if arguments.page:
-        text = f"Last run ({date.today()}): {title}.\n\n{markdown(samples)}"
-        write_between_marks(arguments.page, "soak", text)
-    problems = grown(uses(samples))
+        tables = "\n\n".join(f"{title}:\n\n{markdown(part)}" for title, part in zip(titles, parts, strict=True))
+        write_between_marks(arguments.page, "soak", f"Last run ({date.today()}). {tables}")
+    problems = [problem for part in parts for problem in grown(uses(part))]
     if not recording.complete:
         problems.append("the recording is not complete")
     for problem in problems:

@@ -46,15 +46,15 @@ NOT_ALLOWED = {
     ),
     "parameter out of range": (
         section(CONTROLLER, "law: {alpha: -1.0}"),
-        ("law.alpha = -1.0 is not allowed: it must be a finite number > 0",),
+        ("law.alpha = -1.0 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",),
     ),
     "parameter that is no number": (
         section(CONTROLLER, "law.alpha: .nan"),
-        ("law.alpha = nan is not allowed: it must be a finite number > 0",),
+        ("law.alpha = nan is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",),
     ),
     "yes for a number": (
         section(CONTROLLER, "law.alpha: yes"),
-        ("law.alpha = True is not allowed: it must be a finite number > 0",),
+        ("law.alpha = True is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",),
     ),
     "parameter that is no choice": (
         section(CONTROLLER, "law.kind: lqr"),
@@ -70,15 +70,19 @@ NOT_ALLOWED = {
         ("plant.control_period = 2.5e-06 s is not allowed: it must be a multiple of detector.sample_period = 1e-06 s",),
     ),
     "step that would take longer than anybody lives": (
-        section(SIMULATOR, "plant.dt: 1.0e-20"),
+        section(SIMULATOR, "plant.dt: 1.0e-14"),
         (
-            "plant.dt = 1e-20 s is not allowed with plant.control_period = 2e-06 s",
-            "a control tick would have 2e+14 integration steps, and 10000000 are the most",
+            "plant.dt = 1e-14 s is not allowed with plant.control_period = 2e-06 s",
+            "a control tick would have 2e+08 integration steps, and 10000000 are the most",
         ),
     ),
     "period with more samples than there is memory": (
-        section(SIMULATOR, "plant.control_period: 1.0e+10", "plant.dt: 1.0e-6"),
-        ("plant.control_period = 1e+10 s: a control tick would have 1e+16 integration steps",),
+        section(SIMULATOR, "plant.control_period: 1.0e+9", "plant.dt: 1.0e-6"),
+        ("plant.control_period = 1e+09 s: a control tick would have 1e+15 integration steps",),
+    ),
+    "period beyond every instrument": (
+        section(SIMULATOR, "plant.control_period: 1.0e+10"),
+        ("plant.control_period = 10000000000.0 s is not allowed: it must be a finite number >= 1e-15 and <= 1e+09",),
     ),
     "period with more samples than are kept": (
         section(SIMULATOR, "plant.control_period: 0.2"),
@@ -139,7 +143,8 @@ CASES = {
     ),
     "folder as scenario": Case(("unknown scenario /tmp", "it must be one of", "or a file"), name="/tmp"),
     "parameter out of range": Case(
-        ("law.alpha = -1.0 is not allowed: it must be a finite number > 0",), section(CONTROLLER, "law.alpha: -1.0")
+        ("law.alpha = -1.0 is not allowed: it must be a finite number >= 1e-12 and <= 1e+12",),
+        section(CONTROLLER, "law.alpha: -1.0"),
     ),
     "no duration": Case(("run.duration = 0", "it must be > 0 s"), section(CONTROLLER, "law.alpha: 3.0")),
     "sample that the tip does not reach": Case(

@@ -3,7 +3,7 @@
 Nothing here knows the simulated instrument: the functions take arrays from any microscope.
 """
 
-from ..core.tilted import tilted_deflection, tilted_stiffness
+from ..core.tilted import along_normal, tilted_deflection, tilted_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
 from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve
 from .loops import FrictionLoop, friction_loop, line_loop, means
@@ -23,6 +23,7 @@ __all__ = [
     "Roughness",
     "ThermalTune",
     "WedgeCalibration",
+    "along_normal",
     "contact_fit",
     "contrast",
     "correlated_mean",

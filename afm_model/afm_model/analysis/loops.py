@@ -53,7 +53,7 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     Parameters
     ----------
     position : array_like (n,) [m]
-        Of the scanner: two turns at least.
+        Of the scanner: three turns at least, so that there are a trace and a retrace from turn to turn.
     signal : array_like (n,)
         Lateral signal.
     sliding : float
@@ -64,12 +64,15 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     Raises
     ------
     ValueError
-        If there are fewer than two turns, or the loop is not open: trace and retrace are equal.
+        If there are fewer than three turns, or the loop is not open: trace and retrace are equal.
     """
     position, signal = same_length(position=position, signal=signal)
     turns = _turns(position)
-    if len(turns) < 2:
-        raise ValueError(f"a friction loop needs at least two turns of the position: there are {len(turns)}")
+    if len(turns) < 3:
+        raise ValueError(
+            f"a friction loop needs a trace and a retrace from turn to turn, three turns of the position: there are "
+            f"{len(turns)}"
+        )
     travels = [slice(a, b + 1) for a, b in pairwise(turns)]
     slid: dict[bool, list[_Array]] = {True: [], False: []}
     for travel in travels:

@@ -71,7 +71,8 @@ def contact_fit(
     Unknown are the modulus, the work of adhesion, the place of the surface, and the zero of the deflection, which the
     free cantilever tells; and k, radius, reach and sensitivity within what is known of them.
     The pull-off is a measured value too: with a soft cantilever it is what tells the adhesion. Noise counts with its
-    correlation, taken from what the fit leaves. What is wrong about the model is slow, and so counts as well.
+    correlation, taken from what the fit leaves. What is wrong about the model is slow, and so counts as well. The slope
+    of the sample is not in the curve: it makes the modulus wrong by percents, without a word; see `along_normal`.
 
     Parameters
     ----------

@@ -176,6 +176,12 @@ def wedge_by_flat(
             f"loads and signals must go together: on the flat {grid.size} and {widths.size} (at least 2), on the slope "
             f"{L_u.size} and {u.size} up, {L_d.size} and {d.size} down"
         )
+    if not ((widths > 0.0).all() and (np.diff(grid) > 0.0).all()):
+        raise ValueError(
+            f"half-widths on the flat must be positive and its loads rising: half-widths are {widths.min():.3g} V to "
+            f"{widths.max():.3g} V, loads {', '.join(f'{each:.3g}' for each in grid[:6])} N"
+        )
+
     # Without friction the mean signal is L tan(angle); friction makes it larger.
     first = float(np.mean((L_u + L_d) / (u + d))) * s / c
 

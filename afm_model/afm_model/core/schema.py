@@ -7,7 +7,8 @@ ROS parameter descriptors, scenario files, messages about bad values and the tab
 import difflib
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
@@ -18,8 +19,13 @@ from pydantic.fields import FieldInfo
 
 from . import registry
 from .errors import ParameterError
+from .ranges import LARGEST_INTEGER, RANGES, WIDEST
 
 Value = bool | int | float | str
+_MANY = 30
+"""Names in a sentence."""
+_LONGEST = 200
+"""Letters of a value in a sentence."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,27 @@ class Specification:
     choices: tuple[str, ...]
     family: str = ""
     """Of the parts that this parameter chooses from, or none."""
+    least: float = 0.0
+    """Smallest size of a number that is not 0."""
+
+    def refusal(self, value: Any) -> str:
+        """Why a number is outside its range, one sentence; empty if it is not, or is no number."""
+        if self.kind is not float and self.kind is not int:
+            each = value if isinstance(value, tuple | list) else ()
+            told = (replace(self, name=f"{self.name}[{i}]", kind=float).refusal(one) for i, one in enumerate(each))
+            return next(filter(None, told), "")
+        with suppress(ValueError):
+            number = float(value) if isinstance(value, str) else value
+            if isinstance(number, int | float):
+                low, high = self.lower, self.upper
+                inside = low is None or number > low or (number == low and not self.lower_open)
+                inside &= high is None or number < high or (number == high and not self.upper_open)
+                small = 0 < abs(number) < self.least
+                if small or not inside:
+                    unit = "" if self.unit == "1" else f" {self.unit}"
+                    size = f", 0 or at least {self.least:g} in size" if inside else ""
+                    return f"{self.name} = {short(value)}{unit} is not allowed: it must be {self.allowed}{size}"
+        return ""
 
     @property
     def allowed(self) -> str:
@@ -89,6 +116,15 @@ class Specification:
         if self.upper is not None:
             bounds.append(f"{'<' if self.upper_open else '<='} {self.upper:g}")
         return " ".join([noun, " and ".join(bounds)]).strip()
+
+
+def short(value: Any) -> str:
+    """A value for a sentence, cut where it is long."""
+    try:
+        text = str(value)
+    except ValueError:  # an int of more digits than Python writes
+        return "a number of thousands of digits"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 def _specification(name: str, field: FieldInfo, family: str = "") -> Specification:
@@ -109,8 +145,28 @@ def _specification(name: str, field: FieldInfo, family: str = "") -> Specificati
         elif isinstance(item, annotated_types.Lt | annotated_types.Le):
             upper_open = isinstance(item, annotated_types.Lt)
             upper = number(item.lt if isinstance(item, annotated_types.Lt) else item.le)
+    least = 0.0
+    if kind is float or kind == tuple[float, ...]:
+        least, most = RANGES.get(unit, WIDEST)
+        upper = most if upper is None else upper
+        if lower is None or (lower_open and lower == 0.0):
+            lower, lower_open = (-upper if lower is None else least), False
+    elif kind is int:
+        upper = LARGEST_INTEGER if upper is None else upper
+        lower = -LARGEST_INTEGER if lower is None else lower
     return Specification(
-        name, kind, field.default, unit, field.description or "", lower, upper, lower_open, upper_open, choices, family
+        name,
+        kind,
+        field.default,
+        unit,
+        field.description or "",
+        lower,
+        upper,
+        lower_open,
+        upper_open,
+        choices,
+        family,
+        least,
     )
 
 
@@ -129,6 +185,17 @@ def specified(model: type[Group]) -> dict[str, Specification]:
     return {spec.name: spec for spec in specifications(model)}
 
 
+def out_of_range(model: type[Group], values: Mapping[str, Any]) -> str:
+    """What of these values by dotted names is outside its range, a sentence; empty if nothing is."""
+    known = specified(model)
+    return "; ".join(filter(None, (known[name].refusal(value) for name, value in values.items())))
+
+
+def _groups(names: list[str]) -> list[str]:
+    """Names as they are if they are few, else their groups."""
+    return names if len(names) <= _MANY else list(dict.fromkeys(re.sub(r"\..*", ".*", name) for name in names))
+
+
 def unknown_name_message(name: str, known: list[str]) -> str:
     """A sentence for a name that does not exist, with the nearest one that does, or all of its group."""
     group, _, leaf = name.rpartition(".")
@@ -138,7 +205,7 @@ def unknown_name_message(name: str, known: list[str]) -> str:
         near = difflib.get_close_matches(name, known, n=1)
     if near:
         return f"unknown parameter {name}: did you mean {near[0]}?"
-    there = f"{group} has {', '.join(same)}" if group and same else f"known are {', '.join(known)}"
+    there = f"{group} has {', '.join(same)}" if group and same else f"known are {', '.join(_groups(known))}"
     return f"unknown parameter {name}: {there}."
 
 
@@ -224,6 +291,8 @@ def build(model: type[G], values: Mapping[str, Value]) -> G:
         for group in groups:
             place = place.setdefault(group, {})
         place[leaf] = value
+    if told := out_of_range(model, values):
+        raise ParameterError(told)
     try:
         return model.model_validate(nested)
     except ValidationError as error:
@@ -243,7 +312,7 @@ def _sentence(error: ValidationError, known: Mapping[str, Specification]) -> str
         if name in known:
             spec = known[name]
             unit = "" if spec.unit == "1" else f" {spec.unit}"
-            parts.append(f"{name} = {item['input']}{unit} is not allowed: it must be {spec.allowed}")
+            parts.append(f"{name} = {short(item['input'])}{unit} is not allowed: it must be {spec.allowed}")
         else:
             # Raised by a validator that looks at several parameters and names them itself.
             parts.append(str(item["msg"]).removeprefix("Value error, "))

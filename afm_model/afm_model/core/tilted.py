@@ -2,6 +2,9 @@
 
 import math
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 
 def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) -> float:
     """Spring constant of a tilted cantilever for vertical forces and vertical motion of its tip [N/m].
@@ -20,7 +23,7 @@ def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) ->
     tip_height, length : float [m]
         Of the tip below the cantilever's neutral axis; of the cantilever.
     """
-    return k / _vertical_compliance(tilt, tip_height / length)
+    return k / _loaded(tilt, tip_height / length, 0.0)[0]
 
 
 def tilted_deflection(tilt: float, tip_height: float = 0.0, length: float = math.inf) -> float:
@@ -37,11 +40,43 @@ def tilted_deflection(tilt: float, tip_height: float = 0.0, length: float = math
     tilt, tip_height, length
         As in `tilted_stiffness`.
     """
-    arm = tip_height / length
-    return (math.cos(tilt) - 2.0 * arm * math.sin(tilt)) / _vertical_compliance(tilt, arm)
+    moved, shown = _loaded(tilt, tip_height / length, 0.0)
+    return shown / moved
 
 
-def _vertical_compliance(tilt: float, arm: float) -> float:
-    """Vertical motion of the tip by a vertical force, over force by spring constant."""
-    s, c = math.sin(tilt), math.cos(tilt)
-    return c * c - 3.0 * arm * s * c + 3.0 * arm * arm * s * s
+def along_normal(
+    z: ArrayLike, deflection: ArrayLike, k: float, slope: float, tilt: float, tip_height: float, length: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """A force curve on a slope as one along its normal, and the spring constant that belongs to it.
+
+    A force along the normal of a slope has a part along the cantilever, which bends it too. Taken as vertical, a slope
+    of 1.6 degrees along a cantilever of 2.8 N/m that is tilted by 0.2 rad makes the modulus of polystyrene 7 % wrong.
+    Without friction this is exact.
+
+    Parameters
+    ----------
+    z, deflection : array_like (n,) [m]
+        Vertical, as for `force_curve`: voltage times the sensitivity of a curve on a flat sample.
+    k : float [N/m]
+        Of the cantilever, for a force across it.
+    slope : float
+        Rise of the sample over way towards the end of the cantilever (+y), as measured in an image.
+    tilt, tip_height, length
+        As in `tilted_stiffness`.
+
+    Returns
+    -------
+    z, deflection, k
+        For `force_curve` and `contact_fit`: indentation and force are those along the normal.
+    """
+    flat, here = _loaded(tilt, tip_height / length, 0.0), _loaded(tilt, tip_height / length, slope)
+    n = 1.0 / math.hypot(1.0, slope)
+    # Motion along the normal for the deflection shown, which is `flat.shown / flat.moved` of the vertical one.
+    factor = here[0] / here[1] * flat[1] / flat[0]
+    return n * np.asarray(z, np.float64), factor * np.asarray(deflection, np.float64), k / here[0]
+
+
+def _loaded(tilt: float, arm: float, slope: float) -> tuple[float, float]:
+    """Motion of the tip along the normal of a slope by a unit force along it, and deflection shown, for k = 1."""
+    s, c = math.sin(tilt - math.atan(slope)), math.cos(tilt - math.atan(slope))
+    return c * c - 3.0 * arm * s * c + 3.0 * arm * arm * s * s, c - 2.0 * arm * s

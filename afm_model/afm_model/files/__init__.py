@@ -4,8 +4,10 @@ What a format needs (gwyfile, h5py, matplotlib) is imported when a file is writt
 """
 
 from .curve_files import write_curve_tab, write_curves
+from .curve_picture import curve_picture, write_curve_picture
 from .gwyddion import write_gsf, write_gwy
 from .layers import Layer, layer, layers
+from .level import background as level_background
 from .level import lines as level_lines
 from .level import plane as level_plane
 from .picture import picture, sheet, write_picture, write_sheet
@@ -16,15 +18,18 @@ __all__ = [
     "Figures",
     "Layer",
     "ScanFile",
+    "curve_picture",
     "figures",
     "layer",
     "layers",
+    "level_background",
     "level_lines",
     "level_plane",
     "picture",
     "read_scan",
     "sheet",
     "text_table",
+    "write_curve_picture",
     "write_curve_tab",
     "write_curves",
     "write_gsf",

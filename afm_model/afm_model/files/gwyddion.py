@@ -12,6 +12,8 @@ from .result_files import replacing
 if TYPE_CHECKING:
     import xarray
 
+    from ..microscope.verbs.scan import Scan
+
 
 def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
     """Write all layers of a scan into a .gwy file.
@@ -67,17 +69,24 @@ def _notes(layer: Layer, notes: dict[str, str]) -> dict[str, str]:
     return {"Channel": layer.name} | {name: value.replace("\0", "") for name, value in notes.items()}
 
 
+def _top(scan: "Scan") -> float:
+    """Place of the frame's top [m]: less its largest y, since Gwyddion's y grows downwards.
+
+    Two frames of one sample then lie beside each other as they are scanned, to its tools that stitch and crop.
+    """
+    return -float(scan.centre_y + 0.5 * scan.height)
+
+
 def _field(image: Image, values: Any, unit: str) -> Any:
     from gwyfile.objects import GwyDataField
 
     scan = image.scan
-    # Offsets are those of the frame's least x and y, which is where Gwyddion's own importers put them.
     return GwyDataField(
         np.ascontiguousarray(values[::-1]),
         xreal=float(scan.size_x),
         yreal=float(scan.height),
         xoff=float(scan.centre_x - 0.5 * scan.size_x),
-        yoff=float(scan.centre_y - 0.5 * scan.height),
+        yoff=_top(scan),
         si_unit_xy="m",
         si_unit_z="" if unit == "1" else unit,
     )
@@ -125,7 +134,7 @@ def write_gsf(path: Path | str, image: "Image | xarray.Dataset", name: str = "he
         "XReal": repr(float(scan.size_x)),
         "YReal": repr(float(scan.height)),
         "XOffset": repr(float(scan.centre_x - 0.5 * scan.size_x)),
-        "YOffset": repr(float(scan.centre_y - 0.5 * scan.height)),
+        "YOffset": repr(_top(scan)),
         "Title": found.title,
         "XYUnits": "m",
         "ZUnits": "" if found.unit == "1" else found.unit,

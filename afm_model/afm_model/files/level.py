@@ -9,6 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Array = NDArray[np.float64]
+_ENOUGH = 65536
+"""Pixels that a plane of the background is fitted to at most."""
+_NEAR = 4.0
+"""Distance of what belongs to the background, over the median of all distances."""
+_ROUNDS = 40
+"""Of the fit, which each time counts what lies far off less."""
 _Mask = NDArray[np.bool_]
 
 
@@ -41,6 +47,18 @@ def plane(values: _Array, exclude: _Mask | None = None) -> _Array:
     ValueError
         If the arrays are not pictures of one size.
     """
+    return _level(values, exclude, 1)
+
+
+def background(values: _Array, exclude: _Mask | None = None) -> _Array:
+    """The picture without the plane that most of it lies on: hills and holes on less than half of it do not tilt it.
+
+    As `plane`, but by least absolute distances, then by what is near that plane. 0 is the height of the background.
+    """
+    return _level(values, exclude, _ROUNDS)
+
+
+def _level(values: _Array, exclude: _Mask | None, rounds: int) -> _Array:
     fitted = _fitted(values, exclude)
     if not fitted.any():
         return values.copy()
@@ -49,7 +67,20 @@ def plane(values: _Array, exclude: _Mask | None = None) -> _Array:
     terms = np.stack([np.ones_like(x), x, y])
     # By the mean first: heights of nanometres may stand on micrometres.
     flat = values - values[fitted].mean()
-    found, *_ = np.linalg.lstsq(terms[:, fitted].T, flat[fitted], rcond=None)
+    matrix, heights = terms[:, fitted].T, flat[fitted]
+    if rounds > 1:
+        every = -(-len(heights) // _ENOUGH)
+        matrix, heights = matrix[::every], heights[::every]
+    weights = np.ones(len(heights))
+    least = 1e-9 * float(np.abs(heights).max()) or 1.0
+    for _ in range(rounds):
+        found, *_ = np.linalg.lstsq(matrix * weights[:, None], heights * weights, rcond=None)
+        left = np.abs(heights - matrix @ found)
+        weights = 1.0 / np.sqrt(np.maximum(left, least))
+    if rounds > 1:
+        # What is about on the plane, by least squares: distances alone are pulled aside by what is not.
+        near = left <= max(_NEAR * float(np.median(left)), least)
+        found, *_ = np.linalg.lstsq(matrix[near], heights[near], rcond=None)
     return np.asarray(flat - np.tensordot(found, terms, axes=1))
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _Array = NDArray[np.float64]
-Levelling = Literal["plane", "lines", "none"]
+Levelling = Literal["background", "plane", "lines", "none"]
 COLOURS = "cividis"
 """The map of colours: even steps of brightness, the same to a colour-blind eye."""
 _MISSING = "0.82"
@@ -29,7 +29,7 @@ _SIZE = (5.2, 4.6)
 _PANEL = (3.2, 2.9)
 """Of a panel of a sheet, about [inch]."""
 _DPI = 150
-_SUFFIX = ".png"
+PNG = ".png"
 
 
 def levelled(found: Layer, how: Levelling | None = None) -> tuple[_Array, str]:
@@ -39,21 +39,24 @@ def levelled(found: Layer, how: Levelling | None = None) -> tuple[_Array, str]:
     ----------
     found : Layer
     how : str, optional
-        "plane", "lines" (each by its median) or "none". If it is not given: a plane of a height, nothing of the rest.
+        "background" (the plane that most of it lies on), "plane" (of least squares), "lines" (each by its median) or
+        "none". If it is not given: that of the background of a height, nothing of the rest.
 
     Returns
     -------
     (ndarray (lines, pixels), str)
     """
     if how is None:
-        how = "plane" if found.title.startswith("Height") else "none"
+        how = "background" if found.title.startswith("Height") else "none"
+    if how == "background":
+        return level.background(found.values), "less its background"
     if how == "plane":
         return level.plane(found.values), "less its plane"
     if how == "lines":
         return level.lines(found.values), "less the median of each line"
     if how == "none":
         return found.values, ""
-    raise ValueError(f"a picture is levelled by plane, lines or none, not by {how!r}")
+    raise ValueError(f"a picture is levelled by background, plane, lines or none, not by {how!r}")
 
 
 def scale_bar(width: float) -> float:
@@ -111,7 +114,8 @@ def draw(axes: "Axes", image: Image, found: Layer, how: Levelling | None = None)
     axes.text(beside, below + 0.5 * thick, text(length, "m"), va="center", fontsize="small", **place)
 
 
-def _figure(size: tuple[float, float]) -> "Figure":
+def new_figure(size: tuple[float, float]) -> "Figure":
+    """An empty figure [inch]; ImportError where matplotlib is not installed."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
@@ -162,7 +166,7 @@ def picture(
     """
     image = as_image(image)
     found = layer(image, name)
-    figure = _figure(_SIZE)
+    figure = new_figure(_SIZE)
     draw(figure.subplots(), image, found, how)
     figure.suptitle(title or _caption(image), fontsize="small")
     return figure
@@ -184,7 +188,7 @@ def sheet(image: "Image | xarray.Dataset", title: str = "") -> "Figure":
     every = layers(image)
     columns = (len(every) + 1) // 2
     tall = min(max(image.scan.height / image.scan.size_x, 0.3), 2.0)
-    figure = _figure((columns * _PANEL[0], 2.0 * _PANEL[1] * tall + 0.4))
+    figure = new_figure((columns * _PANEL[0], 2.0 * _PANEL[1] * tall + 0.4))
     for axes, found in zip(figure.subplots(2, columns, squeeze=False).T.ravel(), every, strict=False):
         draw(axes, image, found)
     figure.suptitle(", ".join(part for part in (title, _caption(image)) if part))
@@ -209,8 +213,8 @@ def write_picture(
     ImportError
         If matplotlib is not installed.
     """
-    checked(path, _SUFFIX)
-    return _write(path, picture(image, name, how, title))
+    checked(path, PNG)
+    return write_figure(path, picture(image, name, how, title))
 
 
 def write_sheet(path: Path | str, image: "Image | xarray.Dataset", title: str = "") -> Path:
@@ -223,12 +227,13 @@ def write_sheet(path: Path | str, image: "Image | xarray.Dataset", title: str = 
     ImportError
         If matplotlib is not installed.
     """
-    checked(path, _SUFFIX)
-    return _write(path, sheet(image, title))
+    checked(path, PNG)
+    return write_figure(path, sheet(image, title))
 
 
-def _write(path: Path | str, figure: "Figure") -> Path:
-    with replacing(path, _SUFFIX) as beside:
+def write_figure(path: Path | str, figure: "Figure") -> Path:
+    """Write a figure into a PNG file, whole or not at all."""
+    with replacing(path, PNG) as beside:
         # Tight: the layout leaves too little place for some numbers at a bar of colours.
         figure.savefig(beside, dpi=_DPI, bbox_inches="tight", pad_inches=0.08, metadata={"Software": None})
     return Path(path)

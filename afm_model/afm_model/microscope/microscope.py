@@ -11,7 +11,7 @@ verb, in SI units, waits for the end, and returns labelled arrays of xarray. A f
 
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal
@@ -28,7 +28,9 @@ from .arrays import to_xarray
 from .backend import Backend, LoopSettings, OnLine, OnProgress
 from .local import Local
 from .results import COMPLETE, MicroscopeState, Outcome
+from .signatures import takes_fields_of, word_of
 from .verb import Verb, find
+from .verbs import ForceCurve, MoveTo, Scan, ScanPath
 
 if TYPE_CHECKING:
     import xarray
@@ -164,23 +166,26 @@ class Microscope(LoopSettings):
         verbs = registry.names("verb")
         if name not in verbs:
             raise AttributeError(f"a microscope has no {name}; its verbs are {', '.join(verbs)}")
-        return partial(self.do, name)
+        return word_of(find(name), partial(self.do, name))
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *registry.names("verb")]
 
     # Words made of verbs.
 
+    @takes_fields_of(MoveTo)
     def move_to(self, x: float, y: float, **fields: Value) -> Any:
         """Move to a place [m]; fields of `MoveTo`."""
         return self.do("move_to", x=x, y=y, **fields)
 
     go_to = move_to
 
+    @takes_fields_of(Scan)
     def get_scan(self, **fields: Value) -> "xarray.Dataset":
         """An image, line by line; fields of `Scan`."""
         return self.do("scan", **fields)
 
+    @takes_fields_of(Scan)
     def scan_individual_line(
         self, direction: Literal["horizontal", "vertical"] = "horizontal", coord: float = 0.0, **fields: Value
     ) -> "xarray.Dataset":
@@ -203,6 +208,7 @@ class Microscope(LoopSettings):
             raise VerbError(f"direction = {direction} is not allowed: it must be horizontal or vertical")
         return self.do("scan", **{"lines": 1, "slow_axis": False, **along, **fields})
 
+    @takes_fields_of(ScanPath)
     def scan_arbitrary_path(self, path_points: ArrayLike, **fields: Value) -> "xarray.Dataset":
         """Measure along straight lines from place to place.
 
@@ -218,8 +224,22 @@ class Microscope(LoopSettings):
             raise VerbError(f"path_points of shape {points.shape} are not allowed: they must be of shape (n, 2)")
         return self.do("scan_path", x=points[:, 0].tolist(), y=points[:, 1].tolist(), **fields)
 
-    def get_spectrum(self, x: float | None = None, y: float | None = None, **fields: Value) -> "xarray.Dataset":
-        """Force curves at a place [m], or where the scanner stands; fields of `ForceCurve`."""
+    @takes_fields_of(ForceCurve)
+    def get_spectrum(
+        self,
+        location: Sequence[float] | None = None,
+        *,
+        x: float | None = None,
+        y: float | None = None,
+        **fields: Value,
+    ) -> "xarray.Dataset":
+        """Force curves at a place [m], given as a pair or as x and y, or where the scanner stands; fields of
+        `ForceCurve`.
+        """
+        if location is not None:
+            if np.shape(location) != (2,) or (x, y) != (None, None):
+                raise VerbError("location must be a pair (x, y), given without x and y")
+            x, y = location
         if x is not None or y is not None:
             at = self.state.place
             self.move_to(at[0] if x is None else x, at[1] if y is None else y)
@@ -241,5 +261,8 @@ class Microscope(LoopSettings):
 
 
 def _changed(parameters: SimParameters, changes: Mapping[str, Mapping[str, Value]]) -> SimParameters:
+    for group, each in changes.items():
+        if not isinstance(each, Mapping):
+            raise ParameterError(f"{group} = {each} is not allowed: it must be parameters by name, {group}={{...}}")
     news = {f"{group}.{name}": value for group, each in changes.items() for name, value in each.items()}
     return changed(parameters, news, anew=[group for group, each in changes.items() if "kind" in each])

@@ -24,9 +24,10 @@ def notes(parameters: Any) -> dict[str, str]:
     words = {"Microscope": f"virtual atomic force microscope, plant {plant.kind}{scanner}"}
     numbers = plant.cantilever_numbers
     if numbers is not None:
+        own = ", ".join(name for name in numbers._fields if getattr(plant, name))
         words["Cantilever"] = (
-            f"{plant.lever}, k = {numbers.k:.6g} N/m, f0 = {text(numbers.f0, 'Hz')}, tip radius "
-            f"{text(numbers.tip_radius, 'm')}"
+            f"{plant.lever}{' but for ' if own else ''}{own}, k = {numbers.k:.6g} N/m, f0 = {text(numbers.f0, 'Hz')}, "
+            f"tip radius {text(numbers.tip_radius, 'm')}"
         )
     words["Cantilever axis"] = "y; the lateral force is that along x of the scanner"
     force, voltage = (loop.setting(parameters, f"setpoint_{name}", 0.0) for name in ("force", "voltage"))

@@ -111,7 +111,7 @@ class Operator(LoopSettings):
         except (Exception, SystemExit) as error:
             # Whatever somebody else's verb raises, the tip is withdrawn.
             self._close_collectors()
-            told = str(error) if isinstance(error, VerbError) else f"{type(error).__name__}: {error}"
+            told = str(error) if isinstance(error, VerbError | ParameterError) else f"{type(error).__name__}: {error}"
             self._status, self._message = FAILED, told
             self._leave()
             return

@@ -1,7 +1,7 @@
 """Motions of verbs: lines of a scan in whole samples, paths with rounded corners. SI units."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -79,29 +79,31 @@ def _rotated(scan: "Scan", place: _Place) -> _Place:
     return scan.centre_x + c * place[0] - s * place[1], scan.centre_y + s * place[0] + c * place[1]
 
 
-def path(places: Sequence[_Place], speed: float, view: InstrumentView) -> list[Polynomial]:
-    """Straight lines at even speed from rest to rest, with rounded corners.
+def path(places: Sequence[_Place], speed: float, view: InstrumentView) -> Iterator[tuple[int, Polynomial]]:
+    """Straight lines at even speed from rest to rest, with rounded corners: at which place each piece begins, and it.
 
     A corner is rounded within a period of the scanner's resonance, or over half of a line that takes less.
     """
     period = view.control_period
     ways = [math.dist(a, b) for a, b in pairwise(places)]
-    directions = [((b[0] - a[0]) / w, (b[1] - a[1]) / w) for (a, b), w in zip(pairwise(places), ways, strict=True)]
-    velocities: list[_Place] = [(0.0, 0.0), *((speed * x, speed * y) for x, y in directions), (0.0, 0.0)]
     rounding = speed * _TURN / view.resonance
     # Half of the way that is rounded, at each place.
     halves = [0.5 * min(rounding, *ways[max(i - 1, 0) : i + 1]) for i in range(len(places))]
-    pieces = []
+    before: _Place = (0.0, 0.0)
     for i, place in enumerate(places):
-        before, after, half = velocities[i], velocities[i + 1], halves[i]
+        after: _Place = (0.0, 0.0)
+        if i + 1 < len(places):
+            to = places[i + 1]
+            after = speed * ((to[0] - place[0]) / ways[i]), speed * ((to[1] - place[1]) / ways[i])
+        half = halves[i]
         # At the ends the whole of it lies on one side.
         enter = (place[0] - half * before[0] / speed, place[1] - half * before[1] / speed)
         leave = (place[0] + half * after[0] / speed, place[1] + half * after[1] / speed)
-        pieces.append(view.between(max(1, round(2.0 * half / speed / period)), (enter, before), (leave, after)))
+        yield i, view.between(max(1, round(2.0 * half / speed / period)), (enter, before), (leave, after))
         if i + 1 < len(places):
             rest = ways[i] - half - halves[i + 1]
             ticks = round(rest / speed / period)
             if ticks > 0:
                 end = (leave[0] + after[0] / speed * rest, leave[1] + after[1] / speed * rest)
-                pieces.append(Polynomial((leave[0], end[0] - leave[0]), (leave[1], end[1] - leave[1]), ticks))
-    return pieces
+                yield i, Polynomial((leave[0], end[0] - leave[0]), (leave[1], end[1] - leave[1]), ticks)
+        before = after

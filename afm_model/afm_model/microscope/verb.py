@@ -5,7 +5,6 @@ to, and what it brings back. Ours are in `afm_model.microscope.verbs`; one of yo
 an entry point of the group `afm_model.verb`. docs/extending.md.
 """
 
-import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
@@ -13,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from annotated_types import Ge, Le
 
 from ..core import registry
-from ..core.errors import ParameterError, VerbError
-from ..core.schema import Group, NonNegative, Positive, Unit, build, specifications
+from ..core.errors import VerbError
+from ..core.schema import Group, NonNegative, Positive, Unit, build, flatten, out_of_range, python_value
 from .results import MicroscopeState, Standing
 
 if TYPE_CHECKING:
@@ -33,6 +32,12 @@ Count = Annotated[int, Ge(1), Le(1_000_000)]
 LineCount = Annotated[int, Ge(1), Le(8192)]
 SampleRate = Annotated[float, Ge(1e-3), Le(1e9), Unit("Hz")]
 Places = Annotated[tuple[float, ...], Unit("m")]
+
+
+MOST_NUMBERS = 2**25
+"""That a verb may bring back: 268 MB, a scan of 4096 x 4096 pixels of one channel, trace and retrace."""
+MOST_PLACES = 10_000
+"""Of a path."""
 
 
 class Verb(Group):
@@ -61,17 +66,15 @@ class Verb(Group):
         ParameterError
             If there is no such field, or a value is not allowed: one sentence.
         """
-        units = {spec.name: spec.unit for spec in specifications(cls)}
-        given: dict[str, Any] = {
-            name: value if isinstance(value, str | bool | int | float) else tuple(value)
-            for name, value in fields.items()
-        }
-        for name, values in given.items():
-            for i, value in enumerate(values if isinstance(values, tuple) else ()):
-                if not math.isfinite(value):
-                    raise ParameterError(
-                        f"{name}[{i}] = {value:g} {units.get(name)} is not allowed: it must be a finite number"
-                    )
+        given: dict[str, Any] = {}
+        for name, value in fields.items():
+            if isinstance(value, str) or not hasattr(value, "__len__"):
+                given[name] = python_value(value)
+            elif len(value) > 0 and all(isinstance(each, str) for each in value):
+                # Several words of one field, as its text has them.
+                given[name] = ", ".join(value)
+            else:
+                given[name] = tuple(python_value(each) for each in value)
         return build(cls, given)
 
     def refusals(self, view: "InstrumentView", state: MicroscopeState) -> Iterator[str]:
@@ -109,6 +112,7 @@ def objection(verb: Verb, view: "InstrumentView", state: MicroscopeState) -> str
 
     def every() -> Iterator[str]:
         title = type(verb).__name__
+        yield out_of_range(type(verb), flatten(verb))
         if state.doing:
             yield f"{title} is not allowed while {state.doing} is being done: wait for its end, or cancel it"
         if verb.on_sample and not state.approached:
@@ -118,7 +122,7 @@ def objection(verb: Verb, view: "InstrumentView", state: MicroscopeState) -> str
         yield from verb.refusals(view, state)
 
     try:
-        return next(every(), "")
+        return next(filter(None, every()), "")
     except VerbError as error:
         return str(error)
 
@@ -140,6 +144,12 @@ def saturating(what: str, volts: float, view: "InstrumentView") -> Iterator[str]
     """A deflection that the detector never shows: z would go on into the sample."""
     if volts > view.most_deflection:
         yield f"{what} of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V"
+
+
+def too_much(count: float, what: str) -> Iterator[str]:
+    """More numbers than a verb may bring back."""
+    if count > MOST_NUMBERS:
+        yield f"{what} is not allowed: it would bring back {count:.3g} numbers, and {MOST_NUMBERS} are the most"
 
 
 def too_fast(name: str, rate: float, trigger: float, way: float, view: "InstrumentView") -> Iterator[str]:

@@ -159,6 +159,10 @@ class InstrumentView:
         news = {f"onboard.{own[name]}": value for name, value in changes.items()}
         self.instrument.set_onboard(changed(parameters, news))
 
+    def samples(self, duration: float, rate: float = math.inf) -> float:
+        """How many means at this rate [Hz], or at that of the ADC if it is lower, a duration [s] has."""
+        return duration * min(rate, 1.0 / self.sample_period)
+
     def ticks(self, duration: float) -> int:
         """Control ticks that take this time [s] at least, one or more."""
         return max(1, ticks_of(duration, self.control_period))

@@ -2,6 +2,7 @@
 
 from typing import Annotated
 
+from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from ..core import registry
@@ -17,7 +18,9 @@ from ..plant.physics import Cantilever, Contact, Microscope, Scales, Scanner
 from ..program import Reference
 from ..sample import PaperSample
 
-_Rate = Annotated[float, Unit("m/s")]
+_FASTEST = 1e-6
+"""Of a drift [m/s]: a hundred times what is plausible."""
+_Rate = Annotated[float, Ge(-_FASTEST), Le(_FASTEST), Unit("m/s")]
 
 
 class Drift(Group):
@@ -29,7 +32,7 @@ class Drift(Group):
     decay_time: Annotated[NonNegative, Unit("s")] = Field(
         0.0, description="these velocities fall by exp(-t / decay_time), as after warming up; 0: they stay"
     )
-    wander: Annotated[NonNegative, Unit("m/s")] = Field(
+    wander: Annotated[float, Ge(0.0), Le(_FASTEST), Unit("m/s")] = Field(
         0.0, description="rms of a random part of the velocity, along each axis by itself"
     )
     wander_time: Annotated[Positive, Unit("s")] = Field(60.0, description="correlation time of the random part")

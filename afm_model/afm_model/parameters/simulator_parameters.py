@@ -149,6 +149,10 @@ class Run(Group):
     retract_time: Annotated[Positive, Unit("s")] = Field(
         0.01, description="simulated time in which the sample is retracted or withdrawn"
     )
+    return_speed: Annotated[Positive, Unit("m/s")] = Field(
+        2e-6,
+        description="realtime: speed of each axis on the way back to the drive of a controller that was silent",
+    )
 
 
 class SimParameters(InstrumentParameters):

@@ -55,21 +55,22 @@ def require_contact_at_rest(parameters: Tree) -> None:
 def require_resolved_step(parameters: Tree, *, with_contact: bool) -> None:
     """Raise ValueError if plant.dt is too long for a result that is right, at the loads within reach."""
     load = reachable_load(parameters) if with_contact else None
-    vertical, lateral = ACCURATE / _vertical(parameters, load), ACCURATE_LATERAL / _lateral(parameters)
-    if parameters.plant.dt <= min(vertical, lateral):
+    fastest = {"vertical": _vertical(parameters, load), "lateral": _lateral(parameters)}
+    longest = {"vertical": ACCURATE / fastest["vertical"], "lateral": ACCURATE_LATERAL / fastest["lateral"]}
+    axis = min(longest, key=longest.__getitem__)
+    if parameters.plant.dt <= longest[axis]:
         return
-    if lateral < vertical:
-        reason = f"in which the faster lateral resonance of the scanner turns by {ACCURATE_LATERAL:g} rad"
+    if axis == "lateral":
+        what = "faster lateral resonance of the scanner"
     elif load is None:
-        reason = f"in which the vertical resonance of scanner and cantilever turns by {ACCURATE:g} rad"
+        what = "vertical resonance of scanner and cantilever"
     else:
-        reason = (
-            f"in which the resonance of the contact turns by {ACCURATE:g} rad under {load:.3g} N, the largest load "
-            f"that setpoint, sample and piezo.limit allow"
+        what = (
+            f"resonance of the contact under {load:.3g} N, the largest load that setpoint, sample and piezo.limit allow"
         )
     raise ValueError(
-        f"plant.dt = {parameters.plant.dt:g} s is not allowed: it must be <= {min(vertical, lateral):.3g} s, {reason}; "
-        f"a longer step gives wrong results"
+        f"plant.dt = {parameters.plant.dt:g} s is not allowed: it must be <= {longest[axis]:.3g} s for the {what}, "
+        f"{fastest[axis] / (2.0 * math.pi):.4g} Hz; a longer step gives wrong results"
     )
 
 

@@ -4,12 +4,14 @@ An order is written between two control ticks and is in force from the next one 
 to its end and the table too; x, y then stay, z stays as its last step left it. Motion and table may be of any length.
 """
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.errors import ParameterError
 from ..core.records import Record, size
 
 DEGREES = 6
@@ -116,6 +118,25 @@ class Lines:
         return self.turn + 2 * self.lines * (self.image + self.turn)
 
 
+def _problem(step: Step, count: int) -> str:
+    """What of a step of a table of so many steps cannot be, a clause; empty if nothing."""
+    for name in ("then", "triggered"):
+        to = getattr(step, name)
+        if not END <= to < count:
+            return f"{name} = {to} is not allowed: there are the steps 0 to {count - 1}, and the end, {END}"
+    positive = {RAMP: "rate", PROFILE: "period"}.get(step.kind)
+    for name in ("duration", "rate", "trigger", "period"):
+        value = getattr(step, name)
+        # A rest may last for ever.
+        if not (value > 0.0 if name == positive else value >= 0.0) or (name != "duration" and math.isinf(value)):
+            return f"{name} = {value:g} is not allowed: it must be {'>' if name == positive else '>='} 0 and finite"
+    if not math.isfinite(step.target):
+        return f"target = {step.target:g} m is not allowed: it must be finite"
+    if step.kind == PROFILE and not (np.size(step.profile) and np.isfinite(step.profile).all()):
+        return "its profile is not allowed: it must be one finite number at least"
+    return ""
+
+
 @dataclass(frozen=True, eq=False)
 class Order:
     """A motion of x and y, and what z does."""
@@ -123,6 +144,19 @@ class Order:
     motion: Polynomial | Lines | Sampled
     steps: tuple[Step, ...] = ()
     """Beginning with the first; none: z stays as it is."""
+
+    def __post_init__(self) -> None:
+        for number, step in enumerate(self.steps):
+            if problem := _problem(step, len(self.steps)):
+                raise ParameterError(f"step {number} of the table of z with {problem}")
+        ways = [{step.then, step.triggered if step.trigger > 0.0 else step.then} for step in self.steps]
+        ending: set[int] = {END}
+        while more := {number for number, way in enumerate(ways) if way & ending} - ending:
+            ending |= more
+        if never := set(range(len(ways))) - ending:
+            raise ParameterError(
+                f"step {min(never)} of the table of z never leads to its end: some `then` must be {END}"
+            )
 
     def numbers(self) -> NDArray[np.float64]:
         """What a kernel reads beside the block: steps (StepRecord), their profiles, the pieces of the motion."""

@@ -8,11 +8,16 @@ from numpy.typing import NDArray
 from ..core.errors import DivergenceError, DriveError, PartError
 from ..parameters import SimParameters
 from ..parts.command import Command, problem
+from ..parts.timing import ticks_of
 from .engine import Engine
 from .pacing import Peered
 from .state import Cause, State
 
 _Array = NDArray[np.float64]
+_LONGEST_WAY = 2.0
+"""The drive goes back to that of a controller that was silent within the time that so many times the way of a retract
+takes: one that answers with leaps has the drive then, too.
+"""
 _RING = 4096
 """Measurements whose time of publication is known; a drive for an older one counts as outdated."""
 
@@ -28,18 +33,20 @@ class Realtime(Peered):
 
     def __init__(self, engine: Engine, parameters: SimParameters) -> None:
         super().__init__(engine, parameters)
-        self.drive: _Array | Command = np.zeros(3)
+        self._asked: _Array | Command = np.zeros(3)  # drive of the controller that was put in force last, or held
         self.sequence: int = -1  # measurement that the drive in force answers; -1: none
         self._published_at = np.zeros(_RING)
         self._last_drive_at = self._linked_at = self._asked_at = math.nan
+        self._held = self._way_back = 0  # ticks without a drive; ticks that the way back may still take
         self.deadline: float = 0.0
         self._period = self._catch_up = 0.0
 
     def start(self) -> None:
         """Hold the drive of the start; the first deadline is one period from now."""
         super().start()
-        self.drive = self._instrument.drive
+        self._asked = self._instrument.drive
         self.sequence = -1
+        self._held = self._way_back = 0
         self._asked_at = math.nan  # when the measurement behind the drive in force was published
         self._linked_at = math.nan  # when the first drive arrived
         self.resume()
@@ -50,8 +57,8 @@ class Realtime(Peered):
         self._period = 0.0
         if self._engine.phase == State.RETRACTED:
             # What was retracted stays where it is until the controller answers, or is silent again.
-            self.drive = self._instrument.drive
-            self._instrument.guard.release()
+            self._asked = self._instrument.drive
+            self._release()
         self.adapt(self._parameters)
         self._last_drive_at = self._engine.clock()
 
@@ -92,7 +99,13 @@ class Realtime(Peered):
                 engine.counts.horizon_ticks += 1
             else:
                 engine.counts.drives_lost += 1
+                self._held += 1
+        else:
+            if self._held > self._ticks(self._parameters.run.retract_time):
+                self._go_back()
+            self._held = 0
         self._watch_over(now)
+        self.drive = self._returning() if self._way_back and engine.phase == State.RUNNING else self._asked
         engine.blocks.note_delay(late, now - self._asked_at)
         return 1
 
@@ -110,7 +123,7 @@ class Realtime(Peered):
                 engine.refuse(reason, sequence)
             else:
                 assert not isinstance(drive, DriveError)
-                self.drive = drive if isinstance(drive, Command) else drive.copy()
+                self._asked = drive if isinstance(drive, Command) else drive.copy()
                 self.sequence = sequence
                 self._last_drive_at = now
                 # A drive is taken at a tick, but it may have come any time before.
@@ -127,7 +140,7 @@ class Realtime(Peered):
 
     def _foreseen(self) -> bool:
         """Whether the drive in force has one in its horizon for the tick that begins."""
-        drive, period = self.drive, self._parameters.plant.control_period
+        drive, period = self._asked, self._parameters.plant.control_period
         return isinstance(drive, Command) and drive.covers((self._instrument.ticks - self.sequence) * period)
 
     def _watch_over(self, now: float) -> None:
@@ -136,7 +149,7 @@ class Realtime(Peered):
         run, life, counts = self._parameters.run, engine.life, engine.counts
         silent = now - self._last_drive_at > run.watchdog_timeout
         if silent and life.state == State.RUNNING:
-            self.drive = self._instrument.drive
+            self._asked = self._instrument.drive
             self._instrument.guard.retract()
             life.go(
                 Cause.SILENT,
@@ -144,8 +157,33 @@ class Realtime(Peered):
                 f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted",
             )
         elif not silent and life.state == State.RETRACTED:
-            self._instrument.guard.release()
+            self._release()
             life.go(Cause.ANSWERED)
+
+    def _release(self) -> None:
+        """Give the drive back to the controller."""
+        self._instrument.guard.release()
+        self._go_back()
+
+    def _go_back(self) -> None:
+        """Let the drive go back to that of a controller that was silent, not leap: a sample that leaps loses the tip,
+        and x and y are where no law expects them.
+        """
+        run = self._parameters.run
+        self._way_back = self._ticks(_LONGEST_WAY * run.retract_distance / run.return_speed)
+
+    def _ticks(self, time: float) -> int:
+        return ticks_of(time, self._parameters.plant.control_period)
+
+    def _returning(self) -> _Array:
+        """The drive of the controller, as far as `run.return_speed` allows."""
+        parameters, now = self._parameters, self._instrument.drive
+        piezo = parameters.piezo
+        most = np.array([piezo.sensitivity_x, piezo.sensitivity_y, piezo.sensitivity_z])
+        most = parameters.run.return_speed * parameters.plant.control_period / most
+        change = (self._asked.voltage if isinstance(self._asked, Command) else self._asked) - now
+        self._way_back = 0 if (np.abs(change) <= most).all() else self._way_back - 1
+        return np.asarray(now + np.clip(change, -most, most))
 
     def _unused(self) -> str:
         """Drives that came and were not put in force, for a sentence."""

@@ -3,6 +3,7 @@
 import math
 from typing import Annotated, Literal
 
+from annotated_types import Ge, Le
 from pydantic import Field
 
 from ..core.jit import kernel
@@ -20,7 +21,7 @@ class Patches(SampleParameters):
     pattern: Literal["stripes", "squares"] = Field("stripes", description="how the two alternate")
     width: Annotated[Positive, Unit("m")] = Field(100e-9, description="width of a patch")
     strength: Positive = Field(0.5, description="friction strength of the second material over that of the first")
-    adhesion: Positive = Field(
+    adhesion: Annotated[float, Ge(1e-3), Le(1e3)] = Field(
         1.0, description="work of adhesion of the second material over that of the first (plant lever)"
     )
 

@@ -82,8 +82,10 @@ def test_loop_of_a_play_operator_is_recovered(rng):
 
 def test_what_is_no_loop_is_refused_in_a_sentence():
     x = np.linspace(0.0, 1.0, 100)
-    with pytest.raises(ValueError, match="at least two turns"):
+    with pytest.raises(ValueError, match="three turns of the position"):
         friction_loop(x, x)
+    with pytest.raises(ValueError, match=r"there are 2$"):
+        friction_loop(np.concatenate([x, x[::-1], x]), np.ones(300))
     back = np.concatenate([x, x[::-1], x, x[::-1]])
     with pytest.raises(ValueError, match="the loop is not open"):
         friction_loop(back, -np.gradient(back))

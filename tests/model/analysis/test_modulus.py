@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from afm_model.analysis import ContactFit, Estimate, contact_fit, young
+from afm_model.analysis import (
+    ContactFit,
+    Estimate,
+    along_normal,
+    contact_fit,
+    tilted_deflection,
+    tilted_stiffness,
+    young,
+)
 from afm_model.contact.maugis import MODELS, branch, pull_off
 
 from .bench import curve
@@ -167,6 +175,27 @@ def test_modulus_of_a_simulated_polymer_is_recovered_within_two_percent_and_one_
         assert found.modulus.value == pytest.approx(0.75 * pair.K, rel=most)
         assert found.work_of_adhesion.value == pytest.approx(pair.work_of_adhesion, rel=of_work)
         assert found.told == ""
+
+
+@pytest.mark.parametrize("angle", [-0.028, 0.028])
+def test_modulus_on_a_slope_is_recovered_along_its_normal_and_wrong_by_percents_without(angle):
+    tilted = LEVER | {"plant.tilt": 0.2, "plant.tau": 1e3, "sample.kind": "plane", "sample.angle_y": angle}
+    record = curve(tilted)
+    plant = record.done.parameters.plant
+    c = plant.cantilever_numbers
+    geometry = (0.2, c.tip_height + 0.5 * c.thickness, c.length)
+    # Vertical, as by the sensitivity of a curve on a flat sample.
+    vertical = record.deflection / tilted_deflection(*geometry)
+    E_star = 0.75 * plant.pair_numbers.K
+
+    def modulus(z: np.ndarray, deflection: np.ndarray, k: float) -> float:
+        fit = contact_fit(z, deflection, k, RADIUS, sensitivity_error=0.0, part="retract")
+        return fit.modulus.value
+
+    corrected = along_normal(record.z, vertical, 2.8, math.tan(angle), *geometry)
+    assert modulus(*corrected) == pytest.approx(E_star, rel=1e-3)
+    wrong = modulus(record.z, vertical, tilted_stiffness(2.8, *geometry)) / E_star - 1.0
+    assert wrong == pytest.approx(-2.4 * angle, rel=0.15)
 
 
 def test_modulus_of_a_simulated_oxide_is_not_told_by_a_soft_cantilever():

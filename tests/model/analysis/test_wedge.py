@@ -113,6 +113,8 @@ def test_loads_beyond_those_of_the_flat_and_slopes_without_friction_are_refused(
         wedge_by_flat(LOADS, 0.2 * LOADS / TRUE, LOADS, up / TRUE, LOADS, down / TRUE, STEEP)
     with pytest.raises(ValueError, match="must go together"):
         wedge_by_flat(LOADS, LOADS[1:], LOADS, up, LOADS, down, STEEP)
+    with pytest.raises(ValueError, match="half-widths on the flat must be positive and its loads rising"):
+        wedge_by_flat(LOADS, -0.2 * LOADS / TRUE, LOADS, up / TRUE, LOADS, down / TRUE, STEEP)
     with pytest.raises(ValueError, match="no friction coefficient fits"):
         wedge_ogletree(LOADS, up, LOADS, -up, STEEP)
     with pytest.raises(ValueError, match="that of the slope"):

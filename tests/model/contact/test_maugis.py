@@ -103,6 +103,18 @@ def test_table_is_exact_to_1e_4_over_the_whole_branch(case):
     assert (near[:, 2] - found[:, 2]) / 1e-7 == pytest.approx(found[:, 3], rel=1e-2, abs=1e-3)
 
 
+@pytest.mark.parametrize(("lam", "of_force", "of_radius"), [(0.6, 1e-6, 1e-6), (0.94, 5e-4, 5e-3), (1.62, 1e-6, 1e-6)])
+def test_table_between_the_end_of_the_branch_and_its_third_node_is_as_exact_as_the_page_says(lam, of_force, of_radius):
+    exact = branch("maugis", lam)
+    values = table("maugis", np.array([lam])).ravel()
+    s = np.geomspace(1e-4, 0.05, 300)
+    d = exact.least_indentation + s * s
+    a, force = exact.solve(d)
+    found = np.array([look_up(each, 0.0, values, 0, 1) for each in d])
+    assert np.abs(found[:, 0] - force).max() < of_force
+    assert 0.01 * of_radius < np.abs(found[:, 2] - a).max() < of_radius
+
+
 def test_table_between_two_transition_parameters_is_exact_to_1e_4():
     rows = transitions(0.8, 1.3)
     values = table("maugis", rows).ravel()

@@ -137,7 +137,7 @@ def test_rate_of_the_deflection_is_the_difference_of_what_is_read_as_soon_as_tha
     [
         ({"detector.noise": 1e-3, "detector.noise_density": 1e-6}, "are not allowed together: give one"),
         ({"detector.lateral_in_deflection": 1.0}, "it must be a finite number > -1 and < 1"),
-        ({"detector.deflection_gain": 0.0}, "it must be a finite number > 0"),
+        ({"detector.deflection_gain": 0.0}, "it must be a finite number >= 1e-12"),
     ],
 )
 def test_what_cannot_be_is_refused(values, told):

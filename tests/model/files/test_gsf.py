@@ -19,14 +19,14 @@ def test_layer_is_read_with_its_values_in_single_precision_its_size_place_units_
     values, told = gsffile.read_gsf(path)
     np.testing.assert_array_equal(values[::-1], wanted.values.astype(np.float32))
     assert (told["XReal"], told["YReal"]) == (200e-9, 50e-9)
-    assert (told["XOffset"], told["YOffset"]) == pytest.approx((0.0, -325e-9), abs=1e-20)
+    assert (told["XOffset"], told["YOffset"]) == pytest.approx((0.0, 275e-9), abs=1e-20)
     assert (told["Title"], told["XYUnits"], told["ZUnits"]) == (wanted.title, "m", wanted.unit)
     assert told["Scan angle"].startswith("28.6479 deg")
     assert told["Law"] == "pid"
     seen, numbers = field(gwyddion(path, tmp_path), wanted.title)
     np.testing.assert_array_equal(seen, values)
     assert (numbers["xreal"], numbers["yreal"]) == (200e-9, 50e-9)
-    assert (numbers["xoff"], numbers["yoff"]) == pytest.approx((0.0, -325e-9), abs=1e-20)
+    assert (numbers["xoff"], numbers["yoff"]) == pytest.approx((0.0, 275e-9), abs=1e-20)
     assert (numbers["si_unit_xy"], numbers["si_unit_z"]) == ("m", wanted.unit)
 
 

@@ -6,7 +6,7 @@ import gwyfile
 import numpy as np
 import pytest
 
-from afm_model.files import layers, write_gwy
+from afm_model.files import layers, write_gsf, write_gwy
 from afm_model.sample.map_files import read_field
 
 from . import scans
@@ -41,7 +41,7 @@ def test_every_layer_is_read_with_its_values_to_the_last_bit_its_size_place_and_
         assert told["si_unit_z"] == EVERY[layer.title]
         assert told["si_unit_xy"] == "m"
         assert (told["xreal"], told["yreal"]) == (200e-9, 200e-9)
-        assert (told["xoff"], told["yoff"]) == pytest.approx((0.0, -400e-9), abs=1e-20)
+        assert (told["xoff"], told["yoff"]) == pytest.approx((0.0, 200e-9), abs=1e-20)
 
 
 def test_l_low_on_the_left_is_low_on_the_left_where_row_0_is_the_top(read):
@@ -110,6 +110,21 @@ def test_a_line_with_trace_and_no_retrace_is_masked_in_the_layers_that_need_both
     read = gwyfile.load(str(write_gwy(tmp_path / "part.gwy", image)))
     missing = {title: int(read[f"/{number}/mask"].data.sum()) // 64 for title, number in titles(read).items()}
     assert missing == {title: 43 if title in ("Height", "Deflection Error", "Lateral Force") else 44 for title in EVERY}
+
+
+@pytest.mark.parametrize("write", [write_gwy, write_gsf])
+def test_one_place_of_the_sample_in_two_frames_is_at_one_place_in_gwyddion(tmp_path, write):
+    """Gwyddion counts y downwards from the top: a dimple at (x, y) of the sample stands at (x, -y)."""
+    dimple = np.array([0.13e-6, -0.31e-6])
+    for number, (centre, size) in enumerate([((0.1e-6, -0.3e-6), 200e-9), ((0.15e-6, -0.2e-6), 400e-9)]):
+        image = scans.scanned(centre_x=centre[0], centre_y=centre[1], size_x=size)
+        way = np.hypot(image.x[None, :] + centre[0] - dimple[0], image.y[:, None] + centre[1] - dimple[1])
+        image.data["height", "trace"][:] = -np.exp(-0.5 * (way / 10e-9) ** 2)
+        path = write(tmp_path / f"{number}.{write.__name__[-3:]}", image)
+        values, told = field(gwyddion(path, tmp_path), "Height")
+        row, column = np.unravel_index(np.argmin(values), values.shape)
+        place = told["xoff"] + (column + 0.5) * told["xreal"] / 64, told["yoff"] + (row + 0.5) * told["yreal"] / 64
+        assert place == pytest.approx((dimple[0], -dimple[1]), abs=0.51 * size / 64)
 
 
 def test_picture_that_is_not_square_keeps_its_sides(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from afm_model.files import level_lines, level_plane
+from afm_model.files import level_background, level_lines, level_plane
 
 from . import scans
 
@@ -30,6 +30,19 @@ def test_step_that_is_excluded_comes_out_with_its_height(rng):
     np.testing.assert_allclose(flat, 5e-9 * on, atol=2e-18)
     # Not excluded, it tilts the plane.
     assert np.ptp(level_plane(values)[~on]) > 1e-9
+
+
+def test_background_is_levelled_and_a_letter_on_it_does_not_tilt_it(rng):
+    values, on = tilted()
+    assert 0.1 < on.mean() < 0.5
+    flat = level_background(values)
+    np.testing.assert_allclose(flat, 5e-9 * on, atol=1e-15)
+    noisy = level_background(values + 1e-10 * rng.standard_normal(values.shape))
+    assert np.median(noisy[~on]) == pytest.approx(0.0, abs=2e-11)
+    assert np.median(noisy[on]) == pytest.approx(5e-9, rel=0.01)
+    # The plane through all of it is tilted by the letter.
+    assert np.ptp(level_plane(values)[~on]) > 1e-9
+    np.testing.assert_array_equal(level_background(np.zeros((4, 5))), np.zeros((4, 5)))
 
 
 def test_what_is_not_measured_is_not_fitted_and_stays_nan():

@@ -14,6 +14,8 @@ def test_notes_say_cantilever_setpoint_gains_and_sample_as_they_are():
     said = notes(build(SimParameters, lever))
     assert said["Microscope"] == "virtual atomic force microscope, plant lever, scanner flexure_90um"
     assert said["Cantilever"] == "ppp_lfmr, k = 0.2 N/m, f0 = 23 kHz, tip radius 10 nm"
+    other = notes(build(SimParameters, lever | {"plant.k": 2.8, "plant.f0": 75e3, "plant.dt": 0.5e-6}))
+    assert other["Cantilever"] == "ppp_lfmr but for k, f0, k = 2.8 N/m, f0 = 75 kHz, tip radius 10 nm"
     assert said["Cantilever axis"].startswith("y;")
     assert (said["Setpoint"], said["Gains"]) == ("10 nN", "P = 0 m/V, I = 5e-06 m/(V s)")
     assert said["Sample"] == "flat"

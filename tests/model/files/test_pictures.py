@@ -8,7 +8,16 @@ from matplotlib import colormaps
 from PIL import Image as Png
 
 from afm_model.core.prefix import prefixed, text
-from afm_model.files import layer, layers, picture, sheet, write_picture, write_sheet
+from afm_model.files import (
+    curve_picture,
+    layer,
+    layers,
+    picture,
+    sheet,
+    write_curve_picture,
+    write_picture,
+    write_sheet,
+)
 from afm_model.files.picture import COLOURS, levelled, scale_bar
 
 from . import scans
@@ -53,7 +62,7 @@ def test_same_scan_gives_the_same_bytes(tmp_path, write):
 def test_picture_has_title_unit_and_scale_bar():
     figure = picture(scans.scanned())
     axes, bar = figure.axes
-    assert axes.get_title() == "Height, less its plane"
+    assert axes.get_title() == "Height, less its background"
     assert bar.get_title() == "nm"
     (drawn,) = axes.patches
     assert drawn.get_width() == pytest.approx(50e-9 / 200e-9)
@@ -91,14 +100,20 @@ def test_layer_of_one_value_is_drawn_in_one_colour(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("how", "words"), [("plane", "less its plane"), ("lines", "less the median of each line"), ("none", "")]
+    ("how", "words"),
+    [
+        ("background", "less its background"),
+        ("plane", "less its plane"),
+        ("lines", "less the median of each line"),
+        ("none", ""),
+    ],
 )
 def test_levelling_of_a_picture_is_told_in_its_title(how, words):
     assert picture(scans.scanned(pixels=8, lines=8), how=how).axes[0].get_title().partition(", ")[2] == words
 
 
 def test_levelling_of_another_name_is_refused():
-    with pytest.raises(ValueError, match="levelled by plane, lines or none, not by 'parabola'"):
+    with pytest.raises(ValueError, match="levelled by background, plane, lines or none, not by 'parabola'"):
         picture(scans.scanned(pixels=8, lines=8), how="parabola")
 
 
@@ -130,3 +145,21 @@ def test_numbers_are_told_with_the_prefix_that_people_use(value, unit, words):
 
 def test_prefix_of_nothing_is_none():
     assert prefixed(float("nan"), "m") == (1.0, "m")
+
+
+def test_force_curves_are_drawn_from_their_turn_in_newton(tmp_path):
+    curves = [scans.curve(0.0, 0.0), scans.curve(1e-9, 0.0)]
+    (axes,) = curve_picture(curves).axes
+    assert axes.get_title() == "2 force curves"
+    assert axes.get_ylabel() == "force [nN]"
+    lines = [line for line in axes.lines if line.get_label() in ("approach", "retract")]
+    assert [line.get_label() for line in lines] == ["approach", "retract"]
+    read = curves[0].record.channels
+    z, force = lines[0].get_data()
+    assert len(z) == np.count_nonzero(read["phase"] == read["phase"][0])
+    assert z.max() == pytest.approx(0.0, abs=0.2)
+    assert force.max() == pytest.approx(1e9 * 0.2 * 1e-7 * read["deflection_voltage"].max())
+    drawn = pixels(write_curve_picture(tmp_path / "curves.png", curves))
+    assert near(drawn, (1.0, 0.5, 0.05)).any()
+    with pytest.raises(ValueError, match="no force curve"):
+        curve_picture([])

@@ -1,11 +1,9 @@
 """Claims about verbs at the edge of what can be: end of the range of z, no trigger, hard presses, errors of callers."""
 
-from contextlib import suppress
-
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
+from afm_model import ParameterError
 from afm_model.core.schema import specifications
 from afm_model.microscope import Microscope, all_verbs, to_xarray
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED
@@ -124,23 +122,28 @@ def test_a_withdrawal_that_the_range_of_z_ends_says_so(approached):
     assert approached.instrument.orders.onboard.z == pytest.approx(low)
 
 
+EXTREME = (1e300, -1e300, 5e-324, float("nan"), float("inf"), -0.0, 10**400)
+
+
 def extremes():
-    """Every number of every verb, very large and very small, as far as the verb takes it at all."""
-    for verb, (name, field) in ((each, item) for each in all_verbs().values() for item in each.model_fields.items()):
-        if field.annotation not in (float, int):
-            continue
-        spec = next(each for each in specifications(verb) if each.name == name)
-        ends = (1e-308, 1e308) if field.annotation is float else (1, 10**9)
-        low, high = (end if given is None else given for end, given in zip(ends, (spec.lower, spec.upper), strict=True))
-        for value in (low or ends[0], min(high, ends[1])):
-            path = {"x": (0.0, 1e-7), "y": (0.0, 0.0)} if verb is ScanPath else {}
-            with suppress(ValidationError):
-                yield verb(**path, **{name: value})
+    """Every number of every verb, as large and as small as can be written, and as its range has it."""
+    for verb in all_verbs().values():
+        path = {"x": (0.0, 1e-7), "y": (0.0, 0.0)} if verb is ScanPath else {}
+        for spec in specifications(verb):
+            listed = spec.kind not in (int, float, str, bool)
+            for value in (*EXTREME, spec.lower, spec.upper) if spec.kind in (int, float) or listed else ():
+                yield verb, spec, value, path | {spec.name: (0.0, value) if listed else value}
 
 
 def test_verb_with_a_number_of_any_size_is_refused_in_a_sentence_or_can_be_cancelled():
-    microscope, begun = local(), 0
-    for verb in extremes():
+    microscope, begun, refused = local(), 0, []
+    for kind, spec, value, fields in extremes():
+        try:
+            verb = kind.of(fields)
+        except ParameterError as error:
+            refused.append((spec.name, str(error)))
+            continue
+        assert value == 0.0 or value in (spec.lower, spec.upper), (kind, spec.name, value)
         if not microscope.state.approached and not isinstance(verb, Approach | ThermalTune):
             microscope = local()  # wherever the last one has moved z to
             assert microscope.execute(APPROACH).status == COMPLETE
@@ -156,4 +159,38 @@ def test_verb_with_a_number_of_any_size_is_refused_in_a_sentence_or_can_be_cance
             microscope.step()
         # One that is over at once has done what it was asked for.
         assert microscope.operator.outcome().status != CANCELLED or not microscope.instrument.in_contact, verb
+        assert np.isfinite(microscope.instrument.measurement).all(), verb
     assert begun > 20
+    assert len(refused) > 300
+    for name, told in refused:
+        assert told.startswith(name), told
+        assert " is not allowed: it must be a " in told, told
+
+
+def test_number_beyond_its_range_in_a_verb_that_was_made_by_hand_is_refused_too():
+    assert local().objection(Withdraw(distance=5e-324)) == (
+        "distance = 5e-324 m is not allowed: it must be a finite number >= 1e-18 and <= 1"
+    )
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        Scan(size_x=40e-9, pixels=8192, lines=8192),
+        ForceCurve(count=1_000_000),
+        ThermalTune(duration=600.0),
+        ScanPath(x=(0.0, 1e-7), y=(0.0, 0.0), speed=1e-12, sample_rate=1e5),
+    ],
+    ids=lambda verb: verb.name,
+)
+def test_what_would_bring_back_more_than_memory_holds_is_refused_at_once(approached, verb):
+    if isinstance(verb, ThermalTune):
+        approached.execute(Withdraw())
+    told = approached.objection(verb)
+    assert "is not allowed: it would bring back " in told, told
+    assert told.endswith(" numbers, and 33554432 are the most")
+
+
+def test_path_of_very_many_places_is_refused_at_once(approached):
+    verb = ScanPath(x=tuple(1e-12 * n for n in range(10_001)), y=(0.0,) * 10_001)
+    assert approached.objection(verb) == "a path of 10001 places is not allowed: 10000 are the most"

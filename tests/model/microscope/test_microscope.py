@@ -1,5 +1,6 @@
 """Claims about the class Microscope: words of automated microscopy, labelled arrays, errors, Ctrl-C."""
 
+import inspect
 import os
 import signal
 
@@ -76,11 +77,31 @@ def test_what_is_not_allowed_is_said_in_a_sentence_and_nothing_moves(microscope,
     assert microscope.state.approached
 
 
+def test_calls_of_dtmicroscope_work_as_they_are(microscope):
+    image = microscope.get_scan(channels=["height", "lateral"], size_x=40e-9, pixels=8, lines=1, line_rate=20.0)
+    assert {"height", "lateral"} <= set(image.data_vars)
+    curve = microscope.get_spectrum(location=(5e-9, 0.0), trigger_force=20e-9, approach_rate=20e-6, retract_rate=20e-6)
+    assert float(curve.attrs["x"] if "x" in curve.attrs else curve["x"][0]) == pytest.approx(5e-9)
+    with pytest.raises(VerbError, match=r"location must be a pair \(x, y\)"):
+        microscope.get_spectrum((0.0, 0.0), x=1e-9)
+
+
+def test_words_complete_the_names_of_fields_and_have_help(microscope):
+    for word, verb in ((microscope.scan, Scan), (microscope.get_scan, Scan), (microscope.approach, Approach)):
+        assert set(verb.model_fields) <= set(inspect.signature(word).parameters), word
+    fields = inspect.signature(microscope.scan).parameters
+    assert fields["pixels"].default == 128
+    assert "size_x [m]: width of the frame" in microscope.scan.__doc__
+    assert list(inspect.signature(microscope.get_spectrum).parameters)[:3] == ["location", "x", "y"]
+
+
 def test_a_preset_or_a_parameter_that_does_not_exist_is_refused():
     with pytest.raises(ScenarioError, match="unknown scenario two_material"):
         Microscope("two_material")
     with pytest.raises(ParameterError, match=r"unknown parameter sample.widht: did you mean sample.width\?"):
         Microscope("two_materials", sample={"widht": 1e-9})
+    with pytest.raises(ParameterError, match="sample = 5 is not allowed: it must be parameters by name"):
+        Microscope("two_materials", sample=5)
 
 
 def test_ctrl_c_withdraws_the_tip_and_keeps_what_was_measured():

@@ -68,7 +68,7 @@ def test_verb_of_ones_own_is_refused_and_named_as_ours_are():
     microscope = Microscope(local())
     with pytest.raises(VerbError, match="LiftLine is not allowed while the tip is withdrawn: it must be approached"):
         microscope.do("lift:LiftLine")
-    with pytest.raises(VerbError, match=r"lift = -1.0 m is not allowed: it must be a finite number > 0"):
+    with pytest.raises(VerbError, match=r"lift = -1.0 m is not allowed: it must be a finite number >= 1e-18"):
         microscope.do("lift:LiftLine", lift=-1.0)
     with pytest.raises(VerbError, match="there is no verb lift: it must be one of approach, withdraw, "):
         microscope.do("lift")

@@ -40,7 +40,10 @@ def approached():
             "line_rate = 1000 Hz is not allowed with pixels = 128: a pixel would be less",
         ),
         (Scan(line_rate=50.0, pixels=8), "a turn would be shorter than a period of the scanner's resonance of 500 Hz"),
-        (Scan(channels="hight"), "channels = hight is not allowed: there is no hight; there are "),
+        (
+            Scan(channels="hight"),
+            "channels = hight is not allowed: there is no hight (did you mean height?); there are asked_x, ",
+        ),
         (Scan(channels=" , "), "channels is empty: it must name one at least, such as height"),
         (FrictionLoop(count=1), "count = 1 is not allowed: the first line is not part of the result; it must be >= 2"),
         (FrictionLoop(length=5e-6), "outside the travel of the scanner"),

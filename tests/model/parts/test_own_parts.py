@@ -137,7 +137,7 @@ def test_the_parameters_of_an_own_law_are_checked_and_described_as_ours(own):
     assert described["law.bandwidth"].unit == "rad/s"
     assert "law.alpha" not in described
     with pytest.raises(
-        ParameterError, match=r"law.bandwidth = -1.0 rad/s is not allowed: it must be a finite number > 0"
+        ParameterError, match=r"law.bandwidth = -1.0 rad/s is not allowed: it must be a finite number >= 1e-06"
     ):
         build(ControllerParameters, {"law.kind": "kalman", "law.bandwidth": -1.0})
     with pytest.raises(ParameterError, match=r"unknown parameter law.bandwith: did you mean law.bandwidth"):

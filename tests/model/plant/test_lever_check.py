@@ -17,14 +17,17 @@ from .lever_bench import BASE, LeverBench
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"plant.dt": 2e-6, "detector.sample_period": 2e-6}, "bending mode 2 turns by"),
+        (
+            {"plant.dt": 2e-6, "detector.sample_period": 2e-6},
+            "it is too long for bending mode 2 of the cantilever, whose resonance is at ",
+        ),
         (
             {"plant.modes": 1, "plant.dt": 1e-5, "detector.sample_period": 1e-5},
-            r"mode 1 turns by 1\.45 rad in a step and must turn by at most 0\.75: take plant\.dt <= 5\.19e-06 s",
+            r"too long for bending mode 1 of the cantilever, .*; take plant\.dt <= 5\.19e-06 s",
         ),
         ({"plant.width": 1e-3}, "a cantilever is longer than wide"),
         ({"scanner.f_x": 800.0}, "scanner.f_x = 800.0 has no effect with plant.kind = lever"),
-        ({"plant.f_x": 2e5}, "the scanner's resonance of 200000 Hz turns by"),
+        ({"plant.f_x": 2e5}, "too long for the scanner, whose resonance is at 2e.05 Hz"),
         ({"plant.lever": "ppp_nothing"}, "must be one of ppp_lfmr, contal_g, snl_10b"),
     ],
 )
@@ -64,7 +67,9 @@ def test_what_cannot_be_on_a_lattice_is_refused_in_one_sentence(values, told):
 
 def test_a_step_too_long_for_the_apex_is_refused_with_one_that_is_not():
     values = BASE | LATTICE | {"plant.apex_mass": 1e-12}
-    with pytest.raises(ParameterError, match=r"the tip's apex of plant\.apex_mass = 1e-12 kg turns by .* <= ") as told:
+    with pytest.raises(
+        ParameterError, match=r"the tip's apex of plant\.apex_mass = 1e-12 kg; take plant.dt <= "
+    ) as told:
         Instrument(build(InstrumentParameters, values))
     allowed = float(str(told.value).partition("plant.dt <= ")[2].split()[0])
     step = 0.99 * allowed
@@ -86,6 +91,25 @@ def test_a_step_too_long_for_the_apex_is_refused_with_one_that_is_not():
 def test_what_is_implausible_of_a_lattice_is_told(values, told):
     found = LEVER.warnings(build(InstrumentParameters, BASE | LATTICE | values))
     assert (found == []) if told is None else any(told in sentence for sentence in found)
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("sample.constant", 1e-10, 5e-9),
+        ("sample.barrier", 1e-3 * 1.602176634e-19, 10.0 * 1.602176634e-19),
+        ("sample.height", 1e-13, 1e-10),
+        ("plant.apex_stiffness", 0.1, 1e3),
+        ("plant.apex_mass", 1e-18, 1e-9),
+    ],
+)
+def test_usual_values_of_a_lattice_end_where_the_sentence_says(name, low, high):
+    for end, beyond in ((low, 1.0 / 1.01), (high, 1.01)):
+        for value, told in ((end / beyond, False), (end * beyond, True)):
+            parameters = build(InstrumentParameters, BASE | LATTICE | {name: value})
+            sentences = [each for each in LEVER.warnings(parameters) if "usual are" in each]
+            assert bool(sentences) is told, f"{name} = {value}"
+            assert all(f"usual are {low:g} to {high:g}" in each for each in sentences if "barrier" not in name)
 
 
 def test_the_sample_of_the_paper_is_sharper_than_any_tip():

@@ -174,6 +174,8 @@ def test_the_photodiode_shows_twist_and_not_force_while_torsion_rings():
 
 def test_a_step_in_which_torsion_turns_too_far_is_refused():
     values = BASE | {"plant.torsion": "moving", "plant.f_torsion": 400e3}
-    with pytest.raises(ParameterError, match=r"the torsional resonance of 4e\+05 Hz turns by 2.51 rad in a step"):
+    with pytest.raises(
+        ParameterError, match=r"too long for the torsion of the cantilever, whose resonance is at 4e\+05 Hz"
+    ):
         build(InstrumentParameters, values)
     build(InstrumentParameters, values | {"plant.torsion": "static"})

@@ -171,3 +171,25 @@ def test_a_program_that_takes_no_orders_says_so():
     scope = Instrument(build(InstrumentParameters, {}), 10)
     with pytest.raises(ParameterError, match=r"reference.kind = periodic takes no orders"):
         scope.order(Order(Polynomial((0.0,), (0.0,))))
+
+
+@pytest.mark.parametrize(
+    ("steps", "told"),
+    [
+        ((Step(orders.DWELL, then=1),), "then = 1 is not allowed: there are the steps 0 to 0, and the end, -1"),
+        ((Step(orders.RAMP, rate=1.0, trigger=1.0, triggered=5),), "triggered = 5 is not allowed"),
+        ((Step(orders.DWELL, then=-2),), "then = -2 is not allowed"),
+        ((Step(orders.DWELL, then=1), Step(orders.DWELL, then=0)), "step 0 of the table of z never leads to its end"),
+        ((Step(orders.RAMP, target=1e-9),), "rate = 0 is not allowed: it must be > 0 and finite"),
+        ((Step(orders.RAMP, target=math.nan, rate=1.0),), "target = nan m is not allowed"),
+        ((Step(orders.REST, duration=math.nan),), "duration = nan is not allowed"),
+        ((Step(orders.PROFILE),), "its profile is not allowed"),
+    ],
+)
+def test_table_that_would_never_end_is_refused_when_it_is_made(steps, told):
+    with pytest.raises(ParameterError, match=told):
+        Order(Polynomial((0.0,), (0.0,)), steps)
+
+
+def test_table_with_a_way_back_that_a_trigger_leaves_is_allowed():
+    Order(Polynomial((0.0,), (0.0,)), (Step(orders.RAMP, target=1e-9, rate=1e-6, trigger=1.0, then=0),))

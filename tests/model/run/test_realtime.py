@@ -254,8 +254,9 @@ def silent(bench: Bench, since: int, until: int) -> None:
 
 
 def test_silent_controller_has_the_sample_retracted_tick_by_tick_and_its_next_drive_brings_it_back() -> None:
-    steps = 8
-    bench = started(24, **{"run.retract_time": steps * PERIOD})
+    steps, back = 8, 3.0  # ticks; V in a tick
+    speeds = {"run.retract_time": steps * PERIOD, "run.return_speed": back * 20e-9 / PERIOD}
+    bench = started(28, **speeds)
     bench.link.send(0)
     bench.at(1)
     silent(bench, 1, 5)
@@ -271,16 +272,44 @@ def test_silent_controller_has_the_sample_retracted_tick_by_tick_and_its_next_dr
     bench.link.send(15, 0.02)
     bench.at(17)
     assert bench.state == State.RUNNING
-    silent(bench, 17, 20)
-    z = bench.drives[:, 2]
+    silent(bench, 17, 21)
+    x, z = bench.drives[:, 0], bench.drives[:, 2]
     ramp = bench.rest + (DOWN - bench.rest) * np.arange(1, steps + 1) / steps
     assert z[:5].tolist() == [bench.rest] * 5
     assert z[5 : 5 + steps] == pytest.approx(ramp)
     assert z[5 + steps : 16] == pytest.approx(DOWN)
-    assert z[16:].tolist() == [bench.rest] * 4
+    # What jumps to the tip loses contact again.
+    assert z[16:] == pytest.approx([DOWN + 3.0, DOWN + 6.0, DOWN + 9.0, DOWN + 12.0, bench.rest])
+    assert x[16:].tolist() == [0.02] * 5
     # Ticks 5 to 15; every one but the first and the 17th held a drive.
-    assert bench.counts() == {"drives_lost": 18, "ticks_retracted": 11, "scored_ticks_retracted": 11}
+    assert bench.counts() == {"drives_lost": 19, "ticks_retracted": 11, "scored_ticks_retracted": 11}
     assert bench.states == [State.RUNNING, State.RETRACTED, State.RUNNING]
+
+
+def test_drive_goes_back_without_a_leap_behind_a_gap_that_was_too_short_for_a_retract() -> None:
+    bench = started(**{"run.retract_time": PERIOD, "run.return_speed": 2.0 * 20e-9 / PERIOD})
+    for k in (0, 3):  # the first gap is as short as a retract
+        bench.link.send(k, 5.0 * (k == 0))
+        silent(bench, k, k + 3)
+    bench.link.send(6, 5.0)
+    silent(bench, 6, 9)
+    assert bench.state == State.RUNNING
+    assert bench.drives[:, 0].tolist() == [5.0] * 3 + [3.0, 1.0, 0.0, 2.0, 4.0, 5.0]
+
+
+def test_controller_that_answers_with_leaps_has_the_drive_again_in_the_end() -> None:
+    bench = started(**{"run.retract_time": PERIOD, "run.return_speed": 240e-9 / (6 * PERIOD)})
+    bench.link.send(0)
+    bench.at(1)
+    silent(bench, 1, 8)
+    assert bench.state == State.RETRACTED
+    # Twice the way of retracting takes twelve ticks at this speed, of 2 V each.
+    for k in range(8, 22):
+        bench.link.send(k, 5.0 * (-1) ** k)
+        bench.at(k + 1)
+    x = bench.drives[8:, 0]
+    assert np.abs(np.diff(x))[:11] == pytest.approx(2.0)
+    assert np.abs(x[12:]).tolist() == [5.0] * 2
 
 
 def test_sample_that_is_below_already_moves_up_to_the_retracted_position_and_stays() -> None:

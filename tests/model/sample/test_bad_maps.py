@@ -5,6 +5,8 @@ import json
 import os
 import pickle
 import struct
+import subprocess
+import sys
 import zipfile
 import zlib
 from pathlib import Path
@@ -177,6 +179,17 @@ def test_spoiled_file_of_any_format_is_a_map_of_bounded_finite_numbers_or_a_sent
     values = np.frombuffer(numbers).reshape(found["shape"])
     assert values.size <= map_reader.MOST_VALUES and np.isfinite(values).all()
     assert 0.0 <= found["width"] < np.inf and 0.0 <= found["height"] < np.inf
+
+
+def test_scenario_with_a_bad_map_ends_in_a_sentence_without_ros_too(tmp_path):
+    (tmp_path / "empty.npy").write_bytes(b"")
+    scenario = tmp_path / "bad.yaml"
+    sample = f"{{kind: map, file: {tmp_path}/empty.npy, width: 1.0e-6}}"
+    scenario.write_text(f"/**/afm_sim_node:\n  ros__parameters:\n    plant: {{kind: lever}}\n    sample: {sample}\n")
+    done = subprocess.run([sys.executable, "-m", "afm_model", scenario], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    (told,) = done.stderr.splitlines()
+    assert told.startswith("error: ") and f"{tmp_path}/empty.npy cannot be read as a height map: " in told
 
 
 def test_every_suffix_is_tried():

@@ -17,7 +17,7 @@ from ..collect import RecordCollector
 from ..execution import Execution, Task
 from ..plan import LinePlan, lines
 from ..results import Calibration, MicroscopeState
-from ..verb import LineCount, Metre, Rate, Verb, saturating
+from ..verb import LineCount, Metre, Rate, Verb, saturating, too_much
 from ..view import InstrumentView
 from .move_to import MoveTo
 from .scan import Scan, frame
@@ -63,6 +63,7 @@ class CalibrateLateral(Verb):
                 )
         if self.lines < 2:
             yield f"lines = {self.lines} is not allowed: the first line is not used; it must be >= 2"
+        yield from too_much(6.0 * _PLACES * self.lines * self.setpoints, f"lines = {self.lines}")
         kinds = view.parameters.plant.kind, view.parameters.onboard.kind
         if view.spring_constant == 0.0:
             yield f"CalibrateLateral is not allowed with plant.kind = {kinds[0]}, which has no spring constant"

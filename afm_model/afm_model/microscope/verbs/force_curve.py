@@ -18,7 +18,7 @@ from ..arrays import Arrays, Variable, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task, landing
 from ..results import MicroscopeState, TimeSeries
-from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast
+from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast, too_much
 from ..view import InstrumentView
 
 if TYPE_CHECKING:
@@ -174,6 +174,11 @@ class ForceCurve(Verb):
                 f"ramp = {self.ramp:g} m is not allowed here: with lift = {self.lift:g} m z has "
                 f"{high - view.offset + self.lift:.4g} m to go towards the sample"
             )
+        one = self.ramp / self.approach_rate + self.dwell + self.ramp / self.retract_rate
+        yield from too_much(
+            len(_NAMES) * view.samples(self.count * one, self.sample_rate),
+            f"count = {self.count} of curves of up to {one:.4g} s at sample_rate = {self.sample_rate:g} Hz",
+        )
 
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`."""

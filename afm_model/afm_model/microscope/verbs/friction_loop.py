@@ -14,7 +14,7 @@ from ..arrays import Arrays, attributes, variable
 from ..execution import Execution, Task
 from ..plan import LinePlan, lines
 from ..results import MicroscopeState
-from ..verb import Angle, Length, LineCount, Rate, SampleRate, Verb
+from ..verb import Angle, Length, LineCount, Rate, SampleRate, Verb, too_much
 from ..view import InstrumentView
 from .move_to import MoveTo
 from .scan import Scan, frame
@@ -58,6 +58,10 @@ class FrictionLoop(Verb):
         """See `Verb`."""
         if self.count < 2:
             yield f"count = {self.count} is not allowed: the first line is not part of the result; it must be >= 2"
+        yield from too_much(
+            4.0 * view.samples(self.count / self.line_rate, self.sample_rate),
+            f"count = {self.count} at line_rate = {self.line_rate:g} Hz and sample_rate = {self.sample_rate:g} Hz",
+        )
         yield from frame(self._plan(view), view)
 
     def _plan(self, view: InstrumentView) -> LinePlan:

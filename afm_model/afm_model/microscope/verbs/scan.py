@@ -1,6 +1,7 @@
 """The verb Scan. What it brings back is an `afm_model.microscope.image.Image`."""
 
 from collections.abc import Iterator
+from difflib import get_close_matches
 from typing import Annotated, ClassVar, Literal
 
 from annotated_types import Ge, Le
@@ -14,7 +15,7 @@ from ..image import Image, Line
 from ..notes import notes
 from ..plan import LinePlan, lines
 from ..results import MicroscopeState
-from ..verb import Angle, Length, LineCount, Metre, Rate, Speed, Verb, outside
+from ..verb import Angle, Length, LineCount, Metre, Rate, Speed, Verb, outside, too_much
 from ..view import InstrumentView
 
 _AT_THE_END = 1e-12
@@ -67,10 +68,16 @@ class Scan(Verb):
             signals(view.instrument, names)
         except KeyError as error:
             missing, known = error.args
+            near = dict.fromkeys(each for name in missing for each in get_close_matches(name, known, n=1))
+            meant = f" (did you mean {', '.join(near)}?)" if near else ""
             yield (
-                f"channels = {self.channels} is not allowed: there is no {', '.join(missing)}; there are "
+                f"channels = {self.channels} is not allowed: there is no {', '.join(missing)}{meant}; there are "
                 f"{', '.join(known)}"
             )
+        yield from too_much(
+            2.0 * self.pixels * self.lines * len(names),
+            f"a scan of pixels = {self.pixels}, lines = {self.lines} and {len(names)} channels",
+        )
         yield from frame(lines(self, view), view)
 
     def empty(self, view: InstrumentView) -> Image:

@@ -13,7 +13,7 @@ from ..arrays import Arrays, attributes
 from ..execution import Execution, Task
 from ..plan import path
 from ..results import MicroscopeState, TimeSeries
-from ..verb import Places, SampleRate, Speed, Verb, outside
+from ..verb import MOST_PLACES, Places, SampleRate, Speed, Verb, outside, too_much
 from ..view import InstrumentView
 from .move_to import MoveTo
 
@@ -56,15 +56,20 @@ class ScanPath(Verb):
                 f"least"
             )
             return
+        if len(self.x) > MOST_PLACES:
+            yield f"a path of {len(self.x)} places is not allowed: {MOST_PLACES} are the most"
         places = list(zip(self.x, self.y, strict=True))
         for number, (one, other) in enumerate(pairwise(places)):
             if one == other:
                 yield (
-                    f"places {number} and {number + 1} of the path are the same, x = {one[0]:g} m, y = {one[1]:g} m: "
-                    f"leave one of them out"
+                    f"places {number} and {number + 1} of the path are the same, x = {one[0]:g} m, y = {one[1]:g} m, "
+                    f"which is not allowed: leave one of them out"
                 )
         yield from outside(view, "", places)
         way = sum(math.dist(one, other) for one, other in pairwise(places))
+        yield from too_much(
+            len(_CHANNELS) * view.samples(way / self.speed, self.sample_rate), "this path at this speed"
+        )
         most = min(view.resonance, self.sample_rate) * way
         if self.speed > most:
             yield (
@@ -75,7 +80,6 @@ class ScanPath(Verb):
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`."""
         places, period = list(zip(self.x, self.y, strict=True)), run.view.control_period
-        pieces = path(places, self.speed, run.view)
         recorder = run.recorder(list(_CHANNELS), self.sample_rate)
 
         def result() -> PathRecord:
@@ -85,7 +89,8 @@ class ScanPath(Verb):
             return PathRecord(self, TimeSeries(record.time, channels, units))
 
         run.result = result
-        run.total = sum(piece.ticks for piece in pieces) * period
+        # At the ends the speed is not even.
+        run.total = sum(map(math.dist, places, places[1:])) / self.speed + 2.0 / run.view.resonance
         yield from run.going(*places[0], max(self.speed, MoveTo().speed))
-        for number, piece in enumerate(pieces):
-            yield Task(Order(piece), piece.ticks * period, f"piece {number + 1} of {len(pieces)}", recorder)
+        for place, piece in path(places, self.speed, run.view):
+            yield Task(Order(piece), piece.ticks * period, f"at place {place + 1} of {len(places)}", recorder)

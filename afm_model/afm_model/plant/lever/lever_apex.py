@@ -119,12 +119,11 @@ def require_resolved_apex(parameters: Tree, give: float, load: float) -> None:
     if found is None or plant.apex_mass == 0.0:
         return
     steepest = (1.0 / give if give > 0.0 else 0.0) + found.stiffness + max(load, 0.0) * found.bend
-    turn = math.sqrt(steepest / plant.apex_mass) * plant.dt
-    if turn > RESOLVED:
+    most = RESOLVED / math.sqrt(steepest / plant.apex_mass)
+    if plant.dt > most:
         raise ParameterError(
-            f"plant.dt = {plant.dt:g} s is not allowed: the tip's apex of plant.apex_mass = {plant.apex_mass:g} kg "
-            f"turns by {turn:.3g} rad in a step and must turn by at most {RESOLVED:g}: take plant.dt <= "
-            f"{plant.dt * RESOLVED / turn:.3g} s, or plant.apex_mass = 0"
+            f"plant.dt = {plant.dt:g} s is not allowed: it is too long for the tip's apex of plant.apex_mass = "
+            f"{plant.apex_mass:g} kg; take plant.dt <= {most:.3g} s or plant.apex_mass = 0"
         )
 
 

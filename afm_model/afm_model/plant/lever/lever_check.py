@@ -37,26 +37,29 @@ def check(parameters: Tree) -> None:
             f"plant.thickness = {c.thickness:g} m, plant.width = {c.width:g} m, plant.length = {c.length:g} m are not "
             f"allowed: a cantilever is longer than wide and wider than thick"
         )
-    turn = 2.0 * math.pi * c.f0 * beam.MODE[plant.modes - 1].frequency * plant.dt
-    most = RESOLVED[plant.modes - 1]
-    if turn > most:
-        raise ValueError(
-            f"plant.dt = {plant.dt:g} s is not allowed: bending mode {plant.modes} turns by {turn:.3g} rad in a step "
-            f"and must turn by at most {most:g}: take plant.dt <= {plant.dt * most / turn:.3g} s"
-            + (", or fewer plant.modes" if plant.modes > 1 else "")
+    modes = plant.modes
+    frequency = c.f0 * beam.MODE[modes - 1].frequency
+    _require_step(
+        plant.dt,
+        frequency,
+        RESOLVED[modes - 1],
+        f"bending mode {modes} of the cantilever",
+        " or fewer plant.modes" * (modes > 1),
+    )
+    if plant.torsion == "moving":
+        _require_step(
+            plant.dt, c.f_torsion, RESOLVED_TORSION, "the torsion of the cantilever", " or plant.torsion = static"
         )
-    turn = 2.0 * math.pi * c.f_torsion * plant.dt
-    if plant.torsion == "moving" and turn > RESOLVED_TORSION:
+    _require_step(plant.dt, max(s.f_x, s.f_y, s.f_z), RESOLVED_SCANNER, "the scanner")
+
+
+def _require_step(dt: float, frequency: float, phase: float, what: str, otherwise: str = "") -> None:
+    """Raise ValueError if a step [s] is more than this part [rad] of a period of a resonance [Hz]."""
+    most = phase / (2.0 * math.pi * frequency)
+    if dt > most:
         raise ValueError(
-            f"plant.dt = {plant.dt:g} s is not allowed: the torsional resonance of {c.f_torsion:.4g} Hz turns by "
-            f"{turn:.3g} rad in a step and must turn by at most {RESOLVED_TORSION:g}: take plant.dt <= "
-            f"{plant.dt * RESOLVED_TORSION / turn:.3g} s, or plant.torsion = static"
-        )
-    fastest = max(s.f_x, s.f_y, s.f_z)
-    if (turn := 2.0 * math.pi * fastest * plant.dt) > RESOLVED_SCANNER:
-        raise ValueError(
-            f"plant.dt = {plant.dt:g} s is not allowed: the scanner's resonance of {fastest:g} Hz turns by "
-            f"{turn:.3g} rad in a step: take plant.dt <= {plant.dt * RESOLVED_SCANNER / turn:.3g} s"
+            f"plant.dt = {dt:g} s is not allowed: it is too long for {what}, whose resonance is at {frequency:.4g} Hz; "
+            f"take plant.dt <= {most:.3g} s{otherwise}"
         )
 
 

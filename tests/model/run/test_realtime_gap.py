@@ -1,0 +1,53 @@
+"""Claims about a controller that stands still for a while in real time: the run goes on when it answers again."""
+
+import numpy as np
+import pytest
+
+from afm_model import Controller, changed, load_scenario
+from afm_model.run import Run, State
+from afm_model.run.listeners import Listeners
+from afm_model.run.simulated import SimulatedLink, ticks_of_a_block
+from afm_model.run.timing import VirtualClock
+
+QUEUE = 10
+"""Measurements that wait for a controller which stands still; older ones are lost."""
+_LATENCY = 0.3
+"""Of an answer, in control periods."""
+
+
+class StoppedLink(SimulatedLink):
+    """A controller that stands still from one time of the clock to another [s]."""
+
+    def __init__(self, law: Controller, clock: VirtualClock, period: float, begin: float, end: float) -> None:
+        super().__init__(law, clock, lambda: _LATENCY * period, period)
+        self._begin, self._end, self._waiting = begin, end, list[tuple[int, np.ndarray]]()
+
+    def publish(self, sequence: int, measurement: np.ndarray) -> None:
+        """Keep it as long as nobody reads."""
+        if self._begin <= self._clock() < self._end:
+            self._waiting = [*self._waiting, (sequence, measurement.copy())][-QUEUE:]
+            return
+        waiting, self._waiting = self._waiting, []
+        for each in (*waiting, (sequence, measurement)):
+            super().publish(*each)
+
+
+@pytest.mark.parametrize(("begin", "gap"), [(0.615, 0.25), (0.7, 0.3), (0.65, 0.5)])
+def test_run_at_1_ms_goes_on_behind_a_gap_that_is_longer_than_its_horizon(begin: float, gap: float) -> None:
+    scenario = load_scenario("realtime_1ms")
+    parameters = changed(scenario.sim, {"run.duration": begin + gap + 0.35})
+    clock, period = VirtualClock(), parameters.plant.control_period
+    link = StoppedLink(Controller(scenario.controller), clock, period, begin, begin + gap)
+    run = Run(parameters, link, clock, Listeners(), block_ticks=ticks_of_a_block(parameters))
+    run.step()
+    largest = 0.0
+    while (deadline := run.deadline) is not None:
+        clock.now = deadline
+        run.step()
+        if clock.now > begin + gap + 0.25:
+            asked, position = run.instrument.orders.asked.position[:2], run.instrument.truth.position[:2]
+            largest = max(largest, float(np.abs(position - asked).max()))
+    snapshot = run.snapshot()
+    assert (run.state, snapshot.counts.ticks_retracted > 0) == (State.FINISHED, True), snapshot.detail
+    # It tracks again: the amplitude is 5 nm.
+    assert largest < 0.5e-9
