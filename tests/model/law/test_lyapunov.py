@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 
-from afm_model import Controller, ControllerParameters, ParameterError, SimParameters, build, simulate
+from afm_model import ControllerParameters, SimParameters, build, simulate
 from afm_model.law import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from afm_model.law.paper import SGN, TANH, switching
 
@@ -52,12 +52,9 @@ def test_gains_of_very_different_size_are_solved_to_the_last_digits(c, cdot):
         assert abs(found / exact - 1) < 1e-15
 
 
-@pytest.mark.parametrize(("c", "cdot"), [(1e-20, 1.0)])
-def test_gains_that_leave_no_digits_are_refused(c, cdot):
+def test_gains_that_leave_no_digits_are_refused():
     with pytest.raises(ValueError, match="too far from 1"):
-        lyapunov_matrix(c, cdot)
-    with pytest.raises(ParameterError, match="too far from 1"):
-        Controller(build(ControllerParameters, {"law.c_x": c, "law.cdot_x": cdot}))
+        lyapunov_matrix(1e-20, 1.0)
 
 
 @pytest.mark.parametrize("Q", [np.diag([1.0, -1.0]), np.array([[1.0, 0.5], [0.0, 1.0]]), np.eye(3)])

@@ -5,6 +5,7 @@ The reference beyond the measurement is continued as the sine, parabola or line 
 
 import math
 
+from ...core.elementary import sincos
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement
 from .nominal_plant import look, nominal_bound
@@ -43,8 +44,8 @@ def take_reference(y: Measurement, p: Constants, s: State) -> None:
 def continue_reference(axis: int, first: float, n: int, p: Constants, s: State) -> None:
     """Write the reference of x or y into the path: at n + 1 places, a fine interval apart, from time `first` on."""
     w = s.omega[axis]
-    cos, sin = math.cos(w * first), math.sin(w * first)
-    cos_step, sin_step = math.cos(w * p.tau), math.sin(w * p.tau)
+    sin, cos = sincos(w * first)
+    sin_step, cos_step = sincos(w * p.tau)
     a, b = s.v[axis] / w, s.acc[axis] / (w * w)
     for i in range(n + 1):
         s.path[i, axis, 0] = s.p[axis] + a * sin + b * (1.0 - cos)
@@ -106,5 +107,7 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
         speed = math.sqrt(v_x * v_x + v_y * v_y)
         s.direction[i, 0] = v_x / speed if speed > 0.0 else 0.0
         s.direction[i, 1] = v_y / speed if speed > 0.0 else 0.0
-        ask_of(0, i, s.friction[i] * s.direction[i, 0], p, s)
-        ask_of(1, i, s.friction[i] * s.direction[i, 1], p, s)
+        for axis in range(2):
+            q = 0.5 * (s.path[i, axis, 0] + s.path[i + 1, axis, 0])
+            held = s.gain_of[axis] * s.friction[i] * s.direction[i, axis] + s.slow[axis] + s.softer[axis] * q
+            ask_of(axis, i, held, p, s)

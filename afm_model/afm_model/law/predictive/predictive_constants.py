@@ -7,6 +7,7 @@ import numpy as np
 
 from ...contact.friction import bound_of_load
 from ...contact.jkr import indentation_of_u, radius_at_zero_load, u_of_load
+from ...core.elementary import cbrt, exp, hypot, square
 from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from ...parts.signals import LONGEST_HORIZON
@@ -29,6 +30,8 @@ FLOOR = 2e-4
 TOGETHER = 1.0
 """Control period above which one filter estimates position and friction [1/w0]: below, a filter of the position that
 takes the measured force as it is makes smaller errors where the reference turns."""
+FIRST = (0.3, 1.0, 0.03)
+"""Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2]."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5
@@ -55,6 +58,7 @@ _SCALARS = (
     "dt",
     "surface",
     "identified",
+    "adapts",  # what the model does not explain is estimated
     "mu",
     "w",
     "a",
@@ -109,6 +113,7 @@ class Constants(Record):
     dt: float
     surface: int
     identified: int
+    adapts: int
     mu: float
     w: float
     a: float
@@ -149,6 +154,7 @@ class Constants(Record):
     Phi: Annotated[Array, (3, 2, 2)]
     Gamma: Annotated[Array, (3, 2)]
     G: Annotated[Array, (3, INTERVALS, 2)]
+    Gamma_hold: Annotated[Array, (2, 2)]  # of the free x and y over a control period
     L: Annotated[Array, (3, 2)]  # of the observer
     free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
     of_drive: Annotated[Array, (2,)]
@@ -166,7 +172,7 @@ def values(parameters: Tree) -> Numbers:
     scales, piezo, sample = parameters.scales, parameters.piezo, parameters.sample
     w0, x0, z0 = scales.w0, scales.x0, scales.z0
     mu, m_c = scanner.mass_ratio, cantilever.m_c
-    lateral_force, normal_force = mu * m_c * w0**2 * x0, m_c * w0**2 * z0
+    lateral_force, normal_force = mu * m_c * square(w0) * x0, m_c * square(w0) * z0
     hold = law.period * w0
     slots, spare = law.packet, law.spare
     slot = hold / slots
@@ -177,7 +183,7 @@ def values(parameters: Tree) -> Numbers:
     w, a = cantilever.W / normal_force, cantilever.a / z0
     # Sample and tip move as one along z: the contact is stiff.
     both = 1.0 + 1.0 / mu
-    stiffness = np.array([eta["x"] ** 2, eta["y"] ** 2, (eta["z"] ** 2 + eta_c**2 / mu) / both])
+    stiffness = np.array([square(eta["x"]), square(eta["y"]), (square(eta["z"]) + square(eta_c) / mu) / both])
     damping = np.array([2.0 * xi[axis] * eta[axis] for axis in "xyz"])
     damping[2] = (damping[2] + 2.0 * cantilever.xi_c * eta_c / mu) / both
     of_axis = [gains(stiffness[i], damping[i], slot, division) for i in range(3)]
@@ -189,13 +195,13 @@ def values(parameters: Tree) -> Numbers:
     # Contact at the load of a resting cantilever, and how it changes with curvature and load.
     r = contact.R / z0
     L_s = contact.pull_off_force / normal_force
-    delta_0 = radius_at_zero_load(contact.R, contact.K, contact.surface_energy) ** 2 / contact.R / z0
+    delta_0 = square(radius_at_zero_load(contact.R, contact.K, contact.surface_energy)) / contact.R / z0
     f_s = contact.friction_at_pull_off / lateral_force
-    load_0 = w - eta_c**2 * a
+    load_0 = w - square(eta_c) * a
 
     def indentation(kappa: float, load: float) -> float:
         rho = 1.0 / (1.0 + kappa * r)
-        return delta_0 * rho ** (1.0 / 3.0) * indentation_of_u(u_of_load(load / (L_s * rho)))
+        return delta_0 * cbrt(rho) * indentation_of_u(u_of_load(load / (L_s * rho)))
 
     def bound(kappa: float, load: float) -> float:
         rho = 1.0 / (1.0 + kappa * r)
@@ -206,15 +212,16 @@ def values(parameters: Tree) -> Numbers:
     dn = 1e-3 * L_s
     delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
     measured = law.feedback == "measured"
-    height_noise = math.hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
-    ratio_noise = math.hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
-    ripple = abs(up - down) / (2.0 * small * f_0) * (law.wave_number * x0) ** 2 * law.height / z0
+    height_noise = hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
+    ratio_noise = hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
+    ripple = abs(up - down) / (2.0 * small * f_0) * square(law.wave_number * x0) * law.height / z0
     noise = law.position_noise / x0
     # What averaging over a wave leaves of the noise of the ratio; along z the tip's load hardly disturbs the scanner.
     left = ratio_noise * math.sqrt(hold / _WAVE)
-    disturbances = (left * f_0, left * f_0, FLOOR * eta_c**2 / mu)
+    disturbances = (left * f_0, left * f_0, FLOOR * square(eta_c) / mu)
     noises = (noise, noise, law.position_noise / z0)
     L = [observer_gains(stiffness[i], damping[i], hold, disturbances[i], noises[i]) for i in range(3)]
+    of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(2)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
     return {
         "hold": hold,
@@ -228,22 +235,24 @@ def values(parameters: Tree) -> Numbers:
         "horizon": n,
         "tau": slot / division.fine,
         "refined": slot > LONG and n + division.fine <= INTERVALS,
-        "turn": 1.0 - math.exp(-slot / max(division.response, slot)),
-        "ring": math.exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
+        "turn": 1.0 - exp(-slot / max(division.response, slot)),
+        "ring": exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
         "steps": steps,
         "dt": slot / steps,
         "surface": SURFACES[law.surface],
+        # Friction that is believed in leaves no signal to compare with.
+        "adapts": law.unexplained == "estimated" and law.friction == "identified",
         "identified": law.friction == "identified",
         "mu": mu,
         "w": w,
         "a": a,
-        "eta_c2": eta_c**2,
+        "eta_c2": square(eta_c),
         "delta": indentation(0.0, load_0),
         "delta_load": delta_load,
         "delta_curvature": (indentation(small, load_0) - indentation(-small, load_0)) / (2.0 * small),
         "f_0": f_0,
         "f_1": (up - down) / (2.0 * small),
-        "f_2": (up - 2.0 * f_0 + down) / (2.0 * small**2),
+        "f_2": (up - 2.0 * f_0 + down) / (2.0 * square(small)),
         "f_load": (bound(0.0, load_0 + dn) - bound(0.0, load_0 - dn)) / (2.0 * dn * f_0),
         "load_0": load_0,
         "beta": getattr(sample, "beta", 0.0) / z0,
@@ -259,10 +268,11 @@ def values(parameters: Tree) -> Numbers:
         "uneven": _UNEVEN,
         "astray": L[0][0] * noise,
         "wander": _UNEVEN * math.sqrt(8.0 * hold / _WAVE),
-        "uncertain": max(L[0][0], L[1][0]) * noise**2,
+        "uncertain": max(L[0][0], L[1][0]) * square(noise),
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
         "L": np.array(L),
+        "Gamma_hold": np.array(of_hold),
         "free": free,
         "of_drive": of_drive,
         "x0": x0,
@@ -275,9 +285,9 @@ def values(parameters: Tree) -> Numbers:
         # A static displacement is U / eta^2; along z the drive moves sample and tip.
         "volts": np.array(
             [
-                x0 / (eta["x"] ** 2 * piezo.sensitivity_x),
-                x0 / (eta["y"] ** 2 * piezo.sensitivity_y),
-                both * z0 / (eta["z"] ** 2 * piezo.sensitivity_z),
+                x0 / (square(eta["x"]) * piezo.sensitivity_x),
+                x0 / (square(eta["y"]) * piezo.sensitivity_y),
+                both * z0 / (square(eta["z"]) * piezo.sensitivity_z),
             ]
         ),
         "K": np.array([each.K for each in of_axis]),

@@ -1,5 +1,6 @@
 """The friction-predicting law: estimate, predict through the drives in flight, decide."""
 
+from ...core.elementary import square
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask, take_reference
@@ -13,6 +14,7 @@ from .predictive_state import State
 from .sample_estimate import measured_height, take_height, take_ratio
 from .slide import correct_along
 from .together import begin_together, correct_together
+from .unexplained import expect, explain, explain_measured
 
 
 @routine
@@ -43,7 +45,7 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
             s.X += p.L[0, 0] * i_x
             s.Y += p.L[1, 0] * i_y
             # What rests is set in motion by no noise.
-            if s.V_X != 0.0 or s.V_Y != 0.0 or i_x * i_x + i_y * i_y > (3.0 * p.position_noise) ** 2:
+            if s.V_X != 0.0 or s.V_Y != 0.0 or i_x * i_x + i_y * i_y > square(3.0 * p.position_noise):
                 s.V_X += p.L[0, 1] * i_x
                 s.V_Y += p.L[1, 1] * i_y
         i_z = z - s.Z
@@ -51,7 +53,6 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
         s.V_Z += p.L[2, 1] * i_z
     s.estimate[0], s.estimate[1], s.estimate[2] = s.X, s.Y, s.Z
     s.estimate[3], s.estimate[4], s.estimate[5] = s.V_X, s.V_Y, s.V_Z
-    s.last = k
 
 
 @kernel
@@ -69,7 +70,7 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
         if p.measured != 0:
             # An estimate that is off by more than noise explains is wrong by that.
             off_x, off_y = y.position[0] / p.x0 - s.X, y.position[1] / p.x0 - s.Y
-            off = off_x * off_x + off_y * off_y - (3.0 * p.position_noise) ** 2
+            off = off_x * off_x + off_y * off_y - square(3.0 * p.position_noise)
             s.doubt = p.uncertain + max(off, 0.0)
         write_map(measured_height(p, s), ratio, p, s)
 
@@ -81,7 +82,12 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     k = int(t * p.w0 / p.hold + 0.5)
     recall(k, y, p, s)
     observe(k, y, p, s)
+    if p.adapts and p.measured == 0:
+        explain(k, y, p, s)
+    elif p.adapts:
+        explain_measured(y, p, s)
     take_sample(y, p, s)
+    s.last = k
     s.at_x, s.at_y = s.X, s.Y
     # A drive is refined with what the next hold asks for.
     ask(p.delay * p.slot, p.horizon + max(p.count - 1, p.refined) * p.fine, p, s)
@@ -90,8 +96,10 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
             decide((i - p.delay) * p.fine, i, p, s)
             if i == p.delay and p.refined == 1:
                 refine(i, p, s)
-        if i < p.delay + p.count - 1:
+        if i < max(p.delay + p.count - 1, p.slots):
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
+        if i == p.slots - 1:
+            expect(i, s)
     planned = p.delay + p.count
     if p.reserve > 0:
         extend(k, p, s)

@@ -8,10 +8,11 @@ it rests. Which of the two it does is decided by which explains force and speed 
 
 import math
 
+from ...core.elementary import hypot, log, square
 from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .kalman import carry_covariance, correct, weigh
-from .nominal_plant import look, nominal_bound, run_copy
+from .nominal_plant import balance, look, nominal_bound, run_copy
 from .predictive_constants import FLOOR, Constants
 from .predictive_state import State
 from .sample_estimate import GONE, MEAN, ROUGH, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
@@ -28,7 +29,7 @@ def begin_together(p: Constants, s: State) -> None:
             s.uncertainty[i, j] = 0.0
     s.uncertainty[AT_X, AT_X] = s.uncertainty[AT_Y, AT_Y] = p.position_noise * p.position_noise
     s.uncertainty[RATIO, RATIO] = 1.0
-    s.uncertainty[SLOPE, SLOPE] = (p.ripple * p.wave_number) ** 2
+    s.uncertainty[SLOPE, SLOPE] = square(p.ripple * p.wave_number)
 
 
 @kernel
@@ -57,7 +58,7 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
     # Its load is not quite static.
     s.uncertainty[RATIO, RATIO] += FLOOR * FLOOR * p.hold
     # Nothing moves it across but what turns b.
-    across = (p.L[0, 0] * p.position_noise) ** 2 / (1.0 - p.L[0, 0])
+    across = square(p.L[0, 0] * p.position_noise) / (1.0 - p.L[0, 0])
     s.uncertainty[AT_X, AT_X] += across * t_y * t_y
     s.uncertainty[AT_Y, AT_Y] += across * t_x * t_x
     s.uncertainty[AT_X, AT_Y] -= across * t_x * t_y
@@ -115,10 +116,10 @@ def slips(
     """
     # At rest the force is b_x.
     resting = force - b_x + p.stiffness[0] * s.change[AT_X]
-    of_resting = p.stiffness[0] ** 2 * s.uncertainty[AT_X, AT_X] + p.force_noise**2
+    of_resting = square(p.stiffness[0]) * s.uncertainty[AT_X, AT_X] + square(p.force_noise)
     if before == 0.0:
         resting = force - b_x - p.stiffness[0] * (s.X - s.at_x)
-        of_resting = p.stiffness[0] ** 2 * s.held[AT_X, AT_X] + p.force_noise**2
+        of_resting = square(p.stiffness[0]) * s.held[AT_X, AT_X] + square(p.force_noise)
     # Slipping it is the bound, along b, whose direction depends on the position.
     s.weights[AT_X], s.weights[AT_Y] = -p.stiffness[0] * t_y * t_y, p.stiffness[1] * t_x * t_y
     s.weights[SPEED], s.weights[RATIO], s.weights[SLOPE] = 0.0, t_x * nominal, 0.0
@@ -136,7 +137,7 @@ def slips(
     for_it = resting * resting / of_resting + unlikely(-v, of_v)
     for_it += unlikely(-slipping if t_x > 0.0 else slipping, of_slipping)
     sure = s.slips > 0.0 or resting * resting > _SURE * _SURE * of_resting
-    return sure and against + math.log(of_slipping / of_resting) <= for_it, slipping, of_slipping
+    return sure and against + log(of_slipping / of_resting) <= for_it, slipping, of_slipping
 
 
 @kernel
@@ -158,12 +159,13 @@ def rest(
         take(AT_Y, y_ - s.Y, p.position_noise, s)
         speed = 0.0
     take(SPEED, -max(speed, 0.0), slow, s)
+    b_at_rest = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - force) / p.stiffness[0]
     # The force differs from b_x by the acceleration of such a speed.
-    take(AT_X, (u_x - force) / p.stiffness[0] - s.X, math.hypot(p.force_noise, slow / time) / p.stiffness[0], s)
+    take(AT_X, b_at_rest, hypot(p.force_noise, slow / time) / p.stiffness[0], s)
     # Where it has crept to friction may be another.
     crept_x, crept_y = s.X + s.change[AT_X] - s.at_x, s.Y + s.change[AT_Y] - s.at_y
     if s.uncertainty[RATIO, RATIO] < p.ripple * p.ripple:
-        s.uncertainty[RATIO, RATIO] += (p.ripple * p.wave_number * (abs(crept_x) + abs(crept_y))) ** 2
+        s.uncertainty[RATIO, RATIO] += square(p.ripple * p.wave_number * (abs(crept_x) + abs(crept_y)))
 
 
 @kernel
@@ -174,9 +176,9 @@ def correct_together(k: int, x: float, y_: float, y: Measurement, p: Constants, 
     before = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
     run_copy(k, y, p, s)
     u_x = y.drive[0] / p.volts[0]
-    b_x, b_y = u_x - p.stiffness[0] * s.X, y.drive[1] / p.volts[1] - p.stiffness[1] * s.Y
-    balance = math.sqrt(b_x * b_x + b_y * b_y)
-    t_x, t_y = (b_x / balance, b_y / balance) if balance > 0.0 else (1.0, 0.0)
+    b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, y.drive[1] / p.volts[1], s.Y, p, s)
+    size = math.sqrt(b_x * b_x + b_y * b_y)
+    t_x, t_y = (b_x / size, b_y / size) if size > 0.0 else (1.0, 0.0)
     look(s.X, s.Y, p, s)
     ratio = s.here
     nominal = nominal_bound(p.w + p.eta_c2 * y.deflection / p.z0, p, s)
@@ -197,7 +199,7 @@ def correct_together(k: int, x: float, y_: float, y: Measurement, p: Constants, 
     speed = s.V_X * t_x + s.V_Y * t_y
     if speed <= 0.0:
         # The copy has stopped: how far below zero its speed would be.
-        speed = min(before + time * (balance - ratio * nominal), 0.0)
+        speed = min(before + time * (size - ratio * nominal), 0.0)
     take(AT_X, x - s.X, p.position_noise, s)
     take(AT_Y, y_ - s.Y, p.position_noise, s)
     force = y.lateral_force / p.lateral_force
