@@ -33,6 +33,7 @@ def test_newton_and_metre_are_volts_times_the_sensitivities_of_the_detector_in_i
     image.date()
     assert (image.line_rate, image.start) == pytest.approx((rate, start), rel=1e-9)
     assert rate == pytest.approx(20.0, rel=0.01)
+    assert (image.missing(2), image.missing(3)) == (0, 2)
     # Pressed by 10 nN, friction on silicon oxide is some nanonewton: the shear stress over the area of the contact.
     assert 1e-9 < np.nanmean(image.friction()) < 20e-9
     loop = microscope.execute(FrictionLoop(length=6e-9, line_rate=20.0, sample_rate=20e3)).result
