@@ -70,15 +70,19 @@ NOT_ALLOWED = {
         ("plant.control_period = 2.5e-06 s is not allowed: it must be a multiple of detector.sample_period = 1e-06 s",),
     ),
     "step that would take longer than anybody lives": (
-        section(SIMULATOR, "plant.dt: 1.0e-20"),
+        section(SIMULATOR, "plant.dt: 1.0e-14"),
         (
-            "plant.dt = 1e-20 s is not allowed with plant.control_period = 2e-06 s",
-            "a control tick would have 2e+14 integration steps, and 10000000 are the most",
+            "plant.dt = 1e-14 s is not allowed with plant.control_period = 2e-06 s",
+            "a control tick would have 2e+08 integration steps, and 10000000 are the most",
         ),
     ),
     "period with more samples than there is memory": (
-        section(SIMULATOR, "plant.control_period: 1.0e+10", "plant.dt: 1.0e-6"),
-        ("plant.control_period = 1e+10 s: a control tick would have 1e+16 integration steps",),
+        section(SIMULATOR, "plant.control_period: 1.0e+9", "plant.dt: 1.0e-6"),
+        ("plant.control_period = 1e+09 s: a control tick would have 1e+15 integration steps",),
+    ),
+    "period beyond every instrument": (
+        section(SIMULATOR, "plant.control_period: 1.0e+10"),
+        ("plant.control_period = 10000000000.0 s is not allowed: it must be a finite number >= 1e-15 and <= 1e+09",),
     ),
     "period with more samples than are kept": (
         section(SIMULATOR, "plant.control_period: 0.2"),
