@@ -16,7 +16,7 @@ from afm_model.parameters import Group, SetupSection, specifications
 from afm_model.run import TRANSITIONS, Cause, State
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_recorder_node.parameters import RecorderParameters
-from afm_sim_node.node import TUNABLE as SIM_TUNABLE
+from afm_sim_node.declared import TUNABLE as SIM_TUNABLE
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"

@@ -1,17 +1,20 @@
 """`ros2 run afm_bringup compare`: laws side by side; a table, a ranking and a page of pictures."""
 
 import argparse
+import csv
 from pathlib import Path
+from statistics import median
 
 from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
 from afm_model.core.registry import names
+from afm_model.studies import Contender, contender, wrong_models
 
 from .compare_page import page
 from .domain import end
 from .node_law import node_contender
 from .scenario_input import read_scenario
 
-CSV, LATEX, PAGE = "comparison.csv", "ranking.tex", "comparison.html"
+CSV, LATEX, PAGE, ROBUST = "comparison.csv", "ranking.tex", "comparison.html", "wrong_models.csv"
 """Files in the folder of the results."""
 
 
@@ -51,6 +54,11 @@ def _arguments() -> argparse.Namespace:
         "--references", nargs="+", default=["sine 50"], metavar="'SHAPE OMEGA'", help="shape and frequency [rad/s]"
     )
     parser.add_argument("--cycles", type=float, default=1.5, help="length of a run in periods of the reference")
+    parser.add_argument(
+        "--robust",
+        action="store_true",
+        help="run the laws over the table of wrong models instead, docs/laws.md; the other conditions do not count",
+    )
     parser.add_argument("--workers", type=int, help="processes; as many as there are processors if not given")
     return parser.parse_args()
 
@@ -64,6 +72,8 @@ def main() -> int:
         laws = arguments.laws
         if not laws and not nodes:
             laws = [name for name in names("law") if name not in ("open_loop", "chirp", "external")]
+        if arguments.robust:
+            return _robust([contender(each) for each in laws], arguments.out)
         comparison = compare(
             [*laws, *nodes],
             scenario,
@@ -86,6 +96,31 @@ def main() -> int:
     show = ["law", "runs", "finished", "good", "error_max", "chatter", "tip_force", "margin"]
     print(comparison.ranking()[show].to_string(index=False, float_format="%.3g"))
     print(f"{arguments.out / PAGE}, {CSV}, {LATEX}")
+    return 0
+
+
+def _robust(laws: list[Contender], folder: Path) -> int:
+    """Print the table of wrong models law by law, with the median, the worst row and what was lost; write it as CSV."""
+    rows = []
+    for law in laws:
+        if not law.is_part:
+            raise ParameterError(f"law {law.label} is no part: it is told nothing that could be wrong")
+        own = []
+        for row in wrong_models(law):
+            own.append(row)
+            print(f"{row['law']}: {row['rate']}, {row['case']}: {row['third']:.3g} % {row['lost']}", flush=True)
+        errors = [row["third"] for row in own]
+        lost = sum(bool(row["lost"]) for row in own)
+        print(f"{law.label}: median {median(errors):.3g} %, worst {max(errors):.3g} %, {lost} of {len(own)} lost")
+        rows += own
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / ROBUST).open("w", newline="") as file:
+            table = csv.DictWriter(file, rows[0])
+            table.writeheader()
+            table.writerows(rows)
+    except OSError as error:
+        return end(f"error: {folder} cannot be written: {error.strerror}", 1)
     return 0
 
 

@@ -2,6 +2,7 @@
 
 import os
 import time
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -140,8 +141,11 @@ class RemoteNode:
         while not self.spin_until(answered.done, PATIENCE):
             if not there():
                 raise VerbError(f"the microscope has ended without an answer to {topic}")
+        message = answered.result().message
         if not answered.result().success:
-            raise ParameterError(answered.result().message)
+            raise ParameterError(message)
+        if message:
+            warnings.warn(message, stacklevel=4)
         self.spin_until(lambda: self.news > news, SETTLED)
 
     def settle(self, news: int, timeout: float = SETTLED) -> None:

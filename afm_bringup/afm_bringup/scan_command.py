@@ -17,7 +17,7 @@ from .files import config
 from .first_sample import write_sample
 from .scan_session import ScanSession
 from .scenario_input import add_overrides, read_scenario
-from .session import SessionError
+from .session_start import SessionError
 
 _FIRST = "first_image"
 _FRAME = {"size_x": 1e-6, "line_rate": 5.0}

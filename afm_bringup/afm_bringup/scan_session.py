@@ -26,7 +26,9 @@ from afm_node_common.runner import Interrupted
 from .follow import Follower
 from .remote import Remote
 from .results_folder import RECORDING
-from .session import INSIDE, Session, SessionError, say
+from .session import Session
+from .session_nodes import INSIDE
+from .session_start import SessionError, say
 
 if TYPE_CHECKING:
     from afm_recorder_node.recording import Recording
@@ -73,7 +75,7 @@ class ScanSession(Session):
         """Do the verbs, one after the other."""
 
         def check() -> None:
-            if self._interrupted:
+            if self._stop.requested:
                 remote.stop()
             else:
                 self._check()
@@ -83,11 +85,11 @@ class ScanSession(Session):
                 self._do(remote)
                 self._wait_until_recorded()
             except KeyboardInterrupt:
-                self._interrupted = True
+                self._stop.requested = True
             finally:
                 if remote.outcome is not None and isinstance(remote.outcome.result, Image):
                     self._image = remote.outcome.result
-        if self._interrupted:
+        if self._stop.requested:
             if self._image is not None and self._image.lines_done:
                 self._write(self._image)
             raise Interrupted
@@ -102,7 +104,7 @@ class ScanSession(Session):
                 self._image = outcome.result
             elif isinstance(outcome.result, Standing):
                 self._ticks = round(outcome.result.time / self._scenario.sim.plant.control_period)
-            if self._interrupted:
+            if self._stop.requested:
                 return
             if outcome.status != COMPLETE:
                 # What was scanned up to there is written all the same.

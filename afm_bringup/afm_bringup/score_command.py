@@ -1,7 +1,6 @@
 """`ros2 run afm_bringup scorecard SCENARIO`: follow a run that was started elsewhere to its end, and score it."""
 
 import argparse
-import signal
 import sys
 from pathlib import Path
 
@@ -92,7 +91,5 @@ def main() -> int:
     except OSError as error:
         print(f"error: {arguments.out} cannot be written: {error.strerror}", file=sys.stderr)
         code = 1
-    # While Python itself ends, a second signal would find its default action: to kill.
-    for number in Stop.SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
+    Stop.ignore()
     return code

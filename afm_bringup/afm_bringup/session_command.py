@@ -14,8 +14,10 @@ from afm_node_common.runner import Interrupted
 
 from .domain import NoDomainError, claimed_domain, end
 from .follow import STALL_TIMEOUT
+from .run_session import RunSession
 from .scenario_input import add_overrides, foreign_sections, read_scenario
-from .session import COMPOSED, EXTERNAL, OWN, Session, SessionError
+from .session_nodes import COMPOSED, EXTERNAL, OWN
+from .session_start import SessionError
 
 
 def _arguments() -> argparse.Namespace:
@@ -96,7 +98,7 @@ def main() -> int:
                 print(f"note: section {key} of {scenario.path} is for no node of this session", file=sys.stderr)
         # A controller that is started elsewhere must find the instrument. Kept until the end of this process.
         claim = None if arguments.controller == EXTERNAL else claimed_domain("this session")
-        Session(
+        RunSession(
             scenario,
             arguments.out,
             arguments.controller,

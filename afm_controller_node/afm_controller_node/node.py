@@ -4,10 +4,9 @@ import time
 
 import numpy as np
 from afm_msgs.msg import Measurement, PiezoDrive
-from numpy.typing import NDArray
 from rclpy.node import Node
 
-from afm_model import Command, Controller, flatten
+from afm_model import Controller, flatten
 from afm_model.core.errors import MalformedError
 from afm_model.core.records import size
 from afm_model.law import SampledLaw
@@ -23,6 +22,7 @@ from afm_node_common.process import ControllerNodeParameters
 from afm_node_common.subscriptions import DroppedMessages
 
 from .diagnostics import Diagnostics
+from .reply import Reply
 
 TUNABLE = ("law.",)
 """What may change while the controller runs: the law and its gains."""
@@ -43,25 +43,24 @@ class ControllerNode(Node):
         self._controller = Controller(parameters)
         # Compile or load the law before any measurement can come.
         self._controller.answer(np.zeros(size(signals.Measurement)))
+        self._reply = Reply(self._controller)
         self._controller.reset()
-        self._answered = -1  # sequence of the measurement answered last
         self._period_unknown = True  # until measurements have given the control period
-        self._drive: NDArray[np.float64] | Command = np.zeros(3)
         fast = parameters.process.fast_codec
-        self._decode = measurement_codec(fast=fast).decode
-        self._encode = drive_codec(fast=fast).encode
+        measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
+        self._decode, self._encode = measurements.decode, drives.encode
         self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._outbox = Outbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
         self.drops = DroppedMessages(self)
         """Measurements that could not be read."""
         self._presence = Presence(self)
         self._diagnostics = Diagnostics(self)
-        self._answers = 0
         self._tasks = PeriodicTasks(
             PeriodicTask(self._presence.look, _PERIOD),
             PeriodicTask(self._publish_diagnostics, _PERIOD),
         )
         self._take, self._publish = self._inbox.take, self._outbox.publish
+        self._quick = measurements.fast and drives.fast and self._outbox.direct
         self._log_law(parameters)
 
     def step(self) -> bool:
@@ -71,25 +70,32 @@ class ControllerNode(Node):
         state takes a step for each measurement, not for each message. A lower sequence begins another run. What cannot
         be read is dropped: the law does not see it.
         """
-        take, decode, encode, publish = self._take, self._decode, self._encode, self._publish
+        take, reply, publish = self._take, self._reply, self._publish
         taken = take()
         if taken is None:
             return False
+        if self._quick and not self._period_unknown and reply.answer(taken[0]):
+            publish(reply.drive)
+        else:
+            self._answer(taken[0])
+        return True
+
+    def _answer(self, data: bytes) -> None:
+        """Answer a message of any layout; with the last answer if it is not new."""
         try:
-            sequence, stamp_ns, measurement = decode(taken[0])
+            sequence, stamp_ns, measurement = self._decode(data)
         except MalformedError as error:
             self.drops.add(topics.MEASUREMENT, str(error))
-            return True
+            return
         if self._period_unknown and sequence > 0:
             self._check_period(stamp_ns * 1e-9 / sequence)
-        if sequence != self._answered:
-            if sequence < self._answered:
-                self._controller.reset()
-            self._drive = self._controller.answer(measurement, stamp_ns * 1e-9)
-            self._answered = sequence
-            self._answers += 1
-        publish(encode(sequence, stamp_ns, self._drive))
-        return True
+        controller, answered = self._controller, self._reply.answered
+        if sequence != answered:
+            if sequence < answered:
+                controller.reset()
+            controller.answer(measurement, stamp_ns * 1e-9)
+            self._reply.note(sequence)
+        self._publish(self._encode(sequence, stamp_ns, controller.given()))
 
     def wait(self, timeout: float) -> None:
         """Sleep until a measurement may be there, or for `timeout` seconds of wall time."""
@@ -122,7 +128,7 @@ class ControllerNode(Node):
 
     def _publish_diagnostics(self) -> None:
         law = self._controller.parameters.law.kind
-        self._diagnostics.publish(law, self._answers, self.drops.count, self._presence.problem, self.drops.last)
+        self._diagnostics.publish(law, self._reply.answers, self.drops.count, self._presence.problem, self.drops.last)
 
     def _log_law(self, parameters: ControllerNodeParameters) -> None:
         kind, *others = flatten(parameters.law).items()

@@ -134,7 +134,7 @@ class Outbox:
             self._handle.__enter__()
 
     @staticmethod
-    def _publish_raw(handle: Any) -> Callable[[bytes], None] | None:
+    def _publish_raw(handle: Any) -> Callable[[bytes | bytearray], None] | None:
         return getattr(handle, "publish_raw", None)
 
     @property

@@ -100,6 +100,12 @@ class Stop:
     def _request(self, number: int, frame: object) -> None:
         self.requested = True
 
+    @classmethod
+    def ignore(cls) -> None:
+        """Ignore them from now on: while Python itself ends, one more would find its default action, to kill."""
+        for number in cls.SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+
 
 def usage(name: str, model: type[Group]) -> str:
     """The text of `--help`: every parameter with default, unit, description and what is allowed."""
@@ -203,9 +209,7 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
             for node in made:
                 node.destroy_node()
             rclpy.try_shutdown()
-        # While Python itself ends, a second signal would find its default action: to kill.
-        for number in Stop.SIGNALS:
-            signal.signal(number, signal.SIG_IGN)
+        stop.ignore()
 
 
 def _loop(made: Sequence[Node], spin_once: Callable[[float], None], stop: Stop) -> None:

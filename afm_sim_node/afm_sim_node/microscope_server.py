@@ -14,10 +14,12 @@ from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Scan
 from afm_model.run import Run
 from afm_node_common import topics
+from afm_node_common.parameters import Declared
 from afm_node_common.periodic import PeriodicTask
+from afm_node_common.process import SimNodeParameters
 
 from .scan_lines import ScanLines
-from .settings import Exchanging, Settings, setpoint
+from .settings import Settings, setpoint
 from .streams import stamp
 from .verb_server import VerbServer
 
@@ -41,20 +43,21 @@ class MicroscopeServer:
     node : Node
     run : Run
         Its operator was made by `operator_of`; its listener `verb_over` calls `verb_over`.
-    exchange : Exchanging
-        Puts in another sample or probe.
-    changed : callable
-        changed(): the loop inside was set.
+    declared : Declared
+        The parameters of the node: what is set or put in stands there, and is recorded.
+    before_reset : callable
+        Called while what happened before another sample or probe is still known.
     """
 
-    def __init__(self, node: Node, run: Run, exchange: Exchanging, changed: Callable[[], object]) -> None:
-        self._run = run
+    def __init__(
+        self, node: Node, run: Run, declared: Declared[SimNodeParameters], before_reset: Callable[[], None]
+    ) -> None:
+        self._run, self._declared, self._before_reset = run, declared, before_reset
         self._lines = ScanLines(node)
         self._status = node.create_publisher(MicroscopeStatus, topics.MICROSCOPE, topics.LATCHED_QOS)
         self._told: Any = None
         self._verbs = VerbServer(node, run, self._begun, self.publish)
-        self._changed = changed
-        Settings(node, run, exchange, self._on_setting)
+        Settings(node, run, self._exchange, self._on_setting)
         self.publish()
 
     @property
@@ -92,8 +95,19 @@ class MicroscopeServer:
             self._lines.begin()
             self._verbs.scan = self._lines.number
 
+    def _exchange(self, group: str, changes: dict[str, Any]) -> None:
+        """Put in another sample or probe; raises ParameterError or VerbError."""
+        from afm_model.microscope.local import exchanged
+
+        made = exchanged(self._declared.current, self._run.operator.state, group, changes)
+        self._before_reset()
+        self._run.exchange(made)
+        self._declared.exchange(made)
+
     def _on_setting(self) -> None:
-        self._changed()
+        """The loop inside was set by a service."""
+        onboard = self._run.instrument.parameters.onboard
+        self._declared.exchange(self._declared.current.model_copy(update={"onboard": onboard}))
         self.publish()
 
     def publish(self) -> None:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from afm_model.instrument import ScoreSummary
 from afm_model.instrument.validity import doubts
-from afm_model.run import Delays, Snapshot, retracted_fraction, shortfall, verdict
+from afm_model.run import Delays, Snapshot, retracted_fraction, saturated, shortfall, verdict
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 
@@ -29,7 +29,9 @@ def score_message(
     parameters : SimNodeParameters
     trajectory_sha256 : str
     """
-    reason = "; ".join(filter(None, [verdict(summary, run), *doubts(parameters, summary)]))
+    reason = "; ".join(
+        filter(None, [verdict(summary, run), *doubts(parameters, summary), saturated(run.samples_saturated)])
+    )
     counts = run.counts
 
     def of_the_tip(values: NDArray[np.float64]) -> NDArray[np.float64]:

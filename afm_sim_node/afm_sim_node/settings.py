@@ -1,5 +1,6 @@
 """Services by which the microscope is set between two ticks: setpoint, gains, feedback, sample, probe."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -38,7 +39,10 @@ class Settings:
 
     def _try(self, change: Callable[[], object], response: Any) -> Any:
         try:
-            change()
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                change()
+            response.message = "; ".join(str(each.message) for each in told)
         except (ParameterError, VerbError) as error:
             response.message = str(error)
         else:
@@ -47,8 +51,9 @@ class Settings:
         return response
 
     def _set_setpoint(self, request: Any, response: Any) -> Any:
-        set_setpoint = self._run.operator.set_setpoint
-        self._try(partial(set_setpoint, force=request.force, voltage=request.voltage), response)
+        volts = request.voltage or None
+        force = request.force if volts is None or request.force else None
+        self._try(partial(self._run.operator.set_setpoint, force=force, voltage=volts), response)
         response.voltage, response.force = setpoint(self._run)
         return response
 

@@ -45,7 +45,7 @@ def test_telemetry_is_the_run_at_some_of_its_ticks_in_plain_numbers() -> None:
         assert set(list(Telemetry.get_fields_and_field_types().values())[2:]) == {"double"}
         assert len(running) > 3
         assert len({message.sequence for message in running}) == len(running)
-        height = simulator.parameters.cantilever.a
+        height = simulator.run.instrument.parameters.cantilever.a
         for message in running:
             k = message.sequence
             assert [message.error_x, message.error_y] == (reference[k] - position[k])[:2].tolist()

@@ -163,7 +163,15 @@ def test_settings_act_between_ticks_and_stand_in_the_parameters(bench: Bench) ->
     assert (set_to.success, set_to.force) == (True, pytest.approx(12e-9))
     both = bench.call(SetSetpoint, topics.SET_SETPOINT, force=1e-9, voltage=1.0)
     assert (both.success, both.force) == (False, pytest.approx(12e-9))
-    assert "one of them must be given" in both.message
+    assert "give one of them" in both.message
+    nothing = bench.call(SetSetpoint, topics.SET_SETPOINT)
+    assert (nothing.success, nothing.force) == (True, 0.0)
+    far = bench.call(SetSetpoint, topics.SET_SETPOINT, force=10.0)
+    assert (far.success, far.force) == (False, 0.0)
+    assert "the detector saturates at 50 V" in far.message
+    assert bench.call(SetSetpoint, topics.SET_SETPOINT, force=12e-9).success
+    loud = bench.call(SetGains, topics.SET_GAINS, integral=40e-6)
+    assert loud.success and "makes the z loop oscillate" in loud.message
     assert bench.call(SetGains, topics.SET_GAINS, integral=12e-6).success
     assert not bench.call(SetFeedback, topics.SET_FEEDBACK, mode="loud").success
     assert bench.call(SetFeedback, topics.SET_FEEDBACK, mode="hold").success

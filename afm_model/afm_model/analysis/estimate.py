@@ -150,7 +150,7 @@ def together(left: ArrayLike, fitted: int = 1) -> float:
     Only the slow part of noise matters to a mean or a slope. It is the mean square of the record's slowest cosines, of
     which what was fitted has taken as many as it has parameters (after Lazarus, Lewis, Stock and Watson,
     J. Bus. Econ. Stat. 36 (2018) 541). Each weighs as its period, so that 1/f noise counts: drift slower than the
-    record leaves no trace in it, and 95 % become some 88 %. Student's factor is in it.
+    record leaves no trace in it, and 95 % become 75 to 90 %. Student's factor is in it.
 
     Parameters
     ----------

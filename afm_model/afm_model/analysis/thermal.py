@@ -25,6 +25,9 @@ deflection over the length under the force with which the sensitivity was measur
 RECTANGULAR = FIRST_MODE / SLOPE**2
 """0.817: spring constant times the mean square shown over k_B T."""
 _SEGMENTS = 16
+_INDEPENDENT = (2 * _SEGMENTS - 1) / (1.0 + 2.0 / 36.0) / (1.0 + 2.0 * 4.0 / 9.0 + 2.0 / 36.0)
+"""Spectra that count as independent: Hann windows that overlap by half have 1/36 of their variance in common, and their
+neighbouring bins 4/9 and 1/36."""
 _PASSES = 200
 _WIDTHS, _BANDS, _FEWEST = 5.0, 6, 20
 """Widths of the resonance to either side of it that are fitted, times that they are found anew, points of a fit."""
@@ -126,9 +129,7 @@ def spring_constant(
             f"least {4.0 * _SEGMENTS * Q / f0:.3g} s"
         )
     k = correction * BOLTZMANN * temperature / variance
-    # Of the segments as if they did not overlap: what the overlap adds, 1.9 times, is what neighbouring bins of a Hann
-    # window have in common.
-    errors = np.sqrt(np.diag(covariance) / _SEGMENTS).tolist()
+    errors = np.sqrt(np.diag(covariance) / _INDEPENDENT).tolist()
     if errors[0] > _DOUBTFUL:
         raise ValueError(
             f"no resonance found from {low:.4g} to {high:.4g} Hz: the best fit's variance is uncertain by "

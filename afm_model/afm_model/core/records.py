@@ -96,7 +96,7 @@ def place(record: type[Record], field: str) -> int:
     return int(fields[field][1]) // 8
 
 
-def record_at(block: Block, index: int, record: type[_R]) -> _R:
+def record_at(block: Block | Integers, index: int, record: type[_R]) -> _R:
     """The record that begins at `block[index]`: reading and writing its fields is reading and writing the array."""
     found: Any = block[index : index + size(record)].view(record.dtype) if record.fields else np.zeros(1, record.dtype)
     return found[0]

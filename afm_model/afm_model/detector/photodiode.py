@@ -6,6 +6,7 @@
 then noise, low-pass, ADC; docs/imperfections.md.
 """
 
+import math
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Lt
@@ -53,11 +54,18 @@ class Photodiode(DetectorParameters):
     adc_limit: Annotated[Positive, Unit("V")] = Field(
         10.0, description="with adc_bits > 0 the ADC saturates at +-adc_limit"
     )
+    range: Annotated[NonNegative, Unit("V")] = Field(0.0, description="the photodiode saturates at +-range; 0: nowhere")
 
     @model_validator(mode="after")
     def _one_noise(self) -> "Photodiode":
         refuse_together(self, "detector.", "noise", "noise_density", "deflection_noise_density")
         return self
+
+    @property
+    def most_voltage(self) -> float:
+        """Largest voltage that is read [V]; infinite without a range."""
+        adc = self.adc_limit * (1.0 - 2.0 ** (1 - self.adc_bits)) if self.adc_bits > 0 else math.inf
+        return min(self.range or math.inf, adc)
 
     @property
     def sample_noise(self) -> float:
@@ -76,6 +84,8 @@ class Constants(LowPass):
     deflection_in_lateral: float
     adc_lsb: Annotated[float, "V"]
     adc_limit: Annotated[float, "V"]
+    range: Annotated[float, "V"]
+    most_voltage: Annotated[float, "V"]  # beyond it a sample is saturated
 
 
 class State(Record):
@@ -88,16 +98,18 @@ class State(Record):
     lateral: Annotated[float, "V"]
     lateral_in: Annotated[float, "V"]
     lateral_noise: Annotated[float, "V"]
+    saturated: float  # samples in which one of the voltages was beyond the range
 
 
 def _values(parameters: Tree) -> Numbers:
     detector = parameters.detector
-    adc_on = detector.adc_bits > 0
     return {
         "a": parameters.cantilever.a,
         **low_pass.constants(detector.bandwidth, detector.sample_noise, detector.sample_period),
-        "adc_lsb": 2.0 * detector.adc_limit / 2**detector.adc_bits if adc_on else 0.0,
-        "adc_limit": detector.adc_limit if adc_on else 0.0,
+        "adc_lsb": 2.0 * detector.adc_limit / 2**detector.adc_bits if detector.adc_bits > 0 else 0.0,
+        "adc_limit": detector.adc_limit if detector.adc_bits > 0 else 0.0,
+        "range": detector.range or math.inf,
+        "most_voltage": detector.most_voltage,
     }
 
 
@@ -124,8 +136,10 @@ def detect(o: Truth, d: Detection, p: Constants, s: State, r: Block) -> None:
         s.deflection_in, s.lateral_in = deflection, lateral
         deflection = s.deflection + s.deflection_noise
         lateral = s.lateral + s.lateral_noise
-    d.deflection_voltage = convert(deflection, p.adc_lsb, p.adc_limit)
-    d.lateral_voltage = convert(lateral, p.adc_lsb, p.adc_limit)
+    if max(abs(deflection), abs(lateral)) > p.most_voltage:
+        s.saturated += 1.0
+    d.deflection_voltage = convert(min(max(deflection, -p.range), p.range), p.adc_lsb, p.adc_limit)
+    d.lateral_voltage = convert(min(max(lateral, -p.range), p.range), p.adc_lsb, p.adc_limit)
 
 
 def _noisy(parameters: Tree) -> bool:

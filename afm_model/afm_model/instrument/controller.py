@@ -39,6 +39,10 @@ class Controller:
     ----------
     block : ndarray
         What compiled code takes: which law, its constants, its state; another array after the parameters have changed.
+    in_python : bool
+        Whether the law may have raised something inside compiled code.
+    written : ndarray
+        Numbers of `afm_model.parts.signals.PiezoDrive`, where the law writes.
 
     Raises
     ------
@@ -49,12 +53,13 @@ class Controller:
     """
 
     block: Block
+    in_python: bool
     _parameters: ControllerParameters
     _state_at: int
 
     def __init__(self, parameters: ControllerParameters) -> None:
-        self._answer = np.zeros(size(PiezoDrive))
-        self._command = CommandRecord(self._answer)
+        self.written = np.zeros(size(PiezoDrive))
+        self._command = CommandRecord(self.written)
         self._drive, self._horizon_count = self._command.voltage, self._command.horizon_count
         self._law: Assembled | None = None
         self._memory = np.zeros(0)
@@ -83,7 +88,7 @@ class Controller:
         if goes_on:
             block[state:] = self.block[self._state_at :]
         self._law, self._parameters, self.block, self._state_at = chosen, parameters, block, state
-        self._in_python = chosen.in_python
+        self.in_python = chosen.in_python
         if not goes_on:
             self._memory = np.zeros(memory)
             self.reset()
@@ -120,9 +125,13 @@ class Controller:
         DriveError
             If a law has written a horizon that is too long or has no period.
         """
-        answer(self.block, time, measurement, self._answer)
-        if self._in_python:
+        answer(self.block, time, measurement, self.written)
+        if self.in_python:
             self.raise_errors()
+        return self.given()
+
+    def given(self) -> _Array | Command:
+        """The last answer."""
         return self._command.read() if self._horizon_count[0] else self._drive
 
     def raise_errors(self) -> None:

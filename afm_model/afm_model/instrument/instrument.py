@@ -163,6 +163,12 @@ class Instrument:
         return bool(self._layout.record(self._block, "truth").contact != 0.0)
 
     @property
+    def samples_saturated(self) -> int:
+        """Samples of the ADC since the start at which the detector was beyond its range; 0 for one that has none."""
+        state = self._layout.record(self._block, "detector_state")
+        return int(state["saturated"]) if "saturated" in (state.dtype.names or ()) else 0
+
+    @property
     def drives_clipped(self) -> int:
         """Updates of the drive since the start at which it was beyond `piezo.limit` along some axis, and clipped."""
         return int(self._loop[_CLIPPED])

@@ -6,6 +6,7 @@ from typing import Any, Self
 
 from ..core.errors import ParameterError
 from ..core.schema import Value
+from ..parts.part import NO_DEFLECTION
 from .image import Line
 from .results import MicroscopeState, Outcome, Progress
 from .verb import Verb
@@ -21,13 +22,11 @@ class LoopSettings(ABC):
     def set_loop(self, **settings: Any) -> None:
         """Change settings of the loop, names of `afm_model.parts.part.ONBOARD_SETTINGS`."""
 
-    def set_setpoint(self, *, force: float = 0.0, voltage: float = 0.0) -> None:
-        """Setpoint of the deflection, as vertical force [N] or as voltage [V]."""
-        if (force == 0.0) == (voltage == 0.0):
-            raise ParameterError(
-                f"force = {force:g} N with voltage = {voltage:g} V is not allowed: one of them must be given, not 0"
-            )
-        self.set_loop(setpoint_force=force, setpoint_voltage=voltage)
+    def set_setpoint(self, *, force: float | None = None, voltage: float | None = None) -> None:
+        """Setpoint of the deflection, as vertical force [N] or as voltage [V]: one of both."""
+        if (force is None) == (voltage is None):
+            raise ParameterError(f"force = {force} N with voltage = {voltage} V is not allowed: give one of them")
+        self.set_loop(setpoint_force=force or 0.0, setpoint_voltage=voltage or (0.0 if force else NO_DEFLECTION))
 
     def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
         """Gains of the z loop, P [m/V] and I [m/(V s)]; None: as it is."""

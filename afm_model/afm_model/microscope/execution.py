@@ -74,6 +74,12 @@ class Execution:
             yield Task(Order(motion), duration, "moving")
 
     @property
+    def rest(self) -> float:
+        """Mean deflection in the last rest of an order [V]."""
+        program = self.view.instrument.orders.program
+        return float(program["total"] / program["samples"])
+
+    @property
     def triggered(self) -> bool:
         """Whether a step of the last order has ended by its trigger."""
         return bool(self.view.instrument.orders.program.fired != 0.0)

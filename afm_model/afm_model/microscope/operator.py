@@ -5,6 +5,8 @@ an order is done, and hands over every recorded block with `take`. A verb is beg
 is False, and `outcome` is complete when the blocks up to then have been taken.
 """
 
+import math
+import warnings
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from typing import Any
@@ -12,6 +14,7 @@ from typing import Any
 from ..core.errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
 from ..program.orders import Order, Step
+from ..run.verdict import saturated
 from .backend import LoopSettings
 from .collect import Collector
 from .execution import Execution, Task, withdrawing
@@ -19,7 +22,10 @@ from .image import Line
 from .results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress
 from .verb import Verb, objection
 from .verbs import Withdraw
-from .view import InstrumentView
+from .view import ERROR_CHANNEL, InstrumentView
+
+_LOOSE, _LEAST = 0.3, 0.1
+"""An rms error of the z loop beyond this part of the setpoint, and this [V], is told."""
 
 
 def ignore(line: Line) -> None:
@@ -57,10 +63,15 @@ class Operator(LoopSettings):
         self._collectors: list[Collector] = []
         self._status, self._message = COMPLETE, ""
         self._begun = instrument.ticks
+        names = [channel.name for channel in instrument.channels]
+        self._error_row = names.index(ERROR_CHANNEL) if ERROR_CHANNEL in names else None
+        self._saturated, self._errors, self._error_samples = 0, 0.0, 0
+        self._slides = False
 
     @property
     def state(self) -> MicroscopeState:
         """Where the microscope stands; a copy."""
+        self._notice_loss()
         view = self._view
         return replace(
             self._state,
@@ -72,7 +83,15 @@ class Operator(LoopSettings):
 
     def objection(self, verb: Verb) -> str:
         """Why a verb cannot be begun now, one sentence; empty if it can."""
+        self._notice_loss()
         return objection(verb, self._view, self._state)
+
+    def _notice_loss(self) -> None:
+        """A tip off the sample that its loop will not bring back there is approached no more."""
+        state, view = self._state, self._view
+        stays = state.feedback in ("hold", "off") or (state.feedback == "on" and view.z >= view.z_range[1])
+        if state.approached and not state.doing and stays and not self.instrument.in_contact:
+            state.approached = False
 
     @property
     def busy(self) -> bool:
@@ -90,10 +109,11 @@ class Operator(LoopSettings):
         if told := self.objection(verb):
             raise VerbError(told)
         self._execution = Execution(self._view, self._state, self._tell)
-        self._state.doing = type(verb).__name__
+        self._state.doing, self._slides = type(verb).__name__, verb.slides
         self._collectors.clear()
         self._status, self._message = COMPLETE, ""
         self._begun = self.instrument.ticks
+        self._saturated, self._errors, self._error_samples = self.instrument.samples_saturated, 0.0, 0
         self._tasks = self._of_verb = verb.tasks(self._execution)  # type: ignore[assignment]  # a generator
         self._next()
 
@@ -165,6 +185,11 @@ class Operator(LoopSettings):
         """Collect from a recorded block; every block in order, without a gap."""
         for each in self._collectors:
             each.take(block)
+        first = max(self._begun * self.instrument.samples_per_tick - block.first_sample, 0)
+        if self._error_row is not None and first < block.samples.shape[1]:
+            errors = block.samples[self._error_row, first:]
+            self._errors += float(errors @ errors)
+            self._error_samples += errors.size
 
     @property
     def progress(self) -> Progress:
@@ -213,16 +238,37 @@ class Operator(LoopSettings):
         assert self._execution is not None and not self.busy
         try:
             result = self._execution.result()
-            return Outcome(self._status, self._message or self._execution.remark, result)
+            return Outcome(self._status, self._message or "; ".join(self._remarks()), result)
         except VerbError as error:
             failed = FAILED if self._status == COMPLETE else self._status
             return Outcome(failed, self._message or str(error), None)
 
+    def _remarks(self) -> Iterator[str]:
+        """What is to be known of a result that is whole, a sentence each."""
+        assert self._execution is not None
+        view = self._view
+        if self._execution.remark:
+            yield self._execution.remark
+        if sentence := saturated(self.instrument.samples_saturated - self._saturated):
+            yield sentence
+        error = math.sqrt(self._errors / max(self._error_samples, 1))
+        if self._slides and self._state.feedback == "on" and error > _LOOSE * abs(view.setpoint) + _LEAST:
+            yield (
+                f"the z loop did not hold the setpoint of {view.setpoint:.4g} V: its error was {error:.3g} V rms; it "
+                f"oscillates, or is too slow: change its gains, or scan slower"
+            )
+
     def set_loop(self, **settings: Any) -> None:
-        """See `LoopSettings`. A setpoint that the detector does not reach is refused."""
+        """See `LoopSettings`. A setpoint that the detector does not reach is refused.
+
+        Warns
+        -----
+        UserWarning
+            If the loop oscillates with its gains.
+        """
         view, force = self._view, settings.get("setpoint_force", 0.0)
         volts = settings.get("setpoint_voltage") or view.volts(force)
-        if volts > view.most_deflection:
+        if abs(volts) >= view.most_deflection:
             raise ParameterError(
                 f"a setpoint of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V, "
                 f"and z would go on into the sample"
@@ -230,3 +276,6 @@ class Operator(LoopSettings):
         # A loop that knows a voltage only need not be told that there is no force.
         view.set_loop(**{name: value for name, value in settings.items() if value or name in view.loop.settings})
         self._state.feedback = settings.get("feedback", self._state.feedback)
+        if "proportional_gain" in settings or "integral_gain" in settings:
+            for sentence in view.loop.warnings(view.parameters):
+                warnings.warn(sentence, stacklevel=4)

@@ -13,10 +13,13 @@ CHANNELS = (Z_CHANNEL, ERROR_CHANNEL, "verb_number", "verb_step")
 """Sampled for the verbs, besides those of every run."""
 GAP = 500e-9
 """How far the tip is off the sample at the start where the parameters do not say it [m]."""
+RANGE = 500e-9
+"""Deflection up to which the photodiode reads where the parameters do not say it [m]: +-10 V at 50 nm/V."""
 
 
 def with_verbs(parameters: P) -> P:
-    """The same with what verbs need: program `verbs`, a z loop, the tip off the sample at the start, channels.
+    """The same with what verbs need: program `verbs`, a z loop, the tip off the sample at the start, channels, a
+    range of the photodiode.
 
     What is given already stays. Called for every run whose `reference.kind` is verbs, over topics too.
 
@@ -48,6 +51,8 @@ def with_verbs(parameters: P) -> P:
             f"onboard.kind = {kind} is not allowed with verbs: it has no channel {Z_CHANNEL}, by which a loop tells "
             f"where it has moved z"
         )
+    if getattr(parameters.detector, "range", None) == 0.0:
+        news["detector.range"] = RANGE / parameters.detector.deflection_sensitivity
     given = [name.strip() for name in parameters.detector.channels.split(",") if name.strip()]
     wanted = [name for name in CHANNELS if name in known or name.startswith("verb")]
     news["detector.channels"] = ", ".join(dict.fromkeys([*given, *wanted]))

@@ -137,10 +137,8 @@ class InstrumentView:
 
     @property
     def most_deflection(self) -> float:
-        """Beyond this the deflection saturates [V]; infinite without an ADC."""
-        detector = self.parameters.detector
-        bits, limit = getattr(detector, "adc_bits", 0), getattr(detector, "adc_limit", math.inf)
-        return float(limit * (1.0 - 2.0 ** (1 - bits))) if bits > 0 else math.inf
+        """Here the deflection saturates [V]; infinite for a detector without a range."""
+        return float(getattr(self.parameters.detector, "most_voltage", math.inf))
 
     def set_loop(self, **changes: Any) -> None:
         """Change settings of the loop, names of ONBOARD_SETTINGS, from the next tick on.

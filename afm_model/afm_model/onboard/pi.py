@@ -18,7 +18,7 @@ from ..core.jit import kernel
 from ..core.records import Record
 from ..core.schema import NonNegative, Unit, refuse_together
 from ..parts.groups import OnboardParameters
-from ..parts.part import ONBOARD_SETTINGS, Numbers, Onboard, Tree
+from ..parts.part import NO_DEFLECTION, ONBOARD_SETTINGS, Numbers, Onboard, Tree
 from ..parts.signals import FOLLOW, GIVEN, HOLD, Detection, Drive, Setpoint
 
 
@@ -105,7 +105,7 @@ def _setpoint(parameters: Tree) -> float:
     if loop.setpoint_force != 0.0:
         return float(parameters.plant.deflection_voltage(parameters, loop.setpoint_force))
     if loop.setpoint_voltage != 0.0:
-        return float(loop.setpoint_voltage)
+        return float(loop.setpoint_voltage) if loop.setpoint_voltage != NO_DEFLECTION else 0.0
     return float((parameters.reference.z_r - parameters.cantilever.a) / parameters.detector.deflection_sensitivity)
 
 
@@ -115,6 +115,13 @@ def _check(parameters: Tree) -> None:
         raise ValueError(
             f"onboard.setpoint_force = {loop.setpoint_force:g} N is not allowed with plant.kind = "
             f"{parameters.plant.kind}: give onboard.setpoint_voltage"
+        )
+    most = getattr(parameters.detector, "most_voltage", math.inf)
+    given = loop.setpoint_force != 0.0 or loop.setpoint_voltage != 0.0
+    if given and abs(volts := _setpoint(parameters)) >= most:
+        raise ValueError(
+            f"a setpoint of {volts:.4g} V is not allowed: the photodiode reads +-{most:g} V (detector.range), so that "
+            f"z would go on into the sample"
         )
 
 

@@ -317,6 +317,8 @@ ONBOARD_SETTINGS = (
     *("low", "high"),  # limits of z [m]
 )
 """What can be set of a loop inside the instrument that moves z, see `Onboard.settings`."""
+NO_DEFLECTION = 1e-12
+"""The setpoint 0 V as a setting, the least that a parameter may be [V]: one of 0 is not given."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 Numbers of makers are nominal; each can be replaced by a parameter of the plant.
 """
 
+import math
 from typing import NamedTuple
 
 
@@ -72,33 +73,60 @@ class PairPreset(NamedTuple):
     range: float  # of the adhesive stress, z_0
 
 
+class Material(NamedTuple):
+    """Elasticity of a half-space of a material under a round contact."""
+
+    plane: float  # 1 over the indentation modulus, (1 - nu^2) / E if isotropic [1/Pa]
+    shear: float  # under a lateral force, (2 - nu) / G if isotropic [1/Pa]
+
+
+def isotropic(E: float, nu: float) -> Material:
+    """Of Young's modulus [Pa] and Poisson's ratio."""
+    return Material((1.0 - nu * nu) / E, (2.0 - nu) * 2.0 * (1.0 + nu) / E)
+
+
+def layered(c11: float, c12: float, c13: float, c33: float, c44: float) -> Material:
+    """Of the elastic constants [Pa] of a crystal whose layers lie in the surface.
+
+    Indentation: Delafargue and Ulm (2004), doi:10.1016/j.ijsolstr.2004.06.019. Sideways half is shear of the surface in
+    its plane, 1 / sqrt(c44 c66), half is 2 / modulus times sqrt(c33 / c11); for equal directions that is (2 - nu) / G.
+    """
+    mean = math.sqrt(c11 * c33)
+    modulus = 2.0 * math.sqrt((mean * mean - c13 * c13) / c11 / (1.0 / c44 + 2.0 / (mean + c13)))
+    return Material(1.0 / modulus, 1.0 / math.sqrt(0.5 * c44 * (c11 - c12)) + 2.0 / modulus * math.sqrt(c33 / c11))
+
+
 ELASTIC = {
-    "si": (169e9, 0.27),
-    "sio2": (70e9, 0.17),
-    "si3n4": (250e9, 0.25),
-    "mica": (60e9, 0.25),
-    "graphite": (36e9, 0.25),
-    "polystyrene": (3.2e9, 0.33),
-    "gold": (78e9, 0.42),
-    "nacl": (40e9, 0.25),
+    # Handbooks; isotropic ones from memory.
+    "si": isotropic(169e9, 0.27),
+    "sio2": isotropic(70e9, 0.17),
+    "si3n4": isotropic(250e9, 0.25),
+    # Vaughan and Guggenheim (1986), doi:10.1029/JB091iB05p04657: means along its two directions, nearly hexagonal.
+    "mica": layered(179.7e9, 48.8e9, 23.4e9, 58.6e9, 18.0e9),
+    # Bosak et al. (2007), doi:10.1103/PhysRevB.75.153408.
+    "graphite": layered(1109e9, 139e9, 0.0, 38.7e9, 4.95e9),
+    "polystyrene": isotropic(3.2e9, 0.33),
+    "gold": isotropic(78e9, 0.42),
+    "nacl": isotropic(40e9, 0.25),
 }
-"""Young's modulus [Pa] and Poisson's ratio, taken as isotropic; from memory."""
+"""Of tips and samples."""
 
 
 def _pair(tip: str, sample: str, adhesion: float, tau: float, hamaker: float, reach: float = 0.165e-9) -> PairPreset:
     plane = shear = 0.0
-    for E, nu in (ELASTIC[tip], ELASTIC[sample]):
-        plane += (1.0 - nu * nu) / E
-        shear += (2.0 - nu) * 2.0 * (1.0 + nu) / E
+    for material in (ELASTIC[tip], ELASTIC[sample]):
+        plane += material.plane
+        shear += material.shear
     return PairPreset(4.0 / (3.0 * plane), 1.0 / shear, adhesion, tau, hamaker, reach)
 
 
 PAIRS = {
-    # Adhesion, shear strength and Hamaker constants from memory: the order of size in dry gas.
+    # Adhesion and shear strength from memory: the order of size in dry gas. Hamaker constants go with the adhesion,
+    # w = H / (12 pi z_0^2): Israelachvili, Intermolecular and Surface Forces, 13.
     "si_sio2": _pair("si", "sio2", 0.10, 0.6e9, 1.0e-19),
-    "si3n4_mica": _pair("si3n4", "mica", 0.10, 0.5e9, 1.2e-19),
-    "si_graphite": _pair("si", "graphite", 0.08, 0.02e9, 2.0e-19),
-    "si_polystyrene": _pair("si", "polystyrene", 0.08, 0.03e9, 1.2e-19),
-    "si3n4_gold": _pair("si3n4", "gold", 0.15, 0.5e9, 3.0e-19),
+    "si3n4_mica": _pair("si3n4", "mica", 0.10, 0.5e9, 1.0e-19),
+    "si_graphite": _pair("si", "graphite", 0.08, 0.02e9, 0.8e-19),
+    "si_polystyrene": _pair("si", "polystyrene", 0.08, 0.03e9, 0.8e-19),
+    "si3n4_gold": _pair("si3n4", "gold", 0.15, 0.5e9, 1.5e-19),
     "si_nacl": _pair("si", "nacl", 0.10, 0.3e9, 1.0e-19),
 }

@@ -10,7 +10,7 @@ from .run import Run
 from .simulated import RealtimeSimulation, SimulatedLink, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
 from .timing import Delays, VirtualClock
-from .verdict import retracted_fraction, shortfall, verdict, warnings
+from .verdict import retracted_fraction, saturated, shortfall, verdict, warnings
 
 __all__ = [
     "OVER",
@@ -34,6 +34,7 @@ __all__ = [
     "VirtualClock",
     "recorded_parameters",
     "retracted_fraction",
+    "saturated",
     "shortfall",
     "simulate_realtime",
     "verdict",

@@ -96,6 +96,7 @@ class Run(Engine):
             elapsed=self.watch.elapsed,
             wanted_factor=run.real_time_factor if run.mode == "realtime" else None,
             in_contact=instrument.in_contact,
+            samples_saturated=instrument.samples_saturated,
             counts=replace(
                 self.counts,
                 drives_clipped=instrument.drives_clipped,

@@ -53,6 +53,16 @@ def withdrawn(summary: ScoreSummary, ticks: int, times: int) -> str:
     )
 
 
+def saturated(samples: int) -> str:
+    """That the detector was beyond its range in so many samples; empty if in none."""
+    if not samples:
+        return ""
+    return (
+        f"the photodiode was at the end of its range in {samples} samples: deflection or lateral force read less there "
+        f"than they are"
+    )
+
+
 def limited(instrument: Instrument) -> str:
     """Warnings about a finished run."""
     counts = instrument.guard.counts()

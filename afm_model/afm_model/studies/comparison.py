@@ -36,7 +36,7 @@ class Comparison:
         `chatter` (total variation of the drive of x and y over that of the smooth drive), `energy` (mean square of the
         drive of x and y [V^2]), `tip_force` (largest normal force, pull or push [N]), `contact` (part of the time),
         `margin` (smallest distance of the open loop from -1; 0: unstable; missing: no linear model), `z_rms` [m],
-        `trajectory_sha256`, and `error`: the sentence of a run that diverged or was refused.
+        `trajectory_sha256`, and `error`: the sentence of a run that diverged, was refused or left the sample.
     contenders : tuple of Contender
     common : Common
     """
@@ -48,7 +48,8 @@ class Comparison:
     def ranking(self) -> pd.DataFrame:
         """A row a law, the best first: by the part of runs under 1 %, then by the median error.
 
-        A run that diverged counts as an infinite error, chatter, energy and force. `rank_...` is the place by each.
+        A run that diverged, or in which the tip left the sample, counts as an infinite error, chatter, energy and
+        force. `rank_...` is the place by each.
         """
         import pandas
 
@@ -63,7 +64,7 @@ class Comparison:
                     "law": each.label,
                     "runs": len(runs),
                     "finished": int((~bad).sum()),
-                    "good": float((runs["error_max"] <= UNDER).mean()) if len(runs) else math.nan,
+                    "good": float(((runs["error_max"] <= UNDER) & ~bad).mean()) if len(runs) else math.nan,
                     **medians,
                     "margin": float(margins.median()) if len(margins) else math.nan,
                     "knowledge": each.knowledge,

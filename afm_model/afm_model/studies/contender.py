@@ -168,6 +168,12 @@ def instrument_under(common: Common, conditions: Mapping[str, Any]) -> SimParame
     return changed(common.scenario.sim, news)
 
 
+def feedback_of(law: Contender, *, noisy: bool) -> dict[str, Value]:
+    """Where there is noise a law that may do without measured rates does, unless it is given `feedback`."""
+    may = noisy and "feedback" in find("law", law.kind).parameters.model_fields
+    return {"law.feedback": "measured"} if may and "feedback" not in law.values else {}
+
+
 def law_under(common: Common, law: Contender, conditions: Mapping[str, Any]) -> ControllerParameters:
     """A law under some conditions: with period and delay if it has such parameters, without noise and true friction.
 
@@ -177,6 +183,7 @@ def law_under(common: Common, law: Contender, conditions: Mapping[str, Any]) -> 
         If the law refuses its rate.
     """
     own: dict[str, Value] = {"law.kind": law.kind, **{f"law.{name}": value for name, value in law.values.items()}}
+    own |= feedback_of(law, noisy=float(conditions["noise"]) != 0.0)
     timing = law_timing(own, instrument_under(common, conditions))
     same = common.scenario.controller.law.kind == law.kind
     return changed(common.scenario.controller, timing | own, anew=() if same else ("law",))

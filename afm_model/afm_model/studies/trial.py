@@ -88,7 +88,7 @@ def run_trial(
     Returns
     -------
     dict
-        NUMBERS, `trajectory_sha256`, and `error` if it diverged or was refused.
+        NUMBERS, `trajectory_sha256`, and `error` if it diverged, was refused, or left the sample.
     """
     row: dict[str, Any] = {}
     if told is not None:
@@ -109,6 +109,9 @@ def run_trial(
     if sentence := limited(instrument):
         return row | {"error": sentence}
     score = instrument.score()
+    if score.contact_fraction < 1.0:
+        part = 100.0 * score.contact_fraction
+        row["error"] = f"the tip was on the sample for {part:.3g} % of the time: this run is not ranked"
     amplitude = max(abs(each) for each in sim.reference.amplitude)
     return row | {
         "error_max": float(np.nanmax(score.max_percent[:2])),

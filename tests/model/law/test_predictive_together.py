@@ -32,7 +32,7 @@ def test_positions_alone_are_enough_at_200_us_with_nothing_known(seed, first, pe
     result = run(2e-4, 1, MEASURED, first, periods, **noise, plant__seed=seed)
     # 0.26 to 0.33 % rms; the largest of 600 errors is three to four times that.
     assert max(result.score.rms[:2]) < 0.004 * 5e-9
-    assert error(result.score) < 1.6
+    assert error(result.score) < 2.4
     assert smoothness(result) < 2.0
     assert result.score.contact_fraction == 1.0
 

@@ -57,11 +57,11 @@ def test_a_lift_that_does_not_leave_the_sample_finds_it_again(approached):
 
 def test_a_calibration_whose_curves_never_trigger_fails_and_the_tip_is_withdrawn(approached):
     outcome = approached.execute(
-        CalibrateSensitivity(ramp=60e-9, lift=60e-9, rate=20e-6, trigger_voltage=500.0, count=1)
+        CalibrateSensitivity(ramp=60e-9, lift=60e-9, rate=20e-6, trigger_voltage=49.0, count=1)
     )
     assert (outcome.status, outcome.result) == (FAILED, None)
     assert outcome.message == (
-        "no sensitivity comes out of the curves: in none of them the deflection rose by trigger_voltage = 500 V within "
+        "no sensitivity comes out of the curves: in none of them the deflection rose by trigger_voltage = 49 V within "
         "ramp = 6e-08 m"
     )
     assert not approached.state.near

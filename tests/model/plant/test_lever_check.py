@@ -93,6 +93,25 @@ def test_what_is_implausible_of_a_lattice_is_told(values, told):
     assert (found == []) if told is None else any(told in sentence for sentence in found)
 
 
+@pytest.mark.parametrize(
+    ("name", "low", "high"),
+    [
+        ("sample.constant", 1e-10, 5e-9),
+        ("sample.barrier", 1e-3 * 1.602176634e-19, 10.0 * 1.602176634e-19),
+        ("sample.height", 1e-13, 1e-10),
+        ("plant.apex_stiffness", 0.1, 1e3),
+        ("plant.apex_mass", 1e-18, 1e-9),
+    ],
+)
+def test_usual_values_of_a_lattice_end_where_the_sentence_says(name, low, high):
+    for end, beyond in ((low, 1.0 / 1.01), (high, 1.01)):
+        for value, told in ((end / beyond, False), (end * beyond, True)):
+            parameters = build(InstrumentParameters, BASE | LATTICE | {name: value})
+            sentences = [each for each in LEVER.warnings(parameters) if "usual are" in each]
+            assert bool(sentences) is told, f"{name} = {value}"
+            assert all(f"usual are {low:g} to {high:g}" in each for each in sentences if "barrier" not in name)
+
+
 def test_the_sample_of_the_paper_is_sharper_than_any_tip():
     # In SI its radius of curvature is 0.02 nm.
     with pytest.raises(ParameterError, match=r"sample\.kind = paper is sharper than the tip: .* down to 2e-11 m"):

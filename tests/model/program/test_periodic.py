@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from afm_model.program.periodic import CONSTANT, SINE, TRIANGLE, waveform
+from afm_model.program.periodic import CONSTANT, SINE, TRIANGLE, Reference, waveform
 
 A, OMEGA = 5e-9, 50.0
 PERIOD = 2.0 * math.pi / OMEGA
@@ -64,3 +64,13 @@ def test_triangle_reaches_its_amplitude_and_no_further(t):
 @given(times)
 def test_constant_is_its_amplitude(t):
     assert waveform(CONSTANT, A, OMEGA, t) == (A, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("shape", ["sine", "triangle", "constant"])
+@pytest.mark.parametrize("axis", "xy")
+def test_top_speed_is_the_largest_one_of_the_waveform(shape, axis):
+    still = {f"shape_{each}": "constant" for each in "xy"}
+    given = Reference(**still | {f"shape_{axis}": shape, f"amplitude_{axis}": 3e-9, f"omega_{axis}": 70.0})
+    code = {"sine": SINE, "triangle": TRIANGLE, "constant": CONSTANT}[shape]
+    speeds = [abs(waveform(code, 3e-9, 70.0, k * 1e-4)[1]) for k in range(1000)]
+    assert given.top_speed == pytest.approx(max(speeds), rel=1e-6)

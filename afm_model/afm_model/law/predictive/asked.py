@@ -106,5 +106,7 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
         speed = math.sqrt(v_x * v_x + v_y * v_y)
         s.direction[i, 0] = v_x / speed if speed > 0.0 else 0.0
         s.direction[i, 1] = v_y / speed if speed > 0.0 else 0.0
-        ask_of(0, i, s.friction[i] * s.direction[i, 0], p, s)
-        ask_of(1, i, s.friction[i] * s.direction[i, 1], p, s)
+        for axis in range(2):
+            q = 0.5 * (s.path[i, axis, 0] + s.path[i + 1, axis, 0])
+            held = s.gain_of[axis] * s.friction[i] * s.direction[i, axis] + s.slow[axis] + s.softer[axis] * q
+            ask_of(axis, i, held, p, s)

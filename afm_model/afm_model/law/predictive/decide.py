@@ -21,10 +21,6 @@ def drive(axis: int, at: int, e: float, e_rate: float, p: Constants, s: State) -
 def decide(at: int, slot: int, p: Constants, s: State) -> None:
     """Write the drive of a slot that begins with the fine interval `at` into the plan, from the predicted state."""
     e_x, e_y = s.X - s.path[at, 0, 0], s.Y - s.path[at, 1, 0]
-    # Far from the line the scanner comes back no faster than the reference moves.
-    far, most = math.sqrt(e_x * e_x + e_y * e_y), 2.0 * s.fastest * p.hold
-    if far > most > 0.0:
-        e_x, e_y = e_x * most / far, e_y * most / far
     e_z, e_zrate = s.Z - s.path[at, 2, 0], s.V_Z - s.path[at, 2, 1]
     u_z = drive(2, at, e_z, e_zrate, p, s)
     # Friction in the slot opposes the motion towards the line as well: the direction of the reference, turned.
@@ -52,9 +48,9 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
         d_x, d_y = s.direction[at + j, 0] + nu * n_x, s.direction[at + j, 1] + nu * n_y
         size = math.sqrt(d_x * d_x + d_y * d_y)
         if size > 0.0:
-            change = f * d_x / size - s.friction[at + j] * s.direction[at + j, 0]
+            change = s.gain_of[0] * (f * d_x / size - s.friction[at + j] * s.direction[at + j, 0])
             changed_x += change * (p.G[0, j, 0] * p.Gamma[0, 0] + p.G[0, j, 1] * p.Gamma[0, 1])
-            change = f * d_y / size - s.friction[at + j] * s.direction[at + j, 1]
+            change = s.gain_of[1] * (f * d_y / size - s.friction[at + j] * s.direction[at + j, 1])
             changed_y += change * (p.G[1, j, 0] * p.Gamma[1, 0] + p.G[1, j, 1] * p.Gamma[1, 1])
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement
 from .kalman import carry_covariance, correct, weigh
-from .nominal_plant import look, nominal_bound, run_copy, take_load
+from .nominal_plant import balance, look, nominal_bound, run_copy, take_load
 from .predictive_constants import ANSWERS, Constants
 from .sample_estimate import MEAN, VALUE
 
@@ -116,7 +116,7 @@ def take_position(state: int, innovation: float, p: Constants, s: "State") -> No
 
 
 @kernel
-def see_ratio(nominal: float, balance: float, p: Constants, s: "State") -> None:
+def see_ratio(nominal: float, size: float, p: Constants, s: "State") -> None:
     """Write the row of the ratio seen in the lateral force: it also tells of the place.
 
     At another place the surface has another bound, and the balance of forces another direction.
@@ -126,7 +126,7 @@ def see_ratio(nominal: float, balance: float, p: Constants, s: "State") -> None:
     slope_x = (nominal_bound(s.load, p, s) / nominal - 1.0) / _NEAR
     look(s.X, s.Y + _NEAR, p, s)
     slope_y = (nominal_bound(s.load, p, s) / nominal - 1.0) / _NEAR
-    k_x, k_y = p.stiffness[0] / balance, p.stiffness[1] / balance
+    k_x, k_y = p.stiffness[0] / size, p.stiffness[1] / size
     ratio = s.ratio[VALUE]
     s.weights[ALONG] = ratio * (slope_x * t_x + slope_y * t_y - t_y * t_y * (k_x - k_y))
     s.weights[SPEED] = 0.0
@@ -177,11 +177,11 @@ def correct_jointly(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     take_load(y, p, s)
     look(s.X, s.Y, p, s)
     nominal = nominal_bound(s.load, p, s)
-    b_x = y.drive[0] / p.volts[0] - p.stiffness[0] * s.X
-    b_y = y.drive[1] / p.volts[1] - p.stiffness[1] * s.Y
-    balance = math.sqrt(b_x * b_x + b_y * b_y)
-    if balance > 0.0:
-        turn_to(b_x / balance, b_y / balance, s)
+    b_x = balance(0, y.drive[0] / p.volts[0], s.X, p, s)
+    b_y = balance(1, y.drive[1] / p.volts[1], s.Y, p, s)
+    size = math.sqrt(b_x * b_x + b_y * b_y)
+    if size > 0.0:
+        turn_to(b_x / size, b_y / size, s)
     t_x, t_y = s.heading[0], s.heading[1]
     periods = max(k - s.last, 1)
     for _ in range(min(periods, ANSWERS)):
@@ -191,8 +191,8 @@ def correct_jointly(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     missed = along if along * along > _SURE * _SURE * (s.joint[ALONG, ALONG] + noise) else 0.0
     if missed != 0.0:
         doubt(missed, p, s)
-    if balance > 0.0 and abs(t_x) > _TELLS:
-        see_ratio(nominal, balance, p, s)
+    if size > 0.0 and abs(t_x) > _TELLS:
+        see_ratio(nominal, size, p, s)
         # Where the tip runs fast, its load is not that at rest.
         went = math.sqrt((x - from_x) ** 2 + (y_ - from_y) ** 2) / (periods * p.hold)
         phase = p.wave_number * (abs(t_x) + abs(t_y)) * min(s.V_X * t_x + s.V_Y * t_y, went)

@@ -55,6 +55,12 @@ def nominal_bound(load: float, p: Constants, s: "State") -> float:
     return s.strength * (p.f_0 + s.curvature * (p.f_1 + p.f_2 * s.curvature)) * (1.0 + p.f_load * (load - p.load_0))
 
 
+@kernel
+def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
+    """What the drive leaves for friction at rest, in units of the lateral signal."""
+    return (u - s.slow[axis] - (p.stiffness[axis] + s.softer[axis]) * q) / s.gain_of[axis]
+
+
 @routine
 def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants, s: "State") -> None:
     """Move the scanner on by so many steps of length h [1/w0] under a constant drive.
@@ -70,12 +76,15 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         look(s.X, s.Y, p, s)
         tip = s.Z + s.height - p.delta - p.delta_curvature * s.curvature
         load = p.w + p.eta_c2 * (tip - p.a)
-        p_x = (1.0 - d_x) * s.V_X + h * (u_x - p.stiffness[0] * s.X)
-        p_y = (1.0 - d_y) * s.V_Y + h * (u_y - p.stiffness[1] * s.Y)
+        # Friction is in units of the lateral signal: a scanner that a unit of it pushes gamma times is lighter.
+        m_x, m_y = 1.0 / s.gain_of[0], 1.0 / s.gain_of[1]
+        p_x = m_x * (1.0 - d_x) * s.V_X + h * balance(0, u_x, s.X, p, s)
+        p_y = m_y * (1.0 - d_y) * s.V_Y + h * balance(1, u_y, s.Y, p, s)
         f = s.bound if s.bound > 0.0 else s.here * nominal_bound(load, p, s)
-        j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, 1.0 + d_x, 1.0 + d_y, h * f)
-        s.V_X = 0.0 if stick else (p_x - j_x) / (1.0 + d_x)
-        s.V_Y = 0.0 if stick else (p_y - j_y) / (1.0 + d_y)
+        m_x, m_y = m_x * (1.0 + d_x), m_y * (1.0 + d_y)
+        j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, m_x, m_y, h * f)
+        s.V_X = 0.0 if stick else (p_x - j_x) / m_x
+        s.V_Y = 0.0 if stick else (p_y - j_y) / m_y
         rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
         s.V_Z = ((1.0 - d_z) * s.V_Z + h * (u_z - p.stiffness[2] * s.Z - rest)) / (1.0 + d_z)
         s.X += half * s.V_X
@@ -112,15 +121,20 @@ def drives_of(kept: int, p: Constants, s: "State") -> Block:
 
 
 @kernel
+def drive_of_period(k: int, j: int, axis: int, y: Measurement, p: Constants, s: "State") -> float:
+    """Drive that was in force in slot j behind measurement k, as the measurement y tells it."""
+    kept = max(y.drive_sequence, 0) % ANSWERS
+    if y.drive_sequence < 0 or s.answered[kept] != y.drive_sequence:
+        return y.drive[axis] / p.volts[axis]
+    at = max(0, min((k - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
+    return drives_of(kept, p, s)[3 * at + axis]
+
+
+@kernel
 def run_copy(k: int, y: Measurement, p: Constants, s: "State") -> None:
     """Move the copy of the plant from the last measurement to measurement k, under the drives that were in force."""
-    kept = max(y.drive_sequence, 0) % ANSWERS
-    known = y.drive_sequence >= 0 and s.answered[kept] == y.drive_sequence
     for ahead in range(min(max(k - s.last, 1), SLOTS)):
         for j in range(p.slots):
-            x, y_, z = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1], y.drive[2] / p.volts[2]
-            if known:
-                at = max(0, min((s.last + ahead - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
-                sent = drives_of(kept, p, s)
-                x, y_, z = sent[3 * at], sent[3 * at + 1], sent[3 * at + 2]
-            predict(x, y_, z, p, s)
+            at = s.last + ahead
+            u_x, u_y = drive_of_period(at, j, 0, y, p, s), drive_of_period(at, j, 1, y, p, s)
+            predict(u_x, u_y, drive_of_period(at, j, 2, y, p, s), p, s)

@@ -29,6 +29,8 @@ FLOOR = 2e-4
 TOGETHER = 1.0
 """Control period above which one filter estimates position and friction [1/w0]: below, a filter of the position that
 takes the measured force as it is makes smaller errors where the reference turns."""
+FIRST = (0.3, 1.0, 0.03)
+"""Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2]."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5
@@ -55,6 +57,7 @@ _SCALARS = (
     "dt",
     "surface",
     "identified",
+    "adapts",  # what the model does not explain is estimated
     "mu",
     "w",
     "a",
@@ -109,6 +112,7 @@ class Constants(Record):
     dt: float
     surface: int
     identified: int
+    adapts: int
     mu: float
     w: float
     a: float
@@ -149,6 +153,7 @@ class Constants(Record):
     Phi: Annotated[Array, (3, 2, 2)]
     Gamma: Annotated[Array, (3, 2)]
     G: Annotated[Array, (3, INTERVALS, 2)]
+    Gamma_hold: Annotated[Array, (2, 2)]  # of the free x and y over a control period
     L: Annotated[Array, (3, 2)]  # of the observer
     free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
     of_drive: Annotated[Array, (2,)]
@@ -215,6 +220,7 @@ def values(parameters: Tree) -> Numbers:
     disturbances = (left * f_0, left * f_0, FLOOR * eta_c**2 / mu)
     noises = (noise, noise, law.position_noise / z0)
     L = [observer_gains(stiffness[i], damping[i], hold, disturbances[i], noises[i]) for i in range(3)]
+    of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(2)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
     return {
         "hold": hold,
@@ -233,6 +239,8 @@ def values(parameters: Tree) -> Numbers:
         "steps": steps,
         "dt": slot / steps,
         "surface": SURFACES[law.surface],
+        # Friction that is believed in leaves no signal to compare with.
+        "adapts": law.unexplained == "estimated" and law.friction == "identified",
         "identified": law.friction == "identified",
         "mu": mu,
         "w": w,
@@ -263,6 +271,7 @@ def values(parameters: Tree) -> Numbers:
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
         "L": np.array(L),
+        "Gamma_hold": np.array(of_hold),
         "free": free,
         "of_drive": of_drive,
         "x0": x0,

@@ -13,6 +13,7 @@ from .predictive_state import State
 from .sample_estimate import measured_height, take_height, take_ratio
 from .slide import correct_along
 from .together import begin_together, correct_together
+from .unexplained import expect, explain, explain_measured
 
 
 @routine
@@ -51,7 +52,6 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
         s.V_Z += p.L[2, 1] * i_z
     s.estimate[0], s.estimate[1], s.estimate[2] = s.X, s.Y, s.Z
     s.estimate[3], s.estimate[4], s.estimate[5] = s.V_X, s.V_Y, s.V_Z
-    s.last = k
 
 
 @kernel
@@ -81,7 +81,12 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     k = int(t * p.w0 / p.hold + 0.5)
     recall(k, y, p, s)
     observe(k, y, p, s)
+    if p.adapts and p.measured == 0:
+        explain(k, y, p, s)
+    elif p.adapts:
+        explain_measured(y, p, s)
     take_sample(y, p, s)
+    s.last = k
     s.at_x, s.at_y = s.X, s.Y
     # A drive is refined with what the next hold asks for.
     ask(p.delay * p.slot, p.horizon + max(p.count - 1, p.refined) * p.fine, p, s)
@@ -90,8 +95,10 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
             decide((i - p.delay) * p.fine, i, p, s)
             if i == p.delay and p.refined == 1:
                 refine(i, p, s)
-        if i < p.delay + p.count - 1:
+        if i < max(p.delay + p.count - 1, p.slots):
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
+        if i == p.slots - 1:
+            expect(i, s)
     planned = p.delay + p.count
     if p.reserve > 0:
         extend(k, p, s)

@@ -45,6 +45,11 @@ class PredictiveLaw(SampledLaw):
     friction: Literal["nominal", "identified"] = Field(
         "identified", description="bound of friction: nominal: that of contact.*; identified: from the lateral force"
     )
+    unexplained: Literal["estimated", "none"] = Field(
+        "estimated",
+        description="gain of the lateral signal, slow force and stiffness of x and y beyond those of the model: "
+        "estimated while it runs; none: the model is believed",
+    )
     response: Annotated[NonNegative, Unit("s")] = Field(
         0.0, description="time in which an error vanishes; 0: 1/w0, but neither below a control period nor above two"
     )

@@ -8,7 +8,7 @@ from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
-from .predictive_constants import ANSWERS, INTERVALS, SLOTS
+from .predictive_constants import ANSWERS, FIRST, INTERVALS, SLOTS
 from .sample_estimate import MEAN, VALUE
 
 
@@ -19,6 +19,18 @@ class State(Record):
     sent: int  # address of the drives of each answer
     last: int  # number of the last measurement
     estimate: Annotated[Array, (6,)]  # position and rate there
+    seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
+    signal: float  # lateral force there
+    # What the model does not explain along x and y, unexplained.py: gamma, b, c, their covariance, a place to compute.
+    gain_of: Annotated[Array, (2,)]
+    expected: Annotated[Array, (2, 3)]  # what was predicted of x and y for this measurement: position, rate; drive
+    told: float  # one: y has been observed; of positions alone: the model is contradicted
+    learned: Annotated[Array, (3,)]  # of positions alone: gamma, b, c of x, and the mean square force that they explain
+    counts: float
+    slow: Annotated[Array, (2,)]
+    softer: Annotated[Array, (2,)]
+    unsure: Annotated[Array, (2, 3, 3)]
+    weight: Annotated[Array, (3,)]
     grip: float  # measured friction along its direction; no measurement: zero
     # Covariance of position and speed along the motion, variance across it, over that of a position.
     spread: Annotated[Array, (4,)]
@@ -99,6 +111,8 @@ def start(parameters: Tree) -> Numbers:
     first = np.zeros(1, State)[0]
     law = parameters.law
     first["ratio"][[VALUE, MEAN]] = 1.0 - UNKNOWN if law.friction == "identified" else 1.0
+    first["gain_of"] = first["learned"][0] = 1.0
+    first["unsure"] = np.diag(np.square(FIRST))
     noise = law.position_noise / parameters.scales.x0
     first["joint"] = np.diag([noise**2, 0.0, noise**2, UNKNOWN**2])
     first["heading"][0] = 1.0

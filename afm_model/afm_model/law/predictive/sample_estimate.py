@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.jit import kernel, routine
 from .map import raise_map
-from .nominal_plant import beyond, look, nominal_bound
+from .nominal_plant import balance, beyond, look, nominal_bound
 from .predictive_constants import KNOWN, Constants
 
 if TYPE_CHECKING:
@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 
 ROUGH = 0.35
 """Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
+JUMP = 6.0
+"""Standard deviations beyond which an innovation is another surface."""
+REST = 0.02
+"""Speed over the largest one of the reference up to which the tip counts as resting."""
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
 VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
@@ -75,6 +79,10 @@ def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: 
         of_value = size * size
     expected = beyond(f, d_x, d_y, p)
     noise = max(floor, min(bend * way / _INDEX, size))
+    innovation = measured - expected
+    if innovation * innovation > JUMP * JUMP * (of_value + noise * noise):
+        # Not the surface that was assumed: what came before does not count.
+        of_value, both = innovation * innovation, 0.0
     gain, gain_slope = of_value / (of_value + noise * noise), both / (of_value + noise * noise)
     # The mean is that of the way gone, at most over a few waves.
     f[GONE] = min(f[GONE] + q * way, 8.0 * math.pi)
@@ -106,6 +114,17 @@ def take_height(p: Constants, s: "State") -> None:
 
 
 @kernel
+def variance(axis: int, friction: float, q: float, s: "State") -> float:
+    """Of the force that unexplained.py expects to be left over."""
+    P, total = s.unsure, 0.0
+    h = (friction, 1.0, q)
+    for i in range(3):
+        for j in range(3):
+            total += h[i] * P[axis, i, j] * h[j]
+    return max(total, 0.0)
+
+
+@routine
 def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -> float:
     """Follow the bound of friction over the nominal one.
 
@@ -130,9 +149,14 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         s.slips += 1.0 if s.grip > 0.0 else 0.0
         return s.grip / nominal
     speed = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
-    if speed == 0.0:
-        b_x, b_y = u_x - p.stiffness[0] * s.X, u_y - p.stiffness[1] * s.Y
-        held = math.sqrt(b_x * b_x + b_y * b_y) / nominal
+    if speed <= REST * s.fastest:
+        b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
+        size = math.sqrt(b_x * b_x + b_y * b_y)
+        # Along x the signal tells friction; along y what the drive leaves, as well as that is known.
+        if abs(b_x) > 0.3 * size:
+            doubt = 3.0 * math.sqrt(variance(1, b_y, s.Y, s)) * abs(b_y) / size if s.slips > 0.0 else 0.0
+            size = max(abs(force) * size / abs(b_x) - doubt, abs(force))
+        held = size / nominal
         if p.measured != 0 and p.surface != KNOWN:
             # Friction is never more than its bound, but for the noise of its measurement.
             held = s.grip / nominal - 3.0 * p.ratio_noise
@@ -155,6 +179,8 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     if p.surface == KNOWN:
         # Nothing of it is left to follow but what changes slowly: the mean over a wave of the surface.
         phase = p.wave_number * (abs(d_x) + abs(d_y))
+        if abs(measured - s.ratio[VALUE]) > JUMP * p.ratio_noise:
+            s.slips = 1.0
         s.ratio[VALUE] += max(1.0 / s.slips, phase / (2.0 * math.pi)) * (measured - s.ratio[VALUE])
         s.ratio[MEAN] = s.ratio[VALUE]
     elif s.slips == 1.0:

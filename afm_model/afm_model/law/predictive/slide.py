@@ -10,7 +10,7 @@ import math
 
 from ...core.jit import kernel
 from ...parts.signals import Measurement
-from .nominal_plant import look, nominal_bound, run_copy
+from .nominal_plant import balance, look, nominal_bound, run_copy
 from .predictive_constants import Constants
 from .predictive_state import State
 from .sample_estimate import MEAN, OF_VALUE
@@ -38,7 +38,7 @@ def would_stop(k: int, force: float, believed: float, y: Measurement, p: Constan
     X, Y, Z, V_X, V_Y, V_Z = s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z
     s.bound = believed
     run_copy(k, y, p, s)
-    held = y.drive[0] / p.volts[0] - p.stiffness[0] * s.X
+    held = balance(0, y.drive[0] / p.volts[0], s.X, p, s)
     at = p.stiffness[0] * p.position_noise
     doubt = _SURE * math.sqrt(p.force_noise * p.force_noise + at * at * s.spread[0])
     stops = s.V_X == 0.0 and s.V_Y == 0.0 and abs(held - force) <= doubt
@@ -50,10 +50,10 @@ def would_stop(k: int, force: float, believed: float, y: Measurement, p: Constan
 def correct_along(k: int, x: float, y_: float, y: Measurement, p: Constants, s: State) -> None:
     """Run the copy under the measured friction up to measurement k, and correct it by the positions x, y_."""
     ahead = max(k - s.last, 1) * p.hold
-    b_x = y.drive[0] / p.volts[0] - p.stiffness[0] * (s.X + ahead * s.V_X)
-    b_y = y.drive[1] / p.volts[1] - p.stiffness[1] * (s.Y + ahead * s.V_Y)
-    balance = math.sqrt(b_x * b_x + b_y * b_y)
-    t_x, t_y = (b_x / balance, b_y / balance) if balance > 0.0 else (1.0, 0.0)
+    b_x = balance(0, y.drive[0] / p.volts[0], s.X + ahead * s.V_X, p, s)
+    b_y = balance(1, y.drive[1] / p.volts[1], s.Y + ahead * s.V_Y, p, s)
+    size = math.sqrt(b_x * b_x + b_y * b_y)
+    t_x, t_y = (b_x / size, b_y / size) if size > 0.0 else (1.0, 0.0)
     force = y.lateral_force / p.lateral_force
     look(s.X, s.Y, p, s)
     nominal = nominal_bound(s.load, p, s)
@@ -61,12 +61,12 @@ def correct_along(k: int, x: float, y_: float, y: Measurement, p: Constants, s: 
     if abs(t_x) > _TELLS:
         grip, noise = force / t_x, p.force_noise / abs(t_x)
     else:
-        grip, noise = min(balance, believed), p.force_noise / _TELLS
+        grip, noise = min(size, believed), p.force_noise / _TELLS
     # Less than friction is anywhere on the surface: the scanner rests.
     rests = grip < (s.ratio[MEAN] - 2.0 * p.ripple) * nominal - _SURE * noise
     stops = False
     if rests:
-        s.bound = 2.0 * (balance + believed)
+        s.bound = 2.0 * (size + believed)
         s.V_X, s.V_Y = 0.0, 0.0
         s.spread[1] = s.spread[2] = 0.0
     else:

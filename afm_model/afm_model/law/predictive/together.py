@@ -11,7 +11,7 @@ import math
 from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .kalman import carry_covariance, correct, weigh
-from .nominal_plant import look, nominal_bound, run_copy
+from .nominal_plant import balance, look, nominal_bound, run_copy
 from .predictive_constants import FLOOR, Constants
 from .predictive_state import State
 from .sample_estimate import GONE, MEAN, ROUGH, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, bend_of
@@ -158,8 +158,9 @@ def rest(
         take(AT_Y, y_ - s.Y, p.position_noise, s)
         speed = 0.0
     take(SPEED, -max(speed, 0.0), slow, s)
+    b_at_rest = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - force) / p.stiffness[0]
     # The force differs from b_x by the acceleration of such a speed.
-    take(AT_X, (u_x - force) / p.stiffness[0] - s.X, math.hypot(p.force_noise, slow / time) / p.stiffness[0], s)
+    take(AT_X, b_at_rest, math.hypot(p.force_noise, slow / time) / p.stiffness[0], s)
     # Where it has crept to friction may be another.
     crept_x, crept_y = s.X + s.change[AT_X] - s.at_x, s.Y + s.change[AT_Y] - s.at_y
     if s.uncertainty[RATIO, RATIO] < p.ripple * p.ripple:
@@ -174,9 +175,9 @@ def correct_together(k: int, x: float, y_: float, y: Measurement, p: Constants, 
     before = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
     run_copy(k, y, p, s)
     u_x = y.drive[0] / p.volts[0]
-    b_x, b_y = u_x - p.stiffness[0] * s.X, y.drive[1] / p.volts[1] - p.stiffness[1] * s.Y
-    balance = math.sqrt(b_x * b_x + b_y * b_y)
-    t_x, t_y = (b_x / balance, b_y / balance) if balance > 0.0 else (1.0, 0.0)
+    b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, y.drive[1] / p.volts[1], s.Y, p, s)
+    size = math.sqrt(b_x * b_x + b_y * b_y)
+    t_x, t_y = (b_x / size, b_y / size) if size > 0.0 else (1.0, 0.0)
     look(s.X, s.Y, p, s)
     ratio = s.here
     nominal = nominal_bound(p.w + p.eta_c2 * y.deflection / p.z0, p, s)
@@ -197,7 +198,7 @@ def correct_together(k: int, x: float, y_: float, y: Measurement, p: Constants, 
     speed = s.V_X * t_x + s.V_Y * t_y
     if speed <= 0.0:
         # The copy has stopped: how far below zero its speed would be.
-        speed = min(before + time * (balance - ratio * nominal), 0.0)
+        speed = min(before + time * (size - ratio * nominal), 0.0)
     take(AT_X, x - s.X, p.position_noise, s)
     take(AT_Y, y_ - s.Y, p.position_noise, s)
     force = y.lateral_force / p.lateral_force

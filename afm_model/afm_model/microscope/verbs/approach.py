@@ -16,6 +16,9 @@ from ..verb import Length, Speed, Verb, saturating, too_fast
 from ..view import InstrumentView
 from .withdraw import Withdraw
 
+_PRESSED = 0.1
+"""From a deflection of this part of the setpoint on, an approach that failed has met the sample."""
+
 
 class Approach(Verb):
     """Move z to the sample until the deflection reaches the setpoint, then switch the feedback on."""
@@ -49,10 +52,14 @@ class Approach(Verb):
         if run.triggered:
             run.state.approached = True
             return
+        rise = run.standing().deflection_voltage - run.rest
         away = Step(orders.RAMP, target=before, rate=max(self.rate, Withdraw().rate))
         yield Task(Order(view.stay(), (away,)), (target - before) / away.rate, "no sample found, withdrawing")
         run.state.near = False
-        raise VerbError(
-            f"no sample within range = {self.range:g} m: z went {target - before:.4g} m without the deflection rising "
-            f"to the setpoint of {view.setpoint:.4g} V; the tip is withdrawn again"
-        )
+        went = f"z went {target - before:.4g} m without the deflection rising to the setpoint of {view.setpoint:.4g} V"
+        if rise > _PRESSED * view.setpoint:
+            raise VerbError(
+                f"the tip was pressed into the sample: {went}, at the end it was {rise:.4g} V over its rest; the tip "
+                f"is withdrawn again: take a lower setpoint, or a larger range"
+            )
+        raise VerbError(f"no sample within range = {self.range:g} m: {went}; the tip is withdrawn again")

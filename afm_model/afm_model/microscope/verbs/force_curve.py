@@ -211,9 +211,7 @@ class ForceCurve(Verb):
             measured[-1] = recorder, run.triggered
         target = min(down + _AGAIN * self.lift, view.reach[1])
         # A short lift does not leave the sample: the setpoint counts from where the deflection is.
-        program = view.instrument.orders.program
-        rest = float(program["total"] / program["samples"])
-        again = landing(view, target, self.approach_rate, self.settle, rest)
+        again = landing(view, target, self.approach_rate, self.settle, run.rest)
         yield Task(Order(view.stay(), again), back, "back to the sample")
         if not run.triggered:
             raise VerbError(

@@ -28,3 +28,4 @@ class Withdraw(Verb):
             )
         yield Task(Order(view.stay(), steps), run.total, "withdrawing")
         run.state.near = False
+        run.state.feedback = "off"

@@ -1,0 +1,53 @@
+"""The processes that a session starts."""
+
+import shlex
+from pathlib import Path
+
+from afm_model import Scenario
+from afm_model.core.schema import flatten
+
+from .files import executable
+from .results_folder import RECORDING
+from .scenario_input import write_parameters
+
+RECORDER, SIMULATOR, CONTROLLER = "afm_recorder_node", "afm_sim_node", "afm_controller_node"
+OWN, COMPOSED, INSIDE, EXTERNAL = "", "composed", "inside", "external"
+"""Controllers that are no command: our node in its own process, our node in the simulator's process, a law in the
+simulator itself, a node that was started elsewhere."""
+
+
+def commands(
+    scenario: Scenario, controller: str, work: Path, namespace: str, *, ros_arguments: bool
+) -> dict[str, list[str]]:
+    """Commands of the processes, by name, in order; writes their parameters into `work`.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    controller : str
+        Command of the controller to start, or OWN, COMPOSED, INSIDE or EXTERNAL.
+    work : Path
+        Folder of what is under way.
+    namespace : str
+        Of the instrument.
+    ros_arguments : bool
+        Whether parameters and namespace are appended to the command of the controller.
+    """
+    parameters = work / "parameters.yaml"
+    own: dict[str, dict[str, object]] = {
+        SIMULATOR: {"run.start_paused": True, "run.exit_when_finished": False},
+        RECORDER: {"path": str(work / RECORDING)},
+    }
+    if controller == INSIDE:
+        own[SIMULATOR] |= {f"law.{name}": value for name, value in flatten(scenario.controller.law).items()}
+    write_parameters(scenario, parameters, own)
+    arguments = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:={namespace}"]
+    found = {RECORDER: [executable(RECORDER, RECORDER), *arguments]}
+    if controller == COMPOSED:
+        return found | {"composed": [executable("afm_bringup", "composed"), *arguments]}
+    found[SIMULATOR] = [executable(SIMULATOR, SIMULATOR), *arguments]
+    if controller == OWN:
+        found[CONTROLLER] = [executable(CONTROLLER, CONTROLLER), *arguments]
+    elif controller not in (INSIDE, EXTERNAL):
+        found["controller"] = [*shlex.split(controller), *(arguments if ros_arguments else ())]
+    return found

@@ -1,0 +1,144 @@
+"""What the model of the scanner does not explain: gain of the lateral signal, slow force, stiffness of x and y.
+
+A Kalman filter of three states an axis, docs/laws.md (8.6). The force that the last drive has left over moves no free
+scanner: it is friction, a slow force b (hysteresis, creep, drift) and what a spring that is c stiffer holds,
+
+    F = gamma f + b + c q,
+
+where f is friction as the lateral signal tells it. Friction turns with the motion, b and c q do not: that parts them.
+"""
+
+import math
+
+from ...core.jit import kernel
+from ...parts.signals import Measurement
+from .nominal_plant import balance
+from .predictive_constants import FIRST, FLOOR, Constants
+from .predictive_state import State
+from .sample_estimate import REST
+
+_WALK = (1e-3, 2e-2, 5e-4)
+"""Their random walks in one time unit."""
+GAIN_LIMITS = (0.4, 2.5)
+SLIDING = 3e-3
+"""Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
+_SLOWLY = 0.02
+"""Part of that random walk that positions alone are allowed to follow."""
+SAME = 0.005
+"""Difference of a drive from the planned one that a converter makes, over friction."""
+COUNTS = 0.01
+"""Rms force over that of friction from which on positions alone are taken to contradict the model, down to half of it;
+twice as much does so at once."""
+_SPAN = 100.0
+"""Time of that mean [1/w0]."""
+_SURE = 3.0
+"""Standard deviations."""
+_TELLS = 0.3
+"""Smallest cosine between the motion and x at which the force along x tells friction along y."""
+
+
+@kernel
+def left_over(axis: int, q: float, v: float, u: float, p: Constants, s: State) -> float:
+    """Mean force on an axis since the last measurement that the prediction from there did not contain."""
+    g_0, g_1 = p.Gamma_hold[axis, 0], p.Gamma_hold[axis, 1]
+    off, off_rate = s.expected[axis, 0] - q, s.expected[axis, 1] - v
+    return (g_0 * off + g_1 * off_rate) / (g_0 * g_0 + g_1 * g_1) + u - s.expected[axis, 2]
+
+
+@kernel
+def update(axis: int, innovation: float, friction: float, q: float, noise: float, p: Constants, s: State) -> None:
+    """Kalman update of an axis by the force that was not expected, where friction is this much."""
+    P = s.unsure
+    h = (friction, 1.0, q)
+    total = noise * noise
+    for i in range(3):
+        s.weight[i] = P[axis, i, 0] * h[0] + P[axis, i, 1] * h[1] + P[axis, i, 2] * h[2]
+        total += h[i] * s.weight[i]
+    # What is off by more than noise is another force for a moment, of which the filter knows nothing.
+    most = _SURE * math.sqrt(total)
+    change = min(max(innovation, -most), most) / total
+    s.gain_of[axis] = min(max(s.gain_of[axis] + s.weight[0] * change, GAIN_LIMITS[0]), GAIN_LIMITS[1])
+    s.slow[axis] += s.weight[1] * change
+    s.softer[axis] += s.weight[2] * change
+    for i in range(3):
+        for j in range(3):
+            P[axis, i, j] -= s.weight[i] * s.weight[j] / total
+        # What positions alone tell is known slowly.
+        walk = _WALK[i] if p.measured == 0 else _SLOWLY * _WALK[i]
+        P[axis, i, i] = max(P[axis, i, i], 0.0) + walk * walk * p.hold
+        # None is less certain than at the start.
+        part = math.sqrt(min(FIRST[i] * FIRST[i] / P[axis, i, i], 1.0))
+        for j in range(3):
+            P[axis, i, j] *= part
+            P[axis, j, i] *= part
+
+
+@kernel
+def expect(slot: int, s: State) -> None:
+    """Keep the scanner predicted for the next measurement, and the drive that is in force then."""
+    s.expected[0, 0], s.expected[0, 1], s.expected[0, 2] = s.X, s.V_X, s.plan[slot, 0]
+    s.expected[1, 0], s.expected[1, 1], s.expected[1, 2] = s.Y, s.V_Y, s.plan[slot, 1]
+
+
+@kernel
+def explain_measured(y: Measurement, p: Constants, s: State) -> None:
+    """Learn from positions alone: what a drive holds in place but for friction, the motion being slow.
+
+    The measured position is used, not the one that is estimated with these numbers. They are used only while they
+    explain a force that counts: their noise would move the copy of the plant, which is trusted more than a position.
+    """
+    signal = y.lateral_force / p.lateral_force
+    q = y.position[0] / p.x0
+    s.gain_of[0], s.slow[0], s.softer[0] = s.learned[0], s.learned[1], s.learned[2]
+    left = s.gain_of[0] * (balance(0, y.drive[0] / p.volts[0], q, p, s) - signal)
+    noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * SLIDING * p.hold
+    update(0, left, signal, q, noise, p, s)
+    s.learned[0], s.learned[1], s.learned[2] = s.gain_of[0], s.slow[0], s.softer[0]
+    force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * q
+    s.counts += min(p.hold / _SPAN, 1.0) * (force * force - s.counts)
+    if abs(force) > 2.0 * COUNTS * p.f_0:
+        s.counts = max(s.counts, force * force)
+    least = COUNTS * p.f_0 * (0.5 if s.told != 0.0 else 1.0)
+    s.told = 1.0 if s.counts > least * least else 0.0
+    if s.told == 0.0:
+        s.gain_of[0], s.slow[0], s.softer[0] = 1.0, 0.0, 0.0
+    # A force along y cannot be told from the noise of a direction: gain and spring are taken to be as wrong as along x.
+    s.gain_of[1], s.softer[1] = s.gain_of[0], s.softer[0] * p.stiffness[1] / p.stiffness[0]
+
+
+@kernel
+def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
+    """Learn from measurement k; the scanner is in the state as it is there."""
+    signal = y.lateral_force / p.lateral_force
+    u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
+    # A drive that came late, or was cut off, is not the one predicted with.
+    known = s.started != 0.0 and k - s.last == 1
+    known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
+    before, speed = math.hypot(s.seen[0, 1], s.seen[1, 1]), math.hypot(s.V_X, s.V_Y)
+    d_x, d_y = s.X - s.seen[0, 0], s.Y - s.seen[1, 0]
+    q_x, q_y = s.X - 0.5 * d_x, s.Y - 0.5 * d_y
+    way = math.hypot(d_x, d_y)
+    # How far the motion is from a steady one, over its way.
+    uneven = math.hypot(d_x - p.hold * s.V_X, d_y - p.hold * s.V_Y)
+    uneven += math.hypot(d_x - p.hold * s.seen[0, 1], d_y - p.hold * s.seen[1, 1])
+    if known and max(before, speed) <= REST * s.fastest:
+        # At rest friction is what the drive in force leaves.
+        held = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal)
+        update(0, held, signal, s.X, p.f_0 * FLOOR + p.force_noise, p, s)
+    elif known and 0.2 * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
+        phase = p.wave_number * (abs(d_x) + abs(d_y))
+        noise = p.f_0 * (SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise
+        # Where the motion is not steady neither is the load.
+        noise *= 1.0 + (10.0 * uneven / way) ** 2
+        mean = 0.5 * (signal + s.signal)
+        update(0, left_over(0, s.X, s.V_X, u_x, p, s), mean, q_x, noise, p, s)
+        if abs(d_x) > _TELLS * way:
+            turned = abs(d_x * s.V_Y - d_y * s.V_X) + abs(d_x * s.seen[1, 1] - d_y * s.seen[0, 1])
+            noise += p.f_0 * turned / (way * s.fastest)
+            update(1, left_over(1, s.Y, s.V_Y, u_y, p, s), mean * d_y / d_x, q_y, noise, p, s)
+            s.told = 1.0
+    if s.told == 0.0:
+        # As long as nothing is known of y: what is wrong about friction is so along both.
+        s.gain_of[1] = s.gain_of[0]
+    s.seen[0, 0], s.seen[0, 1], s.seen[1, 0], s.seen[1, 1] = s.X, s.V_X, s.Y, s.V_Y
+    s.signal = signal

@@ -1,0 +1,169 @@
+"""The table of wrong models: what a law does when what it was told of the microscope is not so."""
+
+import math
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..core.errors import DivergenceError, DriveError, LawError, ParameterError, PartError
+from ..parameters import ControllerParameters, SimParameters, Value, build, changed, flatten
+from ..parameters.scenario import law_timing
+from ..run.simulation import simulate
+from .contender import Contender, feedback_of
+
+_OMEGA = 50.0
+_AMPLITUDE = 5e-9
+_PERIODS = 3
+"""Of the reference in a run; the last one is scored."""
+LOST = 100.0
+"""Error [% of the amplitude] beyond which a law has lost the reference: an instrument that stands still has no more."""
+NOISE: dict[str, Value] = {"detector.noise": 1e-3, "detector.position_noise": 5e-11, "detector.adc_bits": 16}
+_FAILED = (ParameterError, PartError, DriveError, DivergenceError, LawError)
+
+
+class Rate(NamedTuple):
+    """How often the law is asked, and how late its drives are."""
+
+    title: str
+    period: float  # [s]
+    delay_ticks: int
+    packet: int = 1  # drives in an answer, for a law that has `law.packet`
+
+
+RATES = (Rate("50 us + 1", 5e-5, 1), Rate("200 us + 1", 2e-4, 1), Rate("1 ms packets", 1e-3, 1, 20))
+
+
+class Case(NamedTuple):
+    """One wrong model."""
+
+    title: str
+    true: Mapping[str, Value] = {}  # parameters of the instrument
+    told: Mapping[str, float] = {}  # what the controller is told, over what is true, by parameter
+    ticks: int = 0  # of delay that the law is told, less those of the plant
+
+
+def _all_axes(name: str, factor: float) -> dict[str, float]:
+    return {name.format(axis): factor for axis in "xyz"}
+
+
+def _ceramic(hysteresis: float, creep: float = 0.0) -> dict[str, Value]:
+    opened: dict[str, Value] = {f"piezo.hysteresis_{axis}": hysteresis for axis in "xy"}
+    return {"piezo.kind": "ceramic", **opened, "piezo.creep": creep}
+
+
+def _sine(amplitude: float = 1.0, speed: float = 1.0, **more: Value) -> dict[str, Value]:
+    both: dict[str, Value] = {f"reference.amplitude_{axis}": amplitude * _AMPLITUDE for axis in "xy"}
+    both |= {f"reference.omega_{axis}": speed * _OMEGA for axis in "xy"}
+    return both | {f"reference.{name}": value for name, value in more.items()}
+
+
+_TAU = 0.91e9
+CASES = (
+    Case("the truth"),
+    *(Case(f"resonances {100 * (f - 1):+.0f} %", {}, _all_axes("scanner.f_{}", f)) for f in (0.95, 0.98, 1.02, 1.05)),
+    Case("resonance of x +2 %", {}, {"scanner.f_x": 1.02}),
+    Case("damping x 2", {}, _all_axes("scanner.xi_{}", 2.0)),
+    Case("mass ratio +10 %", {}, {"scanner.mass_ratio": 1.1}),
+    Case("mass ratio -10 %", {}, {"scanner.mass_ratio": 0.9}),
+    Case("sensitivity of the piezo +5 %", {}, _all_axes("piezo.sensitivity_{}", 1.05)),
+    Case("sensitivity of the piezo -5 %", {}, _all_axes("piezo.sensitivity_{}", 0.95)),
+    *(Case(f"lateral gain {gain:g}", {"detector.lateral_gain": gain}) for gain in (0.9, 1.1)),
+    Case("deflection gain 1.05", {"detector.deflection_gain": 1.05}),
+    Case("crosstalk .02", {"detector.lateral_in_deflection": 0.02, "detector.deflection_in_lateral": 0.02}),
+    *(Case(f"friction x {factor:g}", {"contact.tau": factor * _TAU}) for factor in (0.5, 0.6, 1.5, 2.0)),
+    Case("patches x .9", {"sample.kind": "patches", "sample.width": 2e-9, "sample.strength": 0.9}),
+    Case("height x 2", {"sample.beta": 25e-9}),
+    Case("hysteresis .5 %", _ceramic(0.005)),
+    Case("hysteresis 5 %, creep 1.5 %", _ceramic(0.05, 0.015)),
+    Case("drift 1e-15 m/s", {"drift.rate_x": 1e-15, "drift.rate_y": 1e-15}),
+    Case("drift 1 nm/s", {"drift.rate_x": 1e-9, "drift.rate_y": 1e-9}),
+    Case("position noise 1e-18 m", {"detector.position_noise": 1e-18}),
+    Case("noise", NOISE),
+    Case("DAC of 16 bits", {"piezo.limit": 10.0, "piezo.dac_bits": 16}),
+    Case("told a tick of delay too few", ticks=-1),
+    Case("told a tick of delay too many", ticks=1),
+    Case("triangle", _sine(shape_x="triangle", shape_y="triangle")),
+    Case("amplitude x 3", _sine(3.0)),
+    Case("amplitude x 5", _sine(5.0)),
+    Case("frequency x 3", _sine(1.0, 3.0)),
+    Case("frequency x 5", _sine(1.0, 5.0)),
+    Case("Lissajous 2:3", _sine() | {"reference.omega_x": _OMEGA, "reference.omega_y": 1.5 * _OMEGA}),
+    Case("along x alone", _sine(amplitude_y=0.0)),
+    Case("along y alone", _sine(amplitude_x=0.0)),
+)
+"""Wrong models, and references other than the usual one."""
+
+
+def parameters_of(case: Case, rate: Rate, law: Contender) -> tuple[SimParameters, ControllerParameters]:
+    """Of one run of the table.
+
+    Raises
+    ------
+    ParameterError
+        If the law refuses what it is told.
+    """
+    cycle = 2.0 * math.pi / float(case.true.get("reference.omega_x", _OMEGA))
+    if case.true.get("reference.omega_y", _OMEGA) != case.true.get("reference.omega_x", _OMEGA):
+        cycle *= 2.0
+    news: dict[str, Value] = {
+        "plant.control_period": rate.period,
+        "plant.delay_ticks": rate.delay_ticks,
+        "run.duration": _PERIODS * cycle,
+        "score.start": (_PERIODS - 1) * cycle,
+    }
+    own: dict[str, Value] = {"law.kind": law.kind, **{f"law.{name}": value for name, value in law.values.items()}}
+    packets = rate.packet > 1 and "law.packet" in flatten(build(ControllerParameters, {"law.kind": law.kind}))
+    if packets:
+        news["piezo.dac_period"] = rate.period / rate.packet
+        own |= {"law.packet": rate.packet, "law.spare": 1}
+    sim = build(SimParameters, news | dict(case.true))
+    own |= feedback_of(law, noisy=case.true.get("detector.noise", 0.0) != 0.0)
+    timing = law_timing(own, sim)
+    if "law.delay_ticks" in timing:
+        timing["law.delay_ticks"] = max(0, rate.delay_ticks + case.ticks)
+    controller = build(ControllerParameters, timing | own)
+    plain = flatten(controller)
+    return sim, changed(controller, {name: float(plain[name]) * factor for name, factor in case.told.items()})
+
+
+def run_case(case: Case, rate: Rate, law: Contender) -> dict[str, Any]:
+    """Numbers of one run.
+
+    The law is a part; one that is an object is told nothing and has no model that could be wrong.
+
+    Returns
+    -------
+    dict
+        `first`, `third`: largest error of x and y in these periods of the reference [% of the amplitude]; `contact`:
+        part of the time; `load`: largest force on the tip [N]; `lost`: why the run counts as lost, "" if it does not.
+    """
+    row: dict[str, Any] = {"first": math.inf, "third": math.inf, "contact": math.nan, "load": math.nan}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            result = simulate(*parameters_of(case, rate, law))
+    except _FAILED as error:
+        return row | {"lost": str(error)}
+    score, size = result.score, max(abs(each) for each in result.parameters.reference.amplitude)
+    off = np.abs(result.truth["position"][:, :2] - result.measurements["reference_position"][:, :2])
+    row["first"] = 100.0 * float(np.max(off[result.time <= result.time[-1] / _PERIODS])) / size
+    row["third"] = 100.0 * float(np.max(score.max[:2])) / size
+    row["contact"] = score.contact_fraction
+    row["load"] = max(abs(force) for force in score.normal_force)
+    lost = ""
+    if not row["third"] <= LOST:
+        lost = f"error {row['third']:.3g} %"
+    elif row["contact"] < 1.0:
+        lost = f"in contact for {100.0 * row['contact']:.3g} % of the time"
+    return row | {"lost": lost}
+
+
+def wrong_models(
+    law: Contender, rates: Sequence[Rate] = RATES, cases: Sequence[Case] = CASES
+) -> Iterator[dict[str, Any]]:
+    """Rows of a law, one by one as they are run: every case at every rate, see `run_case`."""
+    for case in cases:
+        for rate in rates:
+            yield {"law": law.label, "case": case.title, "rate": rate.title, **run_case(case, rate, law)}

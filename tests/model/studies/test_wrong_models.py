@@ -1,0 +1,45 @@
+"""Claims about the table of wrong models, and about predictive in it; errors in percent of 5 nm."""
+
+import pytest
+
+from afm_model.studies.contender import contender
+from afm_model.studies.wrong_models import CASES, RATES, run_case
+
+CASE = {case.title: case for case in CASES}
+RATE = {rate.title: rate for rate in RATES}
+
+
+@pytest.mark.parametrize(
+    "title",
+    ["resonances -5 %", "resonances +2 %", "mass ratio +10 %", "sensitivity of the piezo +5 %", "lateral gain 1.1"],
+)
+@pytest.mark.parametrize(("rate", "most"), [("50 us + 1", 0.3), ("200 us + 1", 1.0)])
+def test_predictive_learns_what_it_was_told_wrong(title, rate, most):
+    row = run_case(CASE[title], RATE[rate], contender("predictive"))
+    assert row["third"] < most
+    assert row["lost"] == ""
+
+
+@pytest.mark.parametrize("title", ["drift 1e-15 m/s", "position noise 1e-18 m"])
+def test_a_tip_that_never_quite_rests_starts_all_the_same(title):
+    assert run_case(CASE[title], RATE["50 us + 1"], contender("predictive"))["third"] < 0.3
+
+
+def test_without_the_estimate_a_wrong_model_costs_ten_percent():
+    row = run_case(CASE["lateral gain 1.1"], RATE["50 us + 1"], contender("predictive unexplained=none"))
+    assert row["third"] > 10.0
+
+
+def test_a_law_that_diverges_is_lost_and_says_why():
+    row = run_case(CASE["the truth"], RATE["1 ms packets"], contender("sgn"))
+    assert row["lost"] != ""
+    assert not row["third"] <= 100.0
+
+
+def test_what_is_told_wrong_is_told_to_the_controller_alone():
+    from afm_model.studies.wrong_models import parameters_of
+
+    sim, controller = parameters_of(CASE["resonances +2 %"], RATE["50 us + 1"], contender("predictive"))
+    assert controller.scanner.f_x == pytest.approx(1.02 * sim.scanner.f_x)
+    late = parameters_of(CASE["told a tick of delay too few"], RATE["50 us + 1"], contender("predictive"))
+    assert (late[0].plant.delay_ticks, late[1].law.delay_ticks) == (1, 0)
