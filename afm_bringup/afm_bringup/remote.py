@@ -54,11 +54,7 @@ class Remote(Backend):
     """
 
     def __init__(
-        self,
-        namespace: str = topics.NAMESPACE,
-        *,
-        patience: float = PATIENCE,
-        check: Callable[[], object] = lambda: None,
+        self, namespace: str = topics.NAMESPACE, *, patience: float = PATIENCE, check: Callable[[], object] = tuple
     ) -> None:
         self._remote = RemoteNode(namespace, patience, check)
         self._lines: Arriving | None = None
@@ -108,15 +104,13 @@ class Remote(Backend):
         client = remote.action(action)
         there, news = remote.presence(client.server_is_ready), remote.news
         self._lines = lines = Arriving(verb, remote.time) if isinstance(verb, Scan) else None
-        told = list[Progress]()
-
-        def on_feedback(message: Any) -> None:
-            told.append(Progress(message.feedback.progress, message.feedback.detail))
+        told = list[Any]()
 
         def call_back() -> None:
             """Outside of the callbacks of ROS: here anything may be asked of the microscope."""
             while on_progress is not None and told:
-                on_progress(told.pop(0))
+                said = told.pop(0).feedback
+                on_progress(Progress(said.progress, said.detail))
             for line in lines.news() if lines is not None else ():
                 if on_line is not None:
                     on_line(line)
@@ -125,7 +119,7 @@ class Remote(Backend):
         try:
             with Interrupts() as interrupts:
                 number = UUID(uuid=list(self._identity + os.urandom(8)))
-                sent = client.send_goal_async(goal_of(verb), feedback_callback=on_feedback, goal_uuid=number)
+                sent = client.send_goal_async(goal_of(verb), feedback_callback=told.append, goal_uuid=number)
                 remote.wait(sent.done, name, there)
                 goal = sent.result()
                 if not goal.accepted:

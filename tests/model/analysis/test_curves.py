@@ -176,3 +176,9 @@ def test_a_sensitivity_needs_contact_and_levels_in_order():
         deflection_sensitivity(z, z, low=0.9, high=0.3)
     with pytest.raises(ValueError, match="sample the curve denser"):
         deflection_sensitivity(z, z, low=0.5, high=0.52)
+
+
+def test_pull_of_few_samples_has_the_adhesion_of_the_lowest_one(rng):
+    z, d = made_up(rng, 0.0)
+    z, d = z[::40], d[::40]  # 2 nm a sample, in a pull of 5 nm
+    assert force_curve(z, d, 2.0).adhesion.value == pytest.approx(2.0 * (2e-9 - d[z.size // 2 :].min()), rel=1e-12)

@@ -1,7 +1,5 @@
 """Claims about what verbs measure: units, rates, places of samples, and how far a verb is."""
 
-import math
-
 import numpy as np
 import pytest
 from quick_lever import OVER_THE_WEDGE, WEDGE
@@ -30,6 +28,12 @@ def test_newton_and_metre_are_volts_times_the_sensitivities_of_the_detector_in_i
             detector.deflection_sensitivity * data["deflection_voltage"], rel=1e-12
         )
         assert data["height"].tolist() == (-data["z_loop"]).tolist()
+    # Rate and start are found again from the times of the lines alone.
+    rate, start = image.line_rate, image.start
+    image.date()
+    assert (image.line_rate, image.start) == pytest.approx((rate, start), rel=1e-9)
+    assert rate == pytest.approx(20.0, rel=0.01)
+    assert (image.missing(2), image.missing(3)) == (0, 2)
     # Pressed by 10 nN, friction on silicon oxide is some nanonewton: the shear stress over the area of the contact.
     assert 1e-9 < np.nanmean(image.friction()) < 20e-9
     loop = microscope.execute(FrictionLoop(length=6e-9, line_rate=20.0, sample_rate=20e3)).result
@@ -55,4 +59,3 @@ def test_progress_of_a_calibration_counts_its_setpoints_evenly():
         # Going to the first place takes a while, too.
         assert min(part) >= number / count - 0.1
         assert max(part) == pytest.approx((number + 1) / count, abs=0.1)
-    assert math.isfinite(sum(fractions))
