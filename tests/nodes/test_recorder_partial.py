@@ -342,7 +342,15 @@ def take_block(recorder: Recorder, first: int) -> None:
     recorder.control(first, 2e-6, 0, columns | {"deflection": np.zeros(10), "round_trip": np.zeros(10)})
 
 
-@pytest.mark.parametrize("make", [RecordingWriter, lambda path: path.mkdir()], ids=["in use", "a folder"])
+def another(path: Path) -> None:
+    """A complete recording of another recorder."""
+    with closing(RecordingWriter(path)) as writer:
+        write(writer, 0, 8510)
+
+
+@pytest.mark.parametrize(
+    "make", [RecordingWriter, lambda path: path.mkdir(), another], ids=["in use", "a folder", "another one's"]
+)
 def test_run_after_a_reset_takes_the_next_name_that_is_free(tmp_path: Path, make: Callable[[Path], object]) -> None:
     recorder = Recorder(RecorderParameters(path=str(tmp_path / "run.rrd")), logging.getLogger("recorder"))
     recorder.cantilever_height(0.0)
@@ -350,8 +358,25 @@ def test_run_after_a_reset_takes_the_next_name_that_is_free(tmp_path: Path, make
     take_block(recorder, 10)
     taken = make(tmp_path / "run-2.rrd")
     take_block(recorder, 0)
+    assert recorder.counts().path == str(tmp_path / "run-3.rrd")
     recorder.close()
-    assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 20
-    assert len(read_recording(tmp_path / "run-3.rrd").time_ticks) == 10
+    assert ticks(tmp_path / "run.rrd") == 20
+    assert ticks(tmp_path / "run-3.rrd") == 10
+    if make is another:
+        assert ticks(tmp_path / "run-2.rrd") == 8510
     if isinstance(taken, RecordingWriter):
         taken.close()
+
+
+def test_recorder_that_is_started_again_says_where_it_records(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    parameters = RecorderParameters(path=str(tmp_path / "run.rrd"))
+    for name, count in (("run.rrd", 2), ("run-2.rrd", 1)):
+        recorder = Recorder(parameters, logging.getLogger("recorder"))
+        recorder.cantilever_height(0.0)
+        for block in range(count):
+            take_block(recorder, 10 * block)
+        assert recorder.counts().path == str(tmp_path / name)
+        recorder.close()
+    assert [ticks(tmp_path / name) for name in ("run.rrd", "run-2.rrd")] == [20, 10]
+    (said,) = [record.message for record in caplog.records if "never replaced" in record.message]
+    assert f"{tmp_path / 'run-2.rrd'}" in said
