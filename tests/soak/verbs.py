@@ -53,10 +53,14 @@ class VerbSoak:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._remote.close()
-        for command in self._commands.values():
-            command.interrupt()
-            command.process.wait(TIMEOUT)
+        try:
+            self._remote.close()
+            for command in self._commands.values():
+                command.interrupt()
+                command.process.wait(TIMEOUT)
+        finally:
+            for command in self._commands.values():
+                command.__exit__()
 
     def round(self) -> dict[str, Sample]:
         """Some verbs, then another sample, another probe or a reset, with which the next recording begins."""
