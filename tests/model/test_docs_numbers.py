@@ -182,7 +182,7 @@ CITATION = re.compile(r"theory\.md\s+(\(\d+\)(?:(?:,|\s|and|to|by|of)*\(\d+\))*)
 KERNELS = ("plant", "contact", "friction", "law", "sample")
 """Packages whose every module is an equation of the theory, or several."""
 NO_EQUATION = (
-    *("presets.py", "map_files.py", "tip.py"),
+    *("presets.py", "map_files.py", "map_reader.py", "tip.py"),
     *("flat.py", "plane.py", "patches.py", "rough.py", "height_map.py"),
 )
 """Modules that hold numbers, files, or a shape that their own lines tell."""
