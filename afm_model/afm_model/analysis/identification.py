@@ -117,9 +117,9 @@ def fit_resonator(drive: _Array, position: _Array, period: float) -> Resonator:
             f"{100.0 * LEAST_FIT:g} % are needed (is the tip off the sample, is the noise small?)"
         )
     f, xi, sensitivity = math.exp(found.x[0]), math.exp(found.x[1]), float(found.x[2]) * scale
-    # What each sample adds to each number, whose noise may be correlated.
+    # What each sample adds to each number, whose noise may be correlated; the fit has taken what adds up to nothing.
     added = np.linalg.inv(found.jac.T @ found.jac) @ found.jac.T * found.fun
-    errors = [math.sqrt(float(each @ each) * together(each)) for each in added[:3]]
+    errors = [math.sqrt(float(each @ each) * max(together(each), 1.0)) for each in added[:3]]
     return Resonator(f, xi, sensitivity, f * errors[0], xi * errors[1], scale * errors[2], fit)
 
 
