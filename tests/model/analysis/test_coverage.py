@@ -20,6 +20,7 @@ SYSTEMATIC = {
     "deflection_sensitivity: friction",  # half the difference of approach and retract
     "wedge_by_flat: N/V",  # the interpolation between loads
     "wedge_by_flat: dF/dN",
+    *(f"fit_resonator: {name}" for name in ("f", "damping", "sensitivity")),  # at least that of white noise
 }
 """What is wrong about a model is in these, so that they may be larger."""
 DRAWS = {
