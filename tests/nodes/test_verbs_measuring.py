@@ -100,12 +100,12 @@ LASTING: tuple[Verb, ...] = (
     Approach(rate=1e-9, range=400e-9),
     Withdraw(distance=300e-9, rate=1e-9),
     MoveTo(x=20e-9, speed=1e-10),
-    CURVES.model_copy(update={"count": 100_000}),
+    CURVES.model_copy(update={"count": 300}),
     LOOP.model_copy(update={"count": 8192}),
     PATH.model_copy(update={"speed": 1e-10}),
-    ThermalTune(duration=600.0),
-    SENSITIVITY.model_copy(update={"count": 100_000}),
-    OVER_THE_WEDGE.model_copy(update={"lines": 8192}),
+    ThermalTune(duration=60.0),
+    SENSITIVITY.model_copy(update={"count": 200}),
+    OVER_THE_WEDGE.model_copy(update={"lines": 512}),
 )
 """What takes so long that only a cancel ends it in a test."""
 

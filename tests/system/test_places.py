@@ -11,9 +11,9 @@ from support import ROOT, Command, executable
 
 HURRIED = """
 import sys
-from afm_bringup import session, session_command
+from afm_bringup import session_command, session_start
 
-session._SAY_PERIOD, session._START_TIMEOUT = 0.2, 1.0
+session_start._SAY_PERIOD, session_start._START_TIMEOUT = 0.2, 1.0
 sys.exit(session_command.main())
 """
 
