@@ -182,7 +182,9 @@ class Remote(Backend):
             f"{missing} of {2 * result.lines_done} lines of the scan (trace and retrace counted each) have not arrived "
             f"here and are NaN"
         )
-        return Outcome(FAILED, "; ".join(filter(None, (outcome.message, lost))), image)
+        # One that was broken off did not wait for its last lines: it has still been cancelled.
+        status = FAILED if wait else outcome.status
+        return Outcome(status, "; ".join(filter(None, (outcome.message, lost))), image)
 
     def stop(self) -> None:
         """See `Backend`."""
