@@ -9,7 +9,7 @@ import pytest
 @pytest.mark.parametrize("name", bits.NAMES)
 def test_bits_are_those_that_were_kept(name, tmp_path):
     told = bits.difference(name, bits.compute(name, tmp_path))
-    if told and (machine := bits.other_machine()):
+    if told and name in bits.FITTED and (machine := bits.other_machine()):
         pytest.xfail(f"{told}; {machine}")
     assert not told, f"{told}; if that is meant: python tests/bits.py --write"
 

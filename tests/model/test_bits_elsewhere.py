@@ -6,9 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import bits
 import pytest
 
-BITS = Path(__file__).parents[1] / "bits.py"
+BITS = Path(bits.__file__)
 PLAIN = {
     # The C library without its ways for newer processors, then numpy, BLAS and numba.
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-FMA,-FMA4,-AVX,-AVX2,-AVX512F",
@@ -19,8 +20,6 @@ PLAIN = {
 }
 SOME = ["closed_loop_tanh", "lever, dmt, three modes, heat", "sample rough", "real time, late and lost"]
 """Law and contact; modes and random numbers; Fourier transform and splines; latencies."""
-RESULTS = ("verbs, thermal tune, sensitivity",)
-"""Those in which scipy fits what was measured: the result is not promised, the trajectory is."""
 
 
 def differing(names: list[str]) -> list[str]:
@@ -43,7 +42,7 @@ def test_bits_are_the_same_without_fma_and_avx() -> None:
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux" or os.uname().machine != "x86_64", reason="these switches are of x86-64")
 def test_all_bits_but_those_of_fits_are_the_same_without_fma_and_avx() -> None:
-    assert [name for name in differing([]) if name not in RESULTS] == []
+    assert [name for name in differing([]) if name not in bits.FITTED] == []
 
 
 @pytest.mark.long

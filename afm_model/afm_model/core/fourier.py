@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .elementary import sincos
+from .elementary import sincos_each
 from .jit import routine
 
 
@@ -20,8 +20,8 @@ def filtered(values: NDArray[np.float64], gain: NDArray[np.float64]) -> NDArray[
     """
     n = len(values)
     factors = _factors(n)
-    turns = [sincos(2.0 * math.pi * i / n) for i in range(n)]
-    root = np.array([complex(c, -s) for s, c in turns])
+    s, c = sincos_each(2.0 * math.pi * np.arange(n) / n)
+    root = c - 1j * s
     waves = _transform(_transform(values.astype(np.complex128), factors, root).T.copy(), factors, root)
     waves *= gain.T
     found = _transform(_transform(waves, factors, root.conj()).T.copy(), factors, root.conj())

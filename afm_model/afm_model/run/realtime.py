@@ -178,9 +178,8 @@ class Realtime(Peered):
     def _returning(self) -> _Array:
         """The drive of the controller, as far as `run.return_speed` allows."""
         parameters, now = self._parameters, self._instrument.drive
-        piezo = parameters.piezo
-        most = np.array([piezo.sensitivity_x, piezo.sensitivity_y, piezo.sensitivity_z])
-        most = parameters.run.return_speed * parameters.plant.control_period / most
+        way = parameters.run.return_speed * parameters.plant.control_period
+        most = way / np.array(parameters.piezo.sensitivities)
         change = (self._asked.voltage if isinstance(self._asked, Command) else self._asked) - now
         self._way_back = 0 if (np.abs(change) <= most).all() else self._way_back - 1
         return np.asarray(now + np.clip(change, -most, most))

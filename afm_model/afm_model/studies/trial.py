@@ -20,6 +20,8 @@ from .linear_model import LinearError, nominal_friction
 _Array = NDArray[np.float64]
 NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact", "margin", "z_rms")
 """Columns of a run."""
+FAILED = (ParameterError, PartError, DriveError, DivergenceError, LawError)
+"""How a run ends that is told by a sentence in its row."""
 _BLOCK_TICKS = 4096
 _FREQUENCIES = 400
 """At which the distance of the open loop from -1 is looked at, up to half the control frequency."""
@@ -36,9 +38,9 @@ class Drives:
         self._start = sim.score_start - 0.5 * sim.plant.control_period
         self._period = sim.plant.control_period
         scanner, piezo = sim.scanner, sim.piezo
-        self._omega = 2.0 * math.pi * np.array([scanner.f_x, scanner.f_y])
+        self._omega = 2.0 * math.pi * np.array(scanner.frequencies[:2])
         self._xi = np.array([scanner.xi_x, scanner.xi_y])
-        self._per_volt = self._omega**2 * np.array([piezo.sensitivity_x, piezo.sensitivity_y])  # [m/s^2/V]
+        self._per_volt = self._omega**2 * np.array(piezo.sensitivities[:2])  # [m/s^2/V]
         self._friction = np.linalg.norm(nominal_friction(sim)) * sim.scales.w0**2 * sim.scales.x0  # [m/s^2]
         self._last: tuple[_Array, _Array] | None = None
         self.variation = self.smooth_variation = self.square = 0.0
@@ -101,7 +103,7 @@ def run_trial(
             else:
                 law = controller if controller is not None else load_law(kind)(sim)
             instrument = run(sim, law, drives.take, block_ticks=_BLOCK_TICKS)
-    except (ParameterError, PartError, DriveError, DivergenceError, LawError) as error:
+    except FAILED as error:
         return row | {"error": str(error)}
     except Exception as error:
         # An object may raise anything; the other runs continue.

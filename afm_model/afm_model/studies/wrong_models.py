@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core.errors import DivergenceError, DriveError, LawError, ParameterError, PartError
 from ..parameters import ControllerParameters, SimParameters, Value, build, changed, flatten
 from ..parameters.scenario import law_timing
 from ..run.simulation import simulate
-from .contender import Contender, feedback_of
+from .contender import NOISE, Contender, feedback_of
+from .trial import FAILED
 
 _OMEGA = 50.0
 _AMPLITUDE = 5e-9
@@ -19,8 +19,6 @@ _PERIODS = 3
 """Of the reference in a run; the last one is scored."""
 LOST = 100.0
 """Error [% of the amplitude] beyond which a law has lost the reference: an instrument that stands still has no more."""
-NOISE: dict[str, Value] = {"detector.noise": 1e-3, "detector.position_noise": 5e-11, "detector.adc_bits": 16}
-_FAILED = (ParameterError, PartError, DriveError, DivergenceError, LawError)
 
 
 class Rate(NamedTuple):
@@ -80,7 +78,7 @@ CASES = (
     Case("drift 1e-15 m/s", {"drift.rate_x": 1e-15, "drift.rate_y": 1e-15}),
     Case("drift 1 nm/s", {"drift.rate_x": 1e-9, "drift.rate_y": 1e-9}),
     Case("position noise 1e-18 m", {"detector.position_noise": 1e-18}),
-    Case("noise", NOISE),
+    Case("noise", {**NOISE, "detector.adc_bits": 16}),
     Case("DAC of 16 bits", {"piezo.limit": 10.0, "piezo.dac_bits": 16}),
     Case("told a tick of delay too few", ticks=-1),
     Case("told a tick of delay too many", ticks=1),
@@ -144,7 +142,7 @@ def run_case(case: Case, rate: Rate, law: Contender) -> dict[str, Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             result = simulate(*parameters_of(case, rate, law))
-    except _FAILED as error:
+    except FAILED as error:
         return row | {"lost": str(error)}
     score, size = result.score, max(abs(each) for each in result.parameters.reference.amplitude)
     off = np.abs(result.truth["position"][:, :2] - result.measurements["reference_position"][:, :2])
