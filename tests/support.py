@@ -16,7 +16,7 @@ from typing import Any
 
 import rclpy
 import yaml
-from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive, Score
+from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive, RecorderStatus, Score
 from ament_index_python.packages import get_package_prefix
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
@@ -247,10 +247,11 @@ class Observer(Node):
 
     def __init__(self, name: str = "observer", namespace: str = topics.NAMESPACE) -> None:
         super().__init__(name, namespace=namespace)
-        self.status = InstrumentStatus()
+        self.status, self.recorder = InstrumentStatus(), RecorderStatus()
         self.statuses: list[InstrumentStatus] = []
         self.scores: list[Score] = []
         self.create_subscription(InstrumentStatus, topics.STATUS, self._on_status, topics.LATCHED_QOS)
+        self.create_subscription(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
         self.create_subscription(Score, topics.SCORE, self.scores.append, topics.LATCHED_QOS)
         self._clients_of_services = {
             name: self.create_client(Trigger, name) for name in (topics.PLAY, topics.PAUSE, topics.RESET)
@@ -259,11 +260,14 @@ class Observer(Node):
     @property
     def told(self) -> object:
         """For messages of tests that fail."""
-        return self.status
+        return self.status, self.recorder
 
     def _on_status(self, message: InstrumentStatus) -> None:
         self.status = message
         self.statuses.append(message)
+
+    def _on_recorder(self, message: RecorderStatus) -> None:
+        self.recorder = message
 
     def call(self, graph: Graph, service: str) -> Trigger.Response:
         """Call play, pause or reset."""

@@ -185,10 +185,10 @@ def test_score_names_the_law_and_the_gains_that_were_in_force_and_each_change(ou
 
 @contextmanager
 def under_way(scenario: Path, out: Path, folder: Path, *options: str) -> Iterator[tuple[Graph, Command]]:
-    """A session in the middle of its run, with what it uses noted."""
+    """A session in the middle of its run, of which the recorder has received a part, with what it uses noted."""
     with Graph() as graph, session(scenario, out, *options, folder=folder) as command:
         observer = graph.add(Observer())
-        command.wait_until(lambda: observer.status.ticks > 500, graph)
+        command.wait_until(lambda: observer.recorder.ticks > 500, graph)
         note_shared_memory()
         yield graph, command
 
