@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support import Graph, Observer, run_in_process, write_scenario
+from hand_controller import run_in_process
+from support import Graph, Observer, write_scenario
 
 from afm_controller_node.node import ControllerNode
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
