@@ -124,7 +124,7 @@ class RecorderNode(Node):
 
     def _on_score(self, message: Score) -> None:
         checks.score(message)
-        values = {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
+        values = _plain(message)
         del values["header"]
         self.recorder.score(_nanoseconds(message.header), values)
 
@@ -143,13 +143,13 @@ class RecorderNode(Node):
             full_name(info.node_name, info.node_namespace)
             for info in self.get_publishers_info_by_topic(self.resolve_topic_name(topics.CONTROL_TRACE))
         ]
-        parties = {self._status.controller, *instruments}
+        parties = {*self._status.controllers, *instruments}
         self._presence.look()
         self._watch.look(parties)
         self._channels.look()
         streams = [self._trace, *(self._channels.subscriptions[signal.name] for signal in layout.CHANNELS)]
         heard = all(stream.get_publisher_count() > 0 for stream in streams)
-        self._ready = heard and bool(self._status.controller) and self._watch.settled(parties)
+        self._ready = heard and bool(self._status.controllers) and self._watch.settled(parties)
         for name in instruments:
             height = self._watch.values.get(name, {}).get("cantilever.a", 0.0)
             if name in self._watch.values and isinstance(height, int | float):
@@ -176,9 +176,11 @@ def _rows(values: Any) -> NDArray[np.float64]:
     return np.frombuffer(values).reshape(-1, 3)
 
 
-def _plain(value: Any) -> object:
-    """A number, a text or a list of numbers, for the text of the score."""
-    return value.tolist() if isinstance(value, np.ndarray) else value
+def _plain(value: Any) -> Any:
+    """A message as numbers, texts and dicts, for the text of the score."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    return value
 
 
 def _nanoseconds(header: Header) -> int:

@@ -109,12 +109,12 @@ def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp
         assert observer.call(graph, topics.PLAY).success
         graph.spin_until(lambda: simulator.run.instrument.ticks > tick + 200)
         assert observer.call(graph, topics.PAUSE).success
-        graph.spin_until(lambda: observer.status.faults == "mine, ordered_2")
+        graph.spin_until(lambda: observer.status.faults == ["mine", "ordered_2"])
         assert observer.clear(graph).success
         assert observer.call(graph, topics.PLAY).success
         graph.spin_until(lambda: observer.status.state == InstrumentStatus.FINISHED and observer.scores)
         score = observer.scores[0]
-        assert score.faults == "burst, mine, ordered_1, ordered_2"
+        assert score.faults == ["burst", "mine", "ordered_1", "ordered_2"]
         graph.spin_until(lambda: len(observer.events) == 8)
         told = dict((text, k) for k, text in observer.events)
         assert told["fault burst begins: noise of 1e-10 m on position_x"] == BURST[0]

@@ -181,4 +181,4 @@ def test_score_of_a_withdrawn_run_says_so() -> None:
         assert 20 < away == score.scored_ticks_withdrawn < TICKS - 21
         assert score.reason.startswith(f"the instrument had the drive in {away} of {TICKS} scored ticks (")
         assert "withdrew the sample 1 time, because a limit was passed" in score.reason
-        assert str(score.rms[2]) == "nan"
+        assert str(score.rms.z) == "nan"
