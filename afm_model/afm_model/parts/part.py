@@ -193,6 +193,8 @@ class Law(Part):
     """
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
+    plants: tuple[str, ...] = ()
+    """Kinds of plant whose friction it has a model of; on others it is refused. Empty: it has none."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -162,7 +162,7 @@ class Engine:
                 stopped = instrument.close_loop(pacing.law, min(ticks, self.wanted))
         except DriveError as error:
             self.refuse(str(error), instrument.ticks)
-            self.fail(self.refusal, error)
+            self.fail(self.refusal, DriveError(self.refusal))
             return True
         except (DivergenceError, PartError) as error:
             self.fail(pacing.explain(error), error)
@@ -279,7 +279,7 @@ class Engine:
     def refuse(self, problem: str, sequence: int) -> None:
         """Count a drive that was refused, with a sentence about it."""
         self.counts.drives_refused += 1
-        self.refusal = f"{problem} (answer to measurement {sequence} from {self.link.controller or 'an unknown node'})"
+        self.refusal = f"{problem} (answer to measurement {sequence} from {self.pacing.answering})"
 
     def fail(self, sentence: str, error: Exception | None = None) -> None:
         """End a run that has started: what it brings cannot be trusted any more."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..instrument import Block, Instrument, ScoreSummary
 from ..instrument.controller import Controller
 from ..instrument.validity import doubts
-from ..law import TimingWarning, disagreements
+from ..law import TimingWarning, disagreements, require_plant
 from ..parameters import ControllerParameters, SimParameters
 from ..parts.part import Channel
 from .engine import Engine
@@ -244,6 +244,8 @@ def engine_of(
     total = ticks_to_simulate(parameters)
     if isinstance(controller, Replay):
         parameters = replayed(parameters)
+    if (own := _parameters_of(controller)) is not None:
+        require_plant(own.law, parameters.plant)
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
 
     def pacing(engine: Engine) -> Pacing:
