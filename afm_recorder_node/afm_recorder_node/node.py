@@ -32,9 +32,10 @@ from .writer import Level
 
 _PERIOD = 0.2
 """Wall time between two checks of the other nodes, status messages and chances to flush [s]."""
-_SETTLE, _DRAIN_LIMIT = 0.5, 10.0
-"""At the end, wall time to wait for the last blocks of an instrument that ends too, and for published blocks that are
-missing: the middleware may take more than its heartbeat of 3 s to repeat lost messages [s]."""
+_SETTLE, _SILENCE, _DRAIN_LIMIT = 0.5, 4.0, 10.0
+"""At the end, wall time to wait for the last blocks of an instrument that ends too; for published blocks that are
+missing, while nothing comes (more than the middleware's heartbeat of 3 s, with which it repeats lost messages: a killed
+instrument repeats none), and at all [s]."""
 
 _STATES = {int(state): state.name for state in State}
 _LEVELS: dict[str, Level] = {
@@ -77,15 +78,18 @@ class RecorderNode(Node):
 
     def finish(self, spin_once: Callable[[float], None]) -> None:
         """Receive the last messages, then close the recording."""
-        begin = now = time.monotonic()
-        while now < begin + _DRAIN_LIMIT:
+        begin = heard = now = time.monotonic()
+        counts = self.recorder.counts()
+        while now < min(begin + _DRAIN_LIMIT, heard + _SILENCE):
             ended = self._status.state in _ENDED or now >= begin + _SETTLE
             # The score comes on another topic, before or after the last status.
             scored = self.recorder.scored or not self._score.get_publisher_count() or now >= begin + _SETTLE
             if ended and scored and self.recorder.has(self._status.ticks, self._status.samples):
                 break
             spin_once(0.05)
-            now = time.monotonic()
+            before, counts, now = counts, self.recorder.counts(), time.monotonic()
+            if counts != before:
+                heard = now
         try:
             self.recorder.close()
         except OSError as error:

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 from afm_msgs.msg import Event, InstrumentStatus, Measurement, PiezoDrive
 from afm_msgs.srv import OrderFault
+from hand_controller import HandController, answer
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
-from support import Graph, HandController, Observer, answer, ros_arguments, write_scenario
+from support import Graph, Observer, ros_arguments, write_scenario
 
 from afm_model import simulate
 from afm_model.run import Replay, recorded_parameters

@@ -3,8 +3,9 @@
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive, RecorderStatus, Waveform
 from afm_msgs.srv import Step
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from hand_controller import HandController, answer
 from std_srvs.srv import Trigger
-from support import Graph, HandController, Observer, answer, ros_arguments
+from support import Graph, Observer, ros_arguments
 
 from afm_model import Instrument, SimParameters, build
 from afm_node_common import topics

@@ -10,21 +10,12 @@ import numpy as np
 import pytest
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive, Score
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from hand_controller import HandController, answer, run_in_process
 from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
-from support import (
-    Command,
-    Graph,
-    HandController,
-    Observer,
-    answer,
-    executable,
-    ros_arguments,
-    run_in_process,
-    wait_until,
-)
+from support import Command, Graph, Observer, executable, ros_arguments, wait_until
 
 from afm_model import Instrument, SimParameters, build
 from afm_node_common import topics

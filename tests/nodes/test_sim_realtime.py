@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from hand_controller import HandController, answer
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
-from support import Graph, HandController, Observer, answer, ros_arguments
+from support import Graph, Observer, ros_arguments
 
 from afm_bringup.results import summary_of
 from afm_model.run import Counts, State

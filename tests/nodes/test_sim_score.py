@@ -6,7 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from support import Graph, Observer, run_in_process, write_scenario
+from hand_controller import run_in_process
+from support import Graph, Observer, write_scenario
 
 from afm_bringup.results import summary_of
 from afm_controller_node.node import ControllerNode

@@ -13,7 +13,7 @@ from afm_msgs.msg import Event
 from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
 from quick_lever import INSTRUMENT, LAW
 from sensor_msgs.msg import Image as ImageMessage
-from support import Command, Graph, ros_arguments
+from support import ROOT, Command, Graph, ros_arguments
 from verbs_bench import APPROACH, ENDLESS, SCAN, Bench, assert_same, scan_in_process
 
 from afm_model.microscope.image import DIRECTIONS, Image
@@ -196,7 +196,19 @@ def test_force_curves_come_whole(bench: Bench) -> None:
     assert len(curve.record.time) == len(curve.record.channels["z"]) > 1000
 
 
-def test_client_that_is_killed_leaves_the_tip_withdrawn_and_is_told(bench: Bench, tmp_path: Path) -> None:
+LEASE = """<rtps><builtin><discovery_config>
+<leaseDuration><sec>2</sec></leaseDuration><leaseAnnouncement><sec>1</sec></leaseAnnouncement>
+</discovery_config></builtin>"""
+"""The middleware misses a killed process of this profile after 2 s in place of 20."""
+
+
+def test_client_that_is_killed_leaves_the_tip_withdrawn_and_is_told(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    profile = (ROOT / "afm_bringup" / "config" / "loopback.xml").read_text()
+    (tmp_path / "lease.xml").write_text(profile.replace("<rtps>", LEASE))
+    for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):  # new and old
+        monkeypatch.setenv(name, str(tmp_path / "lease.xml"))
     bench.approach()
     with Command(sys.executable, Path(__file__).with_name("one_goal.py"), folder=tmp_path) as process:
         process.wait_until(lambda: bench.simulator.run.operator.busy, bench.graph)
