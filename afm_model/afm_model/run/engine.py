@@ -138,8 +138,11 @@ class Engine:
         """Whether simulated time stands still until something is ordered."""
         return self.operator is not None and not self.pacing.by_clock and not self.operator.busy
 
-    def step(self) -> bool:
-        """Make the ticks that are due; True if something was done."""
+    def step(self, made: Callable[[], bool] | None = None) -> bool:
+        """Make the ticks that are due; True if something was done.
+
+        `made` concludes ticks of a law that are made already, `wanted` at most, as `Instrument.close_loop` does.
+        """
         if not self.ticking:
             return self.life.state == State.WAITING and self._start_when_ready()
         if self.operator is not None and self.idle:
@@ -153,8 +156,10 @@ class Engine:
             if pacing.law is None:
                 self.blocks.round_trips.append(pacing.round_trip)
                 stopped = instrument.tick(pacing.drive, pacing.sequence)
+            elif made is not None:
+                stopped = made()
             else:
-                stopped = instrument.close_loop(pacing.law, min(ticks, self._look_at - instrument.ticks))
+                stopped = instrument.close_loop(pacing.law, min(ticks, self.wanted))
         except DriveError as error:
             self.refuse(str(error), instrument.ticks)
             self.fail(self.refusal, DriveError(self.refusal))
@@ -167,6 +172,11 @@ class Engine:
         else:
             pacing.made()
         return True
+
+    @property
+    def wanted(self) -> int:
+        """Ticks up to the next behind which there is something to look at."""
+        return self._look_at - self.instrument.ticks
 
     def stop_at(self, tick: int | None) -> None:
         """Pause by itself behind this tick; None: do not."""
