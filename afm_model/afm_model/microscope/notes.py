@@ -3,7 +3,7 @@
 from typing import Any
 
 from ..core.prefix import text
-from .view import z_loop
+from .view import CALIBRATIONS, sensitivities, z_loop
 
 
 def notes(parameters: Any) -> dict[str, str]:
@@ -19,14 +19,15 @@ def notes(parameters: Any) -> dict[str, str]:
     dict of str to str
         What the microscope does not have is left out.
     """
-    plant, loop, detector = parameters.plant, z_loop(parameters), parameters.detector
+    plant, loop = parameters.plant, z_loop(parameters)
     scanner = f", scanner {plant.scanner}" if hasattr(plant, "scanner") else ""
     words = {"Microscope": f"virtual atomic force microscope, plant {plant.kind}{scanner}"}
     numbers = plant.cantilever_numbers
     if numbers is not None:
+        k = plant.spring_constant(parameters)
         own = ", ".join(name for name in numbers._fields if getattr(plant, name))
         words["Cantilever"] = (
-            f"{plant.lever}{' but for ' if own else ''}{own}, k = {numbers.k:.6g} N/m, f0 = {text(numbers.f0, 'Hz')}, "
+            f"{plant.lever}{' but for ' if own else ''}{own}, k = {k:.6g} N/m, f0 = {text(numbers.f0, 'Hz')}, "
             f"tip radius {text(numbers.tip_radius, 'm')}"
         )
     words["Cantilever axis"] = "y; the lateral force is that along x of the scanner"
@@ -42,7 +43,10 @@ def notes(parameters: Any) -> dict[str, str]:
         if name in loop.settings
     ]:
         words["Gains"] = ", ".join(told)
-    words["Deflection sensitivity"] = f"{detector.deflection_sensitivity:.6g} m/V"
-    words["Lateral sensitivity"] = f"{detector.lateral_sensitivity:.6g} N/V"
+    deflection, lateral = sensitivities(parameters)
+    words["Deflection sensitivity"] = f"{deflection:.6g} m/V"
+    words["Lateral sensitivity"] = f"{lateral:.6g} N/V"
+    if used := [name.replace("_", " ") for name in CALIBRATIONS if getattr(parameters.calibration, name)]:
+        words["Calibrated"] = ", ".join(used)
     words["Sample"] = parameters.sample.kind
     return words

@@ -122,7 +122,8 @@ class CalibrateLateral(Verb):
             found = self._wedge(np.array([self._row(view, each) for each in recorders]).T)
         except ValueError as error:
             raise VerbError(f"no lateral sensitivity comes out of the lines: {error}") from None
-        return Calibration(*found.sensitivity, "N/V", {"friction_slope": found.friction.value})
+        used = {"spring_constant_N_m": view.spring_constant, "deflection_sensitivity_m_V": view.deflection_sensitivity}
+        return Calibration(*found.sensitivity, "N/V", {"friction_slope": found.friction.value} | used)
 
     def _row(self, view: InstrumentView, recorder: RecordCollector) -> tuple[float, ...]:
         """Of the lines at one setpoint: load and half-width on the flat, load and signal up and down the slope."""

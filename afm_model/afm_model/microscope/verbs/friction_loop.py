@@ -33,12 +33,15 @@ class Loop:
     lateral: NDArray[np.float64]  # [N]
     deflection: NDArray[np.float64]  # [m]
     time: NDArray[np.float64]  # [s]
+    deflection_sensitivity: float  # with which it was computed, across the cantilever [m/V]
+    lateral_sensitivity: float  # [N/V]
 
     def arrays(self) -> Arrays:
         """Over time: `position`, `lateral`, `deflection`."""
         units = {"position": "m", "lateral": "N", "deflection": "m"}
         variables = {name: variable(("time",), getattr(self, name), name, unit) for name, unit in units.items()}
-        return Arrays(variables, {"time": variable(("time",), self.time, "time", "s")}, attributes(self.verb, {}))
+        used = {name: getattr(self, name) for name in ("deflection_sensitivity", "lateral_sensitivity")}
+        return Arrays(variables, {"time": variable(("time",), self.time, "time", "s")}, attributes(self.verb, used))
 
 
 class FrictionLoop(Verb):
@@ -92,7 +95,7 @@ class FrictionLoop(Verb):
             record = recorder.record()
             x, y, lateral, deflection = record.channels.values()
             along = (x - motion.x) * math.cos(motion.angle) + (y - motion.y) * math.sin(motion.angle)
-            return Loop(self, along, lateral, deflection, record.time)
+            return Loop(self, along, lateral, deflection, record.time, *recorder.factors("deflection", "lateral"))
 
         run.result = result
         run.total = motion.samples * run.view.sample_period
