@@ -49,7 +49,7 @@ class FrictionLoadFit(NamedTuple):
 
 def friction_load_fit(
     load: ArrayLike,
-    friction: ArrayLike | Sequence[Estimate],
+    friction: _Array | Sequence[Estimate | float],
     modulus: Estimate | float,
     radius: Estimate | float,
     *,
@@ -85,7 +85,7 @@ def friction_load_fit(
     """
     if model not in MODELS:
         raise ValueError(f"model = {model} is not allowed: it must be one of {', '.join(MODELS)}")
-    each = [one if isinstance(one, Estimate) else Estimate(float(one)) for one in friction]  # type: ignore[union-attr]
+    each = [one if isinstance(one, Estimate) else Estimate(float(one)) for one in friction]
     loads, values = same_length(load=load, friction=[one.value for one in each])
     if loads.size < 4:
         raise ValueError(f"friction over load needs four loads at least: there are {loads.size}")

@@ -103,7 +103,7 @@ def surface(x: float, y: float, m: Block) -> Any:
     """The sample of the block m at (x, y) [x0], as a record of Surface that the next call writes over."""
     g = record_at(m, 0, BlockHeader)
     h = record_at(m, g.surface, Surface)
-    h.adhesion = 1.0
+    h.adhesion = h.modulus = 1.0
     d = record_at(m, g.displacement, Displacement)
     if d.there != 0:
         x -= d.x
