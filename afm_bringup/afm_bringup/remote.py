@@ -23,7 +23,7 @@ from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Scan, Withdraw
 from afm_model.microscope.view import CALIBRATIONS
 from afm_node_common import topics
-from afm_node_common.verb_codec import action_of, goal_of, outcome_of
+from afm_node_common.verb_codec import action_of, goal_of, outcome_of, parameters
 
 from .arriving import Arriving
 from .remote_node import PATIENCE, SETTLED, RemoteNode
@@ -235,9 +235,7 @@ class Remote(Backend):
     def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
         """See `Backend`."""
         services = {"sample": topics.SET_SAMPLE, "plant": topics.SET_PROBE, "calibration": topics.SET_CALIBRATION}
-        # As a parameter file has them.
-        texts = [str(value).lower() if isinstance(value, bool) else str(value) for value in changes.values()]
-        self._remote.call(Exchange, services[group], names=list(changes), values=texts)
+        self._remote.call(Exchange, services[group], parameters=parameters(changes))
 
     def close(self) -> None:
         """Withdraw the tip and let go of the microscope, which goes on running."""

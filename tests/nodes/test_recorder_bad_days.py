@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Vector3
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.serialization import serialize_message
@@ -134,7 +135,7 @@ def test_full_disk_is_told_and_writing_resumes_with_the_gap_as_an_event(small_di
         assert "No space left on device" in recorder.diagnostics[-1].message
         first = publish_for(recorder, 0.7, first)
         recorder.instrument.publish_status(InstrumentStatus.FINISHED, first)
-        score = Score(ticks=first, rms=[1e-9, 2e-9, 3e-9])
+        score = Score(ticks=first, rms=Vector3(x=1e-9, y=2e-9, z=3e-9))
         score.header.stamp = stamp(first)
         recorder.instrument.score.publish(score)
         recorder.spin_until(lambda: recorder.told.ticks == first and recorder.told.ticks_unwritten > 0)
@@ -147,7 +148,7 @@ def test_full_disk_is_told_and_writing_resumes_with_the_gap_as_an_event(small_di
     recording = read_recording(path)
     assert len(recording.time_ticks) == first - missing
     assert any(text.startswith(f"{missing} ticks and {2 * missing} samples") for _, text in recording.events)
-    assert recording.score is not None and recording.score["rms"] == [1e-9, 2e-9, 3e-9]
+    assert recording.score is not None and recording.score["rms"] == {"x": 1e-9, "y": 2e-9, "z": 3e-9}
     assert "can be written again" in recorder.text
 
 

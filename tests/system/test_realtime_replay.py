@@ -9,7 +9,8 @@ import pytest
 import yaml
 from afm_msgs.msg import Measurement, PiezoDrive
 from geometry_msgs.msg import Vector3
-from support import ROOT, Graph, HandController, answer, assert_nothing_left, session
+from hand_controller import HandController, answer
+from support import ROOT, Graph, assert_nothing_left, session
 
 from afm_bringup import replay_command
 from afm_model import simulate

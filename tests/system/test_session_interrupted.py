@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 from afm_msgs.msg import InstrumentStatus
+from hand_controller import HandController
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from support import (
     Command,
     Graph,
-    HandController,
     Observer,
     assert_nothing_left,
     note_shared_memory,

@@ -235,5 +235,7 @@ class LineCollector(Collector):
         if back:
             values = values[:, ::-1]
         begin = self.first + self._turn + number * (self._image + self._turn)
+        # To a nanosecond, as a stamp has it: over topics it is the same.
+        time = round(begin * self.sample_period, 9)
         channels = dict(zip(self.signals, values, strict=True))
-        self._put(Line(line, RETRACE if back else TRACE, begin * self.sample_period, channels))
+        self._put(Line(line, RETRACE if back else TRACE, time, channels))

@@ -106,8 +106,8 @@ class Run(Engine):
             refusal=self.refusal,
             reason=self.reason,
             unreadable=self.unreadable,
-            faults=", ".join(active(instrument.parameters, instrument.ticks)) if instrument.has_faults else "",
-            faults_acted=", ".join(acted(instrument.parameters, instrument.ticks)) if instrument.has_faults else "",
+            faults=tuple(active(instrument.parameters, instrument.ticks)) if instrument.has_faults else (),
+            faults_acted=tuple(acted(instrument.parameters, instrument.ticks)) if instrument.has_faults else (),
         )
 
     def delays(self) -> Delays:
