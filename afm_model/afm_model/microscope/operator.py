@@ -20,7 +20,7 @@ from .collect import Collector
 from .execution import Execution, Task, withdrawing
 from .image import Line
 from .results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress
-from .verb import Verb, objection
+from .verb import Verb, objection, saturating
 from .verbs import Withdraw
 from .view import CALIBRATIONS, ERROR_CHANNEL, InstrumentView
 
@@ -268,11 +268,8 @@ class Operator(LoopSettings):
         """
         view, force = self._view, settings.get("setpoint_force", 0.0)
         volts = settings.get("setpoint_voltage") or view.volts(force)
-        if abs(volts) >= view.most_deflection:
-            raise ParameterError(
-                f"a setpoint of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V, "
-                f"and z would go on into the sample"
-            )
+        for sentence in saturating("a setpoint", volts, view):
+            raise ParameterError(sentence)
         # A loop that knows a voltage only need not be told that there is no force.
         view.set_loop(
             **{
@@ -284,4 +281,4 @@ class Operator(LoopSettings):
         self._state.feedback = settings.get("feedback", self._state.feedback)
         if "proportional_gain" in settings or "integral_gain" in settings:
             for sentence in view.loop.warnings(view.parameters):
-                warnings.warn(sentence, stacklevel=4)
+                warnings.warn(sentence, stacklevel=5)

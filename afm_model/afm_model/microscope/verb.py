@@ -143,7 +143,10 @@ def outside(view: "InstrumentView", what: str, places: Iterable[tuple[float, flo
 def saturating(what: str, volts: float, view: "InstrumentView") -> Iterator[str]:
     """A deflection that the detector never shows: z would go on into the sample."""
     if abs(volts) >= view.most_deflection:
-        yield f"{what} of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V"
+        yield (
+            f"{what} of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V, and z "
+            f"would go on into the sample"
+        )
 
 
 def too_much(count: float, what: str) -> Iterator[str]:

@@ -7,7 +7,6 @@ from quick_lever import OVER_THE_WEDGE, PRESSED, WEDGE
 from afm_model import ParameterError
 from afm_model.files import write_curve_tab
 from afm_model.microscope import Microscope
-from afm_model.microscope.notes import notes
 from afm_model.microscope.results import Calibration
 from afm_model.microscope.verbs import (
     CalibrateSensitivity,
@@ -19,6 +18,7 @@ from afm_model.microscope.verbs import (
     ThermalTune,
     Withdraw,
 )
+from afm_model.microscope.verbs.scan import notes
 
 from .test_local import APPROACH, SCAN, local
 

@@ -15,7 +15,7 @@ from ..plan import path
 from ..results import MicroscopeState, TimeSeries
 from ..verb import MOST_PLACES, Places, SampleRate, Speed, Verb, outside, too_much
 from ..view import InstrumentView
-from .move_to import MoveTo
+from .going import MoveTo
 
 _CHANNELS = {"asked_x": "x", "asked_y": "y", "height": "height", "error": "error", "lateral": "lateral"}
 
