@@ -111,6 +111,9 @@ class Part:
         Random numbers that it uses in each control tick, by a seed of its own.
     draw : callable
         (parameters, generator, ticks) -> (ticks, draws) of them, standard normal if not given; None: they are all zero.
+    lanes : bool
+        Of plants and samples: the kernels are arithmetic on records alone, without maps, and many instruments can be
+        computed at once (instrument/lanes.py).
     """
 
     family: ClassVar[str]
@@ -128,6 +131,7 @@ class Part:
     channels: tuple[Channel, ...] = ()
     draws: int = 0
     draw: Callable[[Any, Stream, int], NDArray[np.float64] | None] | None = None
+    lanes: bool = False
 
     def arguments(self, function: str) -> tuple[Argument, ...]:
         """What a kernel of this part is called with."""
@@ -189,6 +193,8 @@ class Law(Part):
     """
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
+    plants: tuple[str, ...] = ()
+    """Kinds of plant whose friction it has a model of; on others it is refused. Empty: it has none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -344,6 +350,8 @@ class Plant(Part):
         Its friction can be the potential that a sample with `lattice` writes.
     takes_excitation : bool
         It moves the base of its cantilever as v tells.
+    choices : tuple of str
+        Constants by which `step` chooses between ways of computing: the same in all `lanes`.
     warnings : callable
         Parameters -> what is implausible, a sentence each.
     """
@@ -361,6 +369,7 @@ class Plant(Part):
     sample_in_si: bool = False
     takes_lattice: bool = False
     takes_excitation: bool = False
+    choices: tuple[str, ...] = ()
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 

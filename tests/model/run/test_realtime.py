@@ -285,10 +285,8 @@ def test_motion_that_diverges_is_told_with_the_age_of_the_drives() -> None:
     bench.at(2)
     detail = bench.run.snapshot().detail
     assert bench.state == State.FAULT
-    assert "diverged" in detail
-    assert (
-        "they were up to 2 control periods old (lower run.real_time_factor = 1 to give the controller time)" in detail
-    )
+    assert detail.startswith("the motion diverged")
+    assert detail.endswith("; the drives came in time, they were up to 2 control periods old")
     assert bench.run.deadline is None
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, run_case
+from afm_model.studies.wrong_models import CASES, RATES, Rate, run_case
 
 CASE = {case.title: case for case in CASES}
 RATE = {rate.title: rate for rate in RATES}
@@ -28,6 +28,14 @@ def test_a_tip_that_never_quite_rests_starts_all_the_same(title):
 def test_without_the_estimate_a_wrong_model_costs_ten_percent():
     row = run_case(CASE["lateral gain 1.1"], RATE["50 us + 1"], contender("predictive unexplained=none"))
     assert row["third"] > 10.0
+
+
+@pytest.mark.parametrize(("delay", "most", "plain"), [(0, 0.05, 0.5), (1, 0.25, 1.5)])
+def test_observer_that_learns_the_bound_of_friction_is_ten_times_better(delay, most, plain):
+    rate = Rate("50 us", 5e-5, delay)
+    for title in ("the truth", "resonances +2 %"):
+        assert run_case(CASE[title], rate, contender("observer friction=learned"))["third"] < most
+    assert run_case(CASE["the truth"], rate, contender("observer"))["third"] > plain
 
 
 def test_a_law_that_diverges_is_lost_and_says_why():
