@@ -117,9 +117,8 @@ def fit_resonator(drive: _Array, position: _Array, period: float) -> Resonator:
     # What each sample adds to each number, whose noise may be correlated; the fit has taken what adds up to nothing.
     added = np.linalg.inv(found.jac.T @ found.jac) @ found.jac.T * found.fun
     errors = [math.sqrt(float(each @ each) * max(together(each), 1.0)) for each in added[:3]]
-    units = f, xi, scale
-    numbers = [Estimate(n, unit * e) for n, unit, e in zip((f, xi, sensitivity), units, errors, strict=True)]
-    return Resonator(*numbers, fit)
+    relative, of_xi, of_scale = errors
+    return Resonator(Estimate(f, f * relative), Estimate(xi, xi * of_xi), Estimate(sensitivity, scale * of_scale), fit)
 
 
 def _peak(u: _Array, x: _Array, period: float) -> float:
