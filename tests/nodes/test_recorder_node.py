@@ -111,7 +111,8 @@ def test_blocks_of_a_killed_instrument_are_waited_for_until_nothing_has_come_for
 def test_change_of_a_parameter_is_recorded_at_its_simulated_time(bench: Bench) -> None:
     bench.instrument.publish_block(0)
     bench.instrument.publish_status(InstrumentStatus.RUNNING, BLOCK)
-    bench.spin_until(lambda: bench.told.ticks == BLOCK)
+    # The status, too: ticks come on another topic, and the time of the change is that of what was heard last.
+    bench.spin_until(lambda: bench.told.ticks == BLOCK and bench.recorder.recorder.time_ns == BLOCK * 2_000)
     known = bench.recorder.recorder.known
     bench.controller.set_parameters([Parameter("law.alpha", value=5.0)])
     bench.spin_until(lambda: known["afm_controller_node"]["law.alpha"] == 5.0)

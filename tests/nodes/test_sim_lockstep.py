@@ -196,11 +196,12 @@ def test_stall_says_what_the_controller_sends_in_place_of_an_answer() -> None:
             else [answer(measurement, 0.0, 0.0, 0.0, a) for a in (12, 13)]
         )
 
-    with bench(confused, lockstep_timeout=0.1) as b:
+    # Longer than a machine that stands still for a moment, and shorter than the second after which it is asked again.
+    with bench(confused, lockstep_timeout=0.6) as b:
         status = b.run_until(InstrumentStatus.STALLED)
         assert status.detail == (
             "/afm/hand_made sends drives with sequence 17, 18; "
-            "measurement 5 has been waiting for 0.1 s (run.lockstep_timeout)"
+            "measurement 5 has been waiting for 0.6 s (run.lockstep_timeout)"
         )
         assert (status.ticks, status.drives_ahead) == (5, 2)
         b.graph.spin_until(

@@ -41,7 +41,7 @@ def out(tmp_path: Path) -> Path:
 def wait_until_running(command: Command, graph: Graph, ticks: int = 0) -> None:
     observer = graph.add(Observer())
     running = InstrumentStatus.RUNNING
-    command.wait_until(lambda: observer.status.state == running and observer.status.ticks > ticks, graph)
+    command.wait_until(lambda: observer.status.state == running and observer.recorder.ticks >= ticks, graph)
     note_shared_memory()
 
 

@@ -164,8 +164,9 @@ def test_score_names_the_law_and_the_gains_that_were_in_force_and_each_change(ou
     with Graph() as graph, session(scenario, out, folder=tmp_path) as command:
         observer = graph.add(Observer())
         client = AsyncParameterClient(observer, "/afm/afm_controller_node")
-        command.wait_until(lambda: observer.status.ticks > 0, graph)
+        # The services, which may take seconds to be found, are there before the run begins.
         command.wait_until(client.services_are_ready, graph)
+        command.wait_until(lambda: observer.status.ticks > 0, graph)
         future = client.set_parameters([Parameter("law.kind", value="sgn").to_parameter_msg()])
         command.wait_until(future.done, graph)
         assert command.wait(graph) == 0, command.text

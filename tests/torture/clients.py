@@ -13,7 +13,8 @@ from support import TIMEOUT, Command, Graph
 
 from afm_bringup.remote import Remote
 from afm_model.microscope.results import COMPLETE
-from afm_model.microscope.verbs import Approach, Scan
+from afm_model.microscope.verbs import Approach, Scan, Withdraw
+from afm_node_common.shared_memory import remove_unused, unused, used_by
 from torture.family import Try
 from torture.fuzz import node
 from torture.outcome import Outcome
@@ -41,19 +42,25 @@ def family(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
         assert remote._remote.spin_until(lambda: remote._remote.status.doing == name, TIMEOUT), command.text
 
     def one(rng: Random, outcome: Outcome) -> None:
-        assert remote.execute(_APPROACH).status == COMPLETE
+        done = remote.execute(_APPROACH)
+        assert done.status == COMPLETE, done.message
         with Command(sys.executable, "-c", _MORTAL, namespace, folder=folder) as mortal:
             until_doing("Scan")
             end = time.monotonic() + rng.uniform(0.0, 1.0)
             remote._remote.spin_until(lambda: time.monotonic() > end, TIMEOUT)
+            memory = used_by(mortal.process.pid) - used_by("self")
             mortal.process.send_signal(rng.choice([signal.SIGKILL, signal.SIGSTOP]))
             at = time.monotonic()
             until_doing("")
             outcome.told["microscope reports that the client has gone"] = time.monotonic() - at
             assert "its client has gone; the tip is withdrawn" in remote._remote.status.last
-            assert remote.execute(_APPROACH).status == COMPLETE
+            done = remote.execute(_APPROACH)
+            assert done.status == COMPLETE, done.message
             done = remote.execute(_SCAN)
             assert (done.status, done.result.complete) == (COMPLETE, True), done.message
+        assert remote.execute(Withdraw()).status == COMPLETE
+        outcome.left = sorted(path for path, _ in unused(memory))
+        remove_unused(memory)
         outcome.what = "its verb is cancelled, the scan of the next client is complete"
 
     try:

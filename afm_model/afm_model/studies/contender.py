@@ -4,11 +4,12 @@ A law is a part by its kind, an object that answers measurements, or one that ru
 """
 
 import importlib
+import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..core.errors import ParameterError
@@ -89,6 +90,24 @@ def contender(text: str) -> Contender:
     elif values:
         raise ParameterError(f"law {text}: an object takes no parameters here; give it those of its own in its code")
     return made
+
+
+def contenders(text: str) -> list[Contender]:
+    """As `contender`; `pid slowness=0.1,0.15,1` is a law for each combination, of which a comparison keeps the best.
+
+    Raises
+    ------
+    ParameterError
+    """
+    kind, *given = text.split() or [""]
+    choices = [
+        [f"{name}={value}" for value in values.split(",")] for name, _, values in (s.partition("=") for s in given)
+    ]
+    settings = list(itertools.product(*choices)) if all("=" in each for each in given) else []
+    if len(settings) <= 1:
+        return [contender(text)]
+    made = [contender(" ".join((kind, *setting))) for setting in settings]
+    return [replace(each, label=f"{each.label} (tuned: best of {len(made)})") for each in made]
 
 
 def _value(text: str) -> Value:
