@@ -11,6 +11,7 @@ from rclpy.node import Node
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.run import Run
 from afm_node_common import topics
+from afm_node_common.barrier import sentence
 from afm_node_common.verb_codec import values_of
 
 Exchanging = Callable[[str, dict[str, Any]], None]
@@ -46,7 +47,7 @@ class Settings:
                 change()
             response.message = "; ".join(str(each.message) for each in told)
         except (ParameterError, VerbError) as error:
-            response.message = str(error)
+            response.message = sentence(error)
         else:
             response.success = True
             self._changed()

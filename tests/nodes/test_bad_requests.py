@@ -155,6 +155,8 @@ def test_requests_that_are_or_claim_to_be_long_take_neither_time_nor_memory(serv
     assert told.message == "parameters with 2000 entries is not allowed: it must have at most 1000"
     told = server.call(Exchange, topics.SET_SAMPLE, parameters=parameters({"file": "x" * 1_000_000}))
     assert told.message == "string_value with 1000000 letters is not allowed: it must have at most 10000"
+    told = server.exchange(**{9000 * "x": 1.0})
+    assert told.startswith("unknown parameter sample.xxx") and "\n" not in told and len(told) <= 2000
     many = [Parameter(name=name) for name in names[:2000]]
     results = server.call(SetParameters, "afm_sim_node/set_parameters", parameters=many).results
     assert {(result.successful, result.reason) for result in results} == {
