@@ -53,18 +53,8 @@ def control_trace(message: ControlTrace) -> None:
         )
 
 
-def status(message: InstrumentStatus) -> None:
-    """Check a state of the instrument."""
-    _stamp(message.header)
-
-
-def event(message: Event) -> None:
-    """Check an event of a run."""
-    _stamp(message.header)
-
-
-def score(message: Score) -> None:
-    """Check a score."""
+def stamp(message: InstrumentStatus | Event | Score) -> None:
+    """Check the time of a state, an event or a score."""
     _stamp(message.header)
 
 

@@ -115,7 +115,7 @@ class RecorderNode(Node):
         self.recorder.line(checks.scan_line(message))
 
     def _on_status(self, message: InstrumentStatus) -> None:
-        checks.status(message)
+        checks.stamp(message)
         self._presence.heard()
         self._status = message
         state = _STATES.get(message.state, f"state {message.state}")
@@ -123,13 +123,13 @@ class RecorderNode(Node):
         self.recorder.state(_nanoseconds(message.header), message.ticks, text, _LEVELS.get(state, "INFO"))
 
     def _on_score(self, message: Score) -> None:
-        checks.score(message)
+        checks.stamp(message)
         values = _plain(message)
         del values["header"]
         self.recorder.score(_nanoseconds(message.header), values)
 
     def _on_event(self, message: Event) -> None:
-        checks.event(message)
+        checks.stamp(message)
         self.recorder.event(_nanoseconds(message.header), message.text)
 
     def _on_known(self, node: str, values: dict[str, Any]) -> None:

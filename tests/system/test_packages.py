@@ -48,7 +48,8 @@ def test_colcon_test_runs_the_tests(tmp_path: Path) -> None:
     # One module, so that it does not run itself, found in one folder: loading all of them takes longer than the rest.
     command = [sys.executable, "-m", "colcon", "--log-base", tmp_path / "log", "test"]
     command += ["--test-result-base", tmp_path, "--pytest-args", "-k", "test_scheduling"]
-    command += [" --ignore=model", " --ignore=system"]  # with a blank, or colcon takes them for options of its own
+    # With a blank, or colcon takes them for options of its own.
+    command += [" --ignore=model", " --ignore=system", " --ignore-glob=*/test_[!s]*"]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     done = subprocess.run(command, cwd=ROOT / "ros2_ws", env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

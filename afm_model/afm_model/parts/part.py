@@ -386,8 +386,8 @@ class Sample(Part):
     curvature : callable
         Parameters -> largest |mean curvature| [z0/x0^2], for the longest step and the contact.
     contrast : callable, optional
-        Parameters -> least and largest (w/w_0)^2 R_e/R, work of adhesion and effective radius over those of the plant,
-        for the plant `lever`; by default what the curvature makes of it.
+        Parameters -> least and largest (w/w_0)^2 R_e/R (K_0/K)^2, work of adhesion, effective radius and modulus over
+        those of the plant, for the plant `lever`; by default what the curvature makes of it.
     lattice : callable, optional
         Parameters -> Corrugation, for a sample whose `surface` also writes the derivatives of a potential for the
         place of the tip; that takes the place of friction.

@@ -9,8 +9,7 @@ from ..instrument import Block, Instrument
 from ..parameters import InstrumentParameters
 from .blocks import Blocks
 from .counts import Counts
-from .link import Link
-from .listeners import Listeners
+from .link import Link, Listeners
 from .pacing import Pacing
 from .state import BACK, EVENTS, OVER, REASONS, TICKING, Cause, Life, State
 from .timing import Stopwatch, VirtualClock

@@ -9,8 +9,7 @@ from ..parameters import SimParameters
 from .counts import Snapshot
 from .engine import Engine, Operator
 from .law_inside import LawInside
-from .link import Link
-from .listeners import Listeners
+from .link import Link, Listeners
 from .lockstep import Lockstep
 from .pacing import Pacing
 from .realtime import Realtime

@@ -15,7 +15,7 @@ from ..law import TimingWarning, disagreements, require_plant
 from ..parameters import ControllerParameters, SimParameters
 from ..parts.part import Channel
 from .engine import Engine
-from .listeners import Listeners
+from .link import Listeners
 from .pacing import Asked, Compiled, Pacing
 from .plotting import Curves, plot
 from .replay import Replay, replayed

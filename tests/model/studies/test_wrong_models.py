@@ -20,8 +20,8 @@ def test_predictive_learns_what_it_was_told_wrong(title, rate, most):
     assert row["lost"] == ""
 
 
-@pytest.mark.parametrize("title", ["drift 1e-15 m/s", "position noise 1e-18 m"])
-def test_a_tip_that_never_quite_rests_starts_all_the_same(title):
+@pytest.mark.parametrize("title", ["drift 1e-15 m/s", "position noise 1e-18 m", "along x alone", "along y alone"])
+def test_a_tip_that_never_quite_rests_or_moves_along_one_axis_starts_all_the_same(title):
     assert run_case(CASE[title], RATE["50 us + 1"], contender("predictive"))["third"] < 0.3
 
 
