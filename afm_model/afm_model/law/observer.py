@@ -1,4 +1,5 @@
-"""law.kind observer: state feedback with a disturbance observer, predicted through the delay; docs/laws.md (6).
+"""law.kind observer: state feedback with a disturbance observer, predicted through the delay; docs/laws.md
+(6.1), (6.2).
 
 Ohnishi, Shibata, Murakami, DOI 10.1109/3516.491410.
 """
