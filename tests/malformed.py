@@ -28,6 +28,8 @@ def read(data: bytes, kind: type) -> tuple[int, int, bytes] | None:
         if len(data) < end + 12:
             return None
         count = struct.unpack_from(f"{order}I", data, end + 8)[0]
+        if count > signals.LONGEST_HORIZON:
+            return None
         end += 16 + 24 * count if count else 12
     if len(data) != end:
         return None

@@ -71,7 +71,7 @@ class FakeInstrument(Node):
 
     def publish_status(self, state: int, ticks: int, detail: str = "") -> None:
         message = InstrumentStatus(
-            state=state, ticks=ticks, samples=2 * ticks, detail=detail, controller=self.controller
+            state=state, ticks=ticks, samples=2 * ticks, detail=detail, controllers=[self.controller]
         )
         message.header.stamp = stamp(ticks)
         self.status.publish(message)

@@ -16,7 +16,7 @@ from typing import Any
 
 import rclpy
 import yaml
-from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive, RecorderStatus, Score
+from afm_msgs.msg import InstrumentStatus, RecorderStatus, Score
 from ament_index_python.packages import get_package_prefix
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
@@ -24,7 +24,6 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from afm_model import Controller, Instrument
 from afm_node_common import topics
 from afm_node_common.shared_memory import File, remove_unused, shared_memory_cleanup, unused, used_by
 
@@ -274,56 +273,6 @@ class Observer(Node):
         client = self._clients_of_services[service]
         graph.spin_until(client.service_is_ready)
         return graph.result(client.call_async(Trigger.Request()))
-
-
-class HandController(Node):
-    """A controller as a user writes it: typed messages, one subscription, one publisher.
-
-    Parameters
-    ----------
-    law : callable
-        Answers a measurement with drives to publish, in order.
-    """
-
-    def __init__(
-        self, law: Callable[[Measurement], Sequence[PiezoDrive]], name: str = "hand_made", record: bool = True
-    ) -> None:
-        super().__init__(name, namespace=topics.NAMESPACE)
-        self.law = law
-        self.seen: list[Measurement] = []
-        self._record = record
-        self._publisher = self.create_publisher(PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
-        self.create_subscription(Measurement, topics.MEASUREMENT, self._on_measurement, topics.CONTROL_QOS)
-
-    @property
-    def told(self) -> str:
-        """For messages of tests that fail."""
-        return f"controller has seen measurements up to {self.seen[-1].sequence if self.seen else None}"
-
-    def _on_measurement(self, measurement: Measurement) -> None:
-        # The simulator sends one again that is not answered within a second: on a machine that stands still, any.
-        if self._record and measurement not in self.seen[-1:]:
-            self.seen.append(measurement)
-        for drive in self.law(measurement):
-            self._publisher.publish(drive)
-
-
-def answer(measurement: Measurement, x: float, y: float, z: float | None = None, ahead: int = 0) -> PiezoDrive:
-    """A drive for a measurement, or for one `ahead` of it; without `z` the z drive stays what it is."""
-    drive = PiezoDrive(header=measurement.header, sequence=measurement.sequence + ahead)
-    drive.voltage.x, drive.voltage.y = x, y
-    drive.voltage.z = measurement.drive.z if z is None else z
-    return drive
-
-
-def run_in_process(instrument: Instrument, law: Callable[[Any], Any] | Controller, ticks: int) -> Instrument:
-    """The loop of instrument and law without anything between them."""
-    answer_to = law.answer if isinstance(law, Controller) else law
-    for _ in range(ticks):
-        if instrument.block_full:
-            instrument.take_block()
-        instrument.tick(answer_to(instrument.measurement))
-    return instrument
 
 
 # Processes.

@@ -4,6 +4,7 @@ python wrong_controllers.py WAY --ros-args ...
 """
 
 import math
+import random
 import sys
 import time
 from dataclasses import dataclass, field
@@ -28,22 +29,36 @@ WAYS = {
     "counts on": "reset",
     "gives up on a fault": "fault",
     "gives up": "alive",
+    "answers the one before": "present",
+    "a microvolt more": "repeats",
+    "nan late": "finite",
+    "old integral": "repeats",
+    "leaks": "memory",
+    "zeros": "response",
+    "axes swapped": "response",
+    "z upside down": "response",
+    "random": "response",
+    "enormous": "range",
+    "stamp 0": "stamp",
 }
 """Way: the rule of the contract that it breaks; what else breaks with it is not said here."""
 LATE = 0.4
 """How late a late answer is [s]; the deadline is half of it."""
+GAIN = 3e6
+"""[V/m]"""
 
 
 @dataclass
 class Reply:
-    """A drive to publish: x [V], y and z as they are."""
+    """A drive to publish."""
 
     sequence: int
-    x: float = 0.0
+    drive: list[float]  # x, y, z [V]
     frame: str = FRAME
     after: float = 0.0  # wall time from the measurement on [s]
     horizon: float | None = None
     nonsense: bool = False
+    stamped: bool = True
 
 
 @dataclass
@@ -55,13 +70,22 @@ class Wrong:
     seen: int = 0
     held: list[Reply] = field(default_factory=list)
     ended: bool = False
+    before: list[float] = field(default_factory=lambda: [0.0] * 3)
+    integral: float = 0.0
+    leaked: list[bytes] = field(default_factory=list)
 
-    def answers(self, sequence: int, position_x: float) -> list[Reply]:
-        """Drives to publish for a measurement."""
+    def answers(self, sequence: int, position_x: float, error: list[float]) -> list[Reply]:
+        """Drives to publish for a measurement, with the error of x, y and z."""
         self.seen += 1
         again, older = sequence == self.newest, sequence < self.newest
         self.newest = max(self.newest, sequence)
-        right = Reply(sequence)
+        drive = [GAIN * each for each in error]
+        before, self.before = self.before, drive
+        right = Reply(sequence, drive)
+
+        def x(value: float) -> list[Reply]:
+            return [Reply(sequence, [value, *drive[1:]])]
+
         # From the 50th on, so that the session begins well.
         bad = self.seen > 50
         match self.way:
@@ -71,7 +95,7 @@ class Wrong:
                 return []
             case "twice" if bad:
                 return [right, right]
-            case "swaps" if 210 <= sequence < 230:
+            case "swaps" if 210 < self.seen <= 230:
                 # In pairs, while measurements come by the clock.
                 self.held = [*self.held, right]
                 if len(self.held) < 2:
@@ -79,25 +103,25 @@ class Wrong:
                 held, self.held = self.held[::-1], []
                 return held
             case "ahead" if bad:
-                return [Reply(sequence + 1), right]
+                return [Reply(sequence + 1, drive), right]
             case "late" if self.seen == 60:
-                return [Reply(sequence, after=LATE)]
+                return [Reply(sequence, drive, after=LATE)]
             case "nan" if bad:
-                return [Reply(sequence, x=math.nan)]
+                return x(math.nan)
             case "infinite horizon" if bad:
-                return [Reply(sequence, horizon=math.inf)]
+                return [Reply(sequence, drive, horizon=math.inf)]
             case "no frame":
-                return [Reply(sequence, frame="")]
-            case "too far" if bad:
-                return [Reply(sequence, x=min(self.seen - 50.0, 41.0))]
+                return [Reply(sequence, drive, frame="")]
+            case "too far" if sequence < 190:
+                return x(max(0.0, min(0.6 * sequence, 0.6 * (190 - sequence), 41.0)))
             case "wild":
-                return [Reply(sequence, x=1e5 * math.sin(sequence))]
-            case "too steep":
-                return [Reply(sequence, x=2.0 * (sequence % 2))]
+                return x(1e5 * math.sin(sequence))
+            case "too steep" if sequence < 100:
+                return x(drive[0] + 2.0 * (sequence % 2))
             case "nonsense" if bad:
-                return [Reply(sequence, nonsense=True), right]
+                return [Reply(sequence, drive, nonsense=True), right]
             case "never pauses":
-                return [right, Reply(sequence, after=0.3)]
+                return [right, Reply(sequence, drive, after=0.3)]
             case "knows it already" if again:
                 return []
             case "counts on" if older:
@@ -107,6 +131,29 @@ class Wrong:
             case "gives up" if self.seen == 60:
                 self.ended = True
                 return []
+            case "answers the one before":
+                return [Reply(sequence, before)]
+            case "a microvolt more":
+                return x(drive[0] + 1e-6 * self.seen)
+            case "nan late" if self.seen == 1000:
+                return x(math.nan)
+            case "old integral":
+                self.integral += 1e-3 * drive[0]
+                return x(drive[0] + self.integral)
+            case "leaks":
+                self.leaked.append(b"x" * 1_000_000)
+            case "zeros":
+                return [Reply(sequence, [0.0] * 3)]
+            case "axes swapped":
+                return [Reply(sequence, [drive[1], drive[0], drive[2]])]
+            case "z upside down":
+                return [Reply(sequence, [*drive[:2], -drive[2]])]
+            case "random":
+                return [Reply(sequence, [random.gauss(0.0, 0.1) for _ in range(3)])]
+            case "enormous" if bad:
+                return x(1e12)
+            case "stamp 0":
+                return [Reply(sequence, drive, stamped=False)]
         return [right]
 
 
@@ -117,6 +164,7 @@ def main() -> int:
     from geometry_msgs.msg import Vector3
     from rclpy.executors import ExternalShutdownException
     from rclpy.node import Node
+    from std_msgs.msg import Header
 
     rclpy.init()
     node = Node("wrong", namespace="afm")
@@ -124,11 +172,13 @@ def main() -> int:
     publisher = node.create_publisher(PiezoDrive, "piezo_drive", 10)
 
     def on_measurement(m: Measurement) -> None:
-        for each in wrong.answers(m.sequence, m.position.x):
+        r, position = m.reference_position, m.position
+        error = [r.x - position.x, r.y - position.y, r.z - m.deflection]
+        for each in wrong.answers(m.sequence, position.x, error):
             time.sleep(each.after)
-            drive = PiezoDrive(header=m.header, sequence=each.sequence)
+            drive = PiezoDrive(header=m.header if each.stamped else Header(), sequence=each.sequence)
             drive.header.frame_id = each.frame
-            drive.voltage.x, drive.voltage.y, drive.voltage.z = each.x, m.drive.y, m.drive.z
+            drive.voltage = Vector3(**dict(zip("xyz", each.drive, strict=True)))
             if each.horizon is not None:
                 drive.horizon_period, drive.horizon = 1e-3, [Vector3(x=each.horizon)]
             publisher.publish(b"\0\1\0\0\1\2" if each.nonsense else drive)

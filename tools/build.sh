@@ -4,6 +4,24 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../ros2_ws"
 root=$(dirname "$PWD")
 
+# Of the output of colcon a line for each package, and for each quarter of the messages, which take most of the time.
+show_progress() {
+  local line part number=0 told=0
+  while IFS= read -r line; do
+    case $line in
+      "Starting >>> "*)
+        number=$((number + 1))
+        echo "  package $number of $count: ${line#Starting >>> }"
+        ;;
+      "["[\ 0-9][\ 0-9][0-9]%"]"*)
+        part=$((${line:1:3} / 25 * 25))
+        [ "$part" -le "$told" ] || echo "    messages: $part %"
+        told=$((part > told ? part : told))
+        ;;
+    esac
+  done
+}
+
 if [ -z "${ROS_DISTRO:-}" ] || [ "${AFM_ROS:-}" = wheels ]; then
   export AMENT_PREFIX_PATH="$root/.venv" CMAKE_PREFIX_PATH="$root/.venv" ROS_DISTRO=jazzy ROS_VERSION=2
 fi
@@ -16,8 +34,9 @@ fi
 rm -rf build install log
 . "$root/.venv/bin/activate"
 echo "Building the ROS workspace (once: about 3 min of processor time) ..."
-if ! python -m colcon build --event-handlers console_direct- console_cohesion- status- desktop_notification- terminal_title- \
-  > "$root/ros2_ws/build.log" 2>&1; then
+count=$(python -m colcon list --names-only 2> /dev/null | wc -l)
+if ! python -m colcon build --event-handlers console_direct+ console_cohesion- status- desktop_notification- terminal_title- 2>&1 |
+  tee "$root/ros2_ws/build.log" | show_progress; then
   tail -n 40 "$root/ros2_ws/build.log" >&2
   echo "error: the workspace did not build; the whole log is in ros2_ws/build.log" >&2
   exit 1

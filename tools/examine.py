@@ -299,9 +299,9 @@ def _fit_resonator(draw: Draw) -> Iterator[Answer]:
     drive[:20] = 0.0
     motion = response(drive, period, f, xi, S)
     found = fit_resonator(drive, motion + 0.02 * float(motion.std()) * draw.noise(n), period)
-    yield "f", f, Estimate(found.f, found.f_error)
-    yield "damping", xi, Estimate(found.xi, found.xi_error)
-    yield "sensitivity", S, Estimate(found.sensitivity, found.sensitivity_error)
+    yield "f", f, found.f
+    yield "damping", xi, found.xi
+    yield "sensitivity", S, found.sensitivity
 
 
 Case = Callable[[Draw], Iterator[Answer]]

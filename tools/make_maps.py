@@ -23,6 +23,7 @@ from afm_model.studies.linear import at_timing, linearise
 PERIODS = [2e-6, 5e-6, 1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3]
 DELAYS = [0, 1, 2, 3, 4, 6]
 LAWS = [name for name in names("law") if name not in ("open_loop", "chirp", "external", "sgn_tracking")]
+LAWS.insert(LAWS.index("observer") + 1, "observer friction=learned")
 BODE = (("pid", 5e-5, 0), ("super_twisting", 5e-5, 0), ("observer", 5e-5, 0), ("observer", 5e-5, 1))
 """Law, control period [s] and delay of each curve."""
 
@@ -45,7 +46,8 @@ def maps(comparison: Comparison) -> Figure:
     colours.set_bad("0.35")
     for panel, law in zip(axes.flat, laws, strict=False):
         runs = comparison.table[comparison.table["law"] == law].set_index(["delay_ticks", "period"])
-        errors = np.array([[runs.loc[(d, T), "error_max"] for T in PERIODS] for d in DELAYS])
+        ranked = runs["error_max"].where(runs["error"].isna())
+        errors = np.array([[ranked.loc[(d, T)] for T in PERIODS] for d in DELAYS])
         picture = panel.imshow(
             np.ma.masked_invalid(errors), norm=LogNorm(0.01, 100.0), cmap=colours, origin="lower", aspect="auto"
         )
@@ -73,7 +75,7 @@ def maps(comparison: Comparison) -> Figure:
     keys = [
         Patch(facecolor="white", edgecolor="black", linewidth=1.2, label=f"error up to {UNDER:g} %"),
         Patch(facecolor="white", edgecolor="0.25", hatch="////", linewidth=0.0, label="linear model unstable"),
-        Patch(facecolor="0.35", label="diverged"),
+        Patch(facecolor="0.35", label="not ranked: diverged, off the sample, doubtful"),
     ]
     figure.legend(handles=keys, loc="outside lower center", ncols=3)
     bar = figure.colorbar(picture, ax=axes, shrink=0.6, pad=0.02)

@@ -15,6 +15,8 @@ unset PYTHONDONTWRITEBYTECODE
 python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/test.txt ||
   echo "warning: requirements/test.txt could not be installed: no test runs Gwyddion's own code" >&2
 
+# One worker more than there are processors: a test over the middleware waits for a quarter of its time.
+export PYTEST_XDIST_AUTO_NUM_WORKERS=${PYTEST_XDIST_AUTO_NUM_WORKERS:-$(($(nproc) + 1))}
 code=0
 PYTHONPATH="$PWD/tests${PYTHONPATH:+:$PYTHONPATH}" python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile \
   --no-loadscope-reorder \

@@ -25,12 +25,12 @@ class Arriving:
 
     def put(self, message: ScanLine) -> None:
         """Take a line, if it belongs to this scan."""
-        if message.time < self._after or message.scan < self._number:
+        line = line_of(message)
+        if line.time < self._after or message.scan < self._number:
             return
         if self.image is None or message.scan > self._number:
             self._number = message.scan
             self.image = Image.empty(self._scan, dict(zip(message.channels, message.units, strict=True)))
-        line = line_of(message)
         self.image.put(line)
         self._new.append(line)
 

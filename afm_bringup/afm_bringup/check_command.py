@@ -15,6 +15,9 @@ def main() -> int:
         prog="check_scenario", description="Check a scenario, and write the parameters that it gives the nodes."
     )
     parser.add_argument("scenario", help="name of a scenario, or a scenario file")
+    parser.add_argument(
+        "--say-controller", action="store_true", help="print the process of the controller, if it says so"
+    )
     add_overrides(parser)
     parser.add_argument(
         "--write", type=Path, metavar="FILE", help="write the checked parameters to FILE, for --params-file of any node"
@@ -33,6 +36,8 @@ def main() -> int:
         more.setdefault(node, {})[name] = {"true": True, "false": False}.get(value, value)
     try:
         scenario = read_scenario(arguments.scenario, arguments.overrides)
+        if arguments.say_controller:
+            print(scenario.header.controller)
         if arguments.write:
             write_parameters(scenario, arguments.write, more)
     except ScenarioError as error:

@@ -3,19 +3,22 @@
 import argparse
 import csv
 from pathlib import Path
-from statistics import median
 
 from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
 from afm_model.core.registry import names
 from afm_model.studies import Contender, contender, wrong_models
 
 from .compare_page import page
+from .compare_robust import robust_picture, robust_summary, robust_table
 from .domain import end
 from .node_law import node_contender
 from .scenario_input import read_scenario
 
-CSV, LATEX, PAGE, ROBUST = "comparison.csv", "ranking.tex", "comparison.html", "wrong_models.csv"
+CSV, LATEX, PAGE = "comparison.csv", "ranking.tex", "comparison.html"
+ROBUST, ROBUST_TABLE, ROBUST_PICTURE = "wrong_models.csv", "wrong_models.md", "robust.png"
 """Files in the folder of the results."""
+TUNED_PID = "pid slowness=0.1,0.15,0.25,0.5,1"
+"""The PID of a comparison without LAW: the best closed-loop time constant of these over the same runs."""
 
 
 def _arguments() -> argparse.Namespace:
@@ -30,7 +33,7 @@ def _arguments() -> argparse.Namespace:
         nargs="*",
         metavar="LAW",
         help="a law by its name, or module:NAME of a law or of a class of your own; with parameters in quotes: "
-        "'tanh alpha=0.4'; without LAW and --node, all laws of this package",
+        "'tanh alpha=0.4', tuned over values: 'pid slowness=0.15,0.5,1'; without LAW and --node, all of this package",
     )
     parser.add_argument(
         "--node",
@@ -71,7 +74,8 @@ def main() -> int:
         nodes = [node_contender(each, scenario, ros_arguments=arguments.ros_arguments) for each in arguments.node]
         laws = arguments.laws
         if not laws and not nodes:
-            laws = [name for name in names("law") if name not in ("open_loop", "chirp", "external")]
+            laws = [name for name in names("law") if name not in ("open_loop", "chirp", "external", "pid")]
+            laws += ["observer friction=learned", "pid" if arguments.robust else TUNED_PID]
         if arguments.robust:
             return _robust([contender(each) for each in laws], arguments.out)
         comparison = compare(
@@ -93,14 +97,16 @@ def main() -> int:
         write(comparison, arguments.out)
     except OSError as error:
         return end(f"error: {arguments.out} cannot be written: {error.strerror}", 1)
-    show = ["law", "runs", "finished", "good", "error_max", "chatter", "tip_force", "margin"]
+    show = ["law", "runs", "finished", "good", "error_max", "z_rms", "chatter", "tip_force", "margin"]
     print(comparison.ranking()[show].to_string(index=False, float_format="%.3g"))
+    for law in comparison.contenders:
+        print(f"{law.label} is told: {law.knowledge}")
     print(f"{arguments.out / PAGE}, {CSV}, {LATEX}")
     return 0
 
 
 def _robust(laws: list[Contender], folder: Path) -> int:
-    """Print the table of wrong models law by law, with the median, the worst row and what was lost; write it as CSV."""
+    """Print the table of wrong models law by law; write it as CSV, as the table of docs/laws.md, and as a picture."""
     rows = []
     for law in laws:
         if not law.is_part:
@@ -109,9 +115,7 @@ def _robust(laws: list[Contender], folder: Path) -> int:
         for row in wrong_models(law):
             own.append(row)
             print(f"{row['law']}: {row['rate']}, {row['case']}: {row['third']:.3g} % {row['lost']}", flush=True)
-        errors = [row["third"] for row in own]
-        lost = sum(bool(row["lost"]) for row in own)
-        print(f"{law.label}: median {median(errors):.3g} %, worst {max(errors):.3g} %, {lost} of {len(own)} lost")
+        print(robust_summary(own))
         rows += own
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -119,6 +123,8 @@ def _robust(laws: list[Contender], folder: Path) -> int:
             table = csv.DictWriter(file, rows[0])
             table.writeheader()
             table.writerows(rows)
+        (folder / ROBUST_TABLE).write_text(robust_table(rows))
+        robust_picture(rows).savefig(folder / ROBUST_PICTURE, dpi=80)
     except OSError as error:
         return end(f"error: {folder} cannot be written: {error.strerror}", 1)
     return 0

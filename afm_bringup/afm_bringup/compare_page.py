@@ -15,7 +15,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from afm_model import Comparison
-from afm_model.studies import CONDITIONS, UNDER
+from afm_model.studies import CONDITIONS, RANKED, UNDER
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2em auto; max-width: 72em; padding: 0 1em; color: #222; }
@@ -32,10 +32,10 @@ _NAMES = {
     "error_rms": "error, rms [%]",
     "chatter": "chatter",
     "energy": "energy [V²]",
-    "tip_force": "tip force [nN]",
+    "tip_force": "normal load, max [nN]",
     "contact": "contact [%]",
     "margin": "margin",
-    "z_rms": "z, rms [nm]",
+    "z_rms": "z of the tip, rms [nm]",
 }
 _SCALES = {"tip_force": 1e9, "contact": 100.0, "z_rms": 1e9}
 _TOP = 1000.0
@@ -59,7 +59,8 @@ def page(comparison: Comparison) -> str:
 <p>Every law has the same measurements, and the period and delay if it has parameters for them. The last column
 lists its further knowledge. The error is that of the worse of x and y in percent of the amplitude; chatter is the total
 variation of the drive over that of a smooth one; the margin is the smallest distance of the open loop from -1. Medians
-over all runs; a run that diverged counts as infinite. Small figures: the rank among all laws.</p>
+over all runs; one that diverged, left the sample or is doubtful counts as infinite. Small figures: the rank among all
+laws.</p>
 {_ranking(comparison)}
 {pictures}
 <details><summary>All runs</summary>
@@ -79,13 +80,12 @@ def _number(value: Any, scale: float = 1.0) -> str:
 
 
 def _ranking(comparison: Comparison) -> str:
-    names = ("error_max", "chatter", "energy", "tip_force", "margin")
-    head = "".join(f"<th>{escape(_NAMES[name])}</th>" for name in names)
+    head = "".join(f"<th>{escape(_NAMES[name])}</th>" for name in RANKED)
     rows = []
     for row in comparison.ranking().to_dict("records"):
         cells = "".join(
             f"<td>{_number(row[name], _SCALES.get(name, 1.0))} <small>{row['rank_' + name]}</small></td>"
-            for name in names
+            for name in RANKED
         )
         rows.append(
             f'<tr><td class="text">{escape(row["law"])}</td><td>{row["finished"]} of {row["runs"]}</td>'
@@ -144,8 +144,8 @@ def errors_by_period(comparison: Comparison) -> Figure:
         of_delay = table[table["delay_ticks"] == delay]
         for law, look in _looks(comparison).items():
             runs = of_delay[of_delay["law"] == law].sort_values("period")
-            lost = runs["error_max"].isna()
-            shown = runs["error_max"].fillna(_TOP).clip(upper=_TOP)
+            lost = runs["error"].notna()
+            shown = runs["error_max"].mask(lost, _TOP).clip(upper=_TOP)
             panel.plot(1e6 * runs["period"], shown, lw=1.2, ms=5, **look)
             panel.plot(1e6 * runs["period"][lost], shown[lost], "x", color="k", ms=9, mew=1.5, zorder=3)
         panel.axhline(UNDER, color="0.6", lw=0.8, ls="--")
@@ -159,7 +159,7 @@ def errors_by_period(comparison: Comparison) -> Figure:
         panel.grid(alpha=0.25, which="major")
     axes[0][0].set_ylabel("error, max [% of amplitude]")
     conditions = f"reference {first['reference']} rad/s, friction {first['friction']:g}, noise {first['noise']:g}"
-    figure.suptitle(f"{conditions}; crosses: diverged", fontsize="small")
+    figure.suptitle(f"{conditions}; crosses: not ranked", fontsize="small")
     figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
     return figure
 

@@ -20,14 +20,14 @@ from .domain import claimed_domain, end
 from .exam.connection import TopicConnection
 from .exam.judgement import Outcome, Verdict, exit_code, judge
 from .exam.log import Log
-from .exam.procedure import Procedure
+from .exam.procedure import LONG_TICKS, Procedure
 from .exam.rules import Terms
 from .processes import Processes
 from .scenario_input import read_scenario, write_parameters
 
 _CONTROLLER = "the controller"
 _END_TIME = 10.0
-"""Wall time that a controller has to end after SIGINT [s]."""
+"""Time that a controller has to end after SIGINT [s]."""
 _START_TIMEOUT = 60.0
 _COLORS = {Outcome.KEPT: "green", Outcome.BROKEN: "red", Outcome.UNTESTED: "dim"}
 
@@ -39,7 +39,7 @@ def _interrupt(number: int, frame: object) -> None:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="check_controller",
-        usage="%(prog)s [-h] [--scenario SCENARIO] [--deadline SECONDS] [--no-ros-args] [--log FILE] -- COMMAND ...",
+        usage="%(prog)s [options] -- COMMAND ...",
         description="Start a controller, examine it, and say rule by rule whether it keeps the contract of a drive. "
         "Exit status: 0 if it does, 1 if it does not, 2 if it could not be tested.",
     )
@@ -59,7 +59,21 @@ def _arguments() -> argparse.Namespace:
         type=float,
         default=0.2,
         metavar="SECONDS",
-        help="wall time in which an answer must be there (default %(default)s, as run.watchdog_timeout)",
+        help="time in which an answer must be there, not counting waits for a processor (default %(default)s, as "
+        "run.watchdog_timeout)",
+    )
+    parser.add_argument(
+        "--measurements",
+        type=int,
+        default=LONG_TICKS,
+        metavar="N",
+        help="length of the long run (default %(default)s)",
+    )
+    parser.add_argument(
+        "--no-feedback", action="store_false", dest="feedback", help="it does not follow the reference, on purpose"
+    )
+    parser.add_argument(
+        "--no-repeat", action="store_false", dest="repeats", help="it keeps something over a reset, on purpose"
     )
     parser.add_argument(
         "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
@@ -78,15 +92,17 @@ def main() -> int:
             raise ValueError("COMMAND is empty")
         if not arguments.deadline > 0.0:
             raise ValueError(f"--deadline {arguments.deadline:g} s is not allowed: it must be > 0 s")
+        if arguments.measurements < 1000:
+            raise ValueError(f"--measurements {arguments.measurements} is not allowed: it must be >= 1000")
         scenario = read_scenario(arguments.scenario)
         claim = claimed_domain()
     except (ScenarioError, ValueError, RuntimeError) as error:
         return end(f"error: {error}", 2)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
-    terms = Terms(scenario.sim, arguments.deadline)
+    terms = Terms(scenario.sim, arguments.deadline, arguments.feedback, arguments.repeats)
     try:
-        log = _examine(scenario, command, arguments.ros_arguments, arguments.log)
+        log = _examine(scenario, command, arguments)
     except Interrupted:
         return end("interrupted", 130)
     except OSError as error:
@@ -99,50 +115,47 @@ def main() -> int:
         return 2
     del claim
     verdicts = judge(log, terms)
-    _show(verdicts, shlex.join(command))
+    _show(verdicts, shlex.join(command), len(log.sent))
     return exit_code(verdicts, log)
 
 
-def _examine(scenario: Scenario, command: list[str], ros_arguments: bool, printed: Path | None) -> Log:
+def _examine(scenario: Scenario, command: list[str], arguments: argparse.Namespace) -> Log:
     """Start the controller, test it, end it; its output goes to a file, if one is given."""
+    printed: Path | None = arguments.log
     with tempfile.TemporaryDirectory() as folder, Processes(last="") as processes:
         parameters = Path(folder) / "parameters.yaml"
         write_parameters(scenario, parameters, {})
         given = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:=/{topics.NAMESPACE}"]
-
-        def problem() -> str:
-            return processes.ended() or ""
-
-        with TopicConnection(topics.NAMESPACE, scenario.sim, problem) as connection:
-            processes.start(_CONTROLLER, [*command, *(given if ros_arguments else ())], printed or Path(folder) / "log")
+        ros = given if arguments.ros_arguments else ()
+        with TopicConnection(topics.NAMESPACE, scenario.sim, processes) as connection:
+            processes.start(_CONTROLLER, [*command, *ros], printed or Path(folder) / "log")
             print(f"waiting for the controller, {_START_TIMEOUT:g} s at most ...", file=sys.stderr, flush=True)
             if not connection.connect(_START_TIMEOUT):
                 incompatible = connection.incompatible()
+                ended = connection.problem()
                 return Log(
-                    ended=problem(),
-                    incompatible=incompatible,
-                    absent="" if incompatible or problem() else connection.missing(),
+                    ended=ended, incompatible=incompatible, absent="" if incompatible or ended else connection.missing()
                 )
             processes.note_shared_memory()
-            print("it is connected; the examination takes some ten seconds ...", file=sys.stderr, flush=True)
-            log = Procedure(connection, scenario.sim).run()
+            print("it is connected; the examination takes a minute ...", file=sys.stderr, flush=True)
+            log = Procedure(connection, scenario.sim, arguments.measurements).run()
             if not log.ended:
-                log.went = _ends(processes)
+                log.went = _ends(processes, connection)
     return log
 
 
-def _ends(processes: Processes) -> bool:
+def _ends(processes: Processes, connection: TopicConnection) -> bool:
     """Whether the controller ends when it is interrupted."""
     processes.ask_to_end()
-    limit = time.monotonic() + _END_TIME
+    limit = connection.now() + _END_TIME
     while processes.ended() is None:
-        if time.monotonic() > limit:
+        if connection.now() > limit:
             return False
         time.sleep(0.02)
     return True
 
 
-def _show(verdicts: list[Verdict], title: str) -> None:
+def _show(verdicts: list[Verdict], title: str, asked: int) -> None:
     """Print the table."""
     console = Console(width=None if Console().is_terminal else 120)
     console.print(escape(title))
@@ -156,4 +169,4 @@ def _show(verdicts: list[Verdict], title: str) -> None:
     broken = sum(each.outcome is Outcome.BROKEN for each in verdicts)
     untested = sum(each.outcome is Outcome.UNTESTED for each in verdicts)
     kept = len(verdicts) - broken - untested
-    console.print(f"Rules: {kept} kept, {broken} broken, {untested} not tested.")
+    console.print(f"Rules: {kept} kept, {broken} broken, {untested} not tested; {asked} measurements.")

@@ -28,9 +28,10 @@ class RunError(RuntimeError):
 
 def check_score(status: InstrumentStatus) -> None:
     """Raise RunError if there is nothing to score: a controller of which no drive was ever applied."""
-    if status.mode == "realtime" and status.drives_lost >= status.ticks:
+    if status.mode == InstrumentStatus.REALTIME and status.drives_lost >= status.ticks:
+        sender = " and ".join(status.controllers) or "the controller"
         raise RunError(
-            f"no drive of {status.controller or 'the controller'} was ever applied in {status.ticks} ticks; "
+            f"no drive of {sender} was ever applied in {status.ticks} ticks; "
             f"{status.drives_refused} were refused as NaN or infinite"
         )
 

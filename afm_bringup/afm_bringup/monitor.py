@@ -114,7 +114,7 @@ class Monitor:
         return (
             status is not None
             and recorder is not None
-            and bool(status.controller)
+            and bool(status.controllers)
             and status.recorders > 0
             and recorder.ready
         )
@@ -125,7 +125,7 @@ class Monitor:
         status, recorder = self.status, self.recorder
         if status is None:
             return "the simulator"
-        if not status.controller:
+        if not status.controllers:
             return "a controller (a node that publishes piezo_drive)" + (f"; {status.detail}" if status.detail else "")
         return "the recorder" if recorder is None or not recorder.ready or not status.recorders else "nothing"
 

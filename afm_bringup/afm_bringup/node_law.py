@@ -150,16 +150,13 @@ def _started(
         write_parameters(scenario, parameters)
         given = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:=/{NAMESPACE}"]
 
-        def problem() -> str:
-            return nodes.ended() or ""
-
-        with TopicConnection(NAMESPACE, sim, problem) as connection:
+        with TopicConnection(NAMESPACE, sim, nodes) as connection:
             try:
                 nodes.start(_NODE, [*command, *(given if ros_arguments else ())], Path(folder) / "log")
             except OSError as error:
                 raise LawError(f"{_NODE} could not be started: {error.strerror}") from None
             if not connection.connect(_START_TIMEOUT):
-                if ended := problem():
+                if ended := connection.problem():
                     raise LawError(ended)
                 absent.append(connection.incompatible() or f"{_NODE} does not connect: {connection.missing()}")
                 raise LawError(absent[0])

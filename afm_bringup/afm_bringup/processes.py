@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 import uuid
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -74,15 +74,12 @@ class Process:
             return False
         return True
 
-    @property
-    def shared_memory(self) -> set[File]:
-        """Files of the middleware that the command and its child processes use now."""
-        files: set[File] = set()
+    def pids(self) -> Iterator[str]:
+        """Of the command and its child processes."""
         for pid in filter(str.isdigit, os.listdir("/proc")):
             with suppress(ProcessLookupError, PermissionError):
                 if os.getsid(int(pid)) == self._process.pid:
-                    files |= used_by(pid)
-        return files
+                    yield pid
 
     def end(self, at_work: float = 0.0) -> None:
         """End the process: SIGINT, then SIGTERM, then SIGKILL; wait for it.
@@ -184,5 +181,29 @@ class Processes:
 
     def note_shared_memory(self) -> None:
         """Note the shared memory in use, to remove the files that a killed node leaves behind."""
-        for process in self._running:
-            self._shared_memory |= process.shared_memory
+        for pid in self._pids():
+            with suppress(ProcessLookupError, PermissionError):
+                self._shared_memory |= used_by(pid)
+
+    def memory(self) -> int:
+        """What all of them hold, less what they share with others [bytes]."""
+        size = 0
+        for pid in self._pids():
+            with suppress(OSError):
+                status = Path(f"/proc/{pid}/status").read_text()
+                size += 1024 * int(status.partition("RssAnon:")[2].split(maxsplit=1)[0])
+        return size
+
+    def waited(self) -> float:
+        """Time for which their threads and this one were ready to run and had no processor [s]."""
+        paths = [Path("/proc/thread-self/schedstat")]
+        for pid in self._pids():
+            paths += Path(f"/proc/{pid}/task").glob("*/schedstat")
+        nanoseconds = 0
+        for path in paths:
+            with suppress(OSError):
+                nanoseconds += int(path.read_text().split()[1])
+        return 1e-9 * nanoseconds
+
+    def _pids(self) -> Iterator[str]:
+        return (pid for process in self._running for pid in process.pids())

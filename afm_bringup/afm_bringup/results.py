@@ -3,23 +3,22 @@
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from afm_msgs.msg import InstrumentStatus, Score
+import numpy as np
+from afm_msgs.msg import InstrumentStatus, Percentiles, Score
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from afm_model import Scenario, ScoreSummary
+from afm_model.instrument.score import RANGES, VECTORS
 from afm_model.instrument.scorecard import AXES, number
 from afm_model.instrument.scorecard import scorecard as scored
 
 if TYPE_CHECKING:
     from afm_recorder_node.recording import Recording
-
-_PERCENTILES = ("p50", "p99", "p99_9", "max")
 
 
 def law_of(recording: "Recording", controller: str) -> dict[str, Any] | None:
@@ -90,11 +89,11 @@ def scorecard(
         "drives_malformed": score.drives_malformed,
         "drives_clipped": score.drives_clipped,
         "drives_steep": score.drives_steep,
-        "faults": score.faults.split(", ") if score.faults else [],
+        "faults": list(score.faults),
         "withdrawals": score.withdrawals,
         "ticks_withdrawn": score.ticks_withdrawn,
         "scored_from_s": score.start,
-        **scored(_summary(score)),
+        **scored(summary_of(score)),
         "round_trip_us": _microseconds(score.round_trip),
         "realtime": {
             "late_ticks": score.late_ticks,
@@ -110,14 +109,22 @@ def scorecard(
     }
 
 
-def _summary(score: Score) -> ScoreSummary:
+def summary_of(score: Score) -> ScoreSummary:
     """The scored part of the message."""
-    return ScoreSummary(**{each.name: getattr(score, each.name) for each in dataclasses.fields(ScoreSummary)})
+
+    def value(name: str) -> Any:
+        if name in VECTORS:
+            return np.array([getattr(getattr(score, name), axis) for axis in AXES])
+        if name in RANGES:
+            return getattr(score, f"{name}_min"), getattr(score, f"{name}_max")
+        return getattr(score, name)
+
+    return ScoreSummary(**{each.name: value(each.name) for each in dataclasses.fields(ScoreSummary)})
 
 
-def _microseconds(times: Sequence[float]) -> dict[str, float | None]:
+def _microseconds(times: Percentiles) -> dict[str, float | None]:
     """Median, percentiles and largest of wall times [s]."""
-    return {name: number(value * 1e6) for name, value in zip(_PERCENTILES, times, strict=True)}
+    return {name: number(getattr(times, name) * 1e6) for name in times.get_fields_and_field_types()}
 
 
 def write_scorecard(card: dict[str, Any], path: Path) -> None:

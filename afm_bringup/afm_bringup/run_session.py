@@ -82,12 +82,13 @@ class RunSession(Session):
         assert score is not None and status is not None
         check_score(status)
         own = self._controller in (OWN, COMPOSED)
-        controller = self._scenario.controller.law.kind if own else status.controller
+        node = " and ".join(status.controllers)
+        controller = self._scenario.controller.law.kind if own else node
         recording, law = None, None
         if missing is None:
             try:
                 recording = read_recording(work / RECORDING, every=math.ceil(status.ticks / _OVERVIEW_TICKS))
-                law = law_of(recording, status.controller)
+                law = law_of(recording, node)
             except RecordingError as error:
                 missing = str(error)
         if own and law is not None:

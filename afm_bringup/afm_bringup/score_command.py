@@ -61,8 +61,9 @@ def _score(arguments: argparse.Namespace, scenario: Scenario) -> None:
         score, status = monitor.score, monitor.status
         assert score is not None and status is not None  # finished
         check_score(status)
-        own = status.controller.endswith("/afm_controller_node")
-        card = scorecard(scenario, scenario.controller.law.kind if own else status.controller, score, status)
+        controller = " and ".join(status.controllers)
+        own = controller.endswith("/afm_controller_node")
+        card = scorecard(scenario, scenario.controller.law.kind if own else controller, score, status)
         print_scorecard(card, f"{scenario.header.title or scenario.name} ({card['plant']} plant, {card['controller']})")
         sys.stdout.flush()
         if arguments.out:

@@ -26,11 +26,10 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--out", required=True, type=Path, help="folder for the results")
     parser.add_argument(
         "--controller",
-        default=OWN,
         metavar="COMMAND",
         help="start this command as the controller in place of afm_controller_node; it is given the parameters of the "
         "scenario and the namespace (--ros-args --params-file FILE -r __ns:=NAMESPACE); 'external': start none and "
-        "wait; 'composed': ours, in the simulator's process",
+        "wait; 'composed': ours, in the simulator's process; '': ours, in its own (default: as the scenario says)",
     )
     parser.add_argument(
         "--no-ros-args",
@@ -72,7 +71,7 @@ def _checked(arguments: argparse.Namespace) -> Scenario:
     """Read the scenario; raises ScenarioError if it is not valid, ValueError for an argument that is not allowed."""
     controller, namespace = arguments.controller, arguments.namespace
     try:
-        if controller != OWN and not shlex.split(controller):
+        if controller and not shlex.split(controller):
             raise ValueError("it is empty")
     except ValueError as error:
         raise ValueError(f"--controller {controller!r} is no command: {error}") from None
@@ -93,6 +92,8 @@ def main() -> int:
     arguments = _arguments()
     try:
         scenario = _checked(arguments)
+        if arguments.controller is None:
+            arguments.controller = scenario.header.controller
         if arguments.controller in (OWN, COMPOSED):
             for key in foreign_sections(scenario):
                 print(f"note: section {key} of {scenario.path} is for no node of this session", file=sys.stderr)

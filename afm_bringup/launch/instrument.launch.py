@@ -43,8 +43,9 @@ _ARGUMENTS = {
     "namespace": ("", "namespace of the instrument; empty: that of the launch, or afm"),
     "controller": (
         "true",
-        "true: ours; composed: ours, in the simulator's process; false: yours, started elsewhere; or the command that "
-        "starts yours (it is given --ros-args --params-file FILE -r __ns:=NAMESPACE)",
+        "true: ours, in the process that the scenario says; composed: ours, in the simulator's process; false: yours, "
+        "started elsewhere; or the command that starts yours (it is given --ros-args --params-file FILE -r "
+        "__ns:=NAMESPACE)",
     ),
     "recording": (
         "true",
@@ -111,9 +112,10 @@ class Instrument:
         path = Path(launch.logging.launch_config.log_dir) / f"{self._plain}.parameters.yaml"
         more = [word for setting in settings for word in ("--set", *setting)]
         command = [executable("afm_bringup", "check_scenario"), *self._scenario, *more, "--write", str(path)]
-        end = subprocess.run(command, capture_output=True, text=True, check=False)
+        end = subprocess.run([*command, "--say-controller"], capture_output=True, text=True, check=False)
         if end.returncode:
             raise RuntimeError(end.stderr.strip().removeprefix("error: "))
+        self._composed = end.stdout.strip() == "composed"
         return str(path)
 
     def _file(self, value: str, name: str, ending: str) -> str:
@@ -126,11 +128,11 @@ class Instrument:
 
     def _add_loop(self, controller: str) -> None:
         """The simulator, and the controller that is wanted."""
-        if controller == "composed":
+        wanted = _WORDS.get(controller.lower())
+        if controller == "composed" or (wanted and self._composed):
             self._add_node("composed", "afm_bringup")
             return
         self._add_node("afm_sim_node")
-        wanted = _WORDS.get(controller.lower())
         if wanted:
             self._add_node("afm_controller_node")
         elif wanted is None:

@@ -19,6 +19,7 @@ from .parameters.scenario_files import scenario_names
 from .parts.command import Command
 from .run.simulation import Simulation, simulate
 from .studies import Comparison, compare
+from .studies.many import simulate_many
 from .studies.scatter import SweepError
 from .studies.sweep import sweep
 
@@ -53,6 +54,7 @@ __all__ = [
     "load_scenario",
     "scenario_names",
     "simulate",
+    "simulate_many",
     "specifications",
     "sweep",
 ]

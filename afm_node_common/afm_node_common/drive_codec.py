@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 
 from afm_model import Command, DriveError
+from afm_model.parts.signals import LONGEST_HORIZON
 
 from .codec import LITTLE_ENDIAN_CDR, NANOSECONDS, Codec, fill, is_text
 
@@ -64,7 +65,13 @@ class DriveCodec(Codec):
             return None
         _, seconds, nanoseconds, frame, sequence = layout.head.unpack_from(data)
         period, count = _PERIOD_AND_COUNT.unpack_from(data, voltage + _VOLTAGE)
-        if len(data) != behind + count * _DRIVE or not is_text(frame[4:]) or seconds < 0 or nanoseconds >= NANOSECONDS:
+        if (
+            count > LONGEST_HORIZON
+            or len(data) != behind + count * _DRIVE
+            or not is_text(frame[4:])
+            or seconds < 0
+            or nanoseconds >= NANOSECONDS
+        ):
             return None
         numbers = np.frombuffer(data, np.float64, 3, voltage)
         horizon = np.frombuffer(data, np.float64, 3 * count, behind).reshape(count, 3)

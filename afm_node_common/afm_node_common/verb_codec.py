@@ -1,22 +1,24 @@
 """Verbs and what they bring back as actions of afm_msgs, both ways: by the fields that both declare, of the same names.
 
-A verb of this package has an action of its own. Any other is asked for by the action `verb`, with fields as text and a
-result of named arrays.
+A verb of this package has an action of its own. Any other is asked for by the action `verb`, with its fields as
+parameters and a result of named arrays.
 """
 
 import array
 import dataclasses
-import json
-from collections.abc import Mapping, Sequence
-from typing import Any, get_args, get_type_hints
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from afm_msgs import action, msg
 from afm_msgs.msg import NamedArray, ScanLine
+from diagnostic_msgs.msg import KeyValue
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from afm_model.core import registry
 from afm_model.core.errors import ParameterError
-from afm_model.core.schema import python_value, specifications
+from afm_model.core.schema import python_value
 from afm_model.microscope.arrays import Arrays, Variable, arrays_of
 from afm_model.microscope.image import Image, Line
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome, Standing, TimeSeries
@@ -41,13 +43,17 @@ def goal_of(verb: Verb) -> Any:
     name = action_of(verb)
     values = {field: getattr(verb, field) for field in type(verb).model_fields}
     if name != ANY:
-        given = {field: list(value) if isinstance(value, tuple) else value for field, value in values.items()}
-        return ACTIONS[name].Goal(**given)
+        kinds = ACTIONS[name].Goal.get_fields_and_field_types()
+        for field, value in values.items():
+            if isinstance(value, tuple):
+                values[field] = list(value)
+            elif kinds[field] == "sequence<string>":  # several words, which are one text in the verb
+                values[field] = [word for each in value.split(",") if (word := each.strip())]
+        return ACTIONS[name].Goal(**values)
     kind = type(verb)
     known = verb.name in registry.names("verb") and find(verb.name) is kind
-    texts = [value if isinstance(value, str) else json.dumps(value) for value in values.values()]
     title = verb.name if known else f"{kind.__module__}:{kind.__qualname__}"
-    return ACTIONS[ANY].Goal(verb=title, names=list(values), values=texts)
+    return ACTIONS[ANY].Goal(verb=title, fields=parameters(values))
 
 
 def verb_of(name: str, goal: Any) -> Verb:
@@ -58,23 +64,12 @@ def verb_of(name: str, goal: Any) -> Verb:
     ParameterError
         If there is no such verb, or a value is not allowed: one sentence.
     """
-    if name != ANY:
-        verb = find(name)
-        return verb.of({field: getattr(goal, field) for field in verb.model_fields})
-    verb = find(goal.verb)
-    words = {spec.name for spec in specifications(verb) if spec.kind is str}
-    if len(goal.names) != len(goal.values):
-        count = f"{len(goal.names)} names with {len(goal.values)} values"
-        raise ParameterError(f"{count} are not allowed: each name needs one value")
-    given = zip(goal.names, goal.values, strict=True)
-    return verb.of({field: text if field in words else _parsed(text) for field, text in given})
-
-
-def _parsed(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text
+    if name == ANY:
+        return find(goal.verb).of(values_of(goal.fields))
+    verb = find(name)
+    given = {field: getattr(goal, field) for field in verb.model_fields}
+    # A list is one of words: numbers come as arrays.
+    return verb.of({field: ", ".join(value) if isinstance(value, list) else value for field, value in given.items()})
 
 
 def put_outcome(outcome: Outcome, result: Any) -> Any:
@@ -120,7 +115,7 @@ def _result(verb: Verb, result: Any, image: Image | None) -> Any:
     if verb.returns is Image:
         if image is not None:
             image.line_rate, image.start = result.line_rate, result.start
-            image.metadata = dict(zip(result.metadata_names, result.metadata_values, strict=True))
+            image.metadata = values_of(result.metadata)
         return image
     if several := get_args(verb.returns):
         (name,) = set(result.get_fields_and_field_types()) - set(_TOLD)
@@ -129,19 +124,18 @@ def _result(verb: Verb, result: Any, image: Image | None) -> Any:
     return None if getattr(result, "unit", "1") == "" else _decoded(verb.returns, result, verb=verb)
 
 
-# Dataclasses and messages with fields of the same names; a mapping is two lists, `NAME_names` and `NAME_values`.
+# Dataclasses and messages with fields of the same names; a mapping is a list of parameters, or of texts with keys.
 
 
 def _put(found: Any, message: Any) -> Any:
-    for name in message.get_fields_and_field_types():
-        base, _, part = name.rpartition("_")
+    for name, kind in message.get_fields_and_field_types().items():
         value = getattr(found, name, None)
         if name not in _TOLD and value is not None and not isinstance(value, Verb):
-            setattr(message, name, _encoded(value))
-        elif part in ("names", "values") and hasattr(found, base):
-            mapping = getattr(found, base)
-            values = [each if isinstance(each, str) else float(each) for each in mapping.values()]
-            setattr(message, name, list(mapping) if part == "names" else values)
+            if kind == "sequence<diagnostic_msgs/KeyValue>":
+                value = [KeyValue(key=key, value=text) for key, text in value.items()]
+            else:
+                value = parameters(value) if kind == "sequence<rcl_interfaces/Parameter>" else _encoded(value)
+            setattr(message, name, value)
     return message
 
 
@@ -163,9 +157,8 @@ def _decoded(kind: Any, message: Any, **given: Any) -> Any:
     for name, hint in get_type_hints(kind).items():
         if name in given:
             values[name] = given[name]
-        elif not hasattr(message, name):
-            names, each = (getattr(message, f"{name}_{part}") for part in ("names", "values"))
-            values[name] = dict(zip(names, each, strict=True))
+        elif get_origin(hint) is Mapping:
+            values[name] = values_of(getattr(message, name))
         else:
             value = getattr(message, name)
             nested = dataclasses.is_dataclass(hint)
@@ -185,6 +178,42 @@ def numbers(*arrays: Any) -> Any:
     return found
 
 
+def parameters(values: Mapping[str, Any]) -> list[ParameterMessage]:
+    """Numbers, texts and lists of them as they go over topics, with their names."""
+    return [Parameter(name, value=_parameter_value(value)).to_parameter_msg() for name, value in values.items()]
+
+
+def _parameter_value(value: Any) -> Any:
+    if isinstance(value, str) or not hasattr(value, "__len__"):
+        return python_value(value)
+    each = [python_value(one) for one in value]
+    # A list has one type.
+    return [float(one) for one in each] if any(isinstance(one, float) for one in each) else each
+
+
+def values_of(messages: Iterable[Any]) -> dict[str, Any]:
+    """The inverse of `parameters`; also of texts with their keys.
+
+    Raises
+    ------
+    ParameterError
+        If a name comes twice, or without a value.
+    """
+    values: dict[str, Any] = {}
+    for each in messages:
+        texts = isinstance(each, KeyValue)
+        name = each.key if texts else each.name
+        if name in values:
+            raise ParameterError(f"the name {name} is given twice: each name needs one value")
+        try:
+            values[name] = each.value if texts else parameter_value_to_python(each.value)
+        except RuntimeError:  # a type that there is not
+            values[name] = None
+        if values[name] is None:
+            raise ParameterError(f"{name} has no value: it must have one, with the type that the value has")
+    return values
+
+
 def channels_of(message: Any, length: int) -> tuple[dict[str, Any], dict[str, str]]:
     """Channels of a message that has `channels`, `units` and `data` one after the other; their units."""
     # A message that has arrived is nobody else's: its numbers are not copied.
@@ -202,19 +231,20 @@ FRAME = (
 
 def line_of(message: ScanLine) -> Line:
     """The line that a message brings."""
-    return Line(message.index, message.direction, message.time, channels_of(message, message.pixels)[0])
+    stamp = message.header.stamp
+    time = (stamp.sec * 1_000_000_000 + stamp.nanosec) / 1e9
+    return Line(message.index, message.direction, time, channels_of(message, message.pixels)[0])
 
 
 # Named arrays.
 
 
 def _put_arrays(arrays: Arrays, result: Any) -> None:
-    result.attribute_names, result.attribute_values = _texts(arrays.attributes)
+    result.attributes = parameters(arrays.attributes)
     for coordinate, group in ((False, arrays.variables), (True, arrays.coordinates)):
         for name, (dims, values, attributes) in group.items():
-            names, texts = _texts(attributes)
             message = NamedArray(name=name, coordinate=coordinate, dimensions=list(dims), shape=list(values.shape))
-            message.attribute_names, message.attribute_values = names, texts
+            message.attributes = parameters(attributes)
             if values.dtype.kind == "U":
                 message.words = values.ravel().tolist()
             else:
@@ -222,18 +252,10 @@ def _put_arrays(arrays: Arrays, result: Any) -> None:
             result.arrays.append(message)
 
 
-def _texts(attributes: Mapping[str, Any]) -> tuple[list[str], list[str]]:
-    return list(attributes), [json.dumps(value) for value in attributes.values()]
-
-
-def _attributes(message: Any) -> dict[str, Any]:
-    return dict(zip(message.attribute_names, map(json.loads, message.attribute_values), strict=True))
-
-
 def _arrays(result: Any) -> Arrays:
     groups: tuple[dict[str, Variable], dict[str, Variable]] = ({}, {})
     for each in result.arrays:
         values = np.array(each.words) if len(each.words) else np.array(each.data, np.float64)
-        made = Variable(tuple(each.dimensions), values.reshape(tuple(each.shape)), _attributes(each))
+        made = Variable(tuple(each.dimensions), values.reshape(tuple(each.shape)), values_of(each.attributes))
         groups[each.coordinate][each.name] = made
-    return Arrays(*groups, _attributes(result))
+    return Arrays(*groups, values_of(result.attributes))

@@ -53,18 +53,8 @@ def control_trace(message: ControlTrace) -> None:
         )
 
 
-def status(message: InstrumentStatus) -> None:
-    """Check a state of the instrument."""
-    _stamp(message.header)
-
-
-def event(message: Event) -> None:
-    """Check an event of a run."""
-    _stamp(message.header)
-
-
-def score(message: Score) -> None:
-    """Check a score."""
+def stamp(message: InstrumentStatus | Event | Score) -> None:
+    """Check the time of a state, an event or a score."""
     _stamp(message.header)
 
 
@@ -96,9 +86,6 @@ def scan_line(message: ScanLineMessage) -> ScanLine:
         )
     if len(message.data) != count * scan.pixels:
         raise InvalidMessage(f"{len(message.data)} numbers of {count} channels: it must be {count * scan.pixels}")
-    stamp = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-    if not abs(message.time - stamp) <= 1e-6:
-        raise InvalidMessage(f"time {message.time:g} s with a stamp of {stamp:g} s: it must be the same")
     return ScanLine(message.scan, scan, line_of(message), dict(zip(names, message.units, strict=True)))
 
 

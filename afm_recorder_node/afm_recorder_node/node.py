@@ -32,9 +32,10 @@ from .writer import Level
 
 _PERIOD = 0.2
 """Wall time between two checks of the other nodes, status messages and chances to flush [s]."""
-_SETTLE, _DRAIN_LIMIT = 0.5, 10.0
-"""At the end, wall time to wait for the last blocks of an instrument that ends too, and for published blocks that are
-missing: the middleware may take more than its heartbeat of 3 s to repeat lost messages [s]."""
+_SETTLE, _SILENCE, _DRAIN_LIMIT = 0.5, 4.0, 10.0
+"""At the end, wall time to wait for the last blocks of an instrument that ends too; for published blocks that are
+missing, while nothing comes (more than the middleware's heartbeat of 3 s, with which it repeats lost messages: a killed
+instrument repeats none), and at all [s]."""
 
 _STATES = {int(state): state.name for state in State}
 _LEVELS: dict[str, Level] = {
@@ -77,15 +78,18 @@ class RecorderNode(Node):
 
     def finish(self, spin_once: Callable[[float], None]) -> None:
         """Receive the last messages, then close the recording."""
-        begin = now = time.monotonic()
-        while now < begin + _DRAIN_LIMIT:
+        begin = heard = now = time.monotonic()
+        counts = self.recorder.counts()
+        while now < min(begin + _DRAIN_LIMIT, heard + _SILENCE):
             ended = self._status.state in _ENDED or now >= begin + _SETTLE
             # The score comes on another topic, before or after the last status.
             scored = self.recorder.scored or not self._score.get_publisher_count() or now >= begin + _SETTLE
             if ended and scored and self.recorder.has(self._status.ticks, self._status.samples):
                 break
             spin_once(0.05)
-            now = time.monotonic()
+            before, counts, now = counts, self.recorder.counts(), time.monotonic()
+            if counts != before:
+                heard = now
         try:
             self.recorder.close()
         except OSError as error:
@@ -111,7 +115,7 @@ class RecorderNode(Node):
         self.recorder.line(checks.scan_line(message))
 
     def _on_status(self, message: InstrumentStatus) -> None:
-        checks.status(message)
+        checks.stamp(message)
         self._presence.heard()
         self._status = message
         state = _STATES.get(message.state, f"state {message.state}")
@@ -119,13 +123,13 @@ class RecorderNode(Node):
         self.recorder.state(_nanoseconds(message.header), message.ticks, text, _LEVELS.get(state, "INFO"))
 
     def _on_score(self, message: Score) -> None:
-        checks.score(message)
-        values = {name: _plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
+        checks.stamp(message)
+        values = _plain(message)
         del values["header"]
         self.recorder.score(_nanoseconds(message.header), values)
 
     def _on_event(self, message: Event) -> None:
-        checks.event(message)
+        checks.stamp(message)
         self.recorder.event(_nanoseconds(message.header), message.text)
 
     def _on_known(self, node: str, values: dict[str, Any]) -> None:
@@ -139,13 +143,13 @@ class RecorderNode(Node):
             full_name(info.node_name, info.node_namespace)
             for info in self.get_publishers_info_by_topic(self.resolve_topic_name(topics.CONTROL_TRACE))
         ]
-        parties = {self._status.controller, *instruments}
+        parties = {*self._status.controllers, *instruments}
         self._presence.look()
         self._watch.look(parties)
         self._channels.look()
         streams = [self._trace, *(self._channels.subscriptions[signal.name] for signal in layout.CHANNELS)]
         heard = all(stream.get_publisher_count() > 0 for stream in streams)
-        self._ready = heard and bool(self._status.controller) and self._watch.settled(parties)
+        self._ready = heard and bool(self._status.controllers) and self._watch.settled(parties)
         for name in instruments:
             height = self._watch.values.get(name, {}).get("cantilever.a", 0.0)
             if name in self._watch.values and isinstance(height, int | float):
@@ -172,9 +176,11 @@ def _rows(values: Any) -> NDArray[np.float64]:
     return np.frombuffer(values).reshape(-1, 3)
 
 
-def _plain(value: Any) -> object:
-    """A number, a text or a list of numbers, for the text of the score."""
-    return value.tolist() if isinstance(value, np.ndarray) else value
+def _plain(value: Any) -> Any:
+    """A message as numbers, texts and dicts, for the text of the score."""
+    if hasattr(value, "get_fields_and_field_types"):
+        return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
+    return value
 
 
 def _nanoseconds(header: Header) -> int:

@@ -2,7 +2,6 @@
 
 from bisect import bisect_left
 
-from afm_msgs.msg import Event
 from afm_msgs.srv import OrderFault
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -14,7 +13,7 @@ from afm_node_common import topics
 from afm_node_common.parameters import Declared
 from afm_node_common.process import SimNodeParameters
 
-from .streams import stamp
+from .events import Events
 
 
 class Faults:
@@ -28,11 +27,11 @@ class Faults:
     run : Run
     declared : Declared
         The parameters of the node.
+    events : Events
     """
 
-    def __init__(self, node: Node, run: Run, declared: Declared[SimNodeParameters]) -> None:
-        self._run, self._declared = run, declared
-        self._publisher = node.create_publisher(Event, topics.EVENTS, topics.EVENTS_QOS)
+    def __init__(self, node: Node, run: Run, declared: Declared[SimNodeParameters], events: Events) -> None:
+        self._run, self._declared, self._publish = run, declared, events.publish
         self._log = node.get_logger()
         self._told = 0
         self._known: SimNodeParameters | None = None
@@ -48,10 +47,7 @@ class Faults:
         if self._run.instrument.has_faults:
             for tick, text in self._happened(self._told, ticks):
                 self._log.warning(text)
-                message = Event(tick=tick, text=text)
-                message.header.frame_id = topics.FRAME
-                message.header.stamp = stamp(round(tick * self._period * 1e9))
-                self._publisher.publish(message)
+                self._publish(tick, round(tick * self._period * 1e9), text)
         self._told = ticks
 
     def _happened(self, begin: int, end: int) -> list[tuple[int, str]]:

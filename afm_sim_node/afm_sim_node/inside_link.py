@@ -37,9 +37,9 @@ class InsideLink(NodeLink):
         """wait(timeout): there is nothing to wake for."""
 
     @property
-    def controller(self) -> str:
+    def controllers(self) -> list[str]:
         """Which law is inside."""
-        return f"inside ({self._law})"
+        return [f"inside ({self._law})"]
 
     def close(self) -> None:
         """Let the node be destroyed."""

@@ -41,6 +41,16 @@ class NodeLink(Link):
         self._peers.look(force=True)
         return True
 
+    @property
+    def controllers(self) -> list[str]:
+        """Who moves x and y: names of nodes, or which law."""
+        raise NotImplementedError
+
+    @property
+    def controller(self) -> str:
+        """The same in words."""
+        return " and ".join(self.controllers)
+
     def objection(self) -> str:
         """The sentence about a second simulator."""
         return self._peers.rivalry()
@@ -110,9 +120,9 @@ class TopicLink(NodeLink):
         return bool(self._inbox.publishers and self._outbox.subscribers) and super().ready()
 
     @property
-    def controller(self) -> str:
+    def controllers(self) -> list[str]:
         """Full names of the nodes that publish drives."""
-        return self._peers.controller
+        return self._peers.controllers
 
     def close(self) -> None:
         """Let the node be destroyed; nothing can be taken or published any more."""

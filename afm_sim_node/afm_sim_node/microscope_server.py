@@ -18,6 +18,7 @@ from afm_node_common.parameters import Declared
 from afm_node_common.periodic import PeriodicTask
 from afm_node_common.process import SimNodeParameters
 
+from .events import Events
 from .scan_lines import ScanLines
 from .settings import Settings, setpoint
 from .streams import stamp
@@ -45,18 +46,29 @@ class MicroscopeServer:
         Its operator was made by `operator_of`; its listener `verb_over` calls `verb_over`.
     declared : Declared
         The parameters of the node: what is set or put in stands there, and is recorded.
+    events : Events
     before_reset : callable
         Called while what happened before another sample or probe is still known.
     """
 
     def __init__(
-        self, node: Node, run: Run, declared: Declared[SimNodeParameters], before_reset: Callable[[], None]
+        self,
+        node: Node,
+        run: Run,
+        declared: Declared[SimNodeParameters],
+        events: Events,
+        before_reset: Callable[[], None],
     ) -> None:
         self._run, self._declared, self._before_reset = run, declared, before_reset
         self._lines = ScanLines(node)
         self._status = node.create_publisher(MicroscopeStatus, topics.MICROSCOPE, topics.LATCHED_QOS)
         self._told: Any = None
-        self._verbs = VerbServer(node, run, self._begun, self.publish)
+
+        def changed(event: str) -> None:
+            events.publish(run.snapshot().ticks, run.stamp_ns, event)
+            self.publish()
+
+        self._verbs = VerbServer(node, run, self._begun, changed)
         Settings(node, run, self._exchange, self._on_setting)
         self.publish()
 
@@ -105,9 +117,10 @@ class MicroscopeServer:
         self._declared.exchange(made)
 
     def _on_setting(self) -> None:
-        """The loop inside was set by a service."""
-        onboard = self._run.instrument.parameters.onboard
-        self._declared.exchange(self._declared.current.model_copy(update={"onboard": onboard}))
+        """The loop inside was set by a service, or calibrations put in use."""
+        parameters = self._run.instrument.parameters
+        news = {group: getattr(parameters, group) for group in ("onboard", "calibration")}
+        self._declared.exchange(self._declared.current.model_copy(update=news))
         self.publish()
 
     def publish(self) -> None:

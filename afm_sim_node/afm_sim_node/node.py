@@ -20,6 +20,7 @@ from afm_node_common.process import SimNodeParameters
 
 from .control import Control
 from .declared import block_ticks, declare, takes_verbs
+from .events import Events
 from .faults import Faults
 from .idle import Idle
 from .inside_link import InsideLink
@@ -80,12 +81,13 @@ class SimNode(Node):
         self._telemetry = Telemetry(self, self.run)
         self._reporter = Reporter(self, self.run, self._link, self._peers, self._streams, parameters)
         self._clock_publisher = self.create_publisher(ClockMessage, topics.clock(self.get_namespace()), 1)
-        self._faults = Faults(self, self.run, declared)
+        events = Events(self)
+        self._faults = Faults(self, self.run, declared, events)
         self._control = Control(self, self.run, before_reset=self._faults.look)
         self._standard = Standard(self, self.run, self._control) if INSTALLED else None
         if operate is not None:
             self._microscope = microscope_server.MicroscopeServer(
-                self, self.run, declared, before_reset=self._faults.look
+                self, self.run, declared, events, before_reset=self._faults.look
             )
         self._clock_at = 0.0
         looks = [self.run.blocks.end_block, self._look_for_peers, self._faults.look]

@@ -85,7 +85,7 @@ class Reporter:
             status_message(
                 self._run.snapshot(),
                 self._parameters,
-                controller=self._link.controller,
+                controllers=self._link.controllers,
                 recorders=recorders,
                 warning="; ".join(self._warnings),
             )

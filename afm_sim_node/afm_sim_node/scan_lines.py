@@ -62,7 +62,6 @@ class ScanLines:
             size_y=scan.height,
             up=scan.direction == "up",
             row=row,
-            time=line.time,
             channels=list(line.channels),
             units=[image.units[name] for name in line.channels],
             data=numbers(*line.channels.values()),

@@ -1,7 +1,10 @@
 """The score of a run as a message."""
 
+from collections.abc import Sequence
+
 import numpy as np
-from afm_msgs.msg import Score
+from afm_msgs.msg import Percentiles, Score
+from geometry_msgs.msg import Vector3
 from numpy.typing import NDArray
 
 from afm_model.instrument import ScoreSummary
@@ -34,10 +37,10 @@ def score_message(
     )
     counts = run.counts
 
-    def of_the_tip(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """NaN if the sample was away from the tip: there was no surface to track."""
+    def error(values: NDArray[np.float64]) -> Vector3:
+        """z is NaN if the sample was away from the tip: there was no surface to track."""
         away = counts.scored_ticks_retracted or counts.scored_ticks_withdrawn
-        return np.where(np.arange(3) == _Z, np.nan, values) if away else values
+        return _vector(np.where(np.arange(3) == _Z, np.nan, values) if away else values)
 
     score = Score(
         start=parameters.score_start,
@@ -45,22 +48,24 @@ def score_message(
         valid=not reason,
         reason=reason,
         warning=shortfall(run),
-        rms=of_the_tip(summary.rms),
-        max=of_the_tip(summary.max),
-        max_percent=of_the_tip(summary.max_percent),
-        drive_total_variation=summary.drive_total_variation,
-        extent=summary.extent,
+        rms=error(summary.rms),
+        max=error(summary.max),
+        max_percent=error(summary.max_percent),
+        drive_total_variation=_vector(summary.drive_total_variation),
+        extent=_vector(summary.extent),
         stick_phases=summary.stick_phases,
         stick_fraction=summary.stick_fraction,
         contact_fraction=summary.contact_fraction,
         retracted_fraction=retracted_fraction(summary, run),
-        friction=summary.friction,
-        normal_force=summary.normal_force,
+        friction_min=summary.friction[0],
+        friction_max=summary.friction[1],
+        normal_force_min=summary.normal_force[0],
+        normal_force_max=summary.normal_force[1],
         simulated=run.time,
         wall=run.elapsed,
-        round_trip=delays.round_trip,
-        lateness=delays.lateness,
-        command_age=delays.command_age,
+        round_trip=_percentiles(delays.round_trip),
+        lateness=_percentiles(delays.lateness),
+        command_age=_percentiles(delays.command_age),
         drives_lost=counts.drives_lost,
         horizon_ticks=counts.horizon_ticks,
         drives_refused=counts.drives_refused,
@@ -76,8 +81,18 @@ def score_message(
         ticks_withdrawn=counts.ticks_withdrawn,
         scored_ticks_withdrawn=counts.scored_ticks_withdrawn,
         trajectory_sha256=trajectory_sha256,
-        faults=run.faults_acted,
+        faults=list(run.faults_acted),
     )
     score.header.frame_id = topics.FRAME
     score.header.stamp = stamp(run.stamp_ns)
     return score
+
+
+def _vector(values: NDArray[np.float64]) -> Vector3:
+    x, y, z = values.tolist()
+    return Vector3(x=x, y=y, z=z)
+
+
+def _percentiles(times: Sequence[float]) -> Percentiles:
+    p50, p99, p99_9, largest = times
+    return Percentiles(p50=p50, p99=p99, p99_9=p99_9, max=largest)

@@ -1,7 +1,7 @@
-"""Services by which the microscope is set between two ticks: setpoint, gains, feedback, sample, probe."""
+"""Services by which the microscope is set between two ticks: setpoint, gains, feedback, calibrations, sample, probe."""
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -11,6 +11,8 @@ from rclpy.node import Node
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.run import Run
 from afm_node_common import topics
+from afm_node_common.barrier import sentence
+from afm_node_common.verb_codec import values_of
 
 Exchanging = Callable[[str, dict[str, Any]], None]
 """exchange(group, changes): another sample or plant; raises ParameterError or VerbError."""
@@ -34,6 +36,7 @@ class Settings:
         node.create_service(SetSetpoint, topics.SET_SETPOINT, self._set_setpoint)
         node.create_service(SetGains, topics.SET_GAINS, self._set_gains)
         node.create_service(SetFeedback, topics.SET_FEEDBACK, self._set_feedback)
+        node.create_service(Exchange, topics.SET_CALIBRATION, self._set_calibration)
         for topic, group in ((topics.SET_SAMPLE, "sample"), (topics.SET_PROBE, "plant")):
             node.create_service(Exchange, topic, partial(self._exchange_part, group))
 
@@ -44,7 +47,7 @@ class Settings:
                 change()
             response.message = "; ".join(str(each.message) for each in told)
         except (ParameterError, VerbError) as error:
-            response.message = str(error)
+            response.message = sentence(error)
         else:
             response.success = True
             self._changed()
@@ -64,9 +67,12 @@ class Settings:
     def _set_feedback(self, request: Any, response: Any) -> Any:
         return self._try(partial(self._run.operator.set_feedback, request.mode), response)
 
+    def _set_calibration(self, request: Any, response: Any) -> Any:
+        return self._try(lambda: self._run.operator.use(**values_of(request.parameters)), response)
+
     def _exchange_part(self, group: str, request: Any, response: Any) -> Any:
         def change() -> None:
-            self._exchange(group, _values(request.names, request.values))
+            self._exchange(group, values_of(request.parameters))
 
         return self._try(change, response)
 
@@ -77,36 +83,3 @@ def setpoint(run: Run) -> tuple[float, float]:
     parameters = run.instrument.parameters
     known = parameters.plant.spring_constant(parameters) != 0.0
     return volts, volts / parameters.plant.deflection_voltage(parameters, 1.0) if known else float("nan")
-
-
-def _values(names: Sequence[str], values: Sequence[str]) -> dict[str, Any]:
-    """What is written as text, as numbers and words.
-
-    Raises
-    ------
-    ParameterError
-        If a name has no value, or several.
-    """
-    if len(names) != len(values):
-        raise ParameterError(f"{len(names)} names with {len(values)} values are not allowed: each name needs one value")
-    read: dict[str, Any] = {}
-    for name, text in zip(names, values, strict=True):
-        if name in read:
-            raise ParameterError(f"the name {name} is given twice: each name needs one value")
-        read[name] = _value(text)
-        if read[name] == "":
-            raise ParameterError(f"{name} =  is not allowed: it must be a number, true, false or a word")
-    return read
-
-
-def _value(text: str) -> bool | int | float | str:
-    """Not by YAML: to it `010` is 8 and `1:30` is 90, and it raises errors of many kinds, which would end the node."""
-    word = text.strip()
-    if word.lower() in ("true", "false"):
-        return word.lower() == "true"
-    for number in (int, float):
-        try:
-            return number(word)
-        except ValueError:
-            continue
-    return word

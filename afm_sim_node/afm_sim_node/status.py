@@ -1,5 +1,7 @@
 """A run as InstrumentStatus."""
 
+from collections.abc import Sequence
+
 from afm_msgs.msg import InstrumentStatus
 
 from afm_model.run import Snapshot
@@ -10,7 +12,7 @@ from .streams import stamp
 
 
 def status_message(
-    run: Snapshot, parameters: SimNodeParameters, *, controller: str, recorders: int, warning: str
+    run: Snapshot, parameters: SimNodeParameters, *, controllers: Sequence[str], recorders: int, warning: str
 ) -> InstrumentStatus:
     """The message about a run as it is now.
 
@@ -18,8 +20,8 @@ def status_message(
     ----------
     run : Snapshot
     parameters : SimNodeParameters
-    controller : str
-        Full name of who publishes drives.
+    controllers : sequence of str
+        Full names of who publishes drives.
     recorders : int
         How many receive every stream.
     warning : str
@@ -33,7 +35,7 @@ def status_message(
         warning=warning,
         plant=parameters.plant.kind,
         mode=parameters.run.mode,
-        controller=controller,
+        controllers=list(controllers),
         recorders=recorders,
         control_period=parameters.plant.control_period,
         duration=parameters.run.duration,
@@ -53,7 +55,7 @@ def status_message(
         withdrawals=counts.withdrawals,
         ticks_withdrawn=counts.ticks_withdrawn,
         in_contact=run.in_contact,
-        faults=run.faults,
+        faults=list(run.faults),
     )
     status.header.frame_id = topics.FRAME
     status.header.stamp = stamp(run.stamp_ns)

@@ -32,6 +32,8 @@ def clock_bytes(nanoseconds: int) -> bytes:
     return struct.pack("<4siI", b"\0\1\0\0", *divmod(nanoseconds, 1_000_000_000))
 
 
+_BOOKKEEPING = ("verb_number", "verb_step", "verb_done")
+"""Channels by which a verb finds its samples: no signals. Verbs are told as events."""
 _LONGEST_QUEUE = 500
 """Messages that wait to be published at most: some seconds of a run that leaves no time for them."""
 
@@ -57,7 +59,9 @@ class Streams:
         self._control_period = parameters.plant.control_period
         self._sample_period = detector.sample_period
         self._channels = [
-            (self._publisher(node, channel.name), channel.scale(parameters), channel.unit) for channel in channels
+            (number, self._publisher(node, channel.name), channel.scale(parameters), channel.unit)
+            for number, channel in enumerate(channels)
+            if channel.name not in _BOOKKEEPING
         ]
         self._trace = node.create_publisher(ControlTrace, topics.CONTROL_TRACE, topics.STREAM_QOS)
         self._queue: deque[Callable[[], None]] = deque()
@@ -69,7 +73,7 @@ class Streams:
     @property
     def subscribers(self) -> int:
         """Subscribers that receive every stream."""
-        publishers = [self._trace, *(publisher for publisher, *_ in self._channels)]
+        publishers = [self._trace, *(publisher for _, publisher, *_ in self._channels)]
         return min(int(publisher.get_subscription_count()) for publisher in publishers)
 
     def wait_for_delivery(self, timeout: float) -> None:
@@ -79,13 +83,13 @@ class Streams:
         """
         self.publish_all()
         limit = time.monotonic() + timeout
-        for publisher in (self._trace, *(publisher for publisher, *_ in self._channels)):
+        for publisher in (self._trace, *(publisher for _, publisher, *_ in self._channels)):
             publisher.wait_for_all_acked(Duration(seconds=max(limit - time.monotonic(), 0.0)))
 
     def put(self, block: Block, round_trip: NDArray[np.float32]) -> None:
         """Take over a block and the round trips [s] of its ticks, (ticks,)."""
-        for number in range(len(self._channels)):
-            self._queue.append(partial(self._publish_samples, block, number))
+        for channel in self._channels:
+            self._queue.append(partial(self._publish_samples, block, *channel))
         self._queue.append(partial(self._publish_trace, block, round_trip))
         while len(self._queue) > _LONGEST_QUEUE:
             self.publish_one()
@@ -104,8 +108,7 @@ class Streams:
         while self._queue:
             self.publish_one()
 
-    def _publish_samples(self, block: Block, number: int) -> None:
-        publisher, scale, unit = self._channels[number]
+    def _publish_samples(self, block: Block, number: int, publisher: Any, scale: float, unit: str) -> None:
         if publisher.get_subscription_count():
             publisher.publish(
                 self._encode_waveform(

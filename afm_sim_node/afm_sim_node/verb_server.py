@@ -98,10 +98,10 @@ class VerbServer:
     begun : callable
         begun(verb): a verb is about to begin.
     changed : callable
-        changed(): a verb has begun or ended.
+        changed(event): a verb has begun or ended, in a sentence.
     """
 
-    def __init__(self, node: Node, run: Run, begun: Callable[[Verb], object], changed: Callable[[], object]) -> None:
+    def __init__(self, node: Node, run: Run, begun: Callable[[Verb], object], changed: Callable[[str], object]) -> None:
         self._run, self._begun, self._changed = run, begun, changed
         self._log = node.get_logger()
         self._clients = Clients(node)
@@ -152,7 +152,7 @@ class VerbServer:
         if going is not None:
             self.last = outcome.message or f"{going.title} was done"
             going.over(outcome)
-        self._changed()
+            self._changed(self.last)
 
     def _cancel(self, goal: ServerGoalHandle) -> CancelResponse:
         going = self._going
@@ -188,7 +188,7 @@ class VerbServer:
         except BaseException:
             self._going = None
             raise
-        self._changed()
+        self._changed(f"{type(verb).__name__} has begun")
 
     def _over(self, name: str, goal: ServerGoalHandle, result: Any, outcome: Outcome) -> None:
         put_outcome(outcome, result)

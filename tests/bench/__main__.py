@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import kernel
+import lanes
 import lever
 import loops
 import machine
@@ -26,7 +27,7 @@ from rich.markup import escape
 from rich.table import Table
 
 PERIODS = (2e-6, 1e-5, 2e-5, 5e-5)
-PARTS = ("kernel", "lever", "composed", "processes", "recorder", "realtime", "startup", "sweep", "verbs")
+PARTS = ("kernel", "lanes", "lever", "composed", "processes", "recorder", "realtime", "startup", "sweep", "verbs")
 
 
 class Report:
@@ -64,6 +65,20 @@ def bench_kernel(report: Report, folder: Path) -> None:
             c["ratio"],
         )
     report.add("plant, times real time at a step of 1 us", f"{numba['real_time_factor']:.1f}")
+
+
+def bench_lanes(report: Report, folder: Path) -> None:
+    """The plant's step for many instruments."""
+    report.begin("the plant in lanes")
+    figures = report.data["lanes"] = lanes.measure(folder)
+    for name, text in (("scalar", "one by one"), ("c_native", "in C, one by one")):
+        if name in figures:
+            report.add(
+                f"plant in lanes, ns a step and instrument (floor: {text})",
+                f"{figures['lanes']:.1f}",
+                f"{figures[name]:.0f}",
+                figures["lanes"] / figures[name],
+            )
 
 
 def bench_lever(report: Report) -> None:
@@ -213,6 +228,7 @@ def main() -> int:
         folder = Path(name)
         parts = {
             "kernel": lambda: bench_kernel(report, folder),
+            "lanes": lambda: bench_lanes(report, folder),
             "lever": lambda: bench_lever(report),
             "composed": lambda: bench_composed(report, folder, arguments.ticks),
             "processes": lambda: bench_processes(report, folder, arguments.ticks),

@@ -7,7 +7,7 @@ from typing import Any
 
 import rclpy
 import yaml
-from afm_msgs.msg import Score
+from afm_msgs.msg import Percentiles, Score
 from machine import cpu_seconds, executable, resident_megabytes, running
 from rclpy.node import Node
 
@@ -96,6 +96,11 @@ class Run:
             rclpy.shutdown()
 
 
+def percentiles(times: Percentiles) -> list[float]:
+    """Median, percentiles and largest [s]."""
+    return [getattr(times, name) for name in times.get_fields_and_field_types()]
+
+
 def lockstep(
     folder: Path, control_period: float, ticks: int, *, composed: bool, recorded: bool = False
 ) -> dict[str, Any]:
@@ -108,7 +113,7 @@ def lockstep(
         "ticks": ticks,
         "ticks_per_second": ticks / score.wall,
         "real_time_factor": score.simulated / score.wall,
-        "round_trip_s": list(score.round_trip),
+        "round_trip_s": percentiles(score.round_trip),
         "trajectory_sha256": score.trajectory_sha256,
         "resident_mb": run.resident,
         **run.recorder,

@@ -81,17 +81,13 @@ static double u_of_indentation(double d)
 {
     if (d <= INDENTATION_FIXED_GRIPS)
         return U_FIXED_GRIPS;
-    if (d > 1e4) {
-        double u = sqrt(sqrt(d));
-        for (int i = 0; i < 4; i++)
-            u -= (u * (u * u * u - 2.0 / 3.0) - d) / (4.0 * u * u * u - 2.0 / 3.0);
-        return u;
-    }
     double discriminant = larger(1.0 / 1296.0 + d * d * d / 27.0, 0.0);
     double c = cube_root(1.0 / 36.0 + sqrt(discriminant));
     double m = c - d / (3.0 * c);
     double root = sqrt(2.0 * m);
     double u = 0.5 * (root + sqrt(larger(4.0 / (3.0 * root) - 2.0 * m, 0.0)));
+    if (d > 1e4)
+        u = sqrt(sqrt(d)) + 1.0 / (6.0 * sqrt(d));
     double slope = 4.0 * u * u * u - 2.0 / 3.0;
     if (slope > 1e-6)
         u -= (u * (u * u * u - 2.0 / 3.0) - d) / slope;

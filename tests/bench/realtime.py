@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from loops import Run
+from loops import Run, percentiles
 
 _PERIOD = 1e-3
 _CONTROL_PERIOD = 2e-6
@@ -55,9 +55,9 @@ def measure(folder: Path, seconds: float) -> list[dict[str, Any]]:
             {
                 "privileged": privileged,
                 "seconds": seconds,
-                "lateness_s": list(score.lateness),
+                "lateness_s": percentiles(score.lateness),
                 "periods_missed": score.periods_missed,
-                "command_age_s": list(score.command_age),
+                "command_age_s": percentiles(score.command_age),
                 "c": floor,
             }
         )

@@ -68,6 +68,16 @@ def test_row_is_the_single_run_to_the_last_bit(cluster):
         assert (row["stick_fraction"], row["contact_fraction"]) == (score.stick_fraction, score.contact_fraction)
 
 
+def test_table_in_lanes_is_that_of_runs_one_by_one(cluster):
+    sets = {SEED: list(range(8)), "afm_sim_node.piezo.limit": [0.0, 1e-3]}
+    tables = [
+        sweep(scenario(), sets, scheduler=cluster, fingerprint=True, lanes=lanes, progress=False)
+        for lanes in (True, False)
+    ]
+    assert tables[0]["error"].notna().sum() == 8
+    pd.testing.assert_frame_equal(*tables)
+
+
 def test_rows_of_a_table_keep_order_and_index(cluster):
     rows = pd.DataFrame({SEED: [7, 3, 7], ALPHA: [10.0, 20.0, 10.0]}, index=["a", "b", "c"])
     table = sweep(scenario(), rows, scheduler=cluster, fingerprint=True, progress=False)

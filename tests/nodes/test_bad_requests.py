@@ -21,6 +21,7 @@ from support import Command, Graph, executable, ros_arguments
 
 from afm_node_common import topics
 from afm_node_common.shared_memory import used_by
+from afm_node_common.verb_codec import parameters
 
 EVIL = "import pathlib\npathlib.Path({mark!r}).touch()\nraise SystemExit('ended by a message')\n"
 FAILS = """
@@ -58,8 +59,8 @@ class Server:
         self.client.destroy_client(client)
         return future.result()
 
-    def exchange(self, **values: str) -> str:
-        found = self.call(Exchange, topics.SET_SAMPLE, names=list(values), values=list(values.values()))
+    def exchange(self, **values: str | float) -> str:
+        found = self.call(Exchange, topics.SET_SAMPLE, parameters=parameters(values))
         assert found.success == (not found.message)
         return str(found.message)
 
@@ -94,7 +95,7 @@ def test_bad_maps_are_refused_in_a_sentence_and_the_simulator_goes_on(server: Se
     for name, content in {"empty.npy": b"", "nested.gwy": nested, "empty.png": b"", "x" * 5000 + ".npy": None}.items():
         if content is not None:
             (server.folder / name).write_bytes(content)
-        told = server.exchange(kind="map", file=str(server.folder / name), width="1e-6")
+        told = server.exchange(kind="map", file=str(server.folder / name), width=1e-6)
         assert "cannot be read as a height map: " in told or "there is no file" in told
         assert len(told) < 1000
     assert server.exchange(kind="flat") == ""
@@ -112,7 +113,7 @@ def test_message_runs_no_code_but_chooses_parts_that_were_named_at_start(server:
     assert "evil:X was not loaded" in server.graph.result(goal.get_result_async()).result.message
     verb.destroy()
     assert not (server.folder / "mark").exists()
-    assert server.exchange(kind="patches:PATCHES", width="5e-9") == ""
+    assert server.exchange(kind="patches:PATCHES", width=5e-9) == ""
 
 
 def test_whatever_a_service_leads_to_is_answered_and_the_simulator_goes_on(server: Server) -> None:
@@ -121,14 +122,14 @@ def test_whatever_a_service_leads_to_is_answered_and_the_simulator_goes_on(serve
         assert error in told, told
         assert "of a part" in told
         assert "\n" not in told
-    assert server.exchange(kind="fails:SAMPLE", width="5e-9") == ""
+    assert server.exchange(kind="fails:SAMPLE", width=5e-9) == ""
 
 
 CLAIM = struct.pack("<I", 2**24)
 CLAIMS = (
     (SetParameters.Request, "/afm/afm_sim_node/set_parameters", CLAIM + bytes(16)),
     (GetParameters.Request, "/afm/afm_sim_node/get_parameters", CLAIM + bytes(4)),
-    (Exchange.Request, f"/afm/{topics.SET_SAMPLE}", CLAIM + bytes(8)),
+    (Exchange.Request, f"/afm/{topics.SET_SAMPLE}", CLAIM + bytes(16)),
     (action.ScanPath.Impl.SendGoalService.Request, "/afm/scan_path/_action/send_goal", bytes(16) + CLAIM),
 )
 
@@ -148,12 +149,16 @@ def test_requests_that_are_or_claim_to_be_long_take_neither_time_nor_memory(serv
     assert private
     assert {Path(path).stat().st_mode & 0o777 for path, _ in private} == {0o600}
     names = [f"name_{i}" for i in range(100_000)]
-    told = server.call(Exchange, topics.SET_SAMPLE, names=names, values=names)
-    assert told.message == "names with 100000 entries is not allowed: it must have at most 1000"
-    told = server.call(Exchange, topics.SET_SAMPLE, names=["x" * 1_000_000], values=["1"])
-    assert told.message == "an entry of names with 1000000 letters is not allowed: it must have at most 10000"
-    parameters = [Parameter(name=name) for name in names[:2000]]
-    results = server.call(SetParameters, "afm_sim_node/set_parameters", parameters=parameters).results
+    told = server.call(GetParameters, "afm_sim_node/get_parameters", names=names)
+    assert not told.values
+    told = server.call(Exchange, topics.SET_SAMPLE, parameters=[Parameter(name=name) for name in names[:2000]])
+    assert told.message == "parameters with 2000 entries is not allowed: it must have at most 1000"
+    told = server.call(Exchange, topics.SET_SAMPLE, parameters=parameters({"file": "x" * 1_000_000}))
+    assert told.message == "string_value with 1000000 letters is not allowed: it must have at most 10000"
+    told = server.exchange(**{9000 * "x": 1.0})
+    assert told.startswith("unknown parameter sample.xxx") and "\n" not in told and len(told) <= 2000
+    many = [Parameter(name=name) for name in names[:2000]]
+    results = server.call(SetParameters, "afm_sim_node/set_parameters", parameters=many).results
     assert {(result.successful, result.reason) for result in results} == {
         (False, "parameters with 2000 entries is not allowed: it must have at most 1000")
     }

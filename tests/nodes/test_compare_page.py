@@ -1,6 +1,7 @@
 """Claims about `compare` as a command: a table, a ranking, and one page that needs nothing else."""
 
 import base64
+import math
 import re
 import sys
 import warnings
@@ -14,6 +15,7 @@ import pytest
 
 from afm_bringup import compare_command
 from afm_bringup.compare_page import page
+from afm_bringup.compare_robust import robust_picture, robust_summary, robust_table
 from afm_model import Comparison, compare
 
 LAWS = ["pid", "tanh alpha=0.4", "sgn"]
@@ -110,3 +112,20 @@ def test_command_refuses_in_a_sentence(monkeypatch, capsys, tmp_path: Path):
     assert compare_command.main() == 2
     assert re.match(r"error: there is no law pidd: it must be one of ", capsys.readouterr().err)
     assert not (tmp_path / "out").exists()
+
+
+def test_table_of_wrong_models_is_a_picture_and_a_table_with_the_worst_the_median_and_what_is_lost():
+    row = {"law": "mine", "rate": "50 us", "first": 3.0, "contact": 1.0, "load": 1e-9, "lost": ""}
+    rows = [row | {"case": f"case {third:g}", "third": third} for third in (0.5, 20.0)]
+    rows.append(row | {"case": "bad", "first": math.inf, "third": math.inf, "lost": "the motion diverged"})
+    assert robust_summary(rows) == "mine: median 20 %, worst diverged (bad, 50 us), 1 of 3 lost"
+    both = rows + [each | {"law": "other", "third": 0.1, "first": 0.2, "lost": ""} for each in rows]
+    assert robust_table(both).splitlines()[2:] == [
+        "| case 0.5 | 3 → 0.5 ; 0.2 → 0.1 |",
+        "| case 20 | 3 → 20 ; 0.2 → 0.1 |",
+        "| bad | - ; 0.2 → 0.1 |",
+    ]
+    mine, other = robust_picture(both).axes
+    crosses = [line for line in mine.lines if line.get_marker() == "x"]
+    assert sum(len(line.get_xdata()) for line in crosses) == 1
+    assert "1 of 3 lost" in mine.get_title() and "0 of 3 lost" in other.get_title()

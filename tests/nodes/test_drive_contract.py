@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive
-from support import Graph, HandController, Observer, answer, ros_arguments
+from hand_controller import HandController, answer
+from support import Graph, Observer, ros_arguments
 
 from afm_node_common import topics
 from afm_sim_node.node import SimNode
@@ -53,7 +54,7 @@ def test_of_two_publishers_one_answer_to_each_measurement_counts_and_both_are_na
         graph.spin_until(lambda: counts().drives_outdated > 50)
         graph.spin_until(lambda: "/afm/first and /afm/second publish piezo_drive" in observer.status.warning)
         assert observer.status.state == InstrumentStatus.RUNNING
-        assert observer.status.controller == "/afm/first and /afm/second"
+        assert observer.status.controllers == ["/afm/first", "/afm/second"]
         # No more than one answer of the two makes a tick: the other one is the duplicate.
         assert counts().drives_outdated <= len(first.seen) + len(second.seen) - counts().drives_lost
         assert {0.01, 0.02} >= {float(measurement.drive.x) for measurement in first.seen[20:]}

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 from afm_msgs.msg import Event, InstrumentStatus, Measurement, PiezoDrive
 from afm_msgs.srv import OrderFault
+from hand_controller import HandController, answer
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
-from support import Graph, HandController, Observer, answer, ros_arguments, write_scenario
+from support import Graph, Observer, ros_arguments, write_scenario
 
 from afm_model import simulate
 from afm_model.run import Replay, recorded_parameters
@@ -108,12 +109,12 @@ def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp
         assert observer.call(graph, topics.PLAY).success
         graph.spin_until(lambda: simulator.run.instrument.ticks > tick + 200)
         assert observer.call(graph, topics.PAUSE).success
-        graph.spin_until(lambda: observer.status.faults == "mine, ordered_2")
+        graph.spin_until(lambda: observer.status.faults == ["mine", "ordered_2"])
         assert observer.clear(graph).success
         assert observer.call(graph, topics.PLAY).success
         graph.spin_until(lambda: observer.status.state == InstrumentStatus.FINISHED and observer.scores)
         score = observer.scores[0]
-        assert score.faults == "burst, mine, ordered_1, ordered_2"
+        assert score.faults == ["burst", "mine", "ordered_1", "ordered_2"]
         graph.spin_until(lambda: len(observer.events) == 8)
         told = dict((text, k) for k, text in observer.events)
         assert told["fault burst begins: noise of 1e-10 m on position_x"] == BURST[0]

@@ -9,9 +9,10 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
+from hand_controller import HandController, answer, run_in_process
 from malformed import SIZE, message, nonsense, read, spoiled
 from rclpy.node import Node
-from support import Graph, HandController, Observer, answer, ros_arguments, run_in_process
+from support import Graph, Observer, ros_arguments
 
 from afm_controller_node.node import ControllerNode
 from afm_model import Command, Controller, ControllerParameters, DriveError, Instrument, SimParameters, build

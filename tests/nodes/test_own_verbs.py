@@ -1,5 +1,6 @@
 """Claims about verbs and z loops of one's own over topics: the same bytes as in process, and refused in words."""
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from quick_lever import INSTRUMENT, LAW
+from rcl_interfaces.msg import Parameter, ParameterValue
 from support import TIMEOUT, Graph, ros_arguments
 from verbs_bench import APPROACH, SCAN
 
@@ -17,7 +19,8 @@ from afm_model import SimParameters, build
 from afm_model.core.errors import ParameterError
 from afm_model.microscope import Local, MoveTo, Standing
 from afm_model.microscope.verb import find
-from afm_node_common.verb_codec import ANY, action_of, goal_of, verb_of
+from afm_model.microscope.verbs import ScanPath
+from afm_node_common.verb_codec import ANY, action_of, goal_of, parameters, verb_of
 from afm_sim_node.node import SimNode
 
 INTEGRAL = {name: value for name, value in INSTRUMENT.items() if not name.startswith("onboard.")} | {
@@ -94,15 +97,25 @@ def test_goals_of_any_verb_keep_fields_to_the_last_bit_and_refuse_what_is_none()
     goal = goal_of(verb)
     assert goal.verb == "lift:LiftLine"
     assert verb_of(ANY, goal) == verb
-    for values, told in (
-        ({"verb": "lift:LiftLine", "names": ["lift"], "values": ["high"]}, "lift = high m is not allowed: it must be"),
-        ({"verb": "lift:LiftLine", "names": ["left"], "values": ["1"]}, "unknown parameter left: did you mean lift"),
-        ({"verb": "lift", "names": [], "values": []}, "there is no verb lift"),
-        ({"verb": "scan_path", "names": ["x"], "values": ["[0, NaN]"]}, r"x\[1\] = nan m is not allowed"),
-        ({"verb": "scan_path", "names": ["x"], "values": []}, "1 names with 0 values are not allowed"),
+    path = ScanPath(x=(0.0, 1e-9), y=())
+    assert verb_of(ANY, type(goal)(verb="scan_path", fields=parameters(path.model_dump()))) == path
+    for name, values, told in (
+        ("lift:LiftLine", {"lift": "high"}, "lift = high m is not allowed: it must be"),
+        ("lift:LiftLine", {"left": 1.0}, "unknown parameter left: did you mean lift"),
+        ("lift", {}, "there is no verb lift"),
+        ("scan_path", {"x": (0, math.nan)}, r"x\[1\] = nan m is not allowed"),
     ):
         with pytest.raises(ParameterError, match=told):
-            verb_of(ANY, type(goal)(**values))
+            verb_of(ANY, type(goal)(verb=name, fields=parameters(values)))
+    twice = 2 * parameters({"lift": 1e-9})
+    without, unknown = Parameter(name="lift"), Parameter(name="lift", value=ParameterValue(type=77))
+    for fields, told in (
+        (twice, "the name lift is given twice: each name needs one value"),
+        ([without], "lift has no value: it must have one, with the type that the value has"),
+        ([unknown], "lift has no value"),
+    ):
+        with pytest.raises(ParameterError, match=told):
+            verb_of(ANY, type(goal)(verb="lift:LiftLine", fields=fields))
 
 
 def test_verbs_of_ours_may_be_asked_for_by_their_name_too() -> None:

@@ -4,6 +4,7 @@ import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from rclpy.parameter import Parameter
 from recorder_bench import BLOCK, HEIGHT, NAMESPACE, Bench, RecorderProcess, stamp
 
 from afm_model.core.errors import ParameterError
+from afm_recorder_node import node
 from afm_recorder_node.node import RecorderNode
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import ParameterChange
@@ -84,10 +86,33 @@ def test_blocks_that_the_status_tells_of_are_waited_for(bench: Bench) -> None:
     assert len(read_recording(bench.path).time_ticks) == 2 * BLOCK
 
 
+def test_blocks_of_a_killed_instrument_are_waited_for_until_nothing_has_come_for_a_while(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.instrument.publish_block(0)
+    bench.instrument.publish_status(InstrumentStatus.RUNNING, 9 * BLOCK)
+    bench.spin_until(lambda: bench.told.ticks == BLOCK)
+    clock, later = 0.0, [2.0, 5.0]  # when the last blocks come [s]
+    monkeypatch.setattr(node, "time", SimpleNamespace(monotonic=lambda: clock))
+
+    def spin_once(timeout: float) -> None:
+        nonlocal clock
+        clock += timeout
+        if later and clock > later[0]:
+            later.pop(0)
+            bench.instrument.publish_block((2 - len(later)) * BLOCK)
+            bench.spin_until(lambda: bench.recorder.recorder.counts().ticks == (3 - len(later)) * BLOCK)
+
+    bench.recorder.finish(spin_once)
+    assert 5.0 + node._SILENCE <= clock < node._DRAIN_LIMIT
+    assert len(read_recording(bench.path).time_ticks) == 3 * BLOCK
+
+
 def test_change_of_a_parameter_is_recorded_at_its_simulated_time(bench: Bench) -> None:
     bench.instrument.publish_block(0)
     bench.instrument.publish_status(InstrumentStatus.RUNNING, BLOCK)
-    bench.spin_until(lambda: bench.told.ticks == BLOCK)
+    # The status, too: ticks come on another topic, and the time of the change is that of what was heard last.
+    bench.spin_until(lambda: bench.told.ticks == BLOCK and bench.recorder.recorder.time_ns == BLOCK * 2_000)
     known = bench.recorder.recorder.known
     bench.controller.set_parameters([Parameter("law.alpha", value=5.0)])
     bench.spin_until(lambda: known["afm_controller_node"]["law.alpha"] == 5.0)

@@ -15,13 +15,13 @@ from afm_model.microscope.image import DIRECTIONS, RETRACE, Image, Line
 from afm_model.microscope.verbs import Scan
 from afm_recorder_node import layout
 from afm_recorder_node.complete import chunks
-from afm_recorder_node.growth import LARGEST, STAGES
 from afm_recorder_node.parameters import RecorderParameters
 from afm_recorder_node.pictures import LINES
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recorder import Recorder
 from afm_recorder_node.recording import IncompleteRecording
 from afm_recorder_node.scan_lines import ScanLine
+from afm_recorder_node.scan_writer import LARGEST, STAGES
 from afm_recorder_node.writer import RecordingWriter
 
 UNITS = {"height": "m", "lateral": "N"}

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
-from support import Command, Graph, HandController, Observer, answer, executable, ros_arguments
+from hand_controller import HandController, answer
+from support import Command, Graph, Observer, executable, ros_arguments
 
 from afm_model.run import State
 from afm_sim_node.node import SimNode

@@ -3,8 +3,9 @@
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive, RecorderStatus, Waveform
 from afm_msgs.srv import Step
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from hand_controller import HandController, answer
 from std_srvs.srv import Trigger
-from support import Graph, HandController, Observer, answer, ros_arguments
+from support import Graph, Observer, ros_arguments
 
 from afm_model import Instrument, SimParameters, build
 from afm_node_common import topics
@@ -180,4 +181,4 @@ def test_score_of_a_withdrawn_run_says_so() -> None:
         assert 20 < away == score.scored_ticks_withdrawn < TICKS - 21
         assert score.reason.startswith(f"the instrument had the drive in {away} of {TICKS} scored ticks (")
         assert "withdrew the sample 1 time, because a limit was passed" in score.reason
-        assert str(score.rms[2]) == "nan"
+        assert str(score.rms.z) == "nan"

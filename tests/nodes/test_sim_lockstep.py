@@ -10,21 +10,12 @@ import numpy as np
 import pytest
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive, Score
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from hand_controller import HandController, answer, run_in_process
 from numpy.typing import NDArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 from rosgraph_msgs.msg import Clock
-from support import (
-    Command,
-    Graph,
-    HandController,
-    Observer,
-    answer,
-    executable,
-    ros_arguments,
-    run_in_process,
-    wait_until,
-)
+from support import Command, Graph, Observer, executable, ros_arguments, wait_until
 
 from afm_model import Instrument, SimParameters, build
 from afm_node_common import topics
@@ -103,7 +94,7 @@ def test_each_measurement_is_asked_once_and_each_answer_is_one_tick() -> None:
         assert score.trajectory_sha256 == expected_sha()
         status = b.observer.status
         assert (status.ticks, status.drives_lost, status.drives_refused) == (TICKS, 0, 0)
-        assert (status.plant, status.mode, status.controller) == ("compliant", "lockstep", "/afm/hand_made")
+        assert (status.plant, status.mode, status.controllers) == ("compliant", "lockstep", ["/afm/hand_made"])
         assert (status.control_period, status.duration, status.samples) == (PERIOD, TICKS * PERIOD, 2 * TICKS)
 
 
@@ -205,11 +196,12 @@ def test_stall_says_what_the_controller_sends_in_place_of_an_answer() -> None:
             else [answer(measurement, 0.0, 0.0, 0.0, a) for a in (12, 13)]
         )
 
-    with bench(confused, lockstep_timeout=0.1) as b:
+    # Longer than a machine that stands still for a moment, and shorter than the second after which it is asked again.
+    with bench(confused, lockstep_timeout=0.6) as b:
         status = b.run_until(InstrumentStatus.STALLED)
         assert status.detail == (
             "/afm/hand_made sends drives with sequence 17, 18; "
-            "measurement 5 has been waiting for 0.1 s (run.lockstep_timeout)"
+            "measurement 5 has been waiting for 0.6 s (run.lockstep_timeout)"
         )
         assert (status.ticks, status.drives_ahead) == (5, 2)
         b.graph.spin_until(
@@ -236,7 +228,7 @@ def test_round_trip_of_the_score_leaves_out_discovery_and_what_was_sent_again() 
         trips = np.concatenate([trace.round_trip for trace in traces])
         assert trips[0] > 1.0
         assert trips[20] > 1.0
-        assert score.round_trip[3] == np.delete(trips, [0, 20]).max()
+        assert score.round_trip.max == np.delete(trips, [0, 20]).max()
         assert score.drives_lost == 1
 
 
@@ -260,7 +252,7 @@ def test_restarted_controller_is_given_the_measurement_that_its_forerunner_did_n
         score = b.run_to_the_end()
         assert b.sequences == list(range(20, TICKS))
         assert score.trajectory_sha256 == expected_sha()
-        assert b.observer.status.controller == "/afm/hand_made_again"
+        assert b.observer.status.controllers == ["/afm/hand_made_again"]
 
 
 # Play, pause, reset.
@@ -383,7 +375,7 @@ def test_controller_that_cannot_be_heard_is_told_why() -> None:
         publisher = deaf.create_publisher(PiezoDrive, topics.PIEZO_DRIVE, qos_profile_sensor_data)
         b.graph.spin_until(lambda: b.observer.status.detail)
         assert b.observer.status.detail == ("/afm/best_effort publishes piezo_drive best effort: it must be reliable")
-        assert (b.observer.status.state, b.observer.status.controller) == (InstrumentStatus.WAITING, "")
+        assert (b.observer.status.state, b.observer.status.controllers) == (InstrumentStatus.WAITING, [])
         deaf.destroy_publisher(publisher)
         b.graph.spin_until(lambda: not b.observer.status.detail)
         b.graph.add(HandController(honest))

@@ -5,7 +5,8 @@ One of the two halves of this file is there to be run, by what is installed.
 
 from typing import Any
 
-from support import Graph, HandController, Observer, answer, ros_arguments
+from hand_controller import HandController, answer
+from support import Graph, Observer, ros_arguments
 
 from afm_sim_node.node import SimNode
 from afm_sim_node.standard import INSTALLED

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, Waveform
 from geometry_msgs.msg import Vector3
-from support import Graph, HandController, Observer, answer, ros_arguments
+from hand_controller import HandController, answer
+from support import Graph, Observer, ros_arguments
 
 from afm_node_common import topics
 from afm_sim_node.node import SimNode

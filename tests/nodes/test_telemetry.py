@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive, Telemetry
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from hand_controller import HandController, answer
 from rclpy.qos import qos_profile_sensor_data
-from support import Graph, HandController, Observer, answer, ros_arguments
+from support import Graph, Observer, ros_arguments
 
 from afm_controller_node.node import ControllerNode
 from afm_node_common import topics

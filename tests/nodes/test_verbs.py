@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from afm_msgs.msg import Event
 from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
-from quick_lever import INSTRUMENT, LAW
+from quick_lever import INSTRUMENT, LAW, PRESSED
 from sensor_msgs.msg import Image as ImageMessage
-from support import Command, Graph, ros_arguments
+from support import ROOT, Command, Graph, ros_arguments
 from verbs_bench import APPROACH, ENDLESS, SCAN, Bench, assert_same, scan_in_process
 
 from afm_model.microscope.image import DIRECTIONS, Image
 from afm_model.microscope.verb import all_verbs
 from afm_model.microscope.verbs import ForceCurve, MoveTo, ScanPath, Withdraw
 from afm_node_common import topics
-from afm_node_common.verb_codec import ACTIONS, goal_of, outcome_of, verb_of
+from afm_node_common.verb_codec import ACTIONS, goal_of, outcome_of, parameters, verb_of
 from afm_recorder_node.checks import scan_line
 
 
@@ -195,7 +196,19 @@ def test_force_curves_come_whole(bench: Bench) -> None:
     assert len(curve.record.time) == len(curve.record.channels["z"]) > 1000
 
 
-def test_client_that_is_killed_leaves_the_tip_withdrawn_and_is_told(bench: Bench, tmp_path: Path) -> None:
+LEASE = """<rtps><builtin><discovery_config>
+<leaseDuration><sec>2</sec></leaseDuration><leaseAnnouncement><sec>1</sec></leaseAnnouncement>
+</discovery_config></builtin>"""
+"""The middleware misses a killed process of this profile after 2 s in place of 20."""
+
+
+def test_client_that_is_killed_leaves_the_tip_withdrawn_and_is_told(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    profile = (ROOT / "afm_bringup" / "config" / "loopback.xml").read_text()
+    (tmp_path / "lease.xml").write_text(profile.replace("<rtps>", LEASE))
+    for name in ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE"):  # new and old
+        monkeypatch.setenv(name, str(tmp_path / "lease.xml"))
     bench.approach()
     with Command(sys.executable, Path(__file__).with_name("one_goal.py"), folder=tmp_path) as process:
         process.wait_until(lambda: bench.simulator.run.operator.busy, bench.graph)
@@ -209,19 +222,57 @@ def test_client_that_is_killed_leaves_the_tip_withdrawn_and_is_told(bench: Bench
 
 def test_another_sample_begins_anew_with_the_tip_withdrawn_only(bench: Bench) -> None:
     bench.approach()
-    told = bench.call(Exchange, topics.SET_SAMPLE, names=["width"], values=["2.0e-8"])
+    told = bench.call(Exchange, topics.SET_SAMPLE, parameters=parameters({"width": 2.0e-8}))
     assert (told.success, "withdraw it first" in told.message) == (False, True)
     bench.do(Withdraw(distance=50e-9))
-    told = bench.call(Exchange, topics.SET_SAMPLE, names=["width"], values=["-1"])
+    told = bench.call(Exchange, topics.SET_SAMPLE, parameters=parameters({"width": -1}))
     assert (told.success, "sample.width = -1" in told.message) == (False, True)
-    told = bench.call(Exchange, topics.SET_SAMPLE, names=["kind", "height"], values=["flat", "0"])
+    told = bench.call(Exchange, topics.SET_SAMPLE, parameters=parameters({"kind": "flat", "height": 0.0}))
     assert not told.success
-    told = bench.call(Exchange, topics.SET_SAMPLE, names=["kind"], values=["flat"])
+    told = bench.call(Exchange, topics.SET_SAMPLE, parameters=parameters({"kind": "flat"}))
     assert (told.success, told.message) == (True, "")
     assert bench.simulator.get_parameter("sample.kind").value == "flat"
     assert not bench.simulator.has_parameter("sample.width")
     bench.do(APPROACH)
     assert bench.do(SCAN).lines_done == SCAN.lines
+
+
+def test_calibrations_are_put_in_use_while_the_tip_is_on_the_sample(bench: Bench) -> None:
+    bench.approach()
+
+    def use(**values: float | str) -> Any:
+        return bench.call(Exchange, topics.SET_CALIBRATION, parameters=parameters(values))
+
+    told = use(spring_constant=0.24)
+    assert (told.success, told.message) == (True, "")
+    assert bench.simulator.get_parameter("calibration.spring_constant").value == 0.24
+    # The setpoint is a force: it is one by what is believed.
+    assert bench.simulator.run.operator.state.setpoint == pytest.approx(PRESSED / 1.2)
+    for name, value, sentence in (
+        ("self", 1.0, "self is no calibration: there are spring_constant, deflection_sensitivity"),
+        ("spring_constant", "soft", "calibration.spring_constant = soft"),
+    ):
+        told = bench.call(Exchange, topics.SET_CALIBRATION, parameters=parameters({name: value}))
+        assert (told.success, sentence in told.message) == (False, True), told.message
+    assert use(spring_constant=0.0).success
+    assert bench.simulator.run.operator.state.setpoint == pytest.approx(PRESSED)
+
+
+def test_verbs_are_told_as_events_and_what_counts_their_steps_is_no_topic(bench: Bench) -> None:
+    told: list[Event] = []
+    bench.client.create_subscription(Event, topics.EVENTS, told.append, topics.EVENTS_QOS)
+    bench.approach()
+    begun, done = bench.simulator.run.instrument.ticks, bench.do(Withdraw(distance=50e-9))
+    ticks = bench.simulator.run.instrument.ticks
+    # Of the verbs before it is told, too.
+    bench.graph.spin_until(lambda: told and (told[-1].text, told[-1].tick) == ("Withdraw was done", ticks))
+    assert (told[-2].text, told[-2].tick) == ("Withdraw has begun", begun)
+    assert begun < ticks
+    assert done.time == pytest.approx(bench.simulator.run.instrument.time, abs=1e-3)
+    published = {name for name, _ in bench.client.get_topic_names_and_types()}
+    channels = {channel.name for channel in bench.simulator.run.instrument.channels}
+    assert {"verb_number", "verb_step"} < channels
+    assert {f"/afm/{name}" for name in channels} - published == {"/afm/verb_number", "/afm/verb_step"}
 
 
 def test_goals_say_what_verbs_say_in_every_field() -> None:

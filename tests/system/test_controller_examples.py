@@ -53,3 +53,12 @@ def test_law_in_cpp_gives_the_numbers_of_the_node_in_python(tmp_path):
         f"height_{{{gains['z'][0] / 1e8:g}e8, {gains['z'][1] / 1e4:g}e4}}"
         in (EXAMPLE / "src" / "cpp_controller.cpp").read_text()
     )
+
+
+def test_package_in_cpp_says_that_it_needs_a_full_ros_2(tmp_path):
+    prefixes = os.environ["AMENT_PREFIX_PATH"].split(os.pathsep)
+    if any((Path(prefix) / "share" / "rclcpp").is_dir() and ".venv" not in prefix for prefix in prefixes):
+        pytest.skip("there is a full ROS 2")
+    done = subprocess.run(["cmake", "-S", EXAMPLE, "-B", tmp_path], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "cpp_controller needs the rclcpp of a full ROS 2: source its setup.bash" in " ".join(done.stderr.split())

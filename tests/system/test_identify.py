@@ -38,7 +38,7 @@ def test_shaken_scanner_is_identified_and_its_parameters_are_loaded_and_a_record
     content["/**/afm_sim_node"] = {"ros__parameters": {"run": {"duration": 0.005}, "plant": {"gap": 0.0}}}
     (tmp_path / "both.yaml").write_text(yaml.safe_dump(content))
     with session(
-        "identify_scanner", tmp_path / "next", "--overrides", str(tmp_path / "both.yaml"), folder=tmp_path
+        "identify_scanner", tmp_path / "next", "--composed", "--overrides", str(tmp_path / "both.yaml"), folder=tmp_path
     ) as command:
         assert command.wait() == 0, command.text
     assert_nothing_left()

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
+from hand_controller import HandController, answer
 from pd_twin import Twin
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
-from support import ROOT, Graph, HandController, Observer, answer, assert_nothing_left, session, write_scenario
+from support import ROOT, Graph, Observer, assert_nothing_left, session, write_scenario
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
 from afm_node_common import topics

@@ -1,15 +1,20 @@
 """The stand-in for `ros2` runs what the README tells, in an environment that has no ros2cli."""
 
 import os
+import runpy
+import shlex
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
-from afm_msgs.action import MoveTo
-from afm_msgs.srv import Step
+from afm_msgs.action import MoveTo, Verb
+from afm_msgs.srv import Exchange, Step
 from rclpy.action import ActionServer
 from rclpy.node import Node
 from support import ROOT, Graph, executable
+
+from afm_node_common.verb_codec import values_of
 
 PACKAGES = {
     "afm_sim_node": {"afm_sim_node"},
@@ -99,6 +104,20 @@ def test_service_call_refuses_a_request_that_does_not_fit(kind: str, request_tex
     end = ros2("service", "call", "/stand_in/step", kind, request_text)
     assert (end.returncode, end.stdout) == (1, "")
     assert end.stderr.startswith(f"error: {sentence}")
+
+
+@pytest.mark.parametrize(
+    ("page", "command", "kind", "given"),
+    [
+        ("verbs.md", "ros2 service call /afm/set_sample", Exchange.Request, {"kind": "patches", "width": 4e-7}),
+        ("extending.md", "ros2 action send_goal /afm/verb", Verb.Goal, {"size": 40e-9, "lift": 20e-9}),
+    ],
+)
+def test_parameters_are_filled_in_as_the_docs_show(page: str, command: str, kind: Any, given: dict[str, Any]) -> None:
+    (line,) = (line for line in (ROOT / "docs" / page).read_text().splitlines() if command in line)
+    request = runpy.run_path(str(ROOT / "tools" / "bin" / "ros2"))["read"](kind(), shlex.split(line)[-1], "request")
+    (field,) = (name for name, of in kind.get_fields_and_field_types().items() if of.startswith("sequence<"))
+    assert values_of(getattr(request, field)) == given
 
 
 def test_action_is_listed_and_a_goal_is_sent_with_its_feedback_and_result() -> None:

@@ -14,8 +14,8 @@ from scipy.ndimage import binary_erosion
 from support import TIMEOUT, Command, assert_nothing_left, executable, remove_shared_memory_left
 
 from afm_bringup import scan_command
-from afm_bringup.first_sample import STEP, STRENGTH, letter, second_material
 from afm_bringup.remote import Remote
+from afm_bringup.scan_command import STEP, STRENGTH, letter, second_material
 from afm_model.core.errors import VerbError
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import Recording

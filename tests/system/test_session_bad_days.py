@@ -41,7 +41,7 @@ def out(tmp_path: Path) -> Path:
 def wait_until_running(command: Command, graph: Graph, ticks: int = 0) -> None:
     observer = graph.add(Observer())
     running = InstrumentStatus.RUNNING
-    command.wait_until(lambda: observer.status.state == running and observer.status.ticks > ticks, graph)
+    command.wait_until(lambda: observer.status.state == running and observer.recorder.ticks >= ticks, graph)
     note_shared_memory()
 
 
@@ -126,10 +126,8 @@ def test_second_session_with_the_same_folder_is_refused_and_a_closed_terminal_en
 
 
 def test_session_under_nohup_goes_on_when_the_terminal_is_closed(out: Path, tmp_path: Path) -> None:
-    scenario = write_scenario(
-        tmp_path / "short.yaml", afm_sim_node={"run.duration": 0.02, "plant.control_period": 2e-6}
-    )
-    nohup = ("nohup", executable("afm_bringup", "session"), scenario, "--no-picture", "--out", out)
+    scenario = write_scenario(tmp_path / "short.yaml", afm_sim_node={"run.duration": 0.1, "plant.control_period": 2e-6})
+    nohup = ("nohup", executable("afm_bringup", "session"), scenario, "--composed", "--no-picture", "--out", out)
     with Graph() as graph, Command(*nohup, folder=tmp_path) as command:
         wait_until_running(command, graph)
         os.kill(command.process.pid, signal.SIGHUP)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 from afm_msgs.msg import InstrumentStatus
+from hand_controller import HandController
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from support import (
     Command,
     Graph,
-    HandController,
     Observer,
     assert_nothing_left,
     note_shared_memory,
@@ -25,6 +25,7 @@ from support import (
     write_scenario,
 )
 
+from afm_node_common import topics
 from afm_recorder_node.reader import read_recording
 from afm_sim_node.node import SimNode
 
@@ -155,19 +156,23 @@ def test_ctrl_c_in_the_middle_leaves_the_recording_up_to_there_with_every_change
 
 
 def test_score_names_the_law_and_the_gains_that_were_in_force_and_each_change(out: Path, tmp_path: Path) -> None:
-    duration = 0.1  # some seconds of wall time: the services of a node may take one until they are found
+    duration = 0.2
     scenario = write_scenario(
         tmp_path / "changing.yaml",
         afm_sim_node={"run.duration": duration, "plant.control_period": 2e-6, "score.start": 0.0},
         afm_controller_node={"law.kind": "tanh", "law.alpha": 8.0},
     )
-    with Graph() as graph, session(scenario, out, folder=tmp_path) as command:
+    with Graph() as graph, session(scenario, out, "--composed", folder=tmp_path) as command:
         observer = graph.add(Observer())
         client = AsyncParameterClient(observer, "/afm/afm_controller_node")
-        command.wait_until(lambda: observer.status.ticks > 0, graph)
+        # The services, which may take seconds to be found, are there before the run begins.
         command.wait_until(client.services_are_ready, graph)
+        command.wait_until(lambda: observer.status.ticks > 0, graph)
+        assert observer.call(graph, topics.PAUSE).success
+        command.wait_until(lambda: observer.recorder.ticks > 0, graph)
         future = client.set_parameters([Parameter("law.kind", value="sgn").to_parameter_msg()])
         command.wait_until(future.done, graph)
+        assert observer.call(graph, topics.PLAY).success
         assert command.wait(graph) == 0, command.text
     card = json.loads((out / "scorecard.json").read_text())
     assert card["controller"] == "tanh then sgn"

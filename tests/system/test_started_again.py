@@ -28,7 +28,9 @@ def test_simulator_that_is_killed_and_started_again_is_told_by_controller_and_re
     ):
         observer = graph.add(Observer())
         with node("afm_sim_node", tmp_path, **PARAMETERS) as simulator:
-            simulator.wait_until(lambda: observer.status.ticks > 100 and observer.recorder.ready, graph)
+            # Two seconds of reports, so that the controller has heard one, too.
+            simulator.wait_until(lambda: sum(each.ticks > 100 for each in observer.statuses) > 10, graph)
+            simulator.wait_until(lambda: observer.recorder.ready, graph)
             kill(simulator)
         for each in (controller, recorder):
             each.wait_until(lambda each=each: silent in each.text, graph)
@@ -52,6 +54,8 @@ def test_controller_and_recorder_that_are_killed_and_started_again_are_told_by_t
             node("afm_recorder_node", tmp_path, path=path) as recorder,
         ):
             simulator.wait_until(lambda: observer.status.ticks > 100 and observer.recorder.ready, graph)
+            simulator.wait_until(lambda: observer.status.controllers == ["/afm/afm_controller_node"], graph)
+            simulator.wait_until(lambda: "a recorder has come" in simulator.text, graph)
             kill(controller)
             kill(recorder)
         assert "anew" not in simulator.text

@@ -40,7 +40,7 @@ def test_two_sessions_in_two_namespaces_of_one_domain_share_nothing(
     with (
         Graph() as graph,
         session(scenario, outs[0], "--namespace", "lab1", folder=tmp_path) as first,
-        session(scenario, outs[1], "--namespace", "/left/lab2", folder=tmp_path) as second,
+        session(scenario, outs[1], "--composed", "--namespace", "/left/lab2", folder=tmp_path) as second,
     ):
         observer = graph.add(Observer("observer", "lab1"))
 

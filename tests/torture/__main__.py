@@ -17,7 +17,7 @@ from random import Random  # noqa: E402
 import support  # noqa: E402
 from page import write_between_marks  # noqa: E402
 
-from torture import clock, disk, fuzz, kills, requests, sessions, stops  # noqa: E402
+from torture import clients, clock, disk, exchanges, fuzz, kills, requests, sessions, stops  # noqa: E402
 from torture.family import Family, Unavailable  # noqa: E402
 from torture.outcome import Book, Outcome  # noqa: E402
 from torture.table import markdown, row  # noqa: E402
@@ -26,6 +26,8 @@ from torture.trio import CONTROLLER, LOCKSTEP, REALTIME, RECORDER, SIMULATOR  # 
 FAMILIES = (
     Family("nonsense on all topics", fuzz.family),
     Family("nonsense to all services", requests.family, 0.4),
+    Family("bad maps, long names", exchanges.family, 0.2),
+    Family("client of a verb killed or stopped", clients.family, 0.2),
     Family("recorder killed", kills.recorder),
     Family("controller killed, realtime", kills.controller(REALTIME), 0.5),
     Family("controller killed, lockstep", kills.controller(LOCKSTEP), 0.5),

@@ -9,6 +9,7 @@ from random import Random
 
 import numpy as np
 from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive, RecorderStatus
+from hand_controller import run_in_process
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 from malformed import SIZE, nonsense, read
@@ -18,7 +19,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.node import Node
 from rclpy.qos import qos_profile_parameter_events
 from recorder_bench import BLOCK, FakeInstrument
-from support import Command, Graph, Observer, executable, ros_arguments, run_in_process
+from support import Command, Graph, Observer, executable, ros_arguments
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
 from afm_node_common import topics

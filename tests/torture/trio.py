@@ -92,6 +92,8 @@ class Trio:
                 and self.listener.recorder.ready
                 and self.listener.recorder.ticks > 0
                 and self.listener.recorded[-1][0] > since
+                # Of the topics none may be ahead of the others: two blocks give the rate.
+                and len(self.listener.blocks) > 1
             )
         )
 

@@ -1,7 +1,6 @@
 """Connection to a controller over topics, in the place of the simulator."""
 
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -22,12 +21,17 @@ from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import Drive, drive_codec
 from afm_node_common.shared_memory import shared_memory_cleanup
 
+from ..processes import Processes
 from .log import Answer, Phase
 
 _NODE = "afm_sim_node"
 _CONNECT_TIMEOUT = 30.0
 """Wall time for a controller to find a simulator [s]; the middleware takes some seconds to notice that one has gone."""
 _STATUS_PERIOD = 0.2
+_LOOK_PERIOD = 0.05
+"""Wall time after which it is asked again how long a processor was missing [s]."""
+_SLOWEST = 0.1
+"""Of wall time that counts at least, however busy the machine is."""
 
 
 class TopicConnection:
@@ -37,16 +41,19 @@ class TopicConnection:
     ----------
     namespace : str
     parameters : SimParameters
-    problem : callable
-        How the controller has ended before its test was over; empty if it has not.
+    processes : Processes
+        In which the controller runs.
     """
 
-    def __init__(self, namespace: str, parameters: SimParameters, problem: Callable[[], str]) -> None:
+    def __init__(self, namespace: str, parameters: SimParameters, processes: Processes) -> None:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._namespace = namespace
         self._period_ns = parameters.plant.control_period * 1e9
         self._mode = parameters.run.mode
-        self.problem = problem
+        self._processes = processes
+        self.memory = processes.memory
+        self._missed = 0.0  # wall time in which a processor was missing
+        self._looked, self._waited = time.monotonic(), processes.waited()
         self._encode, self._decode = measurement_codec().encode, drive_codec().decode
         self._open()
 
@@ -74,8 +81,20 @@ class TopicConnection:
         self._node.destroy_node()
 
     def now(self) -> float:
-        """Steady wall time [s]."""
-        return time.monotonic()
+        """Time [s] that goes slower while the controller or this process waits for a processor.
+
+        So no deadline is missed because the machine has other work; where the system does not tell how long a thread
+        waited it is wall time.
+        """
+        now = time.monotonic()
+        if (passed := now - self._looked) > _LOOK_PERIOD:
+            before, self._waited, self._looked = self._waited, self._processes.waited(), now
+            self._missed += min(max(self._waited - before, 0.0), (1.0 - _SLOWEST) * passed)
+        return now - self._missed
+
+    def problem(self) -> str:
+        """How the controller has ended before its test was over; empty if it has not."""
+        return self._processes.ended() or ""
 
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
         """Send a measurement."""
@@ -88,16 +107,18 @@ class TopicConnection:
             return None
         data, now = taken[0], self.now()
         try:
-            sequence, _, drive = self._decode(data)
+            sequence, stamp, drive = self._decode(data)
         except MalformedError as error:
             return Answer(phase, -1, now, np.zeros((0, 3)), unreadable=str(error))
+        period = 0.0
         if isinstance(drive, Command):
-            drives = np.vstack([drive.voltage, drive.horizon])
+            drives, period = np.vstack([drive.voltage, drive.horizon]), drive.horizon_period
         elif isinstance(drive, DriveError):
             drives = _as_they_are(data)
         else:
             drives = np.array(drive).reshape(1, 3)
-        return Answer(phase, sequence, now, drives, frame=deserialize_message(data, PiezoDrive).header.frame_id)
+        frame = deserialize_message(data, PiezoDrive).header.frame_id
+        return Answer(phase, sequence, now, drives, frame, stamp=1e-9 * stamp, horizon_period=period)
 
     def take_drive(self) -> tuple[int, Drive] | None:
         """Sequence and drive of the oldest message not yet taken, as an instrument reads it; None if there is none.

@@ -17,10 +17,13 @@ class Phase(Enum):
     AGAIN = "a measurement that is sent again"
     RESET = "after a reset: the numbers begin again"
     FAULT = "sensors that fail, measurements that get lost"
+    LONG = "many measurements, one after the other"
+    STEPS = "references that jump"
+    REPEAT = "the first measurements after a reset, again"
     RESTART = "after a restart of the simulator"
 
 
-IN_LOCKSTEP = (Phase.LOCKSTEP, Phase.RESUMED, Phase.RESET, Phase.FAULT, Phase.RESTART)
+IN_LOCKSTEP = tuple(phase for phase in Phase if phase not in (Phase.REALTIME, Phase.PAUSE, Phase.AGAIN))
 """Phases in which the next measurement waits for the answer to this one."""
 
 
@@ -30,7 +33,8 @@ class Sent:
 
     phase: Phase
     sequence: int
-    time: float  # steady wall time [s]
+    time: float  # [s]
+    jump: tuple[int, int] = (0, 0)  # axis, and sense in which its reference has been moved; 0: it has not
 
 
 @dataclass(frozen=True)
@@ -39,10 +43,12 @@ class Answer:
 
     phase: Phase
     sequence: int
-    time: float
+    time: float  # [s]
     drives: NDArray[np.float64]  # (1 + horizon, 3) [V]
     frame: str = "scanner"
     unreadable: str = ""  # why it is no drive; empty if it is one
+    stamp: float = 0.0  # [s]
+    horizon_period: float = 0.0  # [s]
 
 
 @dataclass
@@ -52,6 +58,7 @@ class Log:
     sent: list[Sent] = field(default_factory=list)
     answers: list[Answer] = field(default_factory=list)
     begun: list[Phase] = field(default_factory=list)
+    memory: list[int] = field(default_factory=list)  # of the controller, again and again in the phase LONG [bytes]
     ended: str = ""  # how the controller ended before its test was over; empty: it did not
     incompatible: str = ""  # why the middleware does not connect it
     absent: str = ""  # what is missing for a test

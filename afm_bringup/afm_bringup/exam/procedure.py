@@ -1,30 +1,42 @@
-"""The phases of a test of a controller: lockstep, real time, pause, reset, faults, restart. Needs no ROS."""
+"""The phases of a test of a controller, one after the other. Needs no ROS."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from itertools import repeat
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model import Instrument, SimParameters, changed
+from afm_model import Command, Instrument, SimParameters, changed
 from afm_model.core.errors import DivergenceError, DriveError
 from afm_model.core.schema import Value
+from afm_model.parts.signals import Measurement
 
 from .log import Answer, Log, Phase, Sent
 
 _PATIENCE = 2.0
-"""Wall time to wait for an answer [s]."""
+"""Time to wait for an answer, by the clock of the connection [s]."""
 _UNANSWERED = 3
 """A phase ends after so many measurements without an answer."""
 _SETTLE = 0.1
-"""Wall time to wait for a second answer [s]."""
+"""Time to wait for a second answer [s]."""
 _TICKS = {
     Phase.LOCKSTEP: 200,
     Phase.RESUMED: 20,
     Phase.RESET: 20,
     Phase.FAULT: 100,
+    Phase.REPEAT: 200,
     Phase.RESTART: 20,
 }
+LONG_TICKS = 100_000
+"""Measurements of the phase LONG."""
+_LOOKS = 100
+"""How often the memory is looked at in it."""
+_MOST_MEMORY = 500_000_000
+"""It ends when the controller has taken so much more [bytes]."""
+_JUMPS = np.random.default_rng(1).choice((-1, 1), 128).tolist()
+_JUMP = 5e-10, 5e-10, 2e-9
+"""In the phase STEPS the reference of one axis after the other is moved by so much to and fro, at random [m]."""
 _REALTIME_TICKS, _REALTIME_PERIOD = 50, 0.01
 _STRONGEST = 1e3
 """Drives are clipped at this voltage: no scanner moves so far [V]."""
@@ -42,7 +54,7 @@ class Connection(Protocol):
     """How measurements reach a controller."""
 
     def now(self) -> float:
-        """Steady wall time [s]."""
+        """Time by which deadlines count [s]."""
         ...
 
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
@@ -65,6 +77,10 @@ class TestConnection(Connection, Protocol):
         """The oldest message not yet taken; None if there is none."""
         ...
 
+    def memory(self) -> int:
+        """What the controller holds [bytes]."""
+        ...
+
     def restart(self) -> bool:
         """Close this side and open it again, as a restarted simulator would; True if the controller connects to it."""
         ...
@@ -81,14 +97,19 @@ class Procedure:
     ----------
     connection : TestConnection
     parameters : SimParameters
+    long_ticks : int
+        Measurements of the phase LONG.
     """
 
-    def __init__(self, connection: TestConnection, parameters: SimParameters) -> None:
+    def __init__(self, connection: TestConnection, parameters: SimParameters, long_ticks: int = LONG_TICKS) -> None:
         self._connection = connection
+        self._long_ticks = long_ticks
         self._parameters = parameters
         self._instrument = Instrument(parameters, 1, hashed=False)
+        # In real time an answer comes while the tick goes on, and is in force from the next one on.
+        self._late = int(parameters.run.mode == "realtime")
         self._phase = Phase.LOCKSTEP
-        self._drives: dict[int, NDArray[np.float64]] = {}
+        self._drives: dict[int, Answer] = {}
         self.log = Log()
 
     def run(self) -> Log:
@@ -101,6 +122,9 @@ class Procedure:
             (Phase.AGAIN, self._send_again),
             (Phase.RESET, self._reset),
             (Phase.FAULT, self._with_faults),
+            (Phase.LONG, self._long),
+            (Phase.STEPS, self._jump),
+            (Phase.REPEAT, self._reset),
             (Phase.RESTART, self._restart),
         ]
         try:
@@ -118,16 +142,35 @@ class Procedure:
     # The phases.
 
     def _lockstep(self) -> None:
+        self._ask(_TICKS[self._phase])
+        self._collect(_SETTLE)
+
+    def _ask(self, ticks: int, jumps: Iterable[tuple[int, int]] = repeat((0, 0))) -> bool:
+        """Make ticks with answers; False if too many did not come."""
         unanswered = 0
-        for _ in range(_TICKS[self._phase]):
+        for _, jump in zip(range(ticks), jumps, strict=False):
             if not self._instrument.unasked:
-                sequence = self._send()
+                sequence = self._send(jump)
                 if not self._collect(_PATIENCE, lambda sequence=sequence: sequence in self._drives):  # type: ignore[misc]
                     unanswered += 1
                     if unanswered == _UNANSWERED:
-                        break
+                        return False
             self._tick()
+        return True
+
+    def _long(self) -> None:
+        memory = self.log.memory
+        for _ in range(_LOOKS):
+            if not self._ask(self._long_ticks // _LOOKS):
+                break
+            memory.append(self._connection.memory())
+            if memory[-1] - memory[0] > _MOST_MEMORY:
+                break
         self._collect(_SETTLE)
+
+    def _jump(self) -> None:
+        for axis in range(3):
+            self._ask(len(_JUMPS), [(axis, sense) for sense in _JUMPS])
 
     def _realtime(self) -> None:
         sent = []
@@ -179,23 +222,27 @@ class Procedure:
         self._instrument.skip_block()
         self._instrument.reset()
 
-    def _send(self) -> int:
-        sequence = self._instrument.ticks
-        self.log.sent.append(Sent(self._phase, sequence, self._connection.now()))
-        self._connection.publish(sequence, self._instrument.measurement)
+    def _send(self, jump: tuple[int, int] = (0, 0)) -> int:
+        sequence, measurement = self._instrument.ticks, self._instrument.measurement
+        if jump[1]:
+            measurement = measurement.copy()
+            measurement.view(Measurement)[0].reference_position[jump[0]] += _JUMP[jump[0]] * jump[1]
+        self.log.sent.append(Sent(self._phase, sequence, self._connection.now(), jump))
+        self._connection.publish(sequence, measurement)
         return sequence
 
     def _tick(self) -> None:
         """Make one tick with the answer, or with the previous drive where none came."""
-        drive = self._drives.get(self._instrument.ticks)
+        answered = self._instrument.ticks - self._late
+        answer = self._drives.get(answered)
+        drive: NDArray[np.float64] | Command | None = None
         # The effect of a drive is not judged here: one that makes the motion diverge counts as an answer.
-        if drive is not None and np.isfinite(drive).all():
-            drive = np.clip(drive, -_STRONGEST, _STRONGEST)
-        else:
-            drive = None
+        if answer is not None and np.isfinite(answer.drives[0]).all():
+            drives, period = np.clip(answer.drives, -_STRONGEST, _STRONGEST), answer.horizon_period
+            drive = Command(drives[0], drives[1:], period) if period and np.isfinite(drives).all() else drives[0]
         self._instrument.skip_block()
         try:
-            self._instrument.tick(drive)
+            self._instrument.tick(drive, answered)
         except (DivergenceError, DriveError):
             ticks = self._instrument.ticks
             self._begin_again()
@@ -212,7 +259,7 @@ class Procedure:
             while (answer := connection.take(self._phase)) is not None:
                 self.log.answers.append(answer)
                 if not answer.unreadable:
-                    self._drives[answer.sequence] = answer.drives[0]
+                    self._drives[answer.sequence] = answer
             if done():
                 return True
             if ended := connection.problem():

@@ -11,6 +11,7 @@ from afm_model import SimParameters
 from afm_node_common import topics
 
 from .log import IN_LOCKSTEP, Answer, Log, Phase
+from .response import lags
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,16 @@ class Terms:
     """The conditions of a test."""
 
     sim: SimParameters
-    deadline: float  # wall time in which an answer must be there [s]
+    deadline: float  # time in which an answer must be there [s]
+    feedback: bool = True  # whether the controller follows the reference
+    repeats: bool = True  # whether it begins again with a reset
+
+
+_STRONGEST = 1e6
+"""No drive is stronger, where there is no limit [V]."""
+_ONE_BY_ONE = (Phase.LOCKSTEP, Phase.LONG, Phase.STEPS, Phase.REPEAT)
+_LEAK = 5_000_000
+"""What a controller may take in a quarter of a long run, once, but not in the next quarter as well [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -135,9 +145,7 @@ def _frame(log: Log, terms: Terms) -> str | None:
 
 
 def _in_range(log: Log, terms: Terms) -> str | None:
-    limit = terms.sim.piezo.limit
-    if not limit:
-        return None
+    limit = terms.sim.piezo.limit or _STRONGEST
     return _first(
         f"the drive for measurement {each.sequence} goes to {largest:.6g} V, the limit is {limit:g} V"
         for each in _readable(log)
@@ -188,6 +196,71 @@ def _restart(log: Log, terms: Terms) -> str | None:
     return _answered(log, Phase.RESTART) if log.reconnected else "it did not connect to a simulator that was restarted"
 
 
+def _stamp(log: Log, terms: Terms) -> str | None:
+    period = terms.sim.plant.control_period
+    return _first(
+        f"the drive for measurement {each.sequence} has the stamp {each.stamp:.9f} s, not {stamp:.9f} s"
+        for each in _readable(log)
+        if abs(each.stamp - (stamp := each.sequence * period)) > 1e-9
+    )
+
+
+def _answered_jumps(log: Log, terms: Terms) -> list[tuple[int, list[int]]] | None:
+    return lags(log, 2 if terms.sim.onboard.kind != "none" else 3) if terms.feedback else None
+
+
+def _response(log: Log, terms: Terms) -> str | None:
+    if (found := _answered_jumps(log, terms)) is None:
+        return None
+
+    def problems() -> Iterator[str]:
+        for axis, (lag, senses) in enumerate(found):
+            others = [name for name, sense in zip("xyz", senses, strict=True) if sense]
+            if lag < 0:
+                instead = f": that of {' and '.join(others)} does" if others else ""
+                yield f"the drive of {'xyz'[axis]} does not answer when its reference moves{instead}"
+            elif senses[axis] < 0:
+                yield f"the drive of {'xyz'[axis]} falls when its reference rises"
+
+    return _first(problems())
+
+
+def _present(log: Log, terms: Terms) -> str | None:
+    if (found := _answered_jumps(log, terms)) is None:
+        return None
+    return _first(
+        f"the drive of {'xyz'[axis]} answers the measurement {lag} before the one whose sequence it has"
+        for axis, (lag, _) in enumerate(found)
+        if lag > 0
+    )
+
+
+def _repeats(log: Log, terms: Terms) -> str | None:
+    if not (terms.repeats and Phase.REPEAT in log.begun):
+        return None
+    first, again = (
+        {each.sequence: each.drives[0] for each in _readable(log) if each.phase is phase}
+        for phase in (Phase.LOCKSTEP, Phase.REPEAT)
+    )
+    largest = max((np.abs(each).max() for each in first.values()), default=0.0)
+    return _first(
+        f"the drive for measurement {sequence} was {first[sequence].tolist()} V, after a reset {drive.tolist()} V"
+        for sequence, drive in again.items()
+        if sequence in first and np.abs(drive - first[sequence]).max() > 1e-9 * largest
+    )
+
+
+def _memory(log: Log, terms: Terms) -> str | None:
+    sizes = log.memory
+    if len(sizes) < 4:
+        return None
+    third, last = (sizes[(i + 1) * (len(sizes) - 1) // 4] - sizes[i * (len(sizes) - 1) // 4] for i in (2, 3))
+    if min(third, last) < _LEAK:
+        return ""
+    asked = sum(each.phase is Phase.LONG for each in log.sent)
+    return f"it has taken {1e-6 * (sizes[-1] - sizes[0]):.3g} MB more in {asked} measurements, and takes more and more"
+
+
 RULES = (
     Rule(
         "connected",
@@ -195,24 +268,29 @@ RULES = (
         lambda log, _: log.incompatible or log.absent or ("" if log.sent else None),
     ),
     Rule("alive", "does not end by itself", lambda log, _: log.ended),
-    Rule("answered", "answers every measurement, with its sequence", lambda log, _: _answered(log, Phase.LOCKSTEP)),
+    Rule("answered", "answers every measurement, with its sequence", lambda log, _: _answered(log, *_ONE_BY_ONE)),
     Rule("once", "answers no measurement more often than it is sent", _once),
     Rule("in order", "never answers an older measurement after a newer one", _order),
     Rule("asked", "sends no drive for a measurement that has not been published", _asked),
     Rule("in time", "answers within the deadline", _in_time),
     Rule(
         "readable",
-        "sends whole messages, with a stamp that is a time of a run",
+        "sends whole messages, with a stamp that is a time",
         lambda log, _: _first(each.unreadable for each in log.answers if each.unreadable),
     ),
     Rule("finite", "sends neither NaN nor an infinity, in the horizon neither", _finite),
     Rule("frame", "puts `scanner` into frame_id", _frame),
-    Rule("range", "stays within +-`piezo.limit`, if there is one", _in_range),
+    Rule("stamp", "puts the stamp of the measurement into the header", _stamp),
+    Rule("range", f"stays within +-`piezo.limit`, without one within {_STRONGEST:g} V", _in_range),
     Rule("slew", "changes its drive by no more than `piezo.slew_limit` allows, if there is one", _slew),
     Rule("pause", "is silent while no measurement comes, and continues afterwards", _pause),
     Rule("sent again", "answers a measurement that is sent again", _send_again),
     Rule("reset", "continues when the sequences begin again at 0", lambda log, _: _answered(log, Phase.RESET)),
     Rule("fault", "answers when sensors fail or measurements get lost", lambda log, _: _answered(log, Phase.FAULT)),
+    Rule("response", "moves the drive of an axis up when the reference of that axis jumps up", _response),
+    Rule("present", "computes a drive from the measurement whose sequence it has", _present),
+    Rule("repeats", "sends the same drives for the same measurements after a reset", _repeats),
+    Rule("memory", "takes no more memory from measurement to measurement", _memory),
     Rule("restart", "finds a simulator that was restarted", _restart),
     Rule(
         "end",

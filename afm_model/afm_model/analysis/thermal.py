@@ -25,9 +25,9 @@ deflection over the length under the force with which the sensitivity was measur
 RECTANGULAR = FIRST_MODE / SLOPE**2
 """0.817: spring constant times the mean square shown over k_B T."""
 _SEGMENTS = 16
-_INDEPENDENT = (2 * _SEGMENTS - 1) / (1.0 + 2.0 / 36.0) / (1.0 + 2.0 * 4.0 / 9.0 + 2.0 / 36.0)
-"""Spectra that count as independent: Hann windows that overlap by half have 1/36 of their variance in common, and their
-neighbouring bins 4/9 and 1/36."""
+_INDEPENDENT = (2 * _SEGMENTS - 1) / (35.0 / 18.0 + (2.0 * _SEGMENTS - 2.0) / (2.0 * _SEGMENTS - 1.0) / 6.0)
+"""Spectra that count as independent. Bins of a Hann window have 4/9 and 1/36 of their variance in common with those one
+and two beside them, 35/18 in all; windows that overlap by half 1/12 with all bins of the next one."""
 _PASSES = 200
 _WIDTHS, _BANDS, _FEWEST = 5.0, 6, 20
 """Widths of the resonance to either side of it that are fitted, times that they are found anew, points of a fit."""

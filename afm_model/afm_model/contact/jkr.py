@@ -45,18 +45,15 @@ def u_of_indentation(d: float) -> float:
     """
     if d <= INDENTATION_FIXED_GRIPS:
         return U_FIXED_GRIPS
-    if d > 1e4:
-        # Far beyond any real contact the closed form cancels; there u = d^(1/4) is close and Newton converges at once.
-        u = math.sqrt(math.sqrt(d))
-        for _ in range(4):
-            u -= (u * (u * u * u - 2.0 / 3.0) - d) / (4.0 * u * u * u - 2.0 / 3.0)
-        return u
     # Resolvent cubic m^3 + d m - 1/18 = 0, one positive real root on this branch.
     discriminant = max(1.0 / 1296.0 + d * d * d / 27.0, 0.0)
     c = cbrt(1.0 / 36.0 + math.sqrt(discriminant))
     m = c - d / (3.0 * c)
     root = math.sqrt(2.0 * m)
     u = 0.5 * (root + math.sqrt(max(4.0 / (3.0 * root) - 2.0 * m, 0.0)))
+    if d > 1e4:
+        # Far beyond any real contact the closed form cancels; there this is within 1e-7.
+        u = math.sqrt(math.sqrt(d)) + 1.0 / (6.0 * math.sqrt(d))
     slope = 4.0 * u * u * u - 2.0 / 3.0
     # At the fold the slope vanishes and the closed form is already exact.
     if slope > 1e-6:

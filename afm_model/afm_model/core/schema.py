@@ -12,8 +12,16 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeVar, get_args, get_origin
 
-import annotated_types
 import numpy as np
+import pydantic
+
+if pydantic.VERSION.startswith("1."):  # before names are imported that it lacks
+    raise ImportError(
+        f"afm_model needs pydantic 2, and this is {pydantic.VERSION} (rosdep on Ubuntu 24.04 installs 1): "
+        'python3 -m pip install --user --break-system-packages "pydantic>=2", or build with make, which has a .venv'
+    )
+
+import annotated_types
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 from pydantic.fields import FieldInfo
 

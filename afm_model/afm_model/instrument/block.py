@@ -69,6 +69,14 @@ class LoopState(Record):
     width: int  # numbers in a row
     samples: int  # of the samples, (channels, columns)
     columns: int
+    # What a tick keeps until its end.
+    command: int  # address of the command in force
+    column: int  # of the newest sample
+    noise: int  # next numbers of the detector and of the position sensors
+    position_noise: int
+    next_update: int  # integration step of the next update of the DAC
+    z_given: int  # whether a limit has z
+    phase: int  # of the guard before the tick
 
 
 class Layout:

@@ -128,6 +128,23 @@ class Instrument:
         start(block, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
         self._raise_errors()
 
+    def part(self, family: str) -> Any:
+        """The part of a family."""
+        return self._layout.parts[family].part
+
+    def numbers(self, name: str) -> _Array:
+        """The numbers of a record of the block, in place."""
+        return self._layout.array(self._block, name)
+
+    def record(self, name: str) -> Any:
+        """A record of the block, in place."""
+        return self._layout.record(self._block, name)
+
+    @property
+    def address(self) -> int:
+        """Of the block."""
+        return int(self._block.ctypes.data)
+
     @property
     def time(self) -> float:
         """Simulated time of the next control tick [s]."""
@@ -217,7 +234,8 @@ class Instrument:
         self.orders.put_in_force(order, self.ticks)
 
     def set_onboard(self, parameters: InstrumentParameters) -> None:
-        """Change the loop inside from the next tick on: `parameters` differ from those of now by `onboard` alone.
+        """Change the loop inside from the next tick on: `parameters` differ from those of now by `onboard`
+        and `calibration` alone.
 
         Raises
         ------
@@ -312,19 +330,27 @@ class Instrument:
             If a law in Python has raised something.
         """
         end = self.ticks + min(ticks, max(self._block_ticks - self._row, 1))
-        self._horizon_count[0] = 0
         while self.ticks < end:
-            self._prepare()
-            ticks = min(end, self._prepared) - self.ticks
-            outcome = advance(controller.block, float(ticks), self._block)
-            controller.raise_errors()
-            done = int(self._loop[_DONE])
-            self.ticks += done
-            self._row += done
-            self._conclude(outcome)
-            if outcome == STOPPED:
+            due = self.due(end - self.ticks)
+            if self.ended(controller, advance(controller.block, float(due), self._block)):
                 return True
         return False
+
+    def due(self, ticks: int) -> int:
+        """How many ticks, of so many that are wanted, compiled code can make now; prepares them."""
+        self._horizon_count[0] = 0
+        self._loop[_DONE] = 0
+        self._prepare()
+        return min(self.ticks + ticks, self._prepared) - self.ticks
+
+    def ended(self, controller: Controller, outcome: int) -> bool:
+        """Count the ticks that compiled code has made, and report what they came to, see `close_loop`."""
+        controller.raise_errors()
+        done = int(self._loop[_DONE])
+        self.ticks += done
+        self._row += done
+        self._conclude(outcome)
+        return outcome == STOPPED
 
     def _prepare(self) -> None:
         """What a tick needs: a row in the block, random numbers, the faults of these ticks."""
@@ -381,7 +407,7 @@ class Instrument:
     def _point_at_arrays(self) -> None:
         """Tell the compiled loop where the arrays beside the block are."""
         rows, samples = self._recorded.rows, self._recorded.samples
-        self._loop[_RANDOM:] = (
+        self._loop[_RANDOM : _RANDOM + 5] = (
             *(self._draws.numbers.ctypes.data, rows.ctypes.data, rows.shape[1]),
             *(samples.ctypes.data, samples.shape[1]),
         )

@@ -10,7 +10,7 @@ from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
 from .predictive import PREDICTIVE
-from .sampled import SampledLaw, TimingWarning, disagreements
+from .sampled import SampledLaw, TimingWarning, disagreements, require_plant
 from .super_twisting import SUPER_TWISTING
 
 register(*paper.PARTS, PID, IMPLICIT, SUPER_TWISTING, OBSERVER, PREDICTIVE, *paper_tracking.PARTS, CHIRP, OUTSIDE)
@@ -24,5 +24,6 @@ __all__ = [
     "disagreements",
     "error_matrix",
     "lyapunov_matrix",
+    "require_plant",
     "ultimate_bound",
 ]

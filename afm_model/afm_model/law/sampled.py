@@ -10,7 +10,9 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from ..core.elementary import exp, square
+from ..core.errors import ParameterError
 from ..core.jit import kernel
+from ..core.registry import find
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import LawParameters, PlantParameters
 from ..parts.part import Tree
@@ -50,6 +52,16 @@ class TimingWarning(UserWarning):
 
 TIMING = ("period", "delay_ticks")
 """Names of the parameters of `SampledLaw`."""
+
+
+def require_plant(law: LawParameters, plant: PlantParameters) -> None:
+    """Raise ParameterError if a law has a model of friction that is not that of the plant."""
+    known = find("law", law.kind).plants
+    if known and plant.kind not in known:
+        raise ParameterError(
+            f"law.kind = {law.kind} is not allowed with plant.kind = {plant.kind}: its model of friction is that of "
+            f"plant.kind = {' or '.join(known)}; take a law that needs none, such as pid"
+        )
 
 
 def disagreements(law: LawParameters, plant: PlantParameters) -> list[str]:

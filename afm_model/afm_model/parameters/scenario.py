@@ -9,11 +9,11 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ..core.errors import ParameterError
 from ..core.schema import chosen_group
-from ..law.sampled import TIMING, SampledLaw
+from ..law.sampled import TIMING, SampledLaw, require_plant
 from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
 from .microscope_parameters import PREFIX
 from .scenario_files import YamlError, read_yaml, scenario_file
@@ -29,6 +29,8 @@ class Header(Group):
 
     title: str = ""
     description: str = ""
+    controller: Literal["", "composed"] = ""
+    """`composed`: session and launch run our controller in the simulator's process, unless they are told otherwise."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +132,10 @@ def load_scenario(
                 f"simulator: leave out section {_section('afm_controller_node')}, or law.kind"
             )
         parts["controller"] = inside
+    try:
+        require_plant(parts.get("controller", ControllerParameters()).law, sim.plant)
+    except ParameterError as error:
+        raise ScenarioError(f"{_told(path, overrides)}: {error}") from None
     return Scenario(path.stem, path, **parts, sections=sections)
 
 

@@ -99,11 +99,10 @@ _surface = dispatcher(Sample, "surface")
 
 
 @kernel
-def surface(x: float, y: float, m: Block) -> Any:
-    """The sample of the block m at (x, y) [x0], as a record of Surface that the next call writes over."""
+def _surface_of_block(x: float, y: float, m: Block) -> Any:
     g = record_at(m, 0, BlockHeader)
     h = record_at(m, g.surface, Surface)
-    h.adhesion = 1.0
+    h.adhesion = h.modulus = 1.0
     d = record_at(m, g.displacement, Displacement)
     if d.there != 0:
         x -= d.x
@@ -113,3 +112,19 @@ def surface(x: float, y: float, m: Block) -> Any:
         h.strength *= d.friction
         h.height += d.z
     return h
+
+
+def surface_of(x: float, y: float, m: Block) -> Any:
+    """See `surface`; a block of lanes (core/lanes.py) has another one."""
+    return _surface_of_block(x, y, m)
+
+
+@overload(surface_of, jit_options={"forceinline": True})
+def _compiled_surface(x, y, m):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
+    return (lambda x, y, m: _surface_of_block(x, y, m)) if isinstance(m, types.Array | types.CPointer) else None
+
+
+@kernel
+def surface(x: float, y: float, m: Block) -> Any:
+    """The sample of the block m at (x, y) [x0], as a record of Surface that the next call writes over."""
+    return surface_of(x, y, m)

@@ -111,6 +111,9 @@ class Part:
         Random numbers that it uses in each control tick, by a seed of its own.
     draw : callable
         (parameters, generator, ticks) -> (ticks, draws) of them, standard normal if not given; None: they are all zero.
+    lanes : bool
+        Of plants and samples: the kernels are arithmetic on records alone, without maps, and many instruments can be
+        computed at once (instrument/lanes.py).
     """
 
     family: ClassVar[str]
@@ -128,6 +131,7 @@ class Part:
     channels: tuple[Channel, ...] = ()
     draws: int = 0
     draw: Callable[[Any, Stream, int], NDArray[np.float64] | None] | None = None
+    lanes: bool = False
 
     def arguments(self, function: str) -> tuple[Argument, ...]:
         """What a kernel of this part is called with."""
@@ -191,6 +195,8 @@ class Law(Part):
     """Record of its state -> what it has to say of itself, a sentence, such as that it distrusts its model."""
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
+    plants: tuple[str, ...] = ()
+    """Kinds of plant whose friction it has a model of; on others it is refused. Empty: it has none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -346,6 +352,8 @@ class Plant(Part):
         Its friction can be the potential that a sample with `lattice` writes.
     takes_excitation : bool
         It moves the base of its cantilever as v tells.
+    choices : tuple of str
+        Constants by which `step` chooses between ways of computing: the same in all `lanes`.
     warnings : callable
         Parameters -> what is implausible, a sentence each.
     """
@@ -363,6 +371,7 @@ class Plant(Part):
     sample_in_si: bool = False
     takes_lattice: bool = False
     takes_excitation: bool = False
+    choices: tuple[str, ...] = ()
     warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 
@@ -379,8 +388,8 @@ class Sample(Part):
     curvature : callable
         Parameters -> largest |mean curvature| [z0/x0^2], for the longest step and the contact.
     contrast : callable, optional
-        Parameters -> least and largest (w/w_0)^2 R_e/R, work of adhesion and effective radius over those of the plant,
-        for the plant `lever`; by default what the curvature makes of it.
+        Parameters -> least and largest (w/w_0)^2 R_e/R (K_0/K)^2, work of adhesion, effective radius and modulus over
+        those of the plant, for the plant `lever`; by default what the curvature makes of it.
     lattice : callable, optional
         Parameters -> Corrugation, for a sample whose `surface` also writes the derivatives of a potential for the
         place of the tip; that takes the place of friction.

@@ -117,4 +117,5 @@ COMPLIANT = Plant(
     rest=_rest,
     step=step,
     observe=observe,
+    lanes=True,
 )

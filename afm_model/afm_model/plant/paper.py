@@ -148,4 +148,6 @@ PAPER = Plant(
     rest=rest,
     step=step,
     observe=observe,
+    lanes=True,
+    choices=("treatment",),
 )

@@ -27,13 +27,14 @@ class LeverPreset(NamedTuple):
 
 
 LEVERS = {
-    # Dimensions as measured by Tafazzoli et al. (2004); k, f0 nominal, tip radius and Q from memory.
+    # Dimensions as measured by Tafazzoli et al. (2004); k, f0, tip radius and Q from memory, f0 as in data sheets:
+    # silicon with these numbers, 30 nm of aluminium and the mass of the tip has 26 kHz (docs/microscope.md).
     "ppp_lfmr": LeverPreset(0.2, 23e3, 40.0, 225e-6, 48e-6, 1e-6, 12e-6, 10e-9, 0.0, 0.0),
-    # From memory: nominal values of the maker.
+    # From memory: nominal values of the maker. As above the thickness is rounded; 2.05 um, there 1.04 um, gives this k.
     "contal_g": LeverPreset(0.2, 13e3, 50.0, 450e-6, 50e-6, 2e-6, 17e-6, 10e-9, 0.0, 0.0),
     # V-shaped: torsion from a lateral stiffness of 56.2 N/m at the tip, calculated from the measured k (table 2 of
-    # Nanoscale Res. Lett. 7:608); that it does not bend in its plane is assumed. Measured k = 0.16 N/m (nominal 0.12);
-    # f0, tip radius and Q from memory.
+    # Nanoscale Res. Lett. 7:608, doi:10.1186/1556-276X-7-608); that it does not bend in its plane is assumed. Measured
+    # k = 0.16 N/m (nominal 0.12); f0, tip radius and Q from memory.
     "snl_10b": LeverPreset(0.16, 23e3, 30.0, 205e-6, 40e-6, 0.6e-6, 8e-6, 2e-9, 56.2 * square(8e-6), 1e3),
 }
 
@@ -99,7 +100,8 @@ def layered(c11: float, c12: float, c13: float, c33: float, c44: float) -> Mater
 
 
 ELASTIC = {
-    # Handbooks; isotropic ones from memory.
+    # Silicon along <110>, Hopcroft, Nix, Kenny (2010), doi:10.1109/JMEMS.2009.2039697, taken as isotropic.
+    # Others so: handbooks, from memory.
     "si": isotropic(169e9, 0.27),
     "sio2": isotropic(70e9, 0.17),
     "si3n4": isotropic(250e9, 0.25),

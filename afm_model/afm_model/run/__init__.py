@@ -2,12 +2,10 @@
 
 from .counts import Counts, Snapshot
 from .engine import Engine, Operator
-from .latency import Latency
-from .link import Link
-from .listeners import Listeners
+from .link import Link, Listeners
 from .replay import Replay, recorded_parameters
 from .run import Run
-from .simulated import RealtimeSimulation, SimulatedLink, simulate_realtime
+from .simulated import Latency, RealtimeSimulation, SimulatedLink, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
 from .timing import Delays, VirtualClock
 from .verdict import retracted_fraction, saturated, shortfall, verdict, warnings

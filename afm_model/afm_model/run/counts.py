@@ -56,8 +56,8 @@ class Snapshot:
     in_contact: bool
     counts: Counts
     refusal: str  # the sentence about the drive refused last; empty if none was
-    faults: str = ""  # names of the faults that act now
-    faults_acted: str = ""  # and of those that have acted
+    faults: tuple[str, ...] = ()  # names of the faults that act now
+    faults_acted: tuple[str, ...] = ()  # and of those that have acted
     reason: str = ""  # why the controller's drive is not in force, in two words; empty if it is
     samples_saturated: int = 0  # at which the detector was beyond its range
     unreadable: str = ""  # a clause about the drive that could not be read last; empty if there was none

@@ -9,8 +9,7 @@ from ..instrument import Block, Instrument
 from ..parameters import InstrumentParameters
 from .blocks import Blocks
 from .counts import Counts
-from .link import Link
-from .listeners import Listeners
+from .link import Link, Listeners
 from .pacing import Pacing
 from .state import BACK, EVENTS, OVER, REASONS, TICKING, Cause, Life, State
 from .timing import Stopwatch, VirtualClock
@@ -138,8 +137,11 @@ class Engine:
         """Whether simulated time stands still until something is ordered."""
         return self.operator is not None and not self.pacing.by_clock and not self.operator.busy
 
-    def step(self) -> bool:
-        """Make the ticks that are due; True if something was done."""
+    def step(self, made: Callable[[], bool] | None = None) -> bool:
+        """Make the ticks that are due; True if something was done.
+
+        `made` concludes ticks of a law that are made already, `wanted` at most, as `Instrument.close_loop` does.
+        """
         if not self.ticking:
             return self.life.state == State.WAITING and self._start_when_ready()
         if self.operator is not None and self.idle:
@@ -153,11 +155,13 @@ class Engine:
             if pacing.law is None:
                 self.blocks.round_trips.append(pacing.round_trip)
                 stopped = instrument.tick(pacing.drive, pacing.sequence)
+            elif made is not None:
+                stopped = made()
             else:
-                stopped = instrument.close_loop(pacing.law, min(ticks, self._look_at - instrument.ticks))
+                stopped = instrument.close_loop(pacing.law, min(ticks, self.wanted))
         except DriveError as error:
             self.refuse(str(error), instrument.ticks)
-            self.fail(self.refusal, error)
+            self.fail(self.refusal, DriveError(self.refusal))
             return True
         except (DivergenceError, PartError) as error:
             self.fail(pacing.explain(error), error)
@@ -167,6 +171,11 @@ class Engine:
         else:
             pacing.made()
         return True
+
+    @property
+    def wanted(self) -> int:
+        """Ticks up to the next behind which there is something to look at."""
+        return self._look_at - self.instrument.ticks
 
     def stop_at(self, tick: int | None) -> None:
         """Pause by itself behind this tick; None: do not."""
@@ -269,7 +278,7 @@ class Engine:
     def refuse(self, problem: str, sequence: int) -> None:
         """Count a drive that was refused, with a sentence about it."""
         self.counts.drives_refused += 1
-        self.refusal = f"{problem} (answer to measurement {sequence} from {self.link.controller or 'an unknown node'})"
+        self.refusal = f"{problem} (answer to measurement {sequence} from {self.pacing.answering})"
 
     def fail(self, sentence: str, error: Exception | None = None) -> None:
         """End a run that has started: what it brings cannot be trusted any more."""

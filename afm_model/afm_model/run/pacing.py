@@ -61,6 +61,13 @@ class Pacing:
     def made(self) -> None:
         """Called after these ticks, if the run continues."""
 
+    @property
+    def answering(self) -> str:
+        """Who answers measurements, for a sentence."""
+        if self.law is not None:
+            return f"law {self.law.parameters.law.kind}"
+        return self._engine.link.controller or "an unknown node"
+
     def explain(self, error: DivergenceError | PartError) -> str:
         """Why the run ends, in one sentence."""
         return str(error)
@@ -90,6 +97,11 @@ class Asked(Pacing):
     def __init__(self, engine: "Engine", law: Any) -> None:
         super().__init__(engine)
         self._law = law
+
+    @property
+    def answering(self) -> str:
+        """The law, by its class."""
+        return type(self._law).__name__
 
     def start(self) -> None:
         """Reset the law, if it can be."""

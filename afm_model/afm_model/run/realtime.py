@@ -18,6 +18,8 @@ _LONGEST_WAY = 2.0
 """The drive goes back to that of a controller that was silent within the time that so many times the way of a retract
 takes: one that answers with leaps has the drive then, too.
 """
+_IN_TIME = 2.5
+"""Control periods up to which a drive in force is old where none is late, without `plant.delay_ticks`."""
 _RING = 4096
 """Measurements whose time of publication is known; a drive for an older one counts as outdated."""
 
@@ -195,13 +197,16 @@ class Realtime(Peered):
         return "".join(f", {count} {kind}" for count, kind in kinds if count)
 
     def explain(self, error: DivergenceError | PartError) -> str:
-        """Add to a divergence how old the drives were, which makes a loop unstable that is not in lockstep."""
+        """Add to a divergence how old the drives were; late ones are the likely cause, and come first."""
         if not isinstance(error, DivergenceError):
             return str(error)
         engine = self._engine
         engine.blocks.flush()
         oldest = engine.blocks.oldest_command / self._period
+        if oldest <= _IN_TIME + self._parameters.plant.delay_ticks:
+            return f"{error}; the drives came in time, they were up to {oldest:.3g} control periods old"
         return (
-            f"{error}, or the drives are too late: they were up to {oldest:.3g} control periods old (lower "
-            f"run.real_time_factor = {self._parameters.run.real_time_factor:g} to give the controller time)"
+            f"the drives came too late, they were up to {oldest:.3g} control periods old (lower run.real_time_factor = "
+            f"{self._parameters.run.real_time_factor:g}, or run our controller in the simulator's process: session "
+            f"--composed): {error}"
         )

@@ -9,8 +9,7 @@ from ..parameters import SimParameters
 from .counts import Snapshot
 from .engine import Engine, Operator
 from .law_inside import LawInside
-from .link import Link
-from .listeners import Listeners
+from .link import Link, Listeners
 from .lockstep import Lockstep
 from .pacing import Pacing
 from .realtime import Realtime
@@ -106,8 +105,8 @@ class Run(Engine):
             refusal=self.refusal,
             reason=self.reason,
             unreadable=self.unreadable,
-            faults=", ".join(active(instrument.parameters, instrument.ticks)) if instrument.has_faults else "",
-            faults_acted=", ".join(acted(instrument.parameters, instrument.ticks)) if instrument.has_faults else "",
+            faults=tuple(active(instrument.parameters, instrument.ticks)) if instrument.has_faults else (),
+            faults_acted=tuple(acted(instrument.parameters, instrument.ticks)) if instrument.has_faults else (),
         )
 
     def delays(self) -> Delays:

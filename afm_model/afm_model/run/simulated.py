@@ -4,26 +4,31 @@ import heapq
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
+from annotated_types import Ge, Lt
 from numpy.typing import NDArray
+from pydantic import Field
 
+from ..core.elementary import exp
 from ..core.errors import DivergenceError, DriveError, ParameterError
+from ..core.random_numbers import Stream
+from ..core.schema import Group, NonNegative, Positive, Unit
 from ..instrument import Block, ScoreSummary
 from ..instrument.controller import Controller
 from ..law import ExternalLaw
 from ..parameters import SimParameters
 from ..parts.command import Command
 from .counts import Snapshot
-from .latency import Latency
-from .link import Link
-from .listeners import Listeners
+from .link import Link, Listeners
 from .run import Run
 from .timing import Delays, VirtualClock
 
 _Array = NDArray[np.float64]
 _BLOCK_SAMPLES = 65536
+_LATENCIES = 3000
+"""Stream of the random numbers of latencies."""
 
 
 class Law(Protocol):
@@ -93,6 +98,36 @@ class SimulatedLink(Link):
     def arrived(self) -> float:
         """When the drive taken last arrived [s]."""
         return self._arrived
+
+
+class Latency(Group):
+    """Wall time from publishing a measurement to the arrival of its drive, drawn anew for each from a seed."""
+
+    kind: Literal["lognormal", "normal"] = Field("lognormal", description="distribution of the latency")
+    median: Annotated[Positive, Unit("s")] = Field(2e-4, description="half of the drives arrive within it")
+    spread: NonNegative = Field(
+        0.3,
+        description="lognormal: standard deviation of the logarithm; normal: standard deviation over the median; "
+        "0: every latency is the median",
+    )
+    floor: Annotated[NonNegative, Unit("s")] = Field(0.0, description="no drive arrives sooner")
+    loss: Annotated[float, Ge(0.0), Lt(1.0)] = Field(0.0, description="part of the drives that never arrive")
+    seed: Annotated[int, Ge(0)] = Field(0, description="of all that is drawn")
+
+    def draw(self) -> Callable[[], float]:
+        """A function that draws one latency after the other [s]; infinite: the drive is lost."""
+        random = Stream(self.seed, _LATENCIES)
+
+        def draw() -> float:
+            # Always both: whether drives are lost changes no latency.
+            deviation, lost = float(random.standard_normal(1)[0]), bool(random.random(1)[0] <= self.loss)
+            if self.kind == "lognormal":
+                latency = self.median * exp(self.spread * deviation)
+            else:
+                latency = self.median * (1.0 + self.spread * deviation)
+            return math.inf if lost else max(latency, self.floor)
+
+        return draw
 
 
 @dataclass(frozen=True)

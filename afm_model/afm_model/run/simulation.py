@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from ..instrument import Block, Instrument, ScoreSummary
 from ..instrument.controller import Controller
 from ..instrument.validity import doubts
-from ..law import TimingWarning, disagreements
+from ..law import TimingWarning, disagreements, require_plant
 from ..parameters import ControllerParameters, SimParameters
 from ..parts.part import Channel
 from .engine import Engine
-from .listeners import Listeners
+from .link import Listeners
 from .pacing import Asked, Compiled, Pacing
 from .plotting import Curves, plot
 from .replay import Replay, replayed
@@ -224,9 +224,32 @@ def run(
     Instrument
         At the end of the run.
     """
+    engine = engine_of(
+        parameters, controller, take, progress=progress, on_event=on_event, block_ticks=block_ticks, hashed=hashed
+    )
+    while engine.state not in OVER:
+        engine.step()
+    if engine.error is not None:
+        raise engine.error
+    return engine.instrument
+
+
+def engine_of(
+    parameters: SimParameters,
+    controller: ControllerParameters | Law,
+    take: Callable[[Block], object] | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    on_event: Callable[[RunEvent], object] | None = None,
+    block_ticks: int | None = None,
+    hashed: bool = True,
+) -> Engine:
+    """What `run` steps until it is over."""
     total = ticks_to_simulate(parameters)
     if isinstance(controller, Replay):
         parameters = replayed(parameters)
+    if (own := _parameters_of(controller)) is not None:
+        require_plant(own.law, parameters.plant)
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
 
     def pacing(engine: Engine) -> Pacing:
@@ -255,11 +278,7 @@ def run(
         block_ticks=block_ticks or ticks_of_a_block(parameters),
         hashed=hashed,
     )
-    while engine.state not in OVER:
-        engine.step()
-    if engine.error is not None:
-        raise engine.error
-    return engine.instrument
+    return engine
 
 
 def _parameters_of(controller: ControllerParameters | Law) -> ControllerParameters | None:

@@ -15,4 +15,4 @@ def surface(x: float, y: float, h: Surface, p: Record, unused: Block) -> None:
     h.strength = 1.0
 
 
-FLAT = Sample(name="flat", parameters=SampleParameters, surface=surface)
+FLAT = Sample(name="flat", parameters=SampleParameters, surface=surface, lanes=True)

@@ -67,4 +67,5 @@ PAPER = Sample(
     height=lambda parameters: abs(parameters.sample.beta),
     curvature=_curvature,
     surface=surface,
+    lanes=True,
 )

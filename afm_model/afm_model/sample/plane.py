@@ -44,4 +44,4 @@ def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None
     h.strength = 1.0
 
 
-PLANE = Sample(name="plane", parameters=Plane, constants=Constants, values=_values, surface=surface)
+PLANE = Sample(name="plane", parameters=Plane, constants=Constants, values=_values, surface=surface, lanes=True)

@@ -10,7 +10,7 @@ from typing import Any
 from ..core.errors import ParameterError
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
-from .contender import CONDITIONS, Common, Contender, contender, instrument_under, law_under
+from .contender import CONDITIONS, Common, Contender, contenders, instrument_under, law_under
 from .scatter import Row, Set, require_scattering, run_sets
 from .trial import NUMBERS, run_trial
 
@@ -40,7 +40,8 @@ def compare(
     Parameters
     ----------
     laws : sequence of str or Contender
-        Text: see `contender`.
+        Text: see `contender`. With several values of a parameter, `pid slowness=0.1,0.15,1`, it is tuned: every
+        combination runs, and the table has the one that ranks best over all conditions.
     scenario : Scenario, optional
         What is common to all runs; the instrument's defaults without.
     periods : sequence of float [s]
@@ -72,11 +73,10 @@ def compare(
     pandas = require_scattering(scheduler, workers)
     scenario = scenario or Scenario("default", Path("default.yaml"))
     common = Common(scenario, cycles)
-    contenders = tuple(law if isinstance(law, Contender) else contender(law) for law in laws)
-    if len({each.label for each in contenders}) < len(contenders):
-        raise ParameterError(
-            f"laws = {', '.join(each.label for each in contenders)} is not allowed: a law is given twice"
-        )
+    groups = [[law] if isinstance(law, Contender) else contenders(law) for law in laws]
+    every = tuple(itertools.chain.from_iterable(groups))
+    if len({each.label for each in every}) < len(every):
+        raise ParameterError(f"laws = {', '.join(each.label for each in every)} is not allowed: a law is given twice")
     if not cycles > 0.5:
         raise ParameterError(
             f"cycles = {cycles:g} is not allowed: it must be > 0.5, the first half period is not scored"
@@ -85,7 +85,7 @@ def compare(
     rows: list[Row] = []
     sets: list[Set | str] = []
     alone: list[int] = []
-    for law in contenders:
+    for law in every:
         linearised = set()
         for values in grid:
             conditions = dict(zip(CONDITIONS, values, strict=True))
@@ -113,7 +113,7 @@ def compare(
     for row in rows:
         row["margin"] = margins.get((row["law"], *_timing(row)), math.nan)
     table = pandas.DataFrame(rows, columns=["law", *CONDITIONS, *NUMBERS, "trajectory_sha256", "error"])
-    return Comparison(table.astype(dict.fromkeys(NUMBERS, "float64")), contenders, common)
+    return Comparison(table.astype(dict.fromkeys(NUMBERS, "float64")), every, common).best_of(groups)
 
 
 def _timing(row: Mapping[str, Any]) -> tuple[Any, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from .contender import CONDITIONS, Common, Contender, instrument_under, law_unde
 if TYPE_CHECKING:
     import pandas as pd
 
-RANKED = ("error_max", "chatter", "energy", "tip_force", "margin")
+RANKED = ("error_max", "z_rms", "chatter", "energy", "tip_force", "margin")
 """By which laws are ranked; less is better, but for the margin."""
 _LATEX = str.maketrans(
     {each: "\\" + each for each in "_&%#${}"}
@@ -36,7 +37,8 @@ class Comparison:
         `chatter` (total variation of the drive of x and y over that of the smooth drive), `energy` (mean square of the
         drive of x and y [V^2]), `tip_force` (largest normal force, pull or push [N]), `contact` (part of the time),
         `margin` (smallest distance of the open loop from -1; 0: unstable; missing: no linear model), `z_rms` [m],
-        `trajectory_sha256`, and `error`: the sentence of a run that diverged, was refused or left the sample.
+        `trajectory_sha256`, and `error`: the sentence of a run that diverged, was refused, passed a limit, left the
+        sample or is doubtful.
     contenders : tuple of Contender
     common : Common
     """
@@ -48,8 +50,7 @@ class Comparison:
     def ranking(self) -> pd.DataFrame:
         """A row a law, the best first: by the part of runs under 1 %, then by the median error.
 
-        A run that diverged, or in which the tip left the sample, counts as an infinite error, chatter, energy and
-        force. `rank_...` is the place by each.
+        A run with an `error` counts as infinite in all of them. `rank_...` is the place by each.
         """
         import pandas
 
@@ -57,7 +58,7 @@ class Comparison:
         for each in self.contenders:
             runs = self.table[self.table["law"] == each.label]
             bad = runs["error"].notna()
-            medians = {name: float(runs[name].where(~bad, math.inf).median()) for name in RANKED[:4]}
+            medians = {name: float(runs[name].where(~bad, math.inf).median()) for name in RANKED[:-1]}
             margins = runs["margin"].dropna()
             rows.append(
                 {
@@ -75,6 +76,13 @@ class Comparison:
             ranks = table[name].rank(method="min", ascending=name != "margin", na_option="bottom")
             table[f"rank_{name}"] = ranks.astype(int)
         return table.reset_index(drop=True)
+
+    def best_of(self, groups: Sequence[Sequence[Contender]]) -> Comparison:
+        """With the one law of each group that ranks best."""
+        places = self.ranking()["law"].tolist()
+        best = tuple(min(group, key=lambda each: places.index(each.label)) for group in groups)
+        kept = self.table["law"].isin([each.label for each in best])
+        return Comparison(self.table[kept].reset_index(drop=True), best, self.common)
 
     def to_csv(self, path: Path) -> None:
         """Write the table, all digits."""

@@ -4,11 +4,12 @@ A law is a part by its kind, an object that answers measurements, or one that ru
 """
 
 import importlib
+import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..core.errors import ParameterError
@@ -58,6 +59,11 @@ class Contender:
         return self.start is None and getattr(load_law(self.kind), "family", None) == "law"
 
     @property
+    def parameters(self) -> dict[str, Value]:
+        """Of the controller: the kind of law, and what is given."""
+        return {"law.kind": self.kind, **{f"law.{name}": value for name, value in self.values.items()}}
+
+    @property
     def knowledge(self) -> str:
         """What it uses and knows, as the law declares it."""
         if self.start is not None:
@@ -85,10 +91,28 @@ def contender(text: str) -> Contender:
         values[name] = _value(value)
     made = Contender(text, kind, values)
     if made.is_part:
-        build(ControllerParameters, {"law.kind": kind} | {f"law.{name}": value for name, value in values.items()})
+        build(ControllerParameters, made.parameters)
     elif values:
         raise ParameterError(f"law {text}: an object takes no parameters here; give it those of its own in its code")
     return made
+
+
+def contenders(text: str) -> list[Contender]:
+    """As `contender`; `pid slowness=0.1,0.15,1` is a law for each combination, of which a comparison keeps the best.
+
+    Raises
+    ------
+    ParameterError
+    """
+    kind, *given = text.split() or [""]
+    choices = [
+        [f"{name}={value}" for value in values.split(",")] for name, _, values in (s.partition("=") for s in given)
+    ]
+    settings = list(itertools.product(*choices)) if all("=" in each for each in given) else []
+    if len(settings) <= 1:
+        return [contender(text)]
+    made = [contender(" ".join((kind, *setting))) for setting in settings]
+    return [replace(each, label=f"{each.label} (tuned: best of {len(made)})") for each in made]
 
 
 def _value(text: str) -> Value:
@@ -182,8 +206,7 @@ def law_under(common: Common, law: Contender, conditions: Mapping[str, Any]) -> 
     ParameterError
         If the law refuses its rate.
     """
-    own: dict[str, Value] = {"law.kind": law.kind, **{f"law.{name}": value for name, value in law.values.items()}}
-    own |= feedback_of(law, noisy=float(conditions["noise"]) != 0.0)
+    own = law.parameters | feedback_of(law, noisy=float(conditions["noise"]) != 0.0)
     timing = law_timing(own, instrument_under(common, conditions))
     same = common.scenario.controller.law.kind == law.kind
     return changed(common.scenario.controller, timing | own, anew=() if same else ("law",))

@@ -12,12 +12,14 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from multiprocessing import resource_tracker
 from types import ModuleType
 from typing import Any
 
 from ..core import kernel_cache
 from ..core.errors import ParameterError
+from ..core.lanes import LANES
 from ..core.progress import reporting
 from ..instrument import Instrument
 from ..instrument.controller import Controller
@@ -64,10 +66,11 @@ def require_scattering(scheduler: str | None, workers: int | None) -> ModuleType
 
 
 def run_sets(
-    run_one: Callable[..., Row],
+    run_one: Callable[..., Any],
     sets: Sequence[Set | str],
     what: str,
     *,
+    together: bool = False,
     alone: Sequence[int] = (),
     scheduler: str | None = None,
     workers: int | None = None,
@@ -83,6 +86,8 @@ def run_sets(
         A tuple begins with its SimParameters. Text is the sentence why a set was refused: that is its row.
     what : str
         What the progress bar is headed by.
+    together : bool
+        `run_one` is called with a list of sets, and returns their rows.
     alone : sequence of int
         Numbers of the sets that run in this process, one at a time, after the others.
     scheduler, workers, progress
@@ -95,7 +100,7 @@ def run_sets(
     with reporting(progress, what) as report:
         done = len(sets) - len(run)
         report(done, len(sets))
-        for number, row in itertools.chain(_scattered(run_one, far, scheduler, workers), here):
+        for number, row in itertools.chain(_scattered(run_one, far, together, scheduler, workers), here):
             rows[number] = row
             done += 1
             report(done, len(sets))
@@ -103,7 +108,11 @@ def run_sets(
 
 
 def _scattered(
-    run_one: Callable[..., Row], sets: Sequence[tuple[int, Set]], scheduler: str | None, workers: int | None
+    run_one: Callable[..., Any],
+    sets: Sequence[tuple[int, Set]],
+    together: bool,
+    scheduler: str | None,
+    workers: int | None,
 ) -> Iterator[tuple[int, Row]]:
     """Numbers and rows of the sets, as they are done."""
     import distributed
@@ -111,14 +120,17 @@ def _scattered(
     if not sets:
         return
     with _client(distributed, scheduler, workers) as (client, processors):
-        tasks = _tasks(sets, processors)
-        yield from _results(distributed, client, tasks, run_one)
+        tasks = _tasks(sets, processors, LANES if together else 0)
+        yield from _results(distributed, client, tasks, partial(_run_task, run_one=run_one, together=together))
 
 
-def _tasks(sets: Sequence[tuple[int, Set]], processors: int) -> list[list[tuple[int, Set]]]:
-    """Sets in portions of similar work: large enough for Dask's share to vanish, small enough to end together."""
+def _tasks(sets: Sequence[tuple[int, Set]], processors: int, least: int) -> list[list[tuple[int, Set]]]:
+    """Sets in portions of similar work: large enough for Dask's share to vanish, small enough to end together; of some
+    `least` sets where each processor has as many.
+    """
     steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, *_) in sets]
     portion = min(_TASK_STEPS, sum(steps) / (8 * processors))
+    portion = max(portion, min(least / len(sets), 1.0 / processors) * sum(steps))
     tasks: list[list[tuple[int, Set]]] = []
     filled = portion
     for each, work in zip(sets, steps, strict=True):
@@ -131,14 +143,14 @@ def _tasks(sets: Sequence[tuple[int, Set]], processors: int) -> list[list[tuple[
 
 
 def _results(
-    distributed: ModuleType, client: Any, tasks: Sequence[Sequence[tuple[int, Set]]], run_one: Callable[..., Row]
+    distributed: ModuleType, client: Any, tasks: Sequence[Sequence[tuple[int, Set]]], run_task: Callable[..., Any]
 ) -> Iterator[tuple[int, Row]]:
     import dask
 
     # A set is a kilobyte; that many of them are large is no surprise.
     with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
         sources = kernel_cache.fingerprint(__name__, __file__)
-        futures = client.map(_run_task, tasks, run_one=run_one, sources=sources, pure=False)
+        futures = client.map(run_task, tasks, sources=sources, pure=False)
     for future in distributed.as_completed(futures, loop=client.loop):
         try:
             yield from future.result()
@@ -195,8 +207,12 @@ def _interrupt_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _run_task(sets: Sequence[tuple[int, Set]], run_one: Callable[..., Row], sources: str) -> list[tuple[int, Row]]:
-    """Task of a worker: run some sets, one after the other."""
+def _run_task(
+    sets: Sequence[tuple[int, Set]], run_one: Callable[..., Any], together: bool, sources: str
+) -> list[tuple[int, Row]]:
+    """Task of a worker: run some sets."""
     if sources != kernel_cache.fingerprint(__name__, __file__):
         raise SweepError("a worker has other sources of afm_model, or another numba, than the process that sweeps")
-    return [(number, run_one(*each)) for number, each in sets]
+    given = [each for _, each in sets]
+    rows = run_one(given) if together else (run_one(*each) for each in given)
+    return [(number, row) for (number, _), row in zip(sets, rows, strict=True)]

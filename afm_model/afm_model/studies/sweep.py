@@ -5,20 +5,20 @@ from __future__ import annotations
 import difflib
 import itertools
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import DivergenceError, DriveError, ParameterError, PartError
+from ..core.errors import ParameterError
 from ..core.schema import python_value, with_parts
 from ..instrument import score
 from ..law import TimingWarning, disagreements
 from ..parameters import ControllerParameters, Group, SimParameters, Value, changed, specifications
 from ..parameters.scenario import SECTIONS, Scenario, law_timing
 from ..run.simulated import ticks_to_simulate
-from ..run.simulation import run
+from ..run.together import run_together
 from ..run.verdict import limited
 from .scatter import Row, require_scattering, run_sets
 
@@ -39,6 +39,7 @@ def sweep(
     scheduler: str | None = None,
     workers: int | None = None,
     fingerprint: bool = False,
+    lanes: bool = True,
     progress: bool | Callable[[int, int], None] = True,
 ) -> pd.DataFrame:
     """Simulate a scenario once for each parameter set. The table is the same for any number of workers.
@@ -62,6 +63,9 @@ def sweep(
         Processes to start; as many as this process may use processors if not given. Not allowed with `scheduler`.
     fingerprint : bool
         True: also `trajectory_sha256`, which costs a tenth of a run with two steps a tick, and less with more.
+    lanes : bool
+        True: instruments of one composition are computed together (`docs/numerics.md`); False: one after the other. The
+        table is the same.
     progress : bool or callable
         True: show a bar on the terminal. A callable is called now and then with runs done and runs in all.
 
@@ -88,17 +92,17 @@ def sweep(
     """
     pandas = require_scattering(scheduler, workers)
     index = None if isinstance(parameters, Mapping) else parameters.index
-    columns = _columns(scenario, parameters, grid)
-    sets = _sets(scenario, columns)
+    columns = columns_of(scenario, parameters, grid)
+    sets = sets_of(scenario, columns)
     told = [disagreements(each[1].law, each[0].plant) for each in sets if not isinstance(each, str)]
     if others := [sentences[0] for sentences in told if sentences]:
         warnings.warn(f"in {len(others)} of {len(sets)} sets {others[0]}", TimingWarning, stacklevel=2)
-    run_one = partial(_run_set, fingerprint=fingerprint)
-    rows = run_sets(run_one, sets, "sweeping", scheduler=scheduler, workers=workers, progress=progress)
+    run_all = partial(_run_all, fingerprint=fingerprint, lanes=lanes)
+    rows = run_sets(run_all, sets, "sweeping", together=True, scheduler=scheduler, workers=workers, progress=progress)
     return _table(pandas, columns, rows, index, fingerprint)
 
 
-def _columns(
+def columns_of(
     scenario: Scenario, parameters: Mapping[str, Sequence[Value]] | pd.DataFrame, grid: bool
 ) -> dict[str, list[Value]]:
     """Names and their values, one a set."""
@@ -158,7 +162,7 @@ def _groups(scenario: Scenario) -> dict[str, Group]:
     return {node: getattr(scenario, SECTIONS[node][0]) for node in (_SIM, _LAW)}
 
 
-def _sets(
+def sets_of(
     scenario: Scenario, columns: Mapping[str, Sequence[Value]]
 ) -> list[tuple[SimParameters, ControllerParameters] | str]:
     """The parameters of every set, or the sentence why it is refused."""
@@ -197,18 +201,20 @@ def _sets(
     return sets
 
 
-def _run_set(parameters: SimParameters, law: ControllerParameters, fingerprint: bool = True) -> Row:
-    """Score of one run; the same bytes as `simulate`, nothing recorded."""
-    try:
-        instrument = run(parameters, law, block_ticks=_BLOCK_TICKS, hashed=fingerprint)
-    except (ParameterError, PartError, DriveError, DivergenceError) as error:
-        return {"error": str(error)}
-    result: Row = score.row(instrument.score())
-    if sentence := limited(instrument):
-        result["error"] = sentence
-    if fingerprint:
-        result["trajectory_sha256"] = instrument.trajectory_sha256()
-    return result
+def _run_all(
+    sets: Sequence[tuple[SimParameters, ControllerParameters]], fingerprint: bool, lanes: bool
+) -> Iterator[Row]:
+    """Score of each run; the same bytes as `simulate`, nothing recorded."""
+    for end in run_together(sets, lanes=lanes, block_ticks=_BLOCK_TICKS, hashed=fingerprint):
+        if isinstance(end, Exception):
+            yield {"error": str(end)}
+            continue
+        result: Row = score.row(end.score())
+        if sentence := limited(end):
+            result["error"] = sentence
+        if fingerprint:
+            result["trajectory_sha256"] = end.trajectory_sha256()
+        yield result
 
 
 def _table(

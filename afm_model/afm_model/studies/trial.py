@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import DivergenceError, DriveError, LawError, ParameterError, PartError
 from ..instrument import Block
+from ..instrument.validity import doubts
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
 from ..run.verdict import limited
@@ -90,7 +91,7 @@ def run_trial(
     Returns
     -------
     dict
-        NUMBERS, `trajectory_sha256`, and `error` if it diverged, was refused, or left the sample.
+        NUMBERS, `trajectory_sha256`, and `error` if it diverged, was refused, left the sample or is doubtful.
     """
     row: dict[str, Any] = {}
     if told is not None:
@@ -114,9 +115,11 @@ def run_trial(
     if score.contact_fraction < 1.0:
         part = 100.0 * score.contact_fraction
         row["error"] = f"the tip was on the sample for {part:.3g} % of the time: this run is not ranked"
-    amplitude = max(abs(each) for each in sim.reference.amplitude)
+    elif found := doubts(sim, score, controller):
+        row["error"] = f"{found[0]}: this run is not ranked"
+    amplitude = max(abs(each) for each in sim.reference.amplitude[:2])
     return row | {
-        "error_max": float(np.nanmax(score.max_percent[:2])),
+        "error_max": 100.0 * float(np.max(score.max[:2])) / amplitude,
         "error_rms": 100.0 * float(np.max(score.rms[:2])) / amplitude,
         "chatter": drives.variation / drives.smooth_variation if drives.smooth_variation > 0.0 else math.nan,
         "energy": drives.square / max(drives.ticks, 1),

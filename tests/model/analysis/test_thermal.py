@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, InstrumentParameters, build
-from afm_model.analysis import Estimate, deflection_sensitivity, spring_constant
+from afm_model.analysis import Estimate, deflection_sensitivity, spring_constant, thermal
 
 from .bench import curve
 
@@ -122,3 +122,12 @@ def test_what_cannot_be_analysed_is_refused_in_one_sentence(change, told):
     with pytest.raises(ValueError, match=told):
         spring_constant(given["voltage"], RATE, SENSITIVITY, given["temperature"],
                         band=given.get("band"), tilt=given.get("tilt", 0.0))  # fmt: skip
+
+
+def test_spectra_of_windows_that_overlap_count_as_independent_by_what_they_have_in_common():
+    # Parseval: squared correlations with all bins of a window that is shifted, summed, of white noise.
+    n, count = 512, 2 * 16 - 1
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
+    power = n / np.sum(window**2) ** 2
+    beside, over = power * np.sum(window**4), power * np.sum((window[n // 2 :] * window[: n // 2]) ** 2)
+    assert pytest.approx(count / (beside + 2.0 * (count - 1) / count * over)) == thermal._INDEPENDENT

@@ -57,7 +57,7 @@ def test_z_loop_follows_the_drift_along_z_and_the_tip_is_dragged_until_it_slides
     read, y, _ = held(values, 2000)
     t = PERIOD * np.arange(2000)
     late = t > 0.05
-    # 0.02 to 0.3 nm of stick at k_eff of 25 N/m, then it slides: the place under the tip moves with the sample.
+    # 0.02 to 0.3 nm of stick at k_eff of 21 N/m, then it slides: the place under the tip moves with the sample.
     assert read["truth/stuck"][:5].all() and not read["truth/stuck"][late].any()
     assert np.polyfit(t[late], read["truth/place_x"][late], 1)[0] == pytest.approx(2e-7, rel=1e-3)
     assert np.polyfit(t[late], read["z_loop"][late], 1)[0] == pytest.approx(1e-7, rel=1e-3)

@@ -1,9 +1,7 @@
 """Claims about parts of somebody else's: from a package outside this tree, by name, with parameters and state."""
 
-import importlib
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -23,47 +21,11 @@ from afm_model import (
     simulate,
     specifications,
 )
-from afm_model.core import registry
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
 LIMIT = 60
 """Lines that an own part may take."""
 SHORT = {"run.duration": 2e-3, "score.start": 0.0}
-IN_PYTHON = """
-import dataclasses
-from own_parts import bursts, creep, kalman, patches
-
-def plain(part, **functions):
-    return dataclasses.replace(part, **{name: function.py_func for name, function in functions.items()})
-
-KALMAN = plain(kalman.KALMAN, control=kalman.control)
-PATCHES = plain(patches.PATCHES, surface=patches.surface)
-CREEP = plain(creep.CREEP, actuate=creep.actuate)
-BURSTS = plain(bursts.BURSTS, on_measurement=bursts.on_measurement, on_drive=bursts.on_drive)
-"""
-BROKEN = """
-import dataclasses
-from typing import Annotated
-from afm_model.parts import kernel
-from own_parts import kalman
-
-def fails(t, y, u, p, s):
-    raise LookupError("no such gain")
-
-@kernel
-def misspelt(t, y, u, p, s):
-    u.voltage[0] = y.nothing_of_that_name
-
-RAISES = dataclasses.replace(kalman.KALMAN, control=fails)
-MISSPELT = dataclasses.replace(kalman.KALMAN, control=misspelt)
-WRONG_CONSTANTS = dataclasses.replace(kalman.KALMAN, values=lambda parameters: {"period": 1.0})
-
-class Scaled(kalman.Constants):
-    jerk: Annotated[float, "x0/s^2"]
-
-WRONG_UNIT = dataclasses.replace(kalman.KALMAN, constants=Scaled)
-NO_PART = 3
-"""
 
 SWEEP = """
 from pathlib import Path
@@ -79,31 +41,6 @@ if __name__ == "__main__":
     assert table["error"].isna().all(), table["error"]
     print(table["trajectory_sha256"][0])
 """
-
-
-@pytest.fixture(scope="module")
-def outside(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder outside the tree with a package `own_parts`, installed with entry points as pip would install it."""
-    folder = tmp_path_factory.mktemp("outside")
-    shutil.copytree(EXAMPLES, folder / "own_parts")
-    (folder / "own_parts" / "__init__.py").touch()
-    (folder / "own_parts" / "in_python.py").write_text(IN_PYTHON)
-    (folder / "own_parts" / "broken.py").write_text(BROKEN)
-    metadata = folder / "own_parts-1.0.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: own_parts\nVersion: 1.0\n")
-    (metadata / "entry_points.txt").write_text("[afm_model.law]\nkalman = own_parts.kalman:KALMAN\n")
-    return folder
-
-
-@pytest.fixture
-def own(outside: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The same, found by this process."""
-    monkeypatch.syspath_prepend(str(outside))
-    importlib.invalidate_caches()
-    registry._offered.cache_clear()
-    yield outside
-    registry._offered.cache_clear()
 
 
 def run(sim: dict[str, object], law: dict[str, object] | None = None) -> Simulation:

@@ -1,10 +1,55 @@
 """Claims about the presets: their numbers go together, by closed forms of their own."""
 
+import cmath
 import math
 
 import pytest
+from scipy.special import kv
 
-from afm_model.plant.presets import ELASTIC, PAIRS, SCANNERS, isotropic, layered
+from afm_model.plant.lever import LeverGroup
+from afm_model.plant.presets import ELASTIC, LEVERS, PAIRS, SCANNERS, isotropic, layered
+
+E, G = 169e9, 50.9e9
+"""Of silicon along <110> on a wafer (001) [Pa]."""
+SILICON, ALUMINIUM = 2329.0, 2700.0
+"""Densities [kg/m^3]."""
+COATING, HALF_ANGLE = 30e-9, math.radians(25.0)
+"""Aluminium on the back of a cantilever [m]; a silicon tip as a cone."""
+
+
+@pytest.mark.parametrize(("name", "of_f0"), [("ppp_lfmr", 0.12), ("contal_g", 0.02)])
+def test_stiffness_resonance_and_twist_of_a_cantilever_are_those_of_silicon_in_its_dimensions(name, of_f0):
+    c = LEVERS[name]
+    # The makers round the thickness; k, of its cube, tells it better.
+    t = c.length * (4.0 * c.k / (E * c.width)) ** (1.0 / 3.0)
+    assert t == pytest.approx(c.thickness, rel=0.05)
+    tip = SILICON * math.pi / 3.0 * c.tip_height**3 * math.tan(HALF_ANGLE) ** 2
+    # A beam moves as 0.2427 of its mass would at the end, where the tip stands.
+    mass = 0.2427 * c.length * c.width * (SILICON * t + ALUMINIUM * COATING) + tip
+    assert c.f0 == pytest.approx(math.sqrt(c.k / mass) / (2.0 * math.pi), rel=of_f0)
+    J = c.width * t**3 / 3.0 * (1.0 - 0.63 * t / c.width)
+    assert LeverGroup(lever=name).cantilever_numbers.k_torsion == pytest.approx(G * J / c.length, rel=1e-3)
+
+
+def test_arms_of_a_v_are_beams_of_nitride_to_a_quarter():
+    # Of the table that its dimensions are from; density of the film 3100 kg/m^3.
+    c, modulus = LEVERS["snl_10b"], 304e9
+    k = 2.0 * modulus * c.width * c.thickness**3 / (4.0 * c.length**3)
+    assert k == pytest.approx(c.k, rel=0.25)
+    mass = 0.2427 * 2.0 * c.length * c.width * 3100.0 * c.thickness
+    assert c.f0 == pytest.approx(math.sqrt(c.k / mass) / (2.0 * math.pi), rel=0.25)
+
+
+@pytest.mark.parametrize("name", ["ppp_lfmr", "contal_g"])
+def test_damping_of_a_cantilever_is_that_of_its_air_or_somewhat_more(name):
+    """J. E. Sader, J. Appl. Phys. 84 (1998) 64, doi:10.1063/1.368002, of a circle as wide: 10 % off at most."""
+    c, density, viscosity = LEVERS[name], 1.18, 1.86e-5
+    reynolds = density * 2.0 * math.pi * c.f0 * c.width**2 / (4.0 * viscosity)
+    root = cmath.sqrt(1j * reynolds)
+    drag = 1.0 + 4j * kv(1, -1j * root) / (root * kv(0, -1j * root))
+    mass = c.k / (0.2427 * (2.0 * math.pi * c.f0) ** 2) / c.length
+    of_air = (4.0 * mass / (math.pi * density * c.width**2) + drag.real) / drag.imag
+    assert 0.7 * of_air < c.Q < of_air
 
 
 @pytest.mark.parametrize("name", PAIRS)

@@ -62,7 +62,7 @@ def rest_of(b: LeverBench, numbers: np.ndarray, name: str) -> float:
     return float(numbers.view(b.s.dtype)[0][name])
 
 
-@pytest.mark.parametrize(("step", "error"), [(1e-6, -0.135), (5e-7, -0.029), (2.5e-7, 0.009), (1e-7, 0.02)])
+@pytest.mark.parametrize(("step", "error"), [(1e-6, -0.1168), (5e-7, -0.0161), (2.5e-7, 0.0181), (1e-7, 0.0286)])
 def test_torsional_contact_resonance_of_a_stuck_tip_is_that_of_a_bar_with_a_spring_at_its_end(step, error):
     b = LeverBench(**UPRIGHT, **MOVING, plant__dt=step, plant__Q_torsion=1e6)
     c = b.plant.cantilever_numbers
@@ -72,7 +72,7 @@ def test_torsional_contact_resonance_of_a_stuck_tip_is_that_of_a_bar_with_a_spri
     exact = resonance_of_bar(c.f_torsion, c.k_torsion, spring)
     eigenvalues = np.linalg.eigvals(twist_map(b))
     found = abs(np.angle(eigenvalues[0])) / (2.0 * math.pi * step)
-    # One mode and a static rest: 2.3 % above. The step lowers it.
+    # One mode and a static rest: 3.1 % above. The step lowers it.
     assert found / exact - 1.0 == pytest.approx(error, abs=1e-3)
     assert 1.5 < exact / c.f_torsion < 2.0
     assert np.abs(eigenvalues) == pytest.approx(1.0, abs=2e-6)
@@ -91,7 +91,7 @@ def test_torsion_that_moves_leaves_every_static_deflection_as_it_was(lever):
 
 
 def test_torsional_resonance_of_a_thin_silicon_cantilever_is_that_of_the_material():
-    E, nu, rho = 169e9, 0.27, 2330.0
+    E, G, rho = 169e9, 50.9e9, 2330.0
     L, w, t = 450e-6, 50e-6, 0.5e-6
     k = E * w * t**3 / (4.0 * L**3)
     f0 = 1.8751040687**2 / (2.0 * math.pi * L**2) * math.sqrt(E * t**2 / (12.0 * rho))
@@ -99,7 +99,7 @@ def test_torsional_resonance_of_a_thin_silicon_cantilever_is_that_of_the_materia
     c = build(InstrumentParameters, BASE | values).plant.cantilever_numbers
     assert beam.mass(k, f0) == pytest.approx(rho * L * w * t, rel=1e-6)
     # t / (2 L w) sqrt(G / rho) for t << w; of (1 - 0.63 t / w) the root is left.
-    thin = t / (2.0 * L * w) * math.sqrt(E / (2.0 * (1.0 + nu)) / rho)
+    thin = t / (2.0 * L * w) * math.sqrt(G / rho)
     assert c.f_torsion == pytest.approx(thin * math.sqrt(1.0 - 0.63 * t / w), rel=1e-4)
 
 

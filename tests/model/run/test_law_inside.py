@@ -146,7 +146,21 @@ def test_law_that_answers_no_number_ends_the_run_in_a_sentence() -> None:
     alone.run.instrument.measurement[:] = float("nan")
     alone.run.step()
     assert alone.run.state == State.FAULT
-    assert "must be a finite number" in alone.run.snapshot().detail
+    assert "must be a finite number (answer to measurement 1 from law tanh)" in alone.run.snapshot().detail
+
+
+def test_law_with_a_model_of_friction_is_refused_on_a_plant_that_has_another(tmp_path: Path) -> None:
+    path = tmp_path / "lever.yaml"
+    path.write_text(
+        "/**/afm_sim_node:\n  ros__parameters: {plant.kind: lever, sample.kind: flat, onboard.kind: pi}\n"
+        "/**/afm_controller_node:\n  ros__parameters: {law.kind: predictive}\n"
+    )
+    words = "law.kind = predictive is not allowed with plant.kind = lever: its model of friction is that of plant.kind"
+    with pytest.raises(ScenarioError, match=words):
+        load_scenario(path)
+    lever = build(SimParameters, PLANT | {"plant.kind": "lever", "sample.kind": "flat", "onboard.kind": "pi"})
+    with pytest.raises(ParameterError, match=words):
+        simulate(lever, build(ControllerParameters, {"law.kind": "predictive", "law.period": PERIOD}))
 
 
 def test_scenario_with_the_law_inside_has_its_controller_and_its_timing(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from afm_model import Controller, changed, load_scenario
 from afm_model.run import Run, State
-from afm_model.run.listeners import Listeners
+from afm_model.run.link import Listeners
 from afm_model.run.simulated import SimulatedLink, ticks_of_a_block
 from afm_model.run.timing import VirtualClock
 

@@ -3,7 +3,7 @@
 import pytest
 
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, run_case
+from afm_model.studies.wrong_models import CASES, RATES, Rate, run_case
 
 CASE = {case.title: case for case in CASES}
 RATE = {rate.title: rate for rate in RATES}
@@ -20,8 +20,8 @@ def test_predictive_learns_what_it_was_told_wrong(title, rate, most):
     assert row["lost"] == ""
 
 
-@pytest.mark.parametrize("title", ["drift 1e-15 m/s", "position noise 1e-18 m"])
-def test_a_tip_that_never_quite_rests_starts_all_the_same(title):
+@pytest.mark.parametrize("title", ["drift 1e-15 m/s", "position noise 1e-18 m", "along x alone", "along y alone"])
+def test_a_tip_that_never_quite_rests_or_moves_along_one_axis_starts_all_the_same(title):
     assert run_case(CASE[title], RATE["50 us + 1"], contender("predictive"))["third"] < 0.3
 
 
@@ -46,6 +46,14 @@ def test_no_wrong_model_makes_predictive_worse_than_a_tip_that_stands_still(titl
 def test_without_the_estimate_a_wrong_model_costs_ten_percent():
     row = run_case(CASE["lateral gain 1.1"], RATE["50 us + 1"], contender("predictive unexplained=none"))
     assert row["third"] > 10.0
+
+
+@pytest.mark.parametrize(("delay", "most", "plain"), [(0, 0.05, 0.5), (1, 0.25, 1.5)])
+def test_observer_that_learns_the_bound_of_friction_is_ten_times_better(delay, most, plain):
+    rate = Rate("50 us", 5e-5, delay)
+    for title in ("the truth", "resonances +2 %"):
+        assert run_case(CASE[title], rate, contender("observer friction=learned"))["third"] < most
+    assert run_case(CASE["the truth"], rate, contender("observer"))["third"] > plain
 
 
 def test_a_law_that_diverges_is_lost_and_says_why():

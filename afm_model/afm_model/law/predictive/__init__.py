@@ -17,6 +17,10 @@ PREDICTIVE = Law(
     warnings=warnings,
     remark=remark,
     control=control,
+    knowledge="positions and velocities of the scanner, deflection, lateral force (feedback=measured: no velocities); "
+    "scanner, cantilever, contact, its friction; of the sample its shortest wave and height (surface=known: all); "
+    "noise of the sensors",
+    plants=("compliant", "paper"),
     memory=("sent", lambda parameters: 3 * ANSWERS * longest(parameters)),
 )
 

@@ -101,7 +101,7 @@ class LeverGroup(ApexParameters):
         k_torsion = self.k_torsion or (preset.k_torsion if same else 0.0)
         k_in_plane = self.k_in_plane or (preset.k_in_plane if same else 0.0)
         slender = chosen.thickness / chosen.width
-        by_shape = chosen.k * square(chosen.length) * 2.0 / (3.0 * (1.0 + POISSON)) * (1.0 - 0.63 * slender)
+        by_shape = chosen.k * square(chosen.length) * 4.0 / 3.0 * SHEAR * (1.0 - 0.63 * slender)
         k_torsion = k_torsion or by_shape
         mass = beam.mass(chosen.k, chosen.f0)
         return chosen._replace(
@@ -113,7 +113,7 @@ class LeverGroup(ApexParameters):
 
     def vertical_stiffness(self, parameters: Any) -> float:
         """Vertical force over vertical motion of the tip [N/m]."""
-        return tilted_stiffness(self.cantilever_numbers.k, *self._tilted)
+        return tilted_stiffness(self.spring_constant(parameters), *self._tilted)
 
     def deflection_under(self, parameters: Any, force: float) -> float:
         """Deflection that is shown under a vertical force [m]: across the tilted cantilever, by its slope."""
@@ -163,8 +163,10 @@ class LeverGroup(ApexParameters):
         )
 
 
-POISSON = 0.27
-"""Poisson's ratio of the cantilever: silicon along <110>."""
+SHEAR = 50.9 / 169.0
+"""G over E of the cantilever: silicon along <110> on a wafer (001), Hopcroft, Nix, Kenny (2010),
+doi:10.1109/JMEMS.2009.2039697. In a material alike in all directions it would be 1 / (2 (1 + nu)).
+"""
 DUGDALE = 16.0 / (9.0 * math.sqrt(3.0))
 """Largest stress of a Lennard-Jones potential times its range over the work of adhesion."""
 

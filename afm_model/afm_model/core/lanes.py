@@ -1,0 +1,247 @@
+"""Records of many instruments at once, for the same kernels: number i of lane l stands at [i * LANES + l] of one array.
+
+A kernel that says `s.X += half * s.V_X` takes such a record in place of a pointer; compiled in a loop over the lanes it
+becomes vector code. What LLVM needs for it: a constant number of lanes, one flat array, no call that is not inlined, no
+integer division; and more checks at run time that arrays do not overlap than it makes by itself.
+"""
+
+import operator
+from typing import Any
+
+import llvmlite.binding as _binding
+import numpy as np
+from llvmlite import ir as _ir
+from numba import types as _types
+from numba.core import cgutils as _cgutils
+from numba.core.imputils import builtin_registry as _registry
+from numba.core.typing import templates as _templates
+from numba.extending import NativeValue as _NativeValue
+from numba.extending import infer_getattr, intrinsic, models, overload, register_model, typeof_impl
+from numba.extending import unbox as _unbox_of
+
+from .records import Record, data_pointer, size
+
+ir: Any = _ir
+types: Any = _types
+registry: Any = _registry
+binding: Any = _binding
+templates: Any = _templates
+cgutils: Any = _cgutils
+native_value: Any = _NativeValue
+_unbox: Any = _unbox_of
+
+LANES = 32
+"""In a block: with fewer the compiler makes no vectors, with more the block leaves the processor's first cache."""
+AT_ONCE = 16
+"""Lanes in vectors at a time: several vectors, so that divisions of one wait beside those of another."""
+_POINTER = ir.DoubleType().as_pointer()
+_WORD = ir.IntType(64)
+binding.set_option("", "-runtime-memory-check-threshold=512")
+
+
+class Lanes:
+    """What a block of lanes holds, known when it is compiled for.
+
+    Parameters
+    ----------
+    name : str
+        Two that differ in what follows have different names.
+    records : dict
+        Record types by the name by which kernels find them, in the order in which they stand.
+    functions : dict
+        Kernels by name, see `function_of`.
+    fixed : dict
+        Fields `record.field` that are the same in all lanes, and their values: a choice between ways of computing
+        takes no time then, and the way not taken is not compiled.
+    """
+
+    def __init__(
+        self, name: str, records: dict[str, type[Record]], functions: dict[str, Any], fixed: dict[str, float]
+    ) -> None:
+        self.name, self.records, self.functions, self.fixed = name, records, functions, fixed
+        self.places: dict[str, int] = {}
+        end = 0
+        for each, record in records.items():
+            self.places[each] = end
+            end += size(record)
+        self.size = end
+        """Numbers of a lane."""
+
+
+class _Composition(types.Opaque):  # type: ignore[misc]
+    def __init__(self, lanes: Lanes) -> None:
+        self.lanes = lanes
+        super().__init__(f"Lanes({lanes.name})")
+
+
+class _Typed(types.Type):  # type: ignore[misc]
+    """A pointer to a number of one lane; `lanes` and what else is known of it."""
+
+    def __init__(self, lanes: Lanes, what: str = "") -> None:
+        self.lanes, self.what = lanes, what
+        super().__init__(f"{type(self).__name__}({lanes.name}, {what})")
+
+
+class LaneBlock(_Typed):
+    """All records of a lane."""
+
+
+class LaneRecord(_Typed):
+    """One of them, `what`."""
+
+
+class LaneVector(_Typed):
+    """A field of it that is a vector."""
+
+
+register_model(_Composition)(models.OpaqueModel)
+
+
+@register_model(LaneBlock)
+@register_model(LaneRecord)
+@register_model(LaneVector)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        make: Any = super().__init__
+        make(manager, kind, _POINTER)
+
+
+@typeof_impl.register(Lanes)
+def _typeof(value: Lanes, context: Any) -> Any:
+    return _Composition(value)
+
+
+def _unboxed(kind: Any, value: Any, c: Any) -> Any:
+    return native_value(c.context.get_dummy_value())
+
+
+_unbox(_Composition)(_unboxed)
+
+
+def _moved(builder: Any, pointer: Any, places: int) -> Any:
+    return builder.gep(pointer, [_WORD(places * LANES)], inbounds=True)
+
+
+def _field(kind: Any, name: str) -> tuple[Any, int]:
+    """Numpy type and place of a field."""
+    found: Any = kind.lanes.records[kind.what].dtype.fields[name]
+    return found[0], found[1] // 8
+
+
+@infer_getattr
+class _BlockAttributes(templates.AttributeTemplate):  # type: ignore[misc]
+    key = LaneBlock
+
+    def generic_resolve(self, kind: Any, name: str) -> Any:
+        return LaneRecord(kind.lanes, name) if name in kind.lanes.records else None
+
+
+def _record(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    return _moved(builder, value, kind.lanes.places[name])
+
+
+registry.lower_getattr_generic(LaneBlock)(_record)
+
+
+@infer_getattr
+class _RecordAttributes(templates.AttributeTemplate):  # type: ignore[misc]
+    key = LaneRecord
+
+    def generic_resolve(self, kind: Any, name: str) -> Any:
+        if name not in kind.lanes.records[kind.what].names:
+            return None
+        numpy_type, _ = _field(kind, name)
+        if numpy_type.shape:
+            return LaneVector(kind.lanes, f"{kind.what}.{name}")
+        return types.int64 if numpy_type == np.int64 else types.float64
+
+
+def _get(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    fixed = kind.lanes.fixed.get(f"{kind.what}.{name}")
+    if fixed is not None:
+        return ir.Constant(ir.DoubleType(), fixed)
+    numpy_type, place = _field(kind, name)
+    at = _moved(builder, value, place)
+    if numpy_type.shape:
+        return at
+    return builder.load(builder.bitcast(at, _WORD.as_pointer()) if numpy_type == np.int64 else at)
+
+
+def _set(context: Any, builder: Any, signature: Any, arguments: Any, name: str) -> None:
+    kind, given = signature.args
+    numpy_type, place = _field(kind, name)
+    at = _moved(builder, arguments[0], place)
+    if numpy_type == np.int64:
+        builder.store(context.cast(builder, arguments[1], given, types.int64), builder.bitcast(at, _WORD.as_pointer()))
+    else:
+        builder.store(context.cast(builder, arguments[1], given, types.float64), at)
+
+
+registry.lower_getattr_generic(LaneRecord)(_get)
+registry.lower_setattr_generic(LaneRecord)(_set)
+
+
+def _element(builder: Any, vector: Any, index: Any) -> Any:
+    return builder.gep(vector, [builder.mul(index, _WORD(LANES))], inbounds=True)
+
+
+def _item_of(typing_context: Any, vector: Any, index: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_element(builder, arguments[0], arguments[1]))
+
+    return types.float64(vector, types.int64), generate
+
+
+def _put_into(typing_context: Any, vector: Any, index: Any, value: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.store(arguments[2], _element(builder, arguments[0], arguments[1]))
+        return context.get_dummy_value()
+
+    return types.void(vector, types.int64, types.float64), generate
+
+
+_item: Any = intrinsic(_item_of)
+_put: Any = intrinsic(_put_into)
+
+
+@overload(operator.getitem, jit_options={"forceinline": True})
+def _getitem(vector, index):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
+    return (lambda vector, index: _item(vector, index)) if isinstance(vector, LaneVector | LaneRecord) else None
+
+
+@overload(operator.setitem, jit_options={"forceinline": True})
+def _setitem(vector, index, value):  # type: ignore[no-untyped-def]  # as above
+    return (lambda vector, index, value: _put(vector, index, value)) if isinstance(vector, LaneVector) else None
+
+
+def for_lanes(body: Any) -> Any:
+    """A function for compiled code that calls the kernel `body(m, i, f)` for each lane m of a block (size * LANES,):
+    `each(lanes, block, i, f)`, i an int and f a float.
+
+    The loop tells the compiler how many lanes to take at once.
+    """
+
+    def each(typing_context: Any, lanes: Any, block: Any, i: Any, f: Any) -> Any:
+        function = typing_context.resolve_value_type(body)
+        called = function.get_call_type(typing_context, (LaneBlock(lanes.lanes), types.int64, types.float64), {})
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            pointer = data_pointer(context, builder, block, arguments[1])
+            call = context.get_function(function, called)
+            context.add_linking_libs(getattr(call, "libs", ()))
+            with cgutils.for_range(builder, _WORD(LANES)) as loop:
+                call(builder, (builder.gep(pointer, [loop.index], inbounds=True), *arguments[2:]))
+            module = builder.module
+            hint = module.add_metadata(["llvm.loop.vectorize.width", ir.Constant(ir.IntType(32), AT_ONCE)])
+            # Before the body is compiled into it the loop looks short enough to be written out.
+            whole = module.add_metadata(["llvm.loop.unroll.disable"])
+            loop_of = module.add_metadata([hint, whole, builder.function.name])
+            # What names a loop begins with itself.
+            loop_of.operands = (loop_of, hint, whole)
+            latch = loop.index.incomings[-1][1]
+            latch.terminator.set_metadata("llvm.loop", loop_of)
+            return context.get_dummy_value()
+
+        return types.void(lanes, block, types.int64, types.float64), generate
+
+    return intrinsic(each)

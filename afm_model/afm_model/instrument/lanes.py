@@ -1,0 +1,281 @@
+"""Many instruments in one compiled loop: the integration steps of all as vectors, whatever else a tick needs lane by
+lane, with the very functions of an instrument alone (tick.py). Each lane has the bits of its run alone.
+"""
+
+from collections.abc import Hashable, Sequence
+from typing import Any
+
+import numpy as np
+from numba.extending import overload
+from numpy.typing import NDArray
+
+from ..core.jit import config, kernel, routine
+from ..core.kernel_cache import fingerprint
+from ..core.lanes import LANES, LaneBlock, Lanes, for_lanes
+from ..core.records import Block, Record, numbers_at, place, record_at, size
+from ..parts.dispatch import surface_of
+from ..parts.header import BlockHeader
+from ..parts.part import Plant, Sample
+from ..parts.signals import Actuation, Setpoint, Surface, Truth
+from .block import LoopState
+from .controller import Controller
+from .instrument import Instrument
+from .score import ScoreSums, count_step
+from .tick import DRAW_TICKS, MOVED, REFUSED, after_tick, begin_tick, command_tick, end_tick, sample
+
+LEAST = 6
+"""Fewer instruments are sooner done one by one."""
+
+
+class Drawn(Record):
+    """Random number of the plant in this tick."""
+
+    value: float
+
+
+class Tick(Record):
+    """What else a lane's steps are made with."""
+
+    begin: float  # of the tick [s]
+    h: float  # integration step [s]
+    period: float  # control period [s]
+
+
+_FIXED: dict[str, type[Record]] = {
+    "drive": Actuation,
+    "asked": Setpoint,
+    "asked_next": Setpoint,
+    "truth": Truth,
+    "drawn": Drawn,
+    "tick": Tick,
+    "score": ScoreSums,
+    "surface": Surface,
+}
+"""In every block of lanes, in front; state and constants of plant and sample follow."""
+_ENDS = np.cumsum([size(each) for each in _FIXED.values()])
+_DRIVE, _ASKED, _NEXT, _TRUTH, _DRAWN, _TICK = (int(end) for end in (0, *_ENDS[:5]))
+_STATE = int(_ENDS[-1])
+_DRIVES, _ASKS, _TRUTHS = size(Actuation), size(Setpoint), size(Truth)
+_STEPS, _VARIATION, _EXTENT = (place(ScoreSums, name) for name in ("steps", "variation", "extent"))
+
+
+def _move(t: float, m: Any) -> None:
+    """The plant's step of a lane, from time t [s] on, and what is true behind it."""
+
+
+@overload(_move, jit_options={"forceinline": True})
+def _compiled_move(t, m):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
+    step, observe = m.lanes.functions["step"], m.lanes.functions["observe"]
+
+    def move(t, m):  # type: ignore[no-untyped-def]
+        step(t, m.drive, m.drawn, m.plant, m.state, m)
+        observe(m.plant, m.state, m.truth)
+
+    return move
+
+
+@overload(surface_of, jit_options={"forceinline": True})
+def _surface_of_lane(x, y, m):  # type: ignore[no-untyped-def]  # as above
+    if not isinstance(m, LaneBlock):
+        return None
+    look = m.lanes.functions["surface"]
+
+    def surface(x, y, m):  # type: ignore[no-untyped-def]
+        h = m.surface
+        h.adhesion = h.modulus = 1.0
+        look(x, y, h, m.sample, m)
+        return h
+
+    return surface
+
+
+@kernel
+def _take(m: Block, first: int, count: int, a: Block, at: int, lane: int) -> None:
+    """Copy numbers of a block into a lane."""
+    for i in range(count):
+        a[(at + i) * LANES + lane] = m[first + i]
+
+
+@kernel
+def _give(m: Block, first: int, count: int, a: Block, at: int, lane: int) -> None:
+    """Copy numbers of a lane into a block."""
+    for i in range(count):
+        m[first + i] = a[(at + i) * LANES + lane]
+
+
+@routine
+def _begin_all(a: Block, blocks: Block, laws: Block, outcomes: Block) -> bool:
+    """Begin a tick in all lanes that run; whether it is scored."""
+    scored = False
+    for lane in range(len(blocks)):
+        if outcomes[lane] != MOVED:
+            continue
+        m = numbers_at(blocks[lane], 1)
+        if not command_tick(numbers_at(laws[lane], 1), m):
+            outcomes[lane] = REFUSED
+            continue
+        if not begin_tick(m):
+            outcomes[lane] = after_tick(REFUSED, m)
+            continue
+        g = record_at(m, 0, BlockHeader)
+        c = record_at(m, g.loop, LoopState)
+        scored = c.k >= c.score_tick
+        _take(m, g.asked, _ASKS, a, _ASKED, lane)
+        _take(m, g.asked_next, _ASKS, a, _NEXT, lane)
+        a[_TICK * LANES + lane] = c.k * c.control_period
+        _take(numbers_at(c.random, DRAW_TICKS * g.draws), c.draw * g.draws + g.disturbance, 1, a, _DRAWN, lane)
+    return scored
+
+
+@routine
+def _sample_all(a: Block, blocks: Block, outcomes: Block, i: int) -> None:
+    """See `sample`."""
+    for lane in range(len(blocks)):
+        if outcomes[lane] == MOVED:
+            m = numbers_at(blocks[lane], 1)
+            sample(m, i)
+            _take(m, record_at(m, 0, BlockHeader).effective, _DRIVES, a, _DRIVE, lane)
+
+
+@routine
+def _store_all(a: Block, blocks: Block, outcomes: Block, state_size: int) -> None:
+    """Copy what has moved into the blocks of the instruments."""
+    for lane in range(len(blocks)):
+        if outcomes[lane] == MOVED:
+            m = numbers_at(blocks[lane], 1)
+            g = record_at(m, 0, BlockHeader)
+            _give(m, g.truth, _TRUTHS, a, _TRUTH, lane)
+            _give(m, g.plant_state, state_size, a, _STATE, lane)
+
+
+@routine
+def _end_all(blocks: Block, outcomes: Block) -> bool:
+    """End a tick in all lanes; whether all go on."""
+    go_on = True
+    for lane in range(len(blocks)):
+        if outcomes[lane] == MOVED:
+            m = numbers_at(blocks[lane], 1)
+            outcomes[lane] = after_tick(end_tick(m), m)
+        go_on = go_on and outcomes[lane] == MOVED
+    return go_on
+
+
+@kernel
+def _step(m: Any, i: int, f: float) -> None:
+    """Integration step i of a tick."""
+    _move(m.tick.begin + i * m.tick.h, m)
+
+
+@kernel
+def _scored_step(m: Any, i: int, f: float) -> None:
+    """The same, counted; f: part of the control period that has passed at its end."""
+    _move(m.tick.begin + i * m.tick.h, m)
+    count_step(m.score, m.truth, m.asked, m.asked_next, f, m.tick.period)
+
+
+_step_all, _score_all = for_lanes(_step), for_lanes(_scored_step)
+
+
+@routine
+def _steps(lanes: Any, a: Block, first: int, count: int, substeps: int, scored: bool) -> None:
+    """Integration steps of all lanes, from number `first` of the tick on; of those that do not run as well."""
+    for i in range(first, first + count):
+        if scored:
+            _score_all(lanes, a, i, (i + 1) / substeps)
+        else:
+            _step_all(lanes, a, i, 0.0)
+
+
+@routine
+def _advance(
+    lanes: Any, a: Block, blocks: Block, laws: Block, outcomes: Block, ticks: int, substeps: int, stride: int, size: int
+) -> None:
+    """Up to `ticks` control ticks of all lanes, fewer if one of them does not go on."""
+    for _ in range(ticks):
+        scored = _begin_all(a, blocks, laws, outcomes)
+        for first in range(0, substeps, stride):
+            _sample_all(a, blocks, outcomes, first)
+            _steps(lanes, a, first, stride, substeps, scored)
+            _store_all(a, blocks, outcomes, size)
+        if not _end_all(blocks, outcomes):
+            return
+
+
+def composition(instrument: Instrument) -> Hashable | None:
+    """Instruments of one composition run in lanes; None: this one cannot."""
+    plant, sample = instrument.part("plant"), instrument.part("sample")
+    if config.DISABLE_JIT or not (plant.lanes and sample.lanes) or instrument.has_faults:
+        return None
+    loop, constants = instrument.record("loop"), instrument.record("plant_constants")
+    choices = tuple(float(constants[name]) for name in plant.choices)
+    return plant, sample, choices, int(loop.substeps), int(loop.stride), int(loop.score_tick)
+
+
+_KNOWN: dict[Any, Lanes] = {}
+
+
+def _lanes_of(plant: Plant, sample: Sample, choices: tuple[float, ...]) -> Lanes:
+    """What is compiled once for all instruments with these parts."""
+    key = plant, sample, choices
+    if key not in _KNOWN:
+        functions: dict[str, Any] = {"step": plant.step, "observe": plant.observe, "surface": sample.surface}
+        # By name and sources: what has been compiled is found again by them.
+        made = [
+            f"{each.__module__}.{each.__name__} {fingerprint(each.__module__, each.__code__.co_filename)[:16]}"
+            for each in (function.py_func for function in functions.values())
+        ]
+        fixed = {f"plant.{name}": value for name, value in zip(plant.choices, choices, strict=True)}
+        records = _FIXED | {"state": plant.state, "plant": plant.constants, "sample": sample.constants}
+        _KNOWN[key] = Lanes(f"{', '.join(made)}, {fixed}", records, functions, fixed)
+    return _KNOWN[key]
+
+
+class Together:
+    """Up to LANES instruments of one composition, each with its law.
+
+    Parameters
+    ----------
+    instruments : sequence of Instrument
+    controllers : sequence of Controller
+    """
+
+    def __init__(self, instruments: Sequence[Instrument], controllers: Sequence[Controller]) -> None:
+        self.instruments, self.controllers = instruments, controllers
+        kind: Any = composition(instruments[0])
+        self._lanes = _lanes_of(*kind[:3])
+        self._substeps, self._stride = kind[3:5]
+        self._block = np.zeros(self._lanes.size * LANES)
+        self._numbers = self._block.reshape(-1, LANES)
+
+    def _copied(self, name: str, lane: int) -> NDArray[np.float64]:
+        at = self._lanes.places[name]
+        return self._numbers[at : at + size(self._lanes.records[name]), lane]
+
+    def close_loop(self, lanes: Sequence[int], ticks: Sequence[int]) -> list[int]:
+        """Close the loop of some of the instruments, given by their numbers, for so many ticks each or fewer.
+
+        The outcome of each, as `advance` returns it: to be given to `Instrument.ended` of that instrument, and of each.
+        """
+        chosen = [(self.instruments[lane], self.controllers[lane]) for lane in lanes]
+        for i in range(LANES):
+            # Lanes without an instrument have the numbers of another.
+            instrument, _ = chosen[i if i < len(chosen) else 0]
+            for name, there in (("state", "plant_state"), ("plant", "plant_constants"), ("sample", "sample_constants")):
+                self._copied(name, i)[:] = instrument.numbers(there)
+            for name in ("truth", "score"):
+                self._copied(name, i)[:] = instrument.numbers(name)
+            loop = instrument.record("loop")
+            self._copied("tick", i)[:] = 0.0, loop.control_period / loop.substeps, loop.control_period
+        least = min(instrument.due(each) for (instrument, _), each in zip(chosen, ticks, strict=True))
+        blocks = np.array([instrument.address for instrument, _ in chosen])
+        laws = np.array([controller.block.ctypes.data for _, controller in chosen])
+        outcomes = np.full(len(chosen), MOVED)
+        _advance(
+            *(self._lanes, self._block, blocks, laws, outcomes, least),
+            *(self._substeps, self._stride, size(self._lanes.records["state"])),
+        )
+        for i, (instrument, _) in enumerate(chosen):
+            # Ticks and variation of the drive are counted in the block.
+            sums, counted = instrument.numbers("score"), self._copied("score", i)
+            sums[_STEPS:_VARIATION], sums[_EXTENT:] = counted[_STEPS:_VARIATION], counted[_EXTENT:]
+        return [int(each) for each in outcomes]

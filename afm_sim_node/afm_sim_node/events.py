@@ -1,0 +1,27 @@
+"""What happens in a run, on a topic: faults and verbs, as they begin and end."""
+
+from afm_msgs.msg import Event
+from rclpy.node import Node
+
+from afm_node_common import topics
+
+from .streams import stamp
+
+
+class Events:
+    """Publishes afm_msgs/Event.
+
+    Parameters
+    ----------
+    node : Node
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._publisher = node.create_publisher(Event, topics.EVENTS, topics.EVENTS_QOS)
+
+    def publish(self, tick: int, stamp_ns: int, text: str) -> None:
+        """Something has happened at a control tick, which is at a simulated time [ns]."""
+        message = Event(tick=tick, text=text)
+        message.header.frame_id = topics.FRAME
+        message.header.stamp = stamp(stamp_ns)
+        self._publisher.publish(message)
