@@ -1,7 +1,8 @@
 """The examiner: how often the truth lies within one and two of the uncertainties that are given.
 
 Every draw hides a truth, makes a record of it in closed form with white or coloured noise, hands the record to a
-function of `afm_model.analysis`, and compares. Within 1 u the truth has to be in 68 % of the draws, within 2 u in 95 %.
+function of `afm_model.analysis`, and compares; the case `verbs` hides numbers of a simulated microscope from its
+verbs. Within 1 u the truth has to be in 68 % of the draws, within 2 u in 95 %.
 
     python tools/examine.py                       # every case, some minutes
     python tools/examine.py friction_loop --draws 100
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from examine_verbs import calibrations
 from figures import page
 from numpy.typing import NDArray
 from scipy.signal import lfilter
@@ -299,9 +301,9 @@ def _fit_resonator(draw: Draw) -> Iterator[Answer]:
     drive[:20] = 0.0
     motion = response(drive, period, f, xi, S)
     found = fit_resonator(drive, motion + 0.02 * float(motion.std()) * draw.noise(n), period)
-    yield "f", f, Estimate(found.f, found.f_error)
-    yield "damping", xi, Estimate(found.xi, found.xi_error)
-    yield "sensitivity", S, Estimate(found.sensitivity, found.sensitivity_error)
+    yield "f", f, found.f
+    yield "damping", xi, found.xi
+    yield "sensitivity", S, found.sensitivity
 
 
 Case = Callable[[Draw], Iterator[Answer]]
@@ -319,10 +321,11 @@ CASES: dict[str, Case] = {
     "wedge": _wedges,
     "wedge_by_flat": _wedge_by_flat,
     "fit_resonator": _fit_resonator,
+    "verbs": lambda draw: calibrations(draw.rng),
 }
 
 
-SLOW = "contact_fit", "wedge_by_flat"
+SLOW = "contact_fit", "wedge_by_flat", "verbs"
 """Cases of which the table takes an eighth of the draws."""
 
 

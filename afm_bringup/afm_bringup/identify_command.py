@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from afm_model import ParameterError
+from afm_model.analysis import Estimate
 from afm_model.analysis.identification import AXES, Resonator, Scanner, identify, write_parameters
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import IncompleteRecording, RecordingError
@@ -44,16 +45,17 @@ def _print(scanner: Scanner) -> None:
         found: Resonator = getattr(scanner, axis)
         table.add_row(
             axis,
-            _with_error(found.f, found.f_error),
-            _with_error(found.xi, found.xi_error),
-            _with_error(found.sensitivity * 1e9, found.sensitivity_error * 1e9),
+            _with_error(found.f),
+            _with_error(found.xi),
+            _with_error(Estimate(*(1e9 * each for each in found.sensitivity))),
             f"{100.0 * found.fit:.4g} %",
         )
     Console(width=None if Console().is_terminal else 100).print(table)
 
 
-def _with_error(value: float, error: float) -> str:
+def _with_error(found: Estimate) -> str:
     """A number with as many digits as its standard error leaves, four at least."""
+    value, error = found
     digits = 4
     if error > 0.0:
         digits = max(digits, int(np.ceil(np.log10(abs(value) / error))) + 1)

@@ -21,6 +21,7 @@ from afm_model.microscope.interrupts import Interrupted, Interrupts
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Scan, Withdraw
+from afm_model.microscope.view import CALIBRATIONS
 from afm_node_common import topics
 from afm_node_common.verb_codec import action_of, goal_of, outcome_of, parameters
 
@@ -226,13 +227,15 @@ class Remote(Backend):
             call(SetGains, topics.SET_GAINS, **{k: -1.0 if v is None else v for k, v in gains.items()})
         if "feedback" in settings:
             call(SetFeedback, topics.SET_FEEDBACK, mode=settings.pop("feedback"))
+        if calibrations := {name: settings.pop(name) for name in CALIBRATIONS if name in settings}:
+            self.exchange("calibration", calibrations)
         if settings:
             raise ParameterError(f"{', '.join(settings)} cannot be set over topics")
 
     def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
         """See `Backend`."""
-        topic = {"sample": topics.SET_SAMPLE, "plant": topics.SET_PROBE}[group]
-        self._remote.call(Exchange, topic, parameters=parameters(changes))
+        services = {"sample": topics.SET_SAMPLE, "plant": topics.SET_PROBE, "calibration": topics.SET_CALIBRATION}
+        self._remote.call(Exchange, services[group], parameters=parameters(changes))
 
     def close(self) -> None:
         """Withdraw the tip and let go of the microscope, which goes on running."""

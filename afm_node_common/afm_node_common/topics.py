@@ -36,6 +36,7 @@ SET_GAINS = "set_gains"
 SET_FEEDBACK = "set_feedback"
 SET_SAMPLE = "set_sample"
 SET_PROBE = "set_probe"
+SET_CALIBRATION = "set_calibration"
 
 
 def clock(namespace: str) -> str:

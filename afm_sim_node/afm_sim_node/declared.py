@@ -52,7 +52,8 @@ def _exchanged(parameters: SimNodeParameters) -> dict[str, str]:
     if not takes_verbs(parameters):
         return {}
     setting = f"{topics.SET_SETPOINT}, {topics.SET_GAINS} or {topics.SET_FEEDBACK}"
-    return {"sample.": topics.SET_SAMPLE, "plant.": topics.SET_PROBE, "onboard.": setting}
+    by_service = {"sample.": topics.SET_SAMPLE, "plant.": topics.SET_PROBE, "calibration.": topics.SET_CALIBRATION}
+    return by_service | {"onboard.": setting}
 
 
 def _check_law_inside(parameters: SimNodeParameters) -> None:

@@ -117,9 +117,10 @@ class MicroscopeServer:
         self._declared.exchange(made)
 
     def _on_setting(self) -> None:
-        """The loop inside was set by a service."""
-        onboard = self._run.instrument.parameters.onboard
-        self._declared.exchange(self._declared.current.model_copy(update={"onboard": onboard}))
+        """The loop inside was set by a service, or calibrations put in use."""
+        parameters = self._run.instrument.parameters
+        news = {group: getattr(parameters, group) for group in ("onboard", "calibration")}
+        self._declared.exchange(self._declared.current.model_copy(update=news))
         self.publish()
 
     def publish(self) -> None:

@@ -1,4 +1,4 @@
-"""Services by which the microscope is set between two ticks: setpoint, gains, feedback, sample, probe."""
+"""Services by which the microscope is set between two ticks: setpoint, gains, feedback, calibrations, sample, probe."""
 
 import warnings
 from collections.abc import Callable
@@ -36,6 +36,7 @@ class Settings:
         node.create_service(SetSetpoint, topics.SET_SETPOINT, self._set_setpoint)
         node.create_service(SetGains, topics.SET_GAINS, self._set_gains)
         node.create_service(SetFeedback, topics.SET_FEEDBACK, self._set_feedback)
+        node.create_service(Exchange, topics.SET_CALIBRATION, self._set_calibration)
         for topic, group in ((topics.SET_SAMPLE, "sample"), (topics.SET_PROBE, "plant")):
             node.create_service(Exchange, topic, partial(self._exchange_part, group))
 
@@ -65,6 +66,9 @@ class Settings:
 
     def _set_feedback(self, request: Any, response: Any) -> Any:
         return self._try(partial(self._run.operator.set_feedback, request.mode), response)
+
+    def _set_calibration(self, request: Any, response: Any) -> Any:
+        return self._try(lambda: self._run.operator.use(**values_of(request.parameters)), response)
 
     def _exchange_part(self, group: str, request: Any, response: Any) -> Any:
         def change() -> None:

@@ -14,7 +14,8 @@ from afm_bringup import remote_node
 from afm_bringup.remote import Remote
 from afm_model.core.errors import VerbError
 from afm_model.microscope.image import Line
-from afm_model.microscope.results import CANCELLED, FAILED, Progress
+from afm_model.microscope.results import CANCELLED, FAILED, Calibration, Progress
+from afm_model.microscope.verbs import FrictionLoop
 from afm_model.run import State
 from afm_sim_node.node import SimNode
 
@@ -139,3 +140,14 @@ def test_microscope_that_is_started_anew_during_a_verb_is_told_as_ended(
         served.client.execute(ENDLESS, on_line=served.on_line)
     # The new one takes verbs of the same client.
     served.approach()
+
+
+def test_a_calibration_is_put_in_use_as_in_process_and_named_by_results(served: Served) -> None:
+    served.approach()
+    believed = served.simulator.get_parameter("detector.lateral_sensitivity").value
+    served.client.use(Calibration(1.5 * believed, 0.0, "N/V"))
+    loop = served.client.execute(FrictionLoop(length=10e-9, line_rate=10.0)).result
+    assert (loop.lateral_sensitivity, loop.deflection_sensitivity) == (1.5 * believed, 10e-9)
+    served.client.use(lateral_sensitivity=0.0)
+    again = served.client.execute(FrictionLoop(length=10e-9, line_rate=10.0)).result
+    assert abs(loop.lateral).max() == pytest.approx(1.5 * abs(again.lateral).max(), rel=0.01)

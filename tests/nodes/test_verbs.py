@@ -11,7 +11,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from afm_msgs.msg import Event
 from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
-from quick_lever import INSTRUMENT, LAW
+from quick_lever import INSTRUMENT, LAW, PRESSED
 from sensor_msgs.msg import Image as ImageMessage
 from support import ROOT, Command, Graph, ros_arguments
 from verbs_bench import APPROACH, ENDLESS, SCAN, Bench, assert_same, scan_in_process
@@ -237,13 +237,38 @@ def test_another_sample_begins_anew_with_the_tip_withdrawn_only(bench: Bench) ->
     assert bench.do(SCAN).lines_done == SCAN.lines
 
 
+def test_calibrations_are_put_in_use_while_the_tip_is_on_the_sample(bench: Bench) -> None:
+    bench.approach()
+
+    def use(**values: float | str) -> Any:
+        return bench.call(Exchange, topics.SET_CALIBRATION, parameters=parameters(values))
+
+    told = use(spring_constant=0.24)
+    assert (told.success, told.message) == (True, "")
+    assert bench.simulator.get_parameter("calibration.spring_constant").value == 0.24
+    # The setpoint is a force: it is one by what is believed.
+    assert bench.simulator.run.operator.state.setpoint == pytest.approx(PRESSED / 1.2)
+    for name, value, sentence in (
+        ("self", 1.0, "self is no calibration: there are spring_constant, deflection_sensitivity"),
+        ("spring_constant", "soft", "calibration.spring_constant = soft"),
+    ):
+        told = bench.call(Exchange, topics.SET_CALIBRATION, parameters=parameters({name: value}))
+        assert (told.success, sentence in told.message) == (False, True), told.message
+    assert use(spring_constant=0.0).success
+    assert bench.simulator.run.operator.state.setpoint == pytest.approx(PRESSED)
+
+
 def test_verbs_are_told_as_events_and_what_counts_their_steps_is_no_topic(bench: Bench) -> None:
     told: list[Event] = []
     bench.client.create_subscription(Event, topics.EVENTS, told.append, topics.EVENTS_QOS)
     bench.approach()
-    bench.graph.spin_until(lambda: len(told) == 2)
-    assert [each.text for each in told] == ["Approach has begun", "Approach was done"]
-    assert told[0].tick == 0 < told[1].tick == bench.simulator.run.instrument.ticks
+    begun, done = bench.simulator.run.instrument.ticks, bench.do(Withdraw(distance=50e-9))
+    ticks = bench.simulator.run.instrument.ticks
+    # Of the verbs before it is told, too.
+    bench.graph.spin_until(lambda: told and (told[-1].text, told[-1].tick) == ("Withdraw was done", ticks))
+    assert (told[-2].text, told[-2].tick) == ("Withdraw has begun", begun)
+    assert begun < ticks
+    assert done.time == pytest.approx(bench.simulator.run.instrument.time, abs=1e-3)
     published = {name for name, _ in bench.client.get_topic_names_and_types()}
     channels = {channel.name for channel in bench.simulator.run.instrument.channels}
     assert {"verb_number", "verb_step"} < channels

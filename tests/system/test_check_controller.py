@@ -19,8 +19,8 @@ OVER_TOPICS = [way for way in WAYS if way not in ("right", "too far", "too steep
 """Those that the default scenario can find out: it has no limits."""
 
 
-def check(*command: str | Path, folder: Path) -> Command:
-    options = ("--measurements", "1000", "--log", folder / PRINTED, "--")
+def check(*command: str | Path, folder: Path, measurements: int = 1000) -> Command:
+    options = ("--measurements", str(measurements), "--log", folder / PRINTED, "--")
     return Command(executable("afm_bringup", "check_controller"), *options, *command, folder=folder)
 
 
@@ -87,6 +87,13 @@ def test_a_controller_that_is_wrong_in_one_way_is_found_out_over_topics(tmp_path
         assert command.wait(timeout=240.0) == 1, command.text
     assert outcomes(command.text)[WAYS[way]] == "broken", command.text
     assert_nothing_left()
+
+
+@pytest.mark.long
+def test_our_controller_keeps_every_rule_of_the_whole_examination(tmp_path: Path) -> None:
+    with check(OURS, folder=tmp_path, measurements=100_000) as command:
+        assert command.wait(timeout=900.0) == 0, command.text
+    assert outcomes(command.text)["memory"] == "kept"
 
 
 @pytest.mark.long

@@ -11,6 +11,7 @@ from afm_model import SimParameters
 from afm_node_common import topics
 
 from .log import IN_LOCKSTEP, Answer, Log, Phase
+from .response import lags
 
 
 @dataclass(frozen=True)
@@ -25,9 +26,6 @@ class Terms:
 
 _STRONGEST = 1e6
 """No drive is stronger, where there is no limit [V]."""
-_SURE = 5.0
-"""Standard errors by which a drive answers a reference."""
-_LAGS = 3
 _ONE_BY_ONE = (Phase.LOCKSTEP, Phase.LONG, Phase.STEPS, Phase.REPEAT)
 _LEAK = 5_000_000
 """What a controller may take in a quarter of a long run, once, but not in the next quarter as well [bytes]."""
@@ -207,37 +205,12 @@ def _stamp(log: Log, terms: Terms) -> str | None:
     )
 
 
-def _lags(log: Log, terms: Terms) -> list[tuple[int, list[int]]] | None:
-    """How the drives of the phase STEPS answer: of each axis that is moved the measurements between its jump and the
-    first answer to it, -1 if there is none, and the sense of that answer in x, y and z.
-
-    By linear regression of the change of a drive on the last jumps, which are at random.
-    """
-    given = {each.sequence: each.drives[0] for each in _readable(log) if each.phase is Phase.STEPS}
-    sent = [each for each in log.sent if each.phase is Phase.STEPS]
-    if not (terms.feedback and sent) or any(each.sequence not in given for each in sent):
-        return None
-    found = []
-    for axis in range(2 if terms.sim.onboard.kind != "none" else 3):
-        moved = [each for each in sent if each.jump[0] == axis]
-        drives = np.array([given[each.sequence] for each in moved])
-        if len(moved) < 10 * _LAGS or not np.isfinite(drives).all():
-            return None
-        jumps, rows = [float(each.jump[1]) for each in moved], range(_LAGS, len(moved))
-        table = np.array([[*(jumps[row - lag] for lag in range(_LAGS)), 1.0] for row in rows])
-        changes = np.diff(drives, axis=0)[_LAGS - 1 :]
-        slopes = np.linalg.lstsq(table, changes, rcond=None)[0]
-        spread = np.sqrt(np.sum((changes - table @ slopes) ** 2, axis=0) / (len(rows) - _LAGS - 1))
-        errors = np.sqrt(np.diag(np.linalg.inv(table.T @ table)))[:, None] * spread
-        senses = np.where(np.abs(slopes) > _SURE * errors, np.sign(slopes), 0.0)[:_LAGS]
-        answered = np.flatnonzero(senses[:, axis])
-        lag = int(answered[0]) if len(answered) else -1
-        found.append((lag, senses[max(lag, 0)].astype(int).tolist()))
-    return found
+def _answered_jumps(log: Log, terms: Terms) -> list[tuple[int, list[int]]] | None:
+    return lags(log, 2 if terms.sim.onboard.kind != "none" else 3) if terms.feedback else None
 
 
-def _answers_jumps(log: Log, terms: Terms) -> str | None:
-    if (found := _lags(log, terms)) is None:
+def _response(log: Log, terms: Terms) -> str | None:
+    if (found := _answered_jumps(log, terms)) is None:
         return None
 
     def problems() -> Iterator[str]:
@@ -253,7 +226,7 @@ def _answers_jumps(log: Log, terms: Terms) -> str | None:
 
 
 def _present(log: Log, terms: Terms) -> str | None:
-    if (found := _lags(log, terms)) is None:
+    if (found := _answered_jumps(log, terms)) is None:
         return None
     return _first(
         f"the drive of {'xyz'[axis]} answers the measurement {lag} before the one whose sequence it has"
@@ -314,7 +287,7 @@ RULES = (
     Rule("sent again", "answers a measurement that is sent again", _send_again),
     Rule("reset", "continues when the sequences begin again at 0", lambda log, _: _answered(log, Phase.RESET)),
     Rule("fault", "answers when sensors fail or measurements get lost", lambda log, _: _answered(log, Phase.FAULT)),
-    Rule("response", "moves the drive of an axis up when the reference of that axis jumps up", _answers_jumps),
+    Rule("response", "moves the drive of an axis up when the reference of that axis jumps up", _response),
     Rule("present", "computes a drive from the measurement whose sequence it has", _present),
     Rule("repeats", "sends the same drives for the same measurements after a reset", _repeats),
     Rule("memory", "takes no more memory from measurement to measurement", _memory),

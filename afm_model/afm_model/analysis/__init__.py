@@ -6,6 +6,7 @@ Nothing here knows the simulated instrument: the functions take arrays from any 
 from ..core.tilted import along_normal, tilted_deflection, tilted_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
 from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve
+from .friction_load import FrictionLoadFit, friction_load_fit
 from .loops import FrictionLoop, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
@@ -19,6 +20,7 @@ __all__ = [
     "CurveAnalysis",
     "Edge",
     "Estimate",
+    "FrictionLoadFit",
     "FrictionLoop",
     "Roughness",
     "ThermalTune",
@@ -31,6 +33,7 @@ __all__ = [
     "deflection_sensitivity",
     "edges",
     "force_curve",
+    "friction_load_fit",
     "friction_loop",
     "line_loop",
     "means",

@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from ..core.errors import ParameterError
-from .estimate import together
+from .estimate import Estimate, together
 
 _Array = NDArray[np.float64]
 AXES = "xyz"
@@ -33,14 +33,11 @@ _TRIED_DAMPING = (0.003, 0.01, 0.03, 0.1, 0.3)
 
 @dataclass(frozen=True)
 class Resonator:
-    """One axis of the scanner, with the standard errors of the three numbers."""
+    """One axis of the scanner."""
 
-    f: float  # resonance [Hz]
-    xi: float  # damping ratio
-    sensitivity: float  # static displacement per volt [m/V]
-    f_error: float  # [Hz]
-    xi_error: float
-    sensitivity_error: float  # [m/V]
+    f: Estimate  # resonance [Hz]
+    xi: Estimate  # damping ratio
+    sensitivity: Estimate  # static displacement per volt [m/V]
     fit: float  # 1 - rms of the residuals over rms of the motion
 
 
@@ -120,7 +117,8 @@ def fit_resonator(drive: _Array, position: _Array, period: float) -> Resonator:
     # What each sample adds to each number, whose noise may be correlated; the fit has taken what adds up to nothing.
     added = np.linalg.inv(found.jac.T @ found.jac) @ found.jac.T * found.fun
     errors = [math.sqrt(float(each @ each) * max(together(each), 1.0)) for each in added[:3]]
-    return Resonator(f, xi, sensitivity, f * errors[0], xi * errors[1], scale * errors[2], fit)
+    relative, of_xi, of_scale = errors
+    return Resonator(Estimate(f, f * relative), Estimate(xi, xi * of_xi), Estimate(sensitivity, scale * of_scale), fit)
 
 
 def _peak(u: _Array, x: _Array, period: float) -> float:
@@ -140,17 +138,14 @@ class Scanner:
     y: Resonator
     z: Resonator
 
-    def parameters(self) -> dict[str, float]:
-        """Values by the names of the parameters: `scanner.f_x`, `scanner.xi_x`, `piezo.sensitivity_x` and so on."""
-        values: dict[str, float] = {}
-        for axis in AXES:
-            found: Resonator = getattr(self, axis)
-            values |= {
-                f"scanner.f_{axis}": found.f,
-                f"scanner.xi_{axis}": found.xi,
-                f"piezo.sensitivity_{axis}": found.sensitivity,
-            }
-        return values
+    def parameters(self) -> dict[str, Estimate]:
+        """By the names of the parameters: `scanner.f_x`, `scanner.xi_x`, `piezo.sensitivity_x` and so on."""
+        places = {"f": "scanner", "xi": "scanner", "sensitivity": "piezo"}
+        return {
+            f"{group}.{name}_{axis}": getattr(getattr(self, axis), name)
+            for name, group in places.items()
+            for axis in AXES
+        }
 
 
 def identify(drive: _Array, position: _Array, period: float) -> Scanner:
@@ -196,13 +191,9 @@ def write_parameters(scanner: Scanner, path: Path, others: Mapping[str, str] | N
     """
     lines = [f"# {name}: {text}" for name, text in (others or {}).items()]
     lines += ["/**/afm_controller_node:", "  ros__parameters:"]
-    for group, pattern in (("scanner", "f_{}"), ("scanner", "xi_{}"), ("piezo", "sensitivity_{}")):
-        if f"    {group}:" not in lines:
-            lines.append(f"    {group}:")
-        for axis in AXES:
-            name = pattern.format(axis)
-            resonator: Resonator = getattr(scanner, axis)
-            field = name.removesuffix(f"_{axis}")
-            value, error = getattr(resonator, field), getattr(resonator, f"{field}_error")
-            lines.append(f"      {name}: {value!r}  # +- {error:.2g}")
+    for group in ("scanner", "piezo"):
+        lines.append(f"    {group}:")
+        for name, each in scanner.parameters().items():
+            if name.startswith(group):
+                lines.append(f"      {name.partition('.')[2]}: {each.value!r}  # +- {each.uncertainty:.2g}")
     path.write_text("\n".join(lines) + "\n")

@@ -106,7 +106,7 @@ def contact_fit(
         raise ValueError(f"model = {model} is not allowed: it must be one of {', '.join(MODELS)}")
     if part not in PARTS:
         raise ValueError(f"part = {part} is not allowed: it must be one of {', '.join(PARTS)}")
-    k, radius = _estimate(k, "k"), _estimate(radius, "radius")
+    k, radius = positive(k, "k"), positive(radius, "radius")
     if not 0.0 <= sensitivity_error < 1.0:
         raise ValueError(f"sensitivity_error = {sensitivity_error:g} is not allowed: it must be >= 0 and < 1")
     z, deflection = np.asarray(z, np.float64), np.asarray(deflection, np.float64)
@@ -116,7 +116,7 @@ def contact_fit(
     known = {
         "k": k,
         "radius": radius,
-        "reach": _estimate(reach, "reach"),
+        "reach": positive(reach, "reach"),
         "sensitivity": Estimate(1.0, sensitivity_error),
     }
     fits = []
@@ -147,7 +147,8 @@ def _both(approach: ContactFit, retract: ContactFit) -> ContactFit:
     )
 
 
-def _estimate(given: Estimate | float, name: str) -> Estimate:
+def positive(given: Estimate | float, name: str) -> Estimate:
+    """A number as Estimate; ValueError unless it is above 0."""
     made = given if isinstance(given, Estimate) else Estimate(float(given))
     if not made.value > 0.0:
         raise ValueError(f"{name} = {made.value:g} is not allowed: it must be > 0")
@@ -160,7 +161,7 @@ def _result(found: Solution, model: str, sensitivity_error: float) -> ContactFit
     modulus = Estimate(E, 1.5 * relative * E)
     stiffness = 2.0 * modulus.value * found.largest_radius
     tabor = Estimate(found.transition.value / TABOR, found.transition.uncertainty / TABOR)
-    told = ""
+    told = doubt_of_model(model, tabor.value)
     if relative > _DOUBT:
         bound = 0.75 * (found.compliance.value + 2.0 * found.compliance.uncertainty) ** -1.5
         of_sensitivity = f", known within {100.0 * sensitivity_error:g} %" if sensitivity_error > 0.0 else ""
@@ -169,9 +170,6 @@ def _result(found: Solution, model: str, sensitivity_error: float) -> ContactFit
             f"compressed by some {1e9 * found.indentation:.1g} nm, and the cantilever of {found.k:.3g} N/m bends by "
             f"{1e9 * found.bent:.3g} nm{of_sensitivity}; take a stiffer cantilever"
         )
-    elif (model == "dmt" and tabor.value > _DMT) or (model == "jkr" and tabor.value < _JKR):
-        limit = f"DMT is for less than {_DMT:g}" if model == "dmt" else f"JKR is for more than {_JKR:g}"
-        told = f"the Tabor number of the result is {tabor.value:.2g}, and {limit}: use maugis"
     return ContactFit(
         model=model,
         modulus=modulus,
@@ -185,6 +183,14 @@ def _result(found: Solution, model: str, sensitivity_error: float) -> ContactFit
         independent=found.independent,
         told=told,
     )
+
+
+def doubt_of_model(model: str, tabor: float) -> str:
+    """Why a model is the wrong one at this Tabor number; empty if it is not."""
+    if (model == "dmt" and tabor > _DMT) or (model == "jkr" and tabor < _JKR):
+        limit = f"DMT is for less than {_DMT:g}" if model == "dmt" else f"JKR is for more than {_JKR:g}"
+        return f"the Tabor number of the result is {tabor:.2g}, and {limit}: use maugis"
+    return ""
 
 
 def young(modulus: Estimate, poisson: float, tip: tuple[float, float] | None = None) -> Estimate:

@@ -12,6 +12,7 @@ import llvmlite.binding as _binding
 import numpy as np
 from llvmlite import ir as _ir
 from numba import types as _types
+from numba.core import cgutils as _cgutils
 from numba.core.imputils import builtin_registry as _registry
 from numba.core.typing import templates as _templates
 from numba.extending import NativeValue as _NativeValue
@@ -25,11 +26,14 @@ types: Any = _types
 registry: Any = _registry
 binding: Any = _binding
 templates: Any = _templates
+cgutils: Any = _cgutils
 native_value: Any = _NativeValue
 _unbox: Any = _unbox_of
 
 LANES = 32
 """In a block: with fewer the compiler makes no vectors, with more the block leaves the processor's first cache."""
+AT_ONCE = 16
+"""Lanes in vectors at a time: several vectors, so that divisions of one wait beside those of another."""
 _POINTER = ir.DoubleType().as_pointer()
 _WORD = ir.IntType(64)
 binding.set_option("", "-runtime-memory-check-threshold=512")
@@ -210,15 +214,34 @@ def _setitem(vector, index, value):  # type: ignore[no-untyped-def]  # as above
     return (lambda vector, index, value: _put(vector, index, value)) if isinstance(vector, LaneVector) else None
 
 
-def _lane_at(typing_context: Any, lanes: Any, block: Any, lane: Any) -> Any:
-    kind = LaneBlock(lanes.lanes)
+def for_lanes(body: Any) -> Any:
+    """A function for compiled code that calls the kernel `body(m, i, f)` for each lane m of a block (size * LANES,):
+    `each(lanes, block, i, f)`, i an int and f a float.
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pointer = data_pointer(context, builder, block, arguments[1])
-        return builder.gep(pointer, [arguments[2]], inbounds=True)
+    The loop tells the compiler how many lanes to take at once.
+    """
 
-    return kind(lanes, block, types.intp), generate
+    def each(typing_context: Any, lanes: Any, block: Any, i: Any, f: Any) -> Any:
+        function = typing_context.resolve_value_type(body)
+        called = function.get_call_type(typing_context, (LaneBlock(lanes.lanes), types.int64, types.float64), {})
 
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            pointer = data_pointer(context, builder, block, arguments[1])
+            call = context.get_function(function, called)
+            context.add_linking_libs(getattr(call, "libs", ()))
+            with cgutils.for_range(builder, _WORD(LANES)) as loop:
+                call(builder, (builder.gep(pointer, [loop.index], inbounds=True), *arguments[2:]))
+            module = builder.module
+            hint = module.add_metadata(["llvm.loop.vectorize.width", ir.Constant(ir.IntType(32), AT_ONCE)])
+            # Before the body is compiled into it the loop looks short enough to be written out.
+            whole = module.add_metadata(["llvm.loop.unroll.disable"])
+            loop_of = module.add_metadata([hint, whole, builder.function.name])
+            # What names a loop begins with itself.
+            loop_of.operands = (loop_of, hint, whole)
+            latch = loop.index.incomings[-1][1]
+            latch.terminator.set_metadata("llvm.loop", loop_of)
+            return context.get_dummy_value()
 
-lane_at: Any = intrinsic(_lane_at)
-"""(lanes, block, lane) -> all records of a lane of a block (size * LANES,); in compiled code alone."""
+        return types.void(lanes, block, types.int64, types.float64), generate
+
+    return intrinsic(each)

@@ -92,9 +92,6 @@ def _field(image: Image, values: Any, unit: str) -> Any:
     )
 
 
-if TYPE_CHECKING:
-    import xarray
-
 _MAGIC = "Gwyddion Simple Field 1.0\n"
 
 

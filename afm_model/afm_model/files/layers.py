@@ -8,19 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.prefix import text
-from ..microscope.image import DIRECTIONS, TRACE, Image, as_image
+from ..microscope.image import DIRECTIONS, MADE, TRACE, Image, as_image
 
 if TYPE_CHECKING:
     import xarray
 
 _Array = NDArray[np.float64]
-TITLES = {
-    "height": "Height",
-    "error": "Deflection Error",
-    "lateral": "Lateral Force",
-    "x": "X",
-    "y": "Y",
-}
+TITLES = {"height": "Height", "error": "Deflection Error", "lateral": "Lateral Force", "x": "X", "y": "Y"}
 """Of channels, as programs show them; that of another channel is its name."""
 
 
@@ -52,9 +46,7 @@ def layers(image: "Image | xarray.Dataset") -> list[Layer]:
             name = f"{channel.replace('/', '_')}_{direction}"
             found.append(Layer(name, title, unit, image.data[channel, direction]))
     if "lateral" in image.units:
-        unit = image.units["lateral"]
-        found.append(Layer("friction", "Friction", unit, image.friction()))
-        found.append(Layer("crosstalk", "Crosstalk", unit, image.crosstalk()))
+        found += [Layer(name, name.capitalize(), image.units["lateral"], getattr(image, name)()) for name in MADE]
     return found
 
 

@@ -60,7 +60,7 @@ def replacing(path: Path | str, suffix: str) -> Iterator[Path]:
             beside.unlink()
 
 
-class Disk(io.RawIOBase):
+class Disk(io.FileIO):
     """A file on the disk. What cannot be written is left out, and said when it is asked for.
 
     Parameters
@@ -76,8 +76,7 @@ class Disk(io.RawIOBase):
     """
 
     def __init__(self, path: Path, *, overwrite: bool) -> None:
-        super().__init__()
-        self._file = path.open("w+b" if overwrite else "x+b", buffering=0)
+        super().__init__(path, "w+" if overwrite else "x+")
         self._error: OSError | None = None
 
     def check(self) -> None:
@@ -92,48 +91,23 @@ class Disk(io.RawIOBase):
         size = len(left)
         try:
             while len(left):
-                left = left[self._file.write(left) :]
+                left = left[super().write(left) :]
         except OSError as error:
             self._error = self._error or error
-            self._file.seek(len(left), io.SEEK_CUR)
+            self.seek(len(left), io.SEEK_CUR)
         return size
 
     def readinto(self, into: Any) -> int:
         """Read; beyond the end, where a write was left out, there is nothing but zeros."""
         view = memoryview(into).cast("B")
-        count = self._file.readinto(view) or 0
+        count = super().readinto(view) or 0
         view[count:] = bytes(len(view) - count)
         return len(view)
 
     def truncate(self, size: int | None = None) -> int:
         """Change the size."""
         try:
-            return self._file.truncate(size)
+            return super().truncate(size)
         except OSError as error:
             self._error = self._error or error
             return size or 0
-
-    def seek(self, place: int, whence: int = io.SEEK_SET) -> int:
-        """Go to a place."""
-        return self._file.seek(place, whence)
-
-    def tell(self) -> int:
-        """The place."""
-        return self._file.tell()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-        super().close()
-
-    def readable(self) -> bool:
-        """It is."""
-        return True
-
-    def writable(self) -> bool:
-        """It is."""
-        return True
-
-    def seekable(self) -> bool:
-        """It is."""
-        return True

@@ -234,7 +234,8 @@ class Instrument:
         self.orders.put_in_force(order, self.ticks)
 
     def set_onboard(self, parameters: InstrumentParameters) -> None:
-        """Change the loop inside from the next tick on: `parameters` differ from those of now by `onboard` alone.
+        """Change the loop inside from the next tick on: `parameters` differ from those of now by `onboard`
+        and `calibration` alone.
 
         Raises
         ------

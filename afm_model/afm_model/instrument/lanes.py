@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.jit import config, kernel, routine
 from ..core.kernel_cache import fingerprint
-from ..core.lanes import LANES, LaneBlock, Lanes, lane_at
+from ..core.lanes import LANES, LaneBlock, Lanes, for_lanes
 from ..core.records import Block, Record, numbers_at, place, record_at, size
 from ..parts.dispatch import surface_of
 from ..parts.header import BlockHeader
@@ -82,7 +82,7 @@ def _surface_of_lane(x, y, m):  # type: ignore[no-untyped-def]  # as above
 
     def surface(x, y, m):  # type: ignore[no-untyped-def]
         h = m.surface
-        h.adhesion = 1.0
+        h.adhesion = h.modulus = 1.0
         look(x, y, h, m.sample, m)
         return h
 
@@ -160,20 +160,30 @@ def _end_all(blocks: Block, outcomes: Block) -> bool:
     return go_on
 
 
+@kernel
+def _step(m: Any, i: int, f: float) -> None:
+    """Integration step i of a tick."""
+    _move(m.tick.begin + i * m.tick.h, m)
+
+
+@kernel
+def _scored_step(m: Any, i: int, f: float) -> None:
+    """The same, counted; f: part of the control period that has passed at its end."""
+    _move(m.tick.begin + i * m.tick.h, m)
+    count_step(m.score, m.truth, m.asked, m.asked_next, f, m.tick.period)
+
+
+_step_all, _score_all = for_lanes(_step), for_lanes(_scored_step)
+
+
 @routine
 def _steps(lanes: Any, a: Block, first: int, count: int, substeps: int, scored: bool) -> None:
     """Integration steps of all lanes, from number `first` of the tick on; of those that do not run as well."""
     for i in range(first, first + count):
         if scored:
-            f = (i + 1) / substeps
-            for lane in range(LANES):
-                m = lane_at(lanes, a, lane)
-                _move(m.tick.begin + i * m.tick.h, m)
-                count_step(m.score, m.truth, m.asked, m.asked_next, f, m.tick.period)
+            _score_all(lanes, a, i, (i + 1) / substeps)
         else:
-            for lane in range(LANES):
-                m = lane_at(lanes, a, lane)
-                _move(m.tick.begin + i * m.tick.h, m)
+            _step_all(lanes, a, i, 0.0)
 
 
 @routine

@@ -10,17 +10,42 @@ from ..parts.part import NO_DEFLECTION
 from .image import Line
 from .results import MicroscopeState, Outcome, Progress
 from .verb import Verb
+from .view import CALIBRATIONS
 
 OnProgress = Callable[[Progress], None]
 OnLine = Callable[[Line], None]
 
 
 class LoopSettings(ABC):
-    """What can be set of the z loop at any time, between two ticks. All raise ParameterError if it is not allowed."""
+    """What can be set at any time, between two ticks. All raise ParameterError if it is not allowed."""
 
     @abstractmethod
     def set_loop(self, **settings: Any) -> None:
-        """Change settings of the loop, names of `afm_model.parts.part.ONBOARD_SETTINGS`."""
+        """Change settings of the loop, names of `afm_model.parts.part.ONBOARD_SETTINGS`, or calibrations, as `use`."""
+
+    def use(self, /, *results: Any, **numbers: float) -> None:
+        """Compute forces with what was calibrated, from now on: setpoints, triggers, curves, images and their notes.
+
+        A setpoint that is a force stays one, so that the tip presses differently; one that is a voltage stays too. With
+        another probe nothing is calibrated.
+
+        Parameters
+        ----------
+        *results : Calibration, or its labelled array
+            As the verbs bring them back; their units say what they are of.
+        **numbers : float
+            spring_constant [N/m], deflection_sensitivity [m/V] (for vertical motion), lateral_sensitivity [N/V], known
+            from elsewhere; 0: by the parameters of plant and detector again.
+        """
+        kinds = {unit: name for name, unit in CALIBRATIONS.items()}
+        for each in results:
+            unit = getattr(each, "attrs", {}).get("units", getattr(each, "unit", ""))
+            if unit not in kinds:
+                raise ParameterError(f"{each} is not allowed: it must be a calibration, in one of {', '.join(kinds)}")
+            numbers[kinds[unit]] = float(getattr(each, "value", each))
+        if unknown := [name for name in numbers if name not in CALIBRATIONS]:
+            raise ParameterError(f"{unknown[0]} is no calibration: there are {', '.join(CALIBRATIONS)}")
+        self.set_loop(**numbers)
 
     def set_setpoint(self, *, force: float | None = None, voltage: float | None = None) -> None:
         """Setpoint of the deflection, as vertical force [N] or as voltage [V]: one of both."""

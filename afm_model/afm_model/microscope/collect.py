@@ -11,6 +11,7 @@ from ..instrument import Block, Instrument
 from .image import RETRACE, TRACE, Line
 from .plan import LinePlan
 from .results import TimeSeries
+from .view import sensitivities
 
 _Array = NDArray[np.float64]
 
@@ -42,7 +43,9 @@ def _known(instrument: Instrument) -> dict[str, Signal]:
     for name, (channel, unit, factor) in short.items():
         if channel in own:
             found[name] = own[channel]._replace(unit=unit, factor=factor)
-    found["lateral"] = own["lateral_force"]
+    for name, factor in zip(("deflection", "lateral_force"), sensitivities(parameters), strict=True):
+        found[name] = own[name]._replace(factor=factor)
+    found["lateral"] = found["lateral_force"]
     found["lateral_voltage"] = own["lateral_force"]._replace(unit="V", factor=1.0)
     found["deflection_voltage"] = own["deflection"]._replace(unit="V", factor=1.0)
     for axis, name in enumerate("xy"):
@@ -128,6 +131,10 @@ class Collector:
     def units(self) -> dict[str, str]:
         """Units by name."""
         return {name: signal.unit for name, signal in self.signals.items()}
+
+    def factors(self, *names: str) -> tuple[float, ...]:
+        """What of these was measured is multiplied with."""
+        return tuple(self.signals[name].factor for name in names)
 
     def take(self, block: Block) -> None:
         """Take what a block has of it."""

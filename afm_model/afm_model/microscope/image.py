@@ -19,7 +19,7 @@ _Array = NDArray[np.float64]
 TRACE, RETRACE = "trace", "retrace"
 DIRECTIONS = (TRACE, RETRACE)
 _MEASURED = "measured_"
-_MADE = ("friction", "crosstalk")
+MADE = ("friction", "crosstalk")
 """Layers that are made of the others."""
 _NUMBERS = ("start", "line_rate_reached", "lines_done", "complete", "verb")
 
@@ -137,24 +137,21 @@ class Image:
             "place_y": scan.centre_y + sine * x[None, :] + cosine * slow[:, None],
         }
         variables = {}
-        for place in (False, True):
-            for name in (name for name in self.units if (name in ("x", "y")) == place):
-                values = np.stack([self.data[name, way] for way in DIRECTIONS])
-                made = variable(("direction", "y", "x"), values, name, self.units[name])
-                if place:
-                    made = made._replace(attributes={"units": self.units[name], "long_name": f"{name} as measured"})
-                variables[f"{_MEASURED if place else ''}{name}"] = made
+        for name in sorted(self.units, key=lambda name: name in ("x", "y")):
+            values = np.stack([self.data[name, way] for way in DIRECTIONS])
+            made = variable(("direction", "y", "x"), values, name, self.units[name])
+            if name in ("x", "y"):
+                name = f"{_MEASURED}{name}"
+                made = made._replace(attributes={**made.attributes, "long_name": f"{name[-1]} as measured"})
+            variables[name] = made
         if "lateral" in self.units:
-            for name, values in (("friction", self.friction()), ("crosstalk", self.crosstalk())):
-                variables[name] = variable(("y", "x"), values, name, self.units["lateral"])
-        along = {
-            name: f"along the {way} direction, from the centre of the frame"
-            for name, way in zip("xy", ("fast", "slow"), strict=True)
-        }
+            for name in MADE:
+                variables[name] = variable(("y", "x"), getattr(self, name)(), name, self.units["lateral"])
+        along = "along the {} direction, from the centre of the frame"
         coordinates = {
             "direction": Variable(("direction",), np.array(DIRECTIONS), {}),
-            "x": Variable(("x",), x, {"units": "m", "long_name": along["x"]}),
-            "y": Variable(("y",), y, {"units": "m", "long_name": along["y"]}),
+            "x": Variable(("x",), x, {"units": "m", "long_name": along.format("fast")}),
+            "y": Variable(("y",), y, {"units": "m", "long_name": along.format("slow")}),
             **{
                 name: Variable(("y", "x"), each, {"units": "m", "long_name": f"{name[-1]} on the sample, as asked for"})
                 for name, each in places.items()
@@ -180,7 +177,7 @@ def as_image(scan: "Image | xarray.Dataset") -> Image:
     if given.get("verb") != "Scan":
         raise ValueError(f"this is no scan, neither an Image nor the labelled arrays of one: {type(scan).__name__}")
     notes = {str(name): python_value(value) for name, value in given.items()}
-    variables = {str(name): values for name, values in scan.data_vars.items() if name not in _MADE}
+    variables = {str(name): values for name, values in scan.data_vars.items() if name not in MADE}
     units = {name.removeprefix(_MEASURED): values.attrs["units"] for name, values in variables.items()}
     data = {
         (name.removeprefix(_MEASURED), way): np.asarray(values.sel(direction=way), dtype=np.float64)

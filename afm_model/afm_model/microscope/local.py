@@ -235,4 +235,6 @@ def exchanged(parameters: Any, state: MicroscopeState, group: str, changes: Mapp
             f"plant.{others[0]} is no property of a probe: it is chosen with the scenario, when the instrument starts"
         )
     news = {f"{group}.{name}": value for name, value in changes.items()}
-    return changed(parameters, news, anew=(group,) if "kind" in changes else ())
+    # What was calibrated belongs to the probe of before.
+    anew = [group] * ("kind" in changes) + ["calibration"] * (group == "plant")
+    return changed(parameters, news, anew=anew)

@@ -20,9 +20,9 @@ from .collect import Collector
 from .execution import Execution, Task, withdrawing
 from .image import Line
 from .results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress
-from .verb import Verb, objection
+from .verb import Verb, objection, saturating
 from .verbs import Withdraw
-from .view import ERROR_CHANNEL, InstrumentView
+from .view import CALIBRATIONS, ERROR_CHANNEL, InstrumentView
 
 _LOOSE, _LEAST = 0.3, 0.1
 """An rms error of the z loop beyond this part of the setpoint, and this [V], is told."""
@@ -172,7 +172,7 @@ class Operator(LoopSettings):
     def _away(self, execution: Execution) -> tuple[tuple[Step, ...], float]:
         """Steps off the sample, and how long they take [s]: further by what the cantilever is pressed."""
         view, usual = self._view, Withdraw()
-        pressed = max(execution.standing().deflection_voltage, 0.0) * view.parameters.detector.deflection_sensitivity
+        pressed = max(execution.standing().deflection_voltage, 0.0) * view.deflection_sensitivity
         return withdrawing(view, usual.distance + pressed, usual.rate, execution.surface)
 
     def _end(self) -> None:
@@ -268,14 +268,17 @@ class Operator(LoopSettings):
         """
         view, force = self._view, settings.get("setpoint_force", 0.0)
         volts = settings.get("setpoint_voltage") or view.volts(force)
-        if abs(volts) >= view.most_deflection:
-            raise ParameterError(
-                f"a setpoint of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V, "
-                f"and z would go on into the sample"
-            )
+        for sentence in saturating("a setpoint", volts, view):
+            raise ParameterError(sentence)
         # A loop that knows a voltage only need not be told that there is no force.
-        view.set_loop(**{name: value for name, value in settings.items() if value or name in view.loop.settings})
+        view.set_loop(
+            **{
+                name: value
+                for name, value in settings.items()
+                if value or name in view.loop.settings or name in CALIBRATIONS
+            }
+        )
         self._state.feedback = settings.get("feedback", self._state.feedback)
         if "proportional_gain" in settings or "integral_gain" in settings:
             for sentence in view.loop.warnings(view.parameters):
-                warnings.warn(sentence, stacklevel=4)
+                warnings.warn(sentence, stacklevel=5)

@@ -143,7 +143,10 @@ def outside(view: "InstrumentView", what: str, places: Iterable[tuple[float, flo
 def saturating(what: str, volts: float, view: "InstrumentView") -> Iterator[str]:
     """A deflection that the detector never shows: z would go on into the sample."""
     if abs(volts) >= view.most_deflection:
-        yield f"{what} of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V"
+        yield (
+            f"{what} of {volts:.4g} V is not allowed: the detector saturates at {view.most_deflection:.4g} V, and z "
+            f"would go on into the sample"
+        )
 
 
 def too_much(count: float, what: str) -> Iterator[str]:
@@ -154,7 +157,7 @@ def too_much(count: float, what: str) -> Iterator[str]:
 
 def too_fast(name: str, rate: float, trigger: float, way: float, view: "InstrumentView") -> Iterator[str]:
     """A rate at which z goes further within a sample than the deflection [V] that it is to stop at, or all its way."""
-    most = min(trigger * view.parameters.detector.deflection_sensitivity or way, way) / view.sample_period
+    most = min(trigger * view.deflection_sensitivity or way, way) / view.sample_period
     if rate > most:
         yield (
             f"{name} = {rate:g} m/s is not allowed: within a sample of {view.sample_period:g} s z would go further "

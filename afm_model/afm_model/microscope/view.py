@@ -13,6 +13,8 @@ from ..program.orders import Polynomial, quintic
 
 Z_CHANNEL, ERROR_CHANNEL = "z_loop", "z_loop_error"
 """Channels of a loop that moves z: z as driven [m], positive towards the sample; setpoint less deflection [V]."""
+CALIBRATIONS = {"spring_constant": "N/m", "deflection_sensitivity": "m/V", "lateral_sensitivity": "N/V"}
+"""What can be calibrated, parameters `calibration.*`, and the units by which results are known."""
 _TRAVEL = 500e-6
 """Of a scanner without piezo.limit, to each side [m]."""
 _SETTLING = 3.0
@@ -30,6 +32,16 @@ def z_loop(parameters: Any) -> Onboard:
     """The loop inside the instrument."""
     found: Onboard = registry.find("onboard", parameters.onboard.kind)
     return found
+
+
+def sensitivities(parameters: Any) -> tuple[float, float]:
+    """Deflection across the cantilever [m] and lateral force [N] over voltage, as they are believed."""
+    plant, detector, calibrated = parameters.plant, parameters.detector, parameters.calibration
+    deflection = calibrated.deflection_sensitivity or detector.deflection_sensitivity
+    if calibrated.deflection_sensitivity and plant.spring_constant(parameters) != 0.0:
+        # It is for vertical motion.
+        deflection *= plant.deflection_under(parameters, 1.0) * plant.vertical_stiffness(parameters)
+    return float(deflection), float(calibrated.lateral_sensitivity or detector.lateral_sensitivity)
 
 
 class InstrumentView:
@@ -54,13 +66,16 @@ class InstrumentView:
         scanner: Any = plant.scanner_numbers or parameters.scanner
         self.resonance: float = min(scanner.f_x, scanner.f_y)
         """Lower one of the scanner along x and y [Hz]."""
-        self.spring_constant = plant.spring_constant(parameters)
-        """Of the cantilever [N/m]; 0: not known."""
 
     @property
     def parameters(self) -> Any:
         """Of the instrument, as they are now."""
         return self.instrument.parameters
+
+    @property
+    def spring_constant(self) -> float:
+        """Of the cantilever, as it is believed [N/m]; 0: not known."""
+        return float(self.parameters.plant.spring_constant(self.parameters))
 
     @property
     def vertical_stiffness(self) -> float:
@@ -71,8 +86,13 @@ class InstrumentView:
     def vertical_sensitivity(self) -> float:
         """Vertical motion of the tip over voltage [m/V], from that of the detector, which is across the cantilever."""
         if self.spring_constant == 0.0:
-            return float(self.parameters.detector.deflection_sensitivity)
+            return self.deflection_sensitivity
         return 1.0 / (self.vertical_stiffness * self.volts(1.0))
+
+    @property
+    def deflection_sensitivity(self) -> float:
+        """Deflection across the cantilever over voltage, as it is believed [m/V]."""
+        return sensitivities(self.parameters)[0]
 
     @property
     def resonance_band(self) -> tuple[float, float] | None:
@@ -141,7 +161,7 @@ class InstrumentView:
         return float(getattr(self.parameters.detector, "most_voltage", math.inf))
 
     def set_loop(self, **changes: Any) -> None:
-        """Change settings of the loop, names of ONBOARD_SETTINGS, from the next tick on.
+        """Change settings of the loop, names of ONBOARD_SETTINGS, or calibrations, from the next tick on.
 
         Raises
         ------
@@ -149,12 +169,14 @@ class InstrumentView:
             If the loop has no such setting, or a value is not allowed.
         """
         parameters, own = self.parameters, self.loop.settings
-        if lacking := [name for name in changes if name not in own]:
+        places = {name: f"onboard.{place}" for name, place in own.items()}
+        places |= {name: f"calibration.{name}" for name in CALIBRATIONS}
+        if lacking := [name for name in changes if name not in places]:
             raise ParameterError(
                 f"{', '.join(lacking)} cannot be set: the z loop onboard.kind = {parameters.onboard.kind} has no such "
                 f"setting; it has {', '.join(own) or 'none'}"
             )
-        news = {f"onboard.{own[name]}": value for name, value in changes.items()}
+        news = {places[name]: value for name, value in changes.items()}
         self.instrument.set_onboard(changed(parameters, news))
 
     def samples(self, duration: float, rate: float = math.inf) -> float:

@@ -52,6 +52,24 @@ class Drift(Group):
         ]
 
 
+class Calibrations(Group):
+    """What the microscope believes of its cantilever and detector; 0: what their own parameters say.
+
+    Verbs compute forces with it: setpoints, triggers, curves, images and their notes (docs/verbs.md). The plant keeps
+    its own numbers.
+    """
+
+    spring_constant: Annotated[NonNegative, Unit("N/m")] = Field(
+        0.0, description="believed of the cantilever, for a force across it; 0: its own"
+    )
+    deflection_sensitivity: Annotated[NonNegative, Unit("m/V")] = Field(
+        0.0, description="believed, for vertical motion of the tip; 0: from detector.deflection_sensitivity"
+    )
+    lateral_sensitivity: Annotated[NonNegative, Unit("N/V")] = Field(
+        0.0, description="believed; 0: detector.lateral_sensitivity"
+    )
+
+
 MAX_STEPS = 10_000_000
 """Integration steps in a control tick at most: a second or two of computing, in which nothing else is done."""
 MAX_SAMPLES = 100_000
@@ -77,6 +95,7 @@ class InstrumentParameters(Microscope):
     onboard: OnboardParameters = OnboardParameters()
     fault: Schedule = Schedule()
     drift: Drift = Drift()
+    calibration: Calibrations = Calibrations()
     score: Score = Score()
 
     @property

@@ -105,8 +105,9 @@ def _of_simulator(setup: _Setpoint, given: Mapping[str, Value], own: Mapping[str
             news |= {"onboard.setpoint_force": force} if force else {"onboard.setpoint_voltage": voltage}
         # With a loop inside the start may be elsewhere.
         if not (has_loop and "reference.z_r" in own):
-            by_voltage = voltage * setup.model_dump()["deflection_sensitivity"]
-            news["reference.z_r"] = _lever(setup).deflection_under(None, force) if force else by_voltage
+            # As the cantilever is, whatever is believed of it.
+            by_force = _lever(setup).deflection_under(InstrumentParameters(), force)
+            news["reference.z_r"] = by_force or voltage * setup.model_dump()["deflection_sensitivity"]
     for name in news.keys() & own.keys() - {"plant.kind"}:
         raise ParameterError(f"{name} is given twice: by itself, and by microscope.*, which says it for all nodes")
     return news

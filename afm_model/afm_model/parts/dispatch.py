@@ -102,7 +102,7 @@ _surface = dispatcher(Sample, "surface")
 def _surface_of_block(x: float, y: float, m: Block) -> Any:
     g = record_at(m, 0, BlockHeader)
     h = record_at(m, g.surface, Surface)
-    h.adhesion = 1.0
+    h.adhesion = h.modulus = 1.0
     d = record_at(m, g.displacement, Displacement)
     if d.there != 0:
         x -= d.x

@@ -119,7 +119,11 @@ class PlantParameters(Group):
         return None
 
     def spring_constant(self, parameters: Any) -> float:
-        """Spring constant of the cantilever of an instrument with this plant [N/m]; 0: not known."""
+        """Spring constant that forces are computed with [N/m]: calibrated, or the cantilever's own; 0: not known."""
+        return float(parameters.calibration.spring_constant) or self.own_spring_constant(parameters)
+
+    def own_spring_constant(self, parameters: Any) -> float:
+        """Of the cantilever of an instrument with this plant [N/m]; 0: not known."""
         return float(self.cantilever_numbers.k) if self.cantilever_numbers is not None else 0.0
 
     def vertical_stiffness(self, parameters: Any) -> float:
@@ -132,6 +136,8 @@ class PlantParameters(Group):
 
     def deflection_voltage(self, parameters: Any, force: float) -> float:
         """The same [V]: what a force is, as setpoint, trigger and in force curves; docs/microscope.md."""
+        if calibrated := float(parameters.calibration.deflection_sensitivity):
+            return force / (self.vertical_stiffness(parameters) * calibrated)
         return self.deflection_under(parameters, force) / float(parameters.detector.deflection_sensitivity)
 
     def radius_of_tip(self, parameters: Any) -> float:

@@ -191,6 +191,8 @@ class Law(Part):
     """Numbers that it keeps beside its state, zeros at the start: the field of the state in which their address stands,
     to be read by `numbers_at`, and parameters -> how many. Where that changes the law begins anew.
     """
+    remark: Callable[[Any], str] = lambda state: ""
+    """Record of its state -> what it has to say of itself, a sentence, such as that it distrusts its model."""
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
     plants: tuple[str, ...] = ()
@@ -386,8 +388,8 @@ class Sample(Part):
     curvature : callable
         Parameters -> largest |mean curvature| [z0/x0^2], for the longest step and the contact.
     contrast : callable, optional
-        Parameters -> least and largest (w/w_0)^2 R_e/R, work of adhesion and effective radius over those of the plant,
-        for the plant `lever`; by default what the curvature makes of it.
+        Parameters -> least and largest (w/w_0)^2 R_e/R (K_0/K)^2, work of adhesion, effective radius and modulus over
+        those of the plant, for the plant `lever`; by default what the curvature makes of it.
     lattice : callable, optional
         Parameters -> Corrugation, for a sample whose `surface` also writes the derivatives of a potential for the
         place of the tip; that takes the place of friction.

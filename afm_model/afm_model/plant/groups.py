@@ -27,6 +27,6 @@ class PlantGroup(PlantParameters):
         description="compliant plant only: distance from the sample at the start; 0: in static contact at the setpoint",
     )
 
-    def spring_constant(self, parameters: Microscope) -> float:
+    def own_spring_constant(self, parameters: Microscope) -> float:
         """That of `cantilever.*` [N/m]."""
         return parameters.cantilever.m_c * square(2.0 * math.pi * parameters.cantilever.f_c)

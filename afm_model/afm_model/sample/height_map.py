@@ -28,11 +28,15 @@ class HeightMap(SampleParameters):
     dilate: bool = Field(True, description="dilate by the tip; else a surface sharper than the tip is refused")
     strength_file: str = Field("", description="map of the friction strength over that of the plant; none: 1")
     adhesion_file: str = Field("", description="map of the work of adhesion over that of the plant; none: 1")
+    modulus_file: str = Field("", description="map of the elastic modulus over that of the plant; none: 1")
+
+
+_MATERIALS = ("strength_file", "adhesion_file", "modulus_file")
 
 
 def _of(parameters: Tree) -> Relief:
     sample, scales = parameters.sample, parameters.scales
-    files = (sample.file, sample.strength_file, sample.adhesion_file)
+    files = (sample.file, *(getattr(sample, name) for name in _MATERIALS))
     if not sample.file:
         raise ValueError("sample.file is not given: sample.kind = map needs a height map (.npy, .gsf, .gwy, image)")
     changed = tuple(file_stamp(path) if path else 0 for path in files)
@@ -48,22 +52,22 @@ def _made(sample: HeightMap, R: float, x0: float, z0: float, changed: tuple[int,
     if width <= 0.0:
         raise ValueError(f"sample.width is not given, and {sample.file} does not contain its size")
     materials = None
-    if sample.strength_file or sample.adhesion_file:
+    if any(getattr(sample, name) for name in _MATERIALS):
         found = []
-        for name in ("strength_file", "adhesion_file"):
+        for name in _MATERIALS:
             path = getattr(sample, name)
             values = read_field(path).values if path else np.ones((rows, columns))
             if values.shape != (rows, columns):
                 raise ValueError(
                     f"sample.{name} = {path} is {values.shape} and must be {(rows, columns)}, as the heights"
                 )
-            if values.min() < 0.0 or (name == "adhesion_file" and values.min() == 0.0) or values.max() > 1e6:
+            if values.min() < 0.0 or (name != "strength_file" and values.min() == 0.0) or values.max() > 1e6:
                 raise ValueError(
                     f"sample.{name} = {path} holds {values.min():g} to {values.max():g}: a ratio must be positive, "
                     "and at most 1e6"
                 )
             found.append(values)
-        materials = (found[0], found[1])
+        materials = tuple(found)
     for what, pixel in (("x", width / columns), ("y", length / rows)):
         if not 1e-13 <= pixel <= 1e-3:
             raise ValueError(

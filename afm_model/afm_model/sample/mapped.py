@@ -38,7 +38,7 @@ class Constants(Record):
     pitch_x: Annotated[float, "m"]
     pitch_y: Annotated[float, "m"]
     wrap: float  # 1.0: the map is repeated; 0.0: mirrored at its borders
-    materials: float  # 1.0: strengths and adhesions follow the heights
+    materials: float  # 1.0: strengths, adhesions and moduli follow the heights
     dilated: float
     R: Annotated[float, "m"]  # radius of the tip
     x0: Annotated[float, "m"]
@@ -55,11 +55,11 @@ class Scales(NamedTuple):
 class Relief(NamedTuple):
     """A map ready for the kernel."""
 
-    numbers: _Array  # spline coefficients of heights [m]; strengths; adhesions
+    numbers: _Array  # spline coefficients of heights [m]; strengths; adhesions; moduli
     constants: dict[str, float]
     amplitude: float  # half of the range of heights [m]
     curvature: float  # largest |mean curvature| [1/m]
-    contrast: tuple[float, float]  # least and largest (w/w_0)^2 R_e/R
+    contrast: tuple[float, float]  # least and largest (w/w_0)^2 R_e/R (K_0/K)^2
 
 
 def relief(
@@ -71,7 +71,7 @@ def relief(
     dilate: bool,
     R: float,
     scales: Any,
-    materials: tuple[_Array, _Array] | None = None,
+    materials: tuple[_Array, ...] | None = None,
 ) -> Relief:
     """A map for the kernel.
 
@@ -85,8 +85,8 @@ def relief(
         Repeat it; else mirror it at its borders.
     dilate : bool
         By a tip of radius R.
-    materials : (ndarray, ndarray), optional
-        Friction strength and work of adhesion over those of the plant, of the same shape.
+    materials : (ndarray, ndarray, ndarray), optional
+        Friction strength, work of adhesion and modulus over those of the plant, of the same shape.
 
     Raises
     ------
@@ -114,8 +114,8 @@ def relief(
                 f"be > {R:.3g} m: take a sharper tip, or sample.dilate"
             )
         ratio = 1.0 / (1.0 + curvature * R)
-    adhesion = materials[1] if materials is not None else np.ones((1, 1))
-    low, high = float(ratio.min()) * square(float(adhesion.min())), float(ratio.max()) * square(float(adhesion.max()))
+    material = materials[1] / materials[2] if materials is not None else np.ones((1, 1))
+    low, high = float(ratio.min()) * square(float(material.min())), float(ratio.max()) * square(float(material.max()))
     constants = {
         "columns": columns,
         "rows": rows,
@@ -245,6 +245,7 @@ def surface(x: float, y: float, h: Surface, p: Constants, values: Block) -> None
         size = p.rows * p.columns
         h.strength = values[size + pixel]
         h.adhesion = values[2 * size + pixel]
+        h.modulus = values[3 * size + pixel]
 
 
 def map_sample(

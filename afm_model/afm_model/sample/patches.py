@@ -25,6 +25,9 @@ class Patches(SampleParameters):
     adhesion: Annotated[float, Ge(1e-3), Le(1e3)] = Field(
         1.0, description="work of adhesion of the second material over that of the first (plant lever)"
     )
+    modulus: Annotated[float, Ge(1e-3), Le(1e3)] = Field(
+        1.0, description="elastic modulus of the second material over that of the first (plant lever)"
+    )
 
 
 class Constants(Record):
@@ -32,6 +35,7 @@ class Constants(Record):
     squares: float
     strength: float
     adhesion: float
+    modulus: float
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -50,10 +54,11 @@ def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None
     second = place % 2.0 != 0.0
     h.strength = p.strength if second else 1.0
     h.adhesion = p.adhesion if second else 1.0
+    h.modulus = p.modulus if second else 1.0
 
 
 def _contrast(parameters: Tree) -> tuple[float, float]:
-    other = square(parameters.sample.adhesion)
+    other = square(parameters.sample.adhesion / parameters.sample.modulus)
     return min(1.0, other), max(1.0, other)
 
 

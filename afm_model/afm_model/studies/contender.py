@@ -59,6 +59,11 @@ class Contender:
         return self.start is None and getattr(load_law(self.kind), "family", None) == "law"
 
     @property
+    def parameters(self) -> dict[str, Value]:
+        """Of the controller: the kind of law, and what is given."""
+        return {"law.kind": self.kind, **{f"law.{name}": value for name, value in self.values.items()}}
+
+    @property
     def knowledge(self) -> str:
         """What it uses and knows, as the law declares it."""
         if self.start is not None:
@@ -86,7 +91,7 @@ def contender(text: str) -> Contender:
         values[name] = _value(value)
     made = Contender(text, kind, values)
     if made.is_part:
-        build(ControllerParameters, {"law.kind": kind} | {f"law.{name}": value for name, value in values.items()})
+        build(ControllerParameters, made.parameters)
     elif values:
         raise ParameterError(f"law {text}: an object takes no parameters here; give it those of its own in its code")
     return made
@@ -201,8 +206,7 @@ def law_under(common: Common, law: Contender, conditions: Mapping[str, Any]) -> 
     ParameterError
         If the law refuses its rate.
     """
-    own: dict[str, Value] = {"law.kind": law.kind, **{f"law.{name}": value for name, value in law.values.items()}}
-    own |= feedback_of(law, noisy=float(conditions["noise"]) != 0.0)
+    own = law.parameters | feedback_of(law, noisy=float(conditions["noise"]) != 0.0)
     timing = law_timing(own, instrument_under(common, conditions))
     same = common.scenario.controller.law.kind == law.kind
     return changed(common.scenario.controller, timing | own, anew=() if same else ("law",))

@@ -111,7 +111,7 @@ def parameters_of(case: Case, rate: Rate, law: Contender) -> tuple[SimParameters
         "run.duration": _PERIODS * cycle,
         "score.start": (_PERIODS - 1) * cycle,
     }
-    own: dict[str, Value] = {"law.kind": law.kind, **{f"law.{name}": value for name, value in law.values.items()}}
+    own = law.parameters
     packets = rate.packet > 1 and "law.packet" in flatten(build(ControllerParameters, {"law.kind": law.kind}))
     if packets:
         news["piezo.dac_period"] = rate.period / rate.packet

@@ -20,6 +20,8 @@ SYSTEMATIC = {
     "deflection_sensitivity: friction",  # half the difference of approach and retract
     "wedge_by_flat: N/V",  # the interpolation between loads
     "wedge_by_flat: dF/dN",
+    "verbs: lateral, N/V",
+    "verbs: deflection, m/V",
     *(f"fit_resonator: {name}" for name in ("f", "damping", "sensitivity")),  # at least that of white noise
 }
 """What is wrong about a model is in these, so that they may be larger."""
@@ -29,6 +31,7 @@ DRAWS = {
     "force_curve": 300,
     "step_height": 200,
     "wedge_by_flat": 60,
+    "verbs": 12,
 }
 ENOUGH = 150
 """Draws that tell a wrong factor."""

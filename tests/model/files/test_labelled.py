@@ -18,7 +18,7 @@ from . import scans
 def results() -> dict[str, object]:
     """A result of every kind."""
     time = np.linspace(0.0, 1.0, 5)
-    loop = Loop(FrictionLoop(), 1e-9 * time, 2e-9 * time, 3e-9 * time, time)
+    loop = Loop(FrictionLoop(), 1e-9 * time, 2e-9 * time, 3e-9 * time, time, 1e-8, 5e-8)
     names = {"x": "m", "y": "m", "height": "m", "error": "V", "lateral": "N"}
     path = TimeSeries(time, {name: number * time for number, name in enumerate(names)}, names)
     return {
@@ -26,7 +26,7 @@ def results() -> dict[str, object]:
         "curve": scans.curve(),
         "curves": [scans.curve(), scans.curve(1e-9, dwell=7)],
         "loop": loop,
-        "path": PathRecord(ScanPath(x=(0.0, 1e-7), y=(0.0, 2e-7)), path),
+        "path": PathRecord(ScanPath(x=(0.0, 1e-7), y=(0.0, 2e-7)), path, 5e-8),
         "calibration": Calibration(1e-7, 1e-9, "m/V", {"curves": 3.0}),
         "line": scans.line(scans.scanned(0).scan, 3, "retrace"),
     }

@@ -4,7 +4,7 @@ import gwyfile
 
 from afm_model import SimParameters, build
 from afm_model.files import write_gwy
-from afm_model.microscope.notes import notes
+from afm_model.microscope.verbs.scan import notes
 
 from . import scans
 

@@ -78,14 +78,13 @@ def test_an_approach_to_no_deflection_is_refused():
 
 def test_a_setpoint_or_trigger_that_the_detector_never_tells_is_refused():
     microscope = local(detector__adc_bits=16)
-    with pytest.raises(ParameterError, match=r"a setpoint of 11.97 V is not allowed: the detector saturates at 10 V"):
+    never = "is not allowed: the detector saturates at 10 V, and z would go on into the sample"
+    with pytest.raises(ParameterError, match=f"a setpoint of 11.97 V {never}"):
         microscope.set_setpoint(force=25e-9)
     assert microscope.state.setpoint == pytest.approx(PRESSED)
     microscope.execute(APPROACH)
-    told = microscope.objection(ForceCurve(trigger_voltage=11.0))
-    assert told == "a trigger of 11 V is not allowed: the detector saturates at 10 V"
-    told = microscope.objection(CalibrateLateral(setpoint_to=40e-9))
-    assert told == "a setpoint of 19.16 V is not allowed: the detector saturates at 10 V"
+    assert microscope.objection(ForceCurve(trigger_voltage=11.0)) == f"a trigger of 11 V {never}"
+    assert microscope.objection(CalibrateLateral(setpoint_to=40e-9)) == f"a setpoint of 19.16 V {never}"
 
 
 def test_an_approach_that_would_pass_the_setpoint_within_a_sample_is_refused():

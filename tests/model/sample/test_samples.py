@@ -15,7 +15,7 @@ from afm_model.instrument.block import Layout
 from afm_model.parts.signals import Surface
 from afm_model.sample.map_files import read_field
 
-from ..plant.lever_bench import LeverBench
+from ..plant.lever_bench import LeverBench, triangle
 
 LEVER = {"plant.kind": "lever"}
 ROUGH = {"sample.kind": "rough", "sample.pixels": 64, "sample.size": 400e-9, "sample.shortest": 40e-9}
@@ -36,7 +36,7 @@ class Place:
 
     def __call__(self, x: float, y: float = 0.0) -> Any:
         scales = self.parameters.scales
-        self._h.adhesion = 1.0
+        self._h.adhesion = self._h.modulus = 1.0
         self._sample.surface(x / scales.x0, y / scales.x0, self._h, self._p, self._map)
         h, rise = self._h.copy(), scales.z0 / scales.x0
         h.height *= scales.z0
@@ -247,9 +247,11 @@ def test_a_map_with_a_hole_is_refused_with_the_place(tmp_path):
 
 @pytest.mark.parametrize("pattern", ["stripes", "squares"])
 def test_patches_change_material_at_their_edges(pattern):
-    place = Place({"sample.kind": "patches", "sample.pattern": pattern, "sample.width": 10e-9, "sample.adhesion": 2.0})
+    other = {"sample.adhesion": 2.0, "sample.modulus": 0.25}
+    place = Place({"sample.kind": "patches", "sample.pattern": pattern, "sample.width": 10e-9} | other)
     assert [place(x).strength for x in (5e-9, 15e-9, -5e-9, 25e-9)] == [1.0, 0.5, 0.5, 1.0]
     assert [place(x).adhesion for x in (5e-9, 15e-9)] == [1.0, 2.0]
+    assert [place(x).modulus for x in (5e-9, 15e-9)] == [1.0, 0.25]
     assert place(5e-9, 15e-9).strength == (0.5 if pattern == "squares" else 1.0)
 
 
@@ -266,6 +268,26 @@ def test_friction_and_load_of_the_lever_follow_the_material():
     # Of the same load on a plant of twice the adhesion. Hamaker and modulus are alike; the table is exact to 1e-4.
     assert r.N[-1] == pytest.approx(doubled.s.N, rel=2e-2)
     assert r.F_max[-1] == pytest.approx(0.5 * doubled.s.F_max, rel=2e-2)
+
+
+@pytest.mark.parametrize("strengthening", [0.0, 0.05])
+def test_a_map_of_the_modulus_is_as_a_plant_of_that_modulus(tmp_path, strengthening):
+    """Indentation, contact radius, load, friction and stick slope, pressed in and slid to and fro."""
+    flat, soft = height_file(tmp_path, np.zeros((8, 8))), tmp_path / "modulus.npy"
+    np.save(soft, np.full((8, 8), 0.25))
+    values = {"plant__tilt": 0.0, "plant__scanner": "stack_13um", "plant__strengthening": strengthening}
+    sample = {"sample__kind": "map", "sample__file": flat, "sample__width": 1e-6, "sample__modulus_file": str(soft)}
+    by_map, hard = LeverBench(**values, **sample), LeverBench(**values)
+    numbers = hard.plant.pair_numbers
+    by_plant = LeverBench(**values, plant__K=0.25 * numbers.K, plant__G=0.25 * numbers.G)
+    n = 4000
+    ways = np.column_stack([triangle(1e-9, n), np.zeros(2 * n), np.linspace(0.0, 2e-9, 2 * n)])
+    one, other, third = (bench.run(ways) for bench in (by_map, by_plant, hard))
+    for name in ("delta", "a", "N", "T_x", "F_max", "shown"):
+        # The rows of the contact's table are apart, and exact to 1e-4.
+        scale = np.abs(other[name]).max()
+        assert one[name] == pytest.approx(other[name], abs=1e-3 * scale), name
+        assert np.abs(third[name] - other[name]).max() > 2e-3 * scale, name
 
 
 def test_a_rough_sample_is_scanned_without_losing_the_tip():

@@ -15,14 +15,13 @@ from ...core.schema import Positive, Unit
 from ...program.orders import Order
 from ..collect import RecordCollector
 from ..execution import Execution, Task
-from ..plan import LinePlan, lines
+from ..plan import LinePlan
 from ..results import Calibration, MicroscopeState
 from ..verb import LineCount, Metre, Rate, Verb, saturating, too_much
 from ..view import InstrumentView
-from .move_to import MoveTo
-from .scan import Scan, frame
+from .going import MoveTo
+from .scan import frame, to_and_fro
 
-_OVERSCAN = 0.1
 _PLACES = 500
 """Samples in a line over the wedge."""
 _SETTLING = 0.05
@@ -75,17 +74,8 @@ class CalibrateLateral(Verb):
     def _plan(self, view: InstrumentView) -> LinePlan:
         """Lines over flat and slope."""
         places = (self.slope_from, self.slope_to, self.flat_from, self.flat_to)
-        scan = Scan(
-            centre_x=0.5 * (min(places) + max(places)),
-            centre_y=view.place[1],
-            size_x=max(places) - min(places),
-            pixels=2,
-            lines=self.lines,
-            line_rate=self.line_rate,
-            overscan=_OVERSCAN,
-            slow_axis=False,
-        )
-        return lines(scan, view)
+        middle = 0.5 * (min(places) + max(places)), view.place[1]
+        return to_and_fro(view, middle, max(places) - min(places), self.lines, self.line_rate)
 
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`. Lines that nothing comes out of are a failure: the tip is withdrawn."""
@@ -122,7 +112,8 @@ class CalibrateLateral(Verb):
             found = self._wedge(np.array([self._row(view, each) for each in recorders]).T)
         except ValueError as error:
             raise VerbError(f"no lateral sensitivity comes out of the lines: {error}") from None
-        return Calibration(*found.sensitivity, "N/V", {"friction_slope": found.friction.value})
+        used = {"spring_constant_N_m": view.spring_constant, "deflection_sensitivity_m_V": view.deflection_sensitivity}
+        return Calibration(*found.sensitivity, "N/V", {"friction_slope": found.friction.value} | used)
 
     def _row(self, view: InstrumentView, recorder: RecordCollector) -> tuple[float, ...]:
         """Of the lines at one setpoint: load and half-width on the flat, load and signal up and down the slope."""

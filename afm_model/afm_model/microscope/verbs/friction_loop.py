@@ -12,14 +12,13 @@ from pydantic import Field
 from ...program.orders import Order
 from ..arrays import Arrays, attributes, variable
 from ..execution import Execution, Task
-from ..plan import LinePlan, lines
+from ..plan import LinePlan
 from ..results import MicroscopeState
 from ..verb import Angle, Length, LineCount, Rate, SampleRate, Verb, too_much
 from ..view import InstrumentView
-from .move_to import MoveTo
-from .scan import Scan, frame
+from .going import MoveTo
+from .scan import OVERSCAN, frame, to_and_fro
 
-_OVERSCAN = 0.1
 _TURNING = 0.625
 """The scanner goes 5/16 of speed times time of a turn beyond a line, at both ends."""
 
@@ -33,12 +32,15 @@ class Loop:
     lateral: NDArray[np.float64]  # [N]
     deflection: NDArray[np.float64]  # [m]
     time: NDArray[np.float64]  # [s]
+    deflection_sensitivity: float  # with which it was computed, across the cantilever [m/V]
+    lateral_sensitivity: float  # [N/V]
 
     def arrays(self) -> Arrays:
         """Over time: `position`, `lateral`, `deflection`."""
         units = {"position": "m", "lateral": "N", "deflection": "m"}
         variables = {name: variable(("time",), getattr(self, name), name, unit) for name, unit in units.items()}
-        return Arrays(variables, {"time": variable(("time",), self.time, "time", "s")}, attributes(self.verb, {}))
+        used = {name: getattr(self, name) for name in ("deflection_sensitivity", "lateral_sensitivity")}
+        return Arrays(variables, {"time": variable(("time",), self.time, "time", "s")}, attributes(self.verb, used))
 
 
 class FrictionLoop(Verb):
@@ -67,18 +69,8 @@ class FrictionLoop(Verb):
     def _plan(self, view: InstrumentView) -> LinePlan:
         """Lines whose turning points are `length` apart, through the place where the scanner is asked to be."""
         x, y = view.place
-        scan = Scan(
-            centre_x=x,
-            centre_y=y,
-            size_x=self.length / (1.0 + _TURNING * _OVERSCAN),
-            angle=self.angle,
-            pixels=2,
-            lines=self.count,
-            line_rate=self.line_rate,
-            overscan=_OVERSCAN,
-            slow_axis=False,
-        )
-        return lines(scan, view)
+        size = self.length / (1.0 + _TURNING * OVERSCAN)
+        return to_and_fro(view, (x, y), size, self.count, self.line_rate, self.angle)
 
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`. What is measured goes from the first turn to the right to the last one, both of them whole."""
@@ -92,7 +84,7 @@ class FrictionLoop(Verb):
             record = recorder.record()
             x, y, lateral, deflection = record.channels.values()
             along = (x - motion.x) * math.cos(motion.angle) + (y - motion.y) * math.sin(motion.angle)
-            return Loop(self, along, lateral, deflection, record.time)
+            return Loop(self, along, lateral, deflection, record.time, *recorder.factors("deflection", "lateral"))
 
         run.result = result
         run.total = motion.samples * run.view.sample_period

@@ -2,22 +2,24 @@
 
 from collections.abc import Iterator
 from difflib import get_close_matches
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Le
 from pydantic import Field
 
+from ...core.prefix import text
 from ...core.schema import NonNegative, Unit
 from ...program.orders import Order
 from ..collect import LineCollector, signals
 from ..execution import Execution, Task
 from ..image import Image, Line
-from ..notes import notes
 from ..plan import LinePlan, lines
 from ..results import MicroscopeState
 from ..verb import Angle, Length, LineCount, Metre, Rate, Speed, Verb, outside, too_much
-from ..view import InstrumentView
+from ..view import CALIBRATIONS, InstrumentView, sensitivities, z_loop
 
+OVERSCAN = 0.1
+"""Of lines that are no image."""
 _AT_THE_END = 1e-12
 """Mean over a pixel this close to the end of the range of z [m]: z was there all the time."""
 
@@ -115,6 +117,60 @@ class Scan(Verb):
         yield Task(Order(plan.motion), duration, lambda: f"line {collector.line + 1} of {self.lines}", collector)
 
 
+def to_and_fro(
+    view: InstrumentView, centre: tuple[float, float], size: float, count: int, rate: float, angle: float = 0.0
+) -> LinePlan:
+    """Lines at one place, trace and retrace, without pixels."""
+    place = {"centre_x": centre[0], "centre_y": centre[1], "size_x": size, "angle": angle, "slow_axis": False}
+    return lines(Scan(**place, pixels=2, lines=count, line_rate=rate, overscan=OVERSCAN), view)
+
+
 def frame(plan: LinePlan, view: InstrumentView) -> Iterator[str]:
     """What of the lines of a scan is beyond the travel of the scanner."""
     yield from outside(view, "with its turns the scan goes too far: ", plan.corners)
+
+
+def notes(parameters: Any) -> dict[str, str]:
+    """Names and texts of what a later reader of a scan needs to know of the microscope.
+
+    Parameters
+    ----------
+    parameters : InstrumentParameters
+        As they are when the scan begins.
+
+    Returns
+    -------
+    dict of str to str
+        What the microscope does not have is left out.
+    """
+    plant, loop = parameters.plant, z_loop(parameters)
+    scanner = f", scanner {plant.scanner}" if hasattr(plant, "scanner") else ""
+    words = {"Microscope": f"virtual atomic force microscope, plant {plant.kind}{scanner}"}
+    numbers = plant.cantilever_numbers
+    if numbers is not None:
+        k = plant.spring_constant(parameters)
+        own = ", ".join(name for name in numbers._fields if getattr(plant, name))
+        words["Cantilever"] = (
+            f"{plant.lever}{' but for ' if own else ''}{own}, k = {k:.6g} N/m, f0 = {text(numbers.f0, 'Hz')}, "
+            f"tip radius {text(numbers.tip_radius, 'm')}"
+        )
+    words["Cantilever axis"] = "y; the lateral force is that along x of the scanner"
+    force, voltage = (loop.setting(parameters, f"setpoint_{name}", 0.0) for name in ("force", "voltage"))
+    if force or voltage:
+        words["Setpoint"] = text(force or voltage, "N" if force else "V", 6)
+    else:
+        words["Setpoint"] = f"deflection of {text(parameters.reference.z_r, 'm', 6)}"
+    gains = {"P": ("proportional_gain", "m/V"), "I": ("integral_gain", "m/(V s)")}
+    if told := [
+        f"{letter} = {loop.setting(parameters, name):.6g} {unit}"
+        for letter, (name, unit) in gains.items()
+        if name in loop.settings
+    ]:
+        words["Gains"] = ", ".join(told)
+    deflection, lateral = sensitivities(parameters)
+    words["Deflection sensitivity"] = f"{deflection:.6g} m/V"
+    words["Lateral sensitivity"] = f"{lateral:.6g} N/V"
+    if used := [name.replace("_", " ") for name in CALIBRATIONS if getattr(parameters.calibration, name)]:
+        words["Calibrated"] = ", ".join(used)
+    words["Sample"] = parameters.sample.kind
+    return words

@@ -15,7 +15,7 @@ from ..plan import path
 from ..results import MicroscopeState, TimeSeries
 from ..verb import MOST_PLACES, Places, SampleRate, Speed, Verb, outside, too_much
 from ..view import InstrumentView
-from .move_to import MoveTo
+from .going import MoveTo
 
 _CHANNELS = {"asked_x": "x", "asked_y": "y", "height": "height", "error": "error", "lateral": "lateral"}
 
@@ -27,11 +27,12 @@ class PathRecord:
     verb: "ScanPath"
     record: TimeSeries
     """Channels `x`, `y` (as asked for) [m], `height` [m], `error` [V], `lateral` [N]."""
+    lateral_sensitivity: float  # with which it was computed [N/V]
 
     def arrays(self) -> Arrays:
         """Its channels over time; the places of the path are the attributes `corners_x`, `corners_y`."""
         corners = {"corners_x": list(self.verb.x), "corners_y": list(self.verb.y)}
-        given = attributes(self.verb, corners)
+        given = attributes(self.verb, corners | {"lateral_sensitivity": self.lateral_sensitivity})
         # The names x and y are those of the places measured at.
         return self.record.arrays({name: value for name, value in given.items() if name not in ("x", "y")})
 
@@ -86,7 +87,7 @@ class ScanPath(Verb):
             record = recorder.record()
             channels = dict(zip(_CHANNELS.values(), record.channels.values(), strict=True))
             units = dict(zip(_CHANNELS.values(), record.units.values(), strict=True))
-            return PathRecord(self, TimeSeries(record.time, channels, units))
+            return PathRecord(self, TimeSeries(record.time, channels, units), *recorder.factors("lateral"))
 
         run.result = result
         # At the ends the speed is not even.

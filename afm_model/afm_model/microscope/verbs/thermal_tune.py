@@ -52,10 +52,11 @@ class ThermalTune(Verb):
         volts = recorder.record().channels["deflection_voltage"]
         if volts.size * view.sample_period < self.duration * (1.0 - 1e-9):
             return None
-        sensitivity, rate = view.parameters.detector.deflection_sensitivity, 1.0 / view.sample_period
+        sensitivity, rate = view.deflection_sensitivity, 1.0 / view.sample_period
         try:
             tune = spring_constant(volts, rate, sensitivity, self.temperature, band=view.resonance_band)
         except ValueError as error:
             raise VerbError(f"no spring constant comes out of the record of {self.duration:g} s: {error}") from None
         details = {"f0_Hz": tune.f0.value, "Q": tune.Q.value, "rms_m": tune.rms, "floor_m_rtHz": tune.floor}
+        details["deflection_sensitivity_m_V"] = sensitivity
         return Calibration(*tune.k, "N/m", details)

@@ -93,7 +93,7 @@ def rows(parameters: Tree) -> Any:
 
 
 def contrast(parameters: Tree) -> tuple[float, float]:
-    """Least and largest (w^2 R_e)^(1/3) on the sample, over that on a flat one of the plant's own materials."""
+    """Least and largest (w^2 R_e / K^2)^(1/3) on the sample, over that on a flat one of the plant's own materials."""
     of_sample = registry.find("sample", parameters.sample.kind).contrast
     if of_sample is not None:
         low, high = of_sample(parameters)

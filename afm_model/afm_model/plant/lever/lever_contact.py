@@ -23,11 +23,12 @@ def place_frame(H: Surface, p: Constants, f: State, m: Block, at: int) -> None:
     """Write the contact at a place of the sample, H, into f, the State."""
     rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
     contrast = H.adhesion
-    # (w^2 R_e)^(1/3), and the other powers by it.
-    root = 1.0 if rho == 1.0 and contrast == 1.0 else cbrt(contrast * contrast * rho)
+    # (w^2 R_e / K^2)^(1/3), and the other powers by it.
+    same = rho == 1.0 and contrast == 1.0 and H.modulus == 1.0
+    root = 1.0 if same else cbrt(contrast * contrast * rho / (H.modulus * H.modulus))
     f.unit_force = p.unit_force * contrast * rho
     f.unit_indentation = p.unit_indentation * root
-    f.unit_radius = p.unit_radius * contrast * rho / root
+    f.unit_radius = p.unit_radius * contrast * rho / (root * H.modulus)
     f.hamaker_radius = p.hamaker_radius * contrast * rho
     f.row = (p.transition * root - p.row_first) / p.row_step
     f.tau = p.friction_per_area * H.strength
@@ -162,6 +163,7 @@ def slide(
     w_11: float,
     w_12: float,
     w_22: float,
+    shear: float,
     f: State,
     p: Constants,
     m: Block,
@@ -182,7 +184,7 @@ def slide(
         along, across = w_n1 * d_1 + w_n2 * d_2, w_n2 * d_1 - w_n1 * d_2
         g_1, g_2 = e_1 - w_n1 * N, e_2 - w_n2 * N
         if p.strengthening != 0.0 and a > 0.0:
-            give = d_1 * (w_11 * d_1 + 2.0 * w_12 * d_2) + w_22 * d_2 * d_2 + 1.0 / (p.stiffness_per_radius * a)
+            give = d_1 * (w_11 * d_1 + 2.0 * w_12 * d_2) + w_22 * d_2 * d_2 + 1.0 / (shear * a)
             rest, bound = bound, strengthened(bound, g_1 * d_1 + g_2 * d_2, give, p)
             growth *= bound / rest
         turn = (w_11 - w_22) * d_1 * d_2 + w_12 * (d_2 * d_2 - d_1 * d_1)

@@ -50,6 +50,7 @@ def on_surface(
     H = surface(u_x / p.x0, u_y / p.x0, m)
     place_frame(H, p, s, m, at)
     slope_x, slope_y = H.slope_x * p.rise, H.slope_y * p.rise
+    shear = p.stiffness_per_radius * H.modulus
     # Displacement of the sample against the tip, without force.
     d_x, d_y = P_x - u_x, P_y - u_y
     d_z = P_z + H.height * p.z0 - p.a - tip_z
@@ -85,19 +86,19 @@ def on_surface(
     # The tip holds on if friction can take what that needs; else it slides, friction being at its bound. First what it
     # did in the last step.
     delta, N, bound, a = s.delta, s.N, s.F_max, s.a
-    k = p.stiffness_per_radius * a
+    k = shear * a
     d_1, d_2 = s.d_1, s.d_2
     T_1 = T_2 = 0.0
     stick = True
     slid = s.stuck == 0.0 and a > 0.0
     if slid:
         delta, N, bound, a, d_1, d_2 = slide(
-            delta, d_1, d_2, target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, s, p, m, at
+            delta, d_1, d_2, target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, shear, s, p, m, at
         )
         T_1, T_2 = bound * d_1, bound * d_2
         # How far it slid, times the contact's stiffness.
         way = d_1 * (e_1 - w_n1 * N - w_11 * T_1 - w_12 * T_2) + d_2 * (e_2 - w_n2 * N - w_12 * T_1 - w_22 * T_2)
-        stick = p.stiffness_per_radius * a * way < bound
+        stick = shear * a * way < bound
     if stick:
         # What the load does to the tangential force comes back as compliance.
         c_1, c_2 = hold(w_n1, w_n2, k, w_11, w_12, w_22)
@@ -112,7 +113,7 @@ def on_surface(
             d_1, d_2 = T_1 / size, T_2 / size
             if not slid and a > 0.0:
                 delta, N, bound, a, d_1, d_2 = slide(
-                    delta, d_1, d_2, target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, s, p, m, at
+                    delta, d_1, d_2, target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, shear, s, p, m, at
                 )
             T_1, T_2 = bound * d_1, bound * d_2
     s.d_1, s.d_2 = d_1, d_2
@@ -132,13 +133,13 @@ def on_surface(
         s.S_x, s.S_y = (u_x - s.U_x, u_y - s.U_y)
         s.A_x, s.A_y = u_x, u_y
         if in_contact:
-            s.A_x -= s.T_x / (p.stiffness_per_radius * a)
-            s.A_y -= s.T_y / (p.stiffness_per_radius * a)
+            s.A_x -= s.T_x / (shear * a)
+            s.A_y -= s.T_y / (shear * a)
     s.U_x, s.U_y, s.delta, s.a, s.N, s.F_max = u_x, u_y, delta, a, N, bound
     s.F_x, s.F_y, s.F_z = F_x, F_y, F_z
     if p.thermal != 0.0:
         D_x -= (p.W_x - p.rest_x) * F_x
         D_y -= (p.W_yy - p.rest_yy) * F_y + (p.W_yz - p.rest_yz) * F_z
         D_z -= (p.W_yz - p.rest_yz) * F_y + (p.W_zz - p.rest_zz) * F_z
-        show_end(n_x, n_y, n_z, s.stuck * p.stiffness_per_radius * a, D_x, D_y, D_z, p, s, m, at)
+        show_end(n_x, n_y, n_z, s.stuck * shear * a, D_x, D_y, D_z, p, s, m, at)
     return F_x, F_y, F_z

@@ -113,7 +113,7 @@ class LeverGroup(ApexParameters):
 
     def vertical_stiffness(self, parameters: Any) -> float:
         """Vertical force over vertical motion of the tip [N/m]."""
-        return tilted_stiffness(self.cantilever_numbers.k, *self._tilted)
+        return tilted_stiffness(self.spring_constant(parameters), *self._tilted)
 
     def deflection_under(self, parameters: Any, force: float) -> float:
         """Deflection that is shown under a vertical force [m]: across the tilted cantilever, by its slope."""

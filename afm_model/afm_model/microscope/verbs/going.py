@@ -1,4 +1,4 @@
-"""The verb Approach."""
+"""The verbs Approach, Withdraw and MoveTo: to the sample, away from it, along it."""
 
 from collections.abc import Iterator
 from typing import Annotated
@@ -10,14 +10,35 @@ from ...core.errors import VerbError
 from ...core.schema import Unit
 from ...program import orders
 from ...program.orders import Order, Step
-from ..execution import Execution, Task, landing
+from ..execution import Execution, Task, landing, withdrawing
 from ..results import MicroscopeState
-from ..verb import Length, Speed, Verb, saturating, too_fast
+from ..verb import Length, Metre, Speed, Verb, outside, saturating, too_fast
 from ..view import InstrumentView
-from .withdraw import Withdraw
 
 _PRESSED = 0.1
 """From a deflection of this part of the setpoint on, an approach that failed has met the sample."""
+
+
+class Withdraw(Verb):
+    """Switch the feedback off and move z away from the sample."""
+
+    distance: Length = Field(500e-9, description="way of z")
+    rate: Speed = Field(10e-6, description="velocity of z")
+
+    def tasks(self, run: Execution) -> Iterator[Task]:
+        """See `Verb`."""
+        view = run.view
+        left = view.offset - view.reach[0]
+        steps, run.total = withdrawing(view, self.distance, self.rate)
+        run.state.approached = False
+        if left < self.distance:
+            run.remark = (
+                f"z went {left:.4g} m, not distance = {self.distance:g} m: its range ends there, and the tip may still "
+                f"touch the sample"
+            )
+        yield Task(Order(view.stay(), steps), run.total, "withdrawing")
+        run.state.near = False
+        run.state.feedback = "off"
 
 
 class Approach(Verb):
@@ -63,3 +84,19 @@ class Approach(Verb):
                 f"is withdrawn again: take a lower setpoint, or a larger range"
             )
         raise VerbError(f"no sample within range = {self.range:g} m: {went}; the tip is withdrawn again")
+
+
+class MoveTo(Verb):
+    """Move the scanner along x and y on a straight line; the feedback stays as it is."""
+
+    x: Metre = Field(0.0, description="place to go to")
+    y: Metre = Field(0.0, description="place to go to")
+    speed: Speed = Field(10e-6, description="velocity along the line")
+
+    def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
+        """See `Verb`."""
+        yield from outside(view, "", [(self.x, self.y)])
+
+    def tasks(self, run: Execution) -> Iterator[Task]:
+        """See `Verb`."""
+        yield from run.going(self.x, self.y, self.speed)
