@@ -14,7 +14,7 @@ class Diagnostics:
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._answers = self._dropped = 0
 
-    def publish(self, law: str, answers: int, dropped: int, problem: str, last_dropped: str) -> None:
+    def publish(self, law: str, answers: int, dropped: int, problem: str, last_dropped: str, remark: str) -> None:
         """Publish the entry.
 
         Parameters
@@ -27,12 +27,16 @@ class Diagnostics:
             What is wrong with the simulator; empty: nothing.
         last_dropped : str
             Message about the last message dropped.
+        remark : str
+            What the law has to say of itself; empty: nothing.
         """
         level, message = DiagnosticStatus.OK, "answering" if answers > self._answers else "waiting for measurements"
         if problem:
             level, message = DiagnosticStatus.ERROR, problem
         elif dropped > self._dropped:
             level, message = DiagnosticStatus.WARN, last_dropped
+        elif remark:
+            level, message = DiagnosticStatus.WARN, remark
         self._answers, self._dropped = answers, dropped
         values = {"law": law, "measurements answered": answers, "messages dropped": dropped}
         status = entry(f"{self._node.get_fully_qualified_name()}: controller", level, message, values)

@@ -45,6 +45,7 @@ class ControllerNode(Node):
         self._controller.answer(np.zeros(size(signals.Measurement)))
         self._reply = Reply(self._controller)
         self._controller.reset()
+        self._remark = ""
         self._period_unknown = True  # until measurements have given the control period
         fast = parameters.process.fast_codec
         measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
@@ -128,7 +129,12 @@ class ControllerNode(Node):
 
     def _publish_diagnostics(self) -> None:
         law = self._controller.parameters.law.kind
-        self._diagnostics.publish(law, self._reply.answers, self.drops.count, self._presence.problem, self.drops.last)
+        remark = self._controller.remark
+        if remark != self._remark:
+            self._remark = remark
+            self.get_logger().warning(f"law {law}: {remark or 'begins anew'}")
+        last = self.drops.last
+        self._diagnostics.publish(law, self._reply.answers, self.drops.count, self._presence.problem, last, remark)
 
     def _log_law(self, parameters: ControllerNodeParameters) -> None:
         kind, *others = flatten(parameters.law).items()

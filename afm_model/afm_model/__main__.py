@@ -36,7 +36,12 @@ def main() -> int:
     except (ScenarioError, ParameterError, PartError, DriveError, DivergenceError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    card = {"scenario": scenario.name, "valid": not run.doubts, "reason": "; ".join(run.doubts), "ticks": len(run.time)}
+    card = {
+        "scenario": scenario.name,
+        "valid": not run.doubts,
+        "reason": "; ".join(run.doubts),
+        "ticks": len(run.time),
+    } | ({"remark": run.remark} if run.remark else {})
     card |= scorecard(run.score)
     print(json.dumps(card | {"trajectory_sha256": run.trajectory_sha256}, indent=2, allow_nan=False))
     return 0

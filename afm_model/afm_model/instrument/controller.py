@@ -108,6 +108,12 @@ class Controller:
         assert self._law is not None
         return record_at(self.block, self._state_at, self._law.part.state)
 
+    @property
+    def remark(self) -> str:
+        """What the law has to say of itself, such as that it has fallen back; empty: nothing."""
+        part: Any = self._law.part if self._law is not None else None
+        return str(part.remark(self.state))
+
     def answer(self, measurement: _Array, time: float = 0.0) -> _Array | Command:
         """Drive [V], (3,), valid until the next call; of a law that sends a horizon, drive and horizon.
 

@@ -191,6 +191,8 @@ class Law(Part):
     """Numbers that it keeps beside its state, zeros at the start: the field of the state in which their address stands,
     to be read by `numbers_at`, and parameters -> how many. Where that changes the law begins anew.
     """
+    remark: Callable[[Any], str] = lambda state: ""
+    """Record of its state -> what it has to say of itself, a sentence, such as that it distrusts its model."""
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
     plants: tuple[str, ...] = ()

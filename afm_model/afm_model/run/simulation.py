@@ -53,6 +53,7 @@ class Simulation:
     doubts: list[str]  # why the score may not be true, a sentence each
     events: list[RunEvent]  # what its own limits have done
     trajectory_sha256: str
+    remark: str = ""  # what the law has to say of itself, such as that it has fallen back
 
     @property
     def position(self) -> _Array:
@@ -166,6 +167,8 @@ def simulate(
         warnings.warn(sentence, TimingWarning, stacklevel=2)
     blocks: list[Block] = []
     events: list[RunEvent] = []
+    if isinstance(controller, ControllerParameters):
+        controller = Controller(controller)
     instrument = run(parameters, controller, blocks.append, progress=progress, on_event=events.append)
     found = doubts(parameters, instrument.score(), law)
     if sentence := limited(instrument):
@@ -187,6 +190,7 @@ def simulate(
         doubts=found,
         events=events,
         trajectory_sha256=instrument.trajectory_sha256(),
+        remark=controller.remark if isinstance(controller, Controller) else "",
     )
 
 

@@ -94,8 +94,8 @@ CASES = [
     Case("300 us, friction +", 5e-5, 6, HIGH, 0.15, 1.5e-10),
     Case("300 us, nothing known", 5e-5, 6, NOTHING, 0.5),
     Case("200 us, exact", 2e-4, 1, EXACT, 0.1, 1e-9),
-    Case("200 us, friction -", 2e-4, 1, LOW, 0.15, 1e-9),
-    Case("200 us, friction +", 2e-4, 1, HIGH, 0.15, 1e-9),
+    Case("200 us, friction -", 2e-4, 1, LOW, 0.2, 1e-9),
+    Case("200 us, friction +", 2e-4, 1, HIGH, 0.2, 1e-9),
     Case("200 us, nothing known", 2e-4, 1, NOTHING, 1.5, 1e-9),
     Case("200 us, learned", 2e-4, 1, LEARNED, 0.25, 6e-11, first=2.0, periods=3.0),
     Case("500 us, exact", 5e-4, 1, EXACT, 0.25),
@@ -103,8 +103,8 @@ CASES = [
     Case("1 ms, friction -", 1e-3, 1, LOW, 3.0),
     Case("1 ms, friction +", 1e-3, 1, HIGH, 3.0),
     Case("1 ms, learned", 1e-3, 1, LEARNED, 6.0, first=5.0, periods=6.0),
-    Case("1 ms, packets, friction -", 1e-3, 1, LOW | PACKET, 0.15),
-    Case("1 ms, packets, friction +", 1e-3, 1, HIGH | PACKET, 0.15),
+    Case("1 ms, packets, friction -", 1e-3, 1, LOW | PACKET, 0.15, first=1.0, periods=2.0),
+    Case("1 ms, packets, friction +", 1e-3, 1, HIGH | PACKET, 0.15, first=1.0, periods=2.0),
 ]
 
 
@@ -149,7 +149,7 @@ def test_damping_of_the_contact_hardly_matters(zeta, period, delay, most):
 
 
 @pytest.mark.parametrize(
-    ("period", "law", "most"), [(5e-5, {"law.spare": 1}, 0.1), (2e-4, {"law.spare": 1}, 0.1), (1e-3, PACKET, 0.3)]
+    ("period", "law", "most"), [(5e-5, {"law.spare": 1}, 0.1), (2e-4, {"law.spare": 1}, 0.2), (1e-3, PACKET, 0.3)]
 )
 def test_a_spare_period_makes_up_for_a_fifth_of_the_drives_that_come_late(period, law, most):
     sim, _ = parameters(period, 0, law, {}, 0.5, 1.0)
@@ -178,7 +178,7 @@ def test_a_reserve_bridges_a_controller_that_stands_still_for_20_ms(delay):
         y = record_at(instrument.measurement, 0, Measurement)
         if tick > 450:
             worst = max(worst, *(abs(y.position - y.reference_position)[:2] / 5e-9 * 100.0))
-    assert worst < 0.5
+    assert worst < 0.75
     # It grows with each answer until it is whole.
     whole = delay + 2 + last
     assert length == [min(length[0] + i, whole) for i in range(len(length))]

@@ -11,7 +11,7 @@ from afm_model.law.predictive.gains import Grid, gains, grid, observer_gains, tr
 ETA = {"x": 0.42039, "y": 0.25577, "z": 0.43111}
 XI = {"x": 0.0366, "y": 0.0293, "z": 0.0410}
 AXES = [(ETA[axis] ** 2, 2.0 * XI[axis] * ETA[axis]) for axis in "xyz"]
-HOLDS = [0.02, 0.5, 1.0, 2.0, 10.0]
+HOLDS = [0.02, 0.5, 1.0, 2.0, 2.5, 5.0, 7.0, 10.0]
 
 
 @pytest.mark.parametrize(("stiffness", "damping"), AXES)
@@ -26,7 +26,7 @@ def test_transition_is_that_of_the_differential_equation(stiffness, damping):
 
 @pytest.mark.parametrize(
     ("hold", "expected"),
-    [(0.02, Grid(4, 8, 0.04)), (0.5, Grid(4, 8, 1.0)), (2.0, Grid(4, 8, 2.0)), (10.0, Grid(20, 8, 10.0))],
+    [(0.02, Grid(4, 8, 0.04)), (0.5, Grid(4, 8, 1.0)), (2.0, Grid(4, 8, 3.2)), (10.0, Grid(20, 8, 10.0))],
 )
 def test_horizon_and_response_follow_from_the_hold(hold, expected):
     assert grid(hold, 0.0) == expected
@@ -94,14 +94,9 @@ def loop(stiffness, damping, hold, response, late):
 
 @pytest.mark.parametrize(("stiffness", "damping"), AXES)
 @pytest.mark.parametrize("hold", HOLDS)
-def test_the_loop_is_stable_at_every_period(stiffness, damping, hold):
-    assert loop(stiffness, damping, hold, 0.0, late=0) < 1.0
-
-
-@pytest.mark.parametrize(("stiffness", "damping"), AXES)
-@pytest.mark.parametrize("hold", HOLDS)
-def test_with_a_response_of_two_holds_it_bears_a_drive_that_is_one_period_late(stiffness, damping, hold):
-    assert loop(stiffness, damping, hold, 2.0 * hold, late=1) < 1.0
+@pytest.mark.parametrize("late", [0, 1])
+def test_the_loop_bears_a_drive_that_is_one_period_late(stiffness, damping, hold, late):
+    assert loop(stiffness, damping, hold, 0.0, late) < 1.0
 
 
 @pytest.mark.parametrize("disturbance", [1e-4, 1e-2, 1.0])

@@ -31,7 +31,7 @@ def records():
     told = {"law.kind": "predictive", "law.period": 1e-3, "law.packet": 20, "law.surface": "known"}
     parameters = build(ControllerParameters, told)
     p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
-    s.V_X, s.v[0] = 0.1, 0.1
+    s.V_X, s.v[0], s.ratio[VALUE] = 0.1, 0.1, 0.75
     s.weights[RATIO] = 1.0
     return p, s
 

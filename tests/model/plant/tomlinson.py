@@ -31,11 +31,6 @@ class Tomlinson:
         """Largest force of the potential [N]."""
         return math.pi * self.E / self.a
 
-    @property
-    def slip_force(self) -> float:
-        """Force at which the minimum vanishes [N]."""
-        return self.k * self.a / (2.0 * math.pi) * math.sqrt(self.eta**2 - 1.0)
-
     def slope(self, u: float) -> float:
         """Of the potential [N]."""
         return self.peak * math.sin(2.0 * math.pi * u / self.a)

@@ -25,6 +25,24 @@ def test_a_tip_that_never_quite_rests_or_moves_along_one_axis_starts_all_the_sam
     assert run_case(CASE[title], RATE["50 us + 1"], contender("predictive"))["third"] < 0.3
 
 
+@pytest.mark.parametrize(
+    ("title", "rate", "surface"),
+    [
+        ("friction x 0.5", "1 ms packets", "known"),
+        ("height x 2", "1 ms packets", "observed"),
+        ("noise", "1 ms packets", "learned"),
+        ("patches x .9", "1 ms packets", "learned"),
+        ("patches x .9", "200 us + 1", "learned"),
+        ("told a tick of delay too few", "200 us + 1", "known"),
+        ("hysteresis 5 %, creep 1.5 %", "1 ms packets", "observed"),
+    ],
+)
+def test_no_wrong_model_makes_predictive_worse_than_a_tip_that_stands_still(title, rate, surface):
+    row = run_case(CASE[title], RATE[rate], contender(f"predictive surface={surface}"))
+    assert row["lost"] == ""
+    assert row["third"] < 100.0
+
+
 def test_without_the_estimate_a_wrong_model_costs_ten_percent():
     row = run_case(CASE["lateral gain 1.1"], RATE["50 us + 1"], contender("predictive unexplained=none"))
     assert row["third"] > 10.0

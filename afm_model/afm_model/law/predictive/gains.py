@@ -36,9 +36,10 @@ def grid(hold: float, response: float) -> Grid:
     ----------
     hold : float [1/w0]
     response : float [1/w0]
-        0: the rule, one time unit, but neither below a hold nor above two.
+        0: the rule, one time unit, but neither below 1.6 holds (of long ones 8 time units, or one hold) nor above
+        two: so that the loop bears a drive that is one period late.
     """
-    T = response if response > 0.0 else min(max(1.0, hold), 2.0 * hold)
+    T = response if response > 0.0 else min(max(1.0, min(1.6 * hold, 8.0), hold), 2.0 * hold)
     return Grid(max(4, math.ceil(hold / 0.5 - 1e-9)), max(8, math.ceil(4.0 * T / hold - 1e-9)), T)
 
 

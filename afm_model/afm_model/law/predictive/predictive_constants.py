@@ -85,6 +85,7 @@ _SCALARS = (
     "astray",  # rms change of the position across the motion in a control period, that the copy does not know [x0]
     "wander",  # rms change of the ratio in a control period
     "uncertain",  # variance of an estimated position, x and y
+    "least_bound",
     "height_noise",
     "ratio_noise",
     "x0",
@@ -140,6 +141,7 @@ class Constants(Record):
     astray: float
     wander: float
     uncertain: float
+    least_bound: float
     height_noise: float
     ratio_noise: float
     x0: float
@@ -164,6 +166,16 @@ def longest(parameters: Tree) -> int:
     """Drives of the longest answer, those in force before it included."""
     law = parameters.law
     return int(law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve)
+
+
+def least_bound(law: Tree) -> float:
+    """Bound of friction over the nominal one from which on it is sought: from below.
+
+    What is half as strong as told would throw the tip off, in a packet before any measurement can stop it.
+    """
+    if law.friction == "nominal":
+        return 1.0
+    return 0.75 if law.packet == 1 else 0.45
 
 
 def values(parameters: Tree) -> Numbers:
@@ -262,13 +274,17 @@ def values(parameters: Tree) -> Numbers:
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
         "measured": measured,
-        "together": measured and law.surface == "observed" and law.friction == "identified" and hold > TOGETHER,
+        "together": measured
+        and law.friction == "identified"
+        and hold > TOGETHER
+        and (law.surface == "observed" or (law.surface == "learned" and law.packet > 1)),
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
         "uneven": _UNEVEN,
         "astray": L[0][0] * noise,
         "wander": _UNEVEN * math.sqrt(8.0 * hold / _WAVE),
         "uncertain": max(L[0][0], L[1][0]) * square(noise),
+        "least_bound": least_bound(law),
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
         "L": np.array(L),

@@ -6,6 +6,7 @@ from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask, take_reference
 from .decide import decide, refine
 from .flight import answer, extend, first_of_reserve, recall, remember
+from .guard import begin_anew, fall_back, finite, watch
 from .joint import correct_jointly
 from .map import write_map
 from .nominal_plant import predict, run_copy, take_load
@@ -87,6 +88,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     elif p.adapts:
         explain_measured(y, p, s)
     take_sample(y, p, s)
+    watch(k, y, p, s)
     s.last = k
     s.at_x, s.at_y = s.X, s.Y
     # A drive is refined with what the next hold asks for.
@@ -96,6 +98,8 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
             decide((i - p.delay) * p.fine, i, p, s)
             if i == p.delay and p.refined == 1:
                 refine(i, p, s)
+            if s.distrust > 0.0:
+                fall_back((i - p.delay) * p.fine, i, p, s)
         if i < max(p.delay + p.count - 1, p.slots):
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
         if i == p.slots - 1:
@@ -104,6 +108,12 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     if p.reserve > 0:
         extend(k, p, s)
         planned += s.reserve_end - first_of_reserve(k, p)
+    s.started = 1.0
+    if not finite(planned, s):
+        # Nothing that led there counts: the law begins anew at the next measurement, with the drive that is in force.
+        begin_anew(p, s)
+        for i in range(planned):
+            for axis in range(3):
+                s.plan[i, axis] = y.drive[axis] / p.volts[axis]
     remember(k, planned, p, s)
     answer(planned, u, p, s)
-    s.started = 1.0

@@ -1,7 +1,7 @@
 """Parameters of the friction-predicting law, what it cannot be made for, and where it cannot hold what it promises."""
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le
 from pydantic import Field
@@ -51,7 +51,7 @@ class PredictiveLaw(SampledLaw):
         "estimated while it runs; none: the model is believed",
     )
     response: Annotated[NonNegative, Unit("s")] = Field(
-        0.0, description="time in which an error vanishes; 0: 1/w0, but neither below a control period nor above two"
+        0.0, description="time in which an error vanishes; 0: 1/w0, but neither below 1.6 control periods nor above two"
     )
     height: Annotated[Positive, Unit("m")] = Field(
         12.5e-9, description="largest height of the sample about its mean, for an observed surface"
@@ -106,3 +106,11 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
         for axis, f in (("x", scanner.f_x), ("y", scanner.f_y), ("z", scanner.f_z))
         if 2.0 * f * slot >= 1.0
     ]
+
+
+def remark(state: Any) -> str:
+    """How often its guard has distrusted the model, and whether it does now."""
+    if state.fallbacks == 0.0:
+        return ""
+    now = f"; distrust now {state.distrust:.2g} of 1" if state.distrust > 0.0 else ""
+    return f"the model did not explain the measurements: fell back to open loop {state.fallbacks:.0f} times{now}"

@@ -9,12 +9,18 @@ from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
-from .predictive_constants import ANSWERS, FIRST, INTERVALS, SLOTS
+from .predictive_constants import ANSWERS, FIRST, INTERVALS, SLOTS, least_bound
 from .sample_estimate import MEAN, VALUE
 
 
 class State(Record):
     started: float
+    fallbacks: float  # how often the model was distrusted, how far it is now, measurements it has explained since
+    distrust: float
+    calm_ticks: float
+    reach: float  # farthest that the reference has been from its start, which follows
+    from_x: float
+    from_y: float
     answered: Annotated[Integers, (ANSWERS,)]  # the last measurements answered
     lengths: Annotated[Integers, (ANSWERS,)]  # of the drives of each answer
     sent: int  # address of the drives of each answer
@@ -111,7 +117,7 @@ def start(parameters: Tree) -> Numbers:
     """Nothing is known; a bound of friction that is to be found is approached from below."""
     first = np.zeros(1, State)[0]
     law = parameters.law
-    first["ratio"][[VALUE, MEAN]] = 1.0 - UNKNOWN if law.friction == "identified" else 1.0
+    first["ratio"][[VALUE, MEAN]] = least_bound(law)
     first["gain_of"] = first["learned"][0] = 1.0
     first["unsure"] = np.diag(np.square(FIRST))
     noise = law.position_noise / parameters.scales.x0

@@ -3,7 +3,7 @@
 At the low speed of a reference friction turns the motion at once into the balance of forces b, drive less spring: the
 scanner slips along b, and at rest friction is b. So position, speed along b and the ratio of friction follow one linear
 model, and one Kalman filter estimates them: the lateral force tells friction while the tip slips and the position while
-it rests. Which of the two it does is decided by which explains force and speed better: docs/laws.md, (8.8).
+it rests. Which of the two it does is decided by which explains force and speed better: docs/laws.md, (8.11).
 """
 
 import math

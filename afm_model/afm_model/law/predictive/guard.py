@@ -1,0 +1,118 @@
+"""The guard: while the model does not explain what is measured, the drive is that of the free scanner.
+
+That drive needs no model of friction and feeds nothing back: friction only brakes what it moves, at any delay. It is
+docs/laws.md, (8.7), (8.8).
+"""
+
+import math
+
+from ...core.elementary import exp, hypot, square
+from ...core.jit import kernel
+from ...parts.signals import Measurement
+from .joint import RATIO, SPEED, UNKNOWN
+from .map import NODES
+from .predictive_constants import FIRST, Constants
+from .predictive_state import State
+from .sample_estimate import MEAN, REST, VALUE
+from .unexplained import GAIN_LIMITS
+
+_FAR = 0.5
+"""Innovation, or error that grows while the tip slips, over what standing still would cost."""
+_TIMES = 2.0
+"""Fallbacks after which no map is read any more."""
+_RETURN = 15.0
+"""Time constant with which trust returns [1/w0]."""
+_WHOLE = 2e-2
+"""Distrust that counts as none."""
+
+
+@kernel
+def forget(p: Constants, s: State) -> None:
+    """What was learned with a model that is wrong is of no use: map, slopes, what was unexplained."""
+    if s.fallbacks > _TIMES:
+        # A line longer than the ring tells nothing any more.
+        s.least, s.most = -float(NODES), float(NODES)
+    s.written = s.gripped = 0.0
+    for i in range(NODES):
+        s.visited[i] = math.inf
+        for j in range(NODES):
+            s.covariance[i, j] = s.prior[(i - j) % NODES]
+    s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
+    s.told = s.counts = 0.0
+    for axis in range(2):
+        s.gain_of[axis], s.slow[axis], s.softer[axis] = 1.0, 0.0, 0.0
+        for i in range(3):
+            for j in range(3):
+                s.unsure[axis, i, j] = square(FIRST[i]) if i == j else 0.0
+    s.learned[0], s.learned[1], s.learned[2] = 1.0, 0.0, 0.0
+
+
+@kernel
+def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
+    """Distrust the model if measurement k contradicts it, and trust it again by and by once it does not."""
+    if s.started == 0.0:
+        s.from_x, s.from_y = s.p[0], s.p[1]
+    s.reach = max(s.reach, hypot(s.p[0] - s.from_x, s.p[1] - s.from_y))
+    way = s.fastest * p.hold
+    missed = 0.0
+    if s.started != 0.0 and k - s.last == 1:
+        missed = hypot(y.position[0] / p.x0 - s.expected[0, 0], y.position[1] / p.x0 - s.expected[1, 0])
+    e_x, e_y = s.X - s.p[0], s.Y - s.p[1]
+    speed = hypot(s.V_X, s.V_Y)
+    leaves = speed > REST * s.fastest and e_x * s.V_X + e_y * s.V_Y > 0.0
+    far = _FAR * s.reach + 3.0 * way + (5.0 * p.position_noise if p.measured != 0 else 0.0)
+    if min(s.gain_of[0], s.gain_of[1]) <= GAIN_LIMITS[0] or max(s.gain_of[0], s.gain_of[1]) >= GAIN_LIMITS[1]:
+        # An estimate at its limit is not believed as much.
+        far *= 0.5
+    if missed > far or (leaves and hypot(e_x, e_y) > far):
+        if s.distrust < 0.5:
+            s.fallbacks += 1.0
+            forget(p, s)
+        s.distrust, s.calm_ticks = 1.0, 0.0
+    elif s.distrust > 0.0:
+        s.calm_ticks += 1.0
+        # What was sent before has to have come into force.
+        if s.calm_ticks > 2.0 + p.delay / p.slots:
+            s.distrust *= exp(-p.hold / _RETURN)
+            s.distrust = s.distrust if s.distrust > _WHOLE else 0.0
+
+
+@kernel
+def fall_back(at: int, slot: int, p: Constants, s: State) -> None:
+    """Mix into the drive of x and y in the plan, as far as the model is not trusted, that of the free scanner."""
+    end, middle = at + p.fine, at + p.fine // 2
+    for axis in range(2):
+        rise = (s.path[end, axis, 1] - s.path[at, axis, 1]) / (p.fine * p.tau)
+        free = rise + p.damping[axis] * s.path[middle, axis, 1] + p.stiffness[axis] * s.path[middle, axis, 0]
+        s.plan[slot, axis] += s.distrust * (free - s.plan[slot, axis])
+
+
+@kernel
+def finite(count: int, s: State) -> bool:
+    """Whether the first drives of the plan, so many slots of them, are numbers."""
+    total = 0.0
+    for i in range(count):
+        for axis in range(3):
+            total += abs(s.plan[i, axis])
+    return math.isfinite(total)
+
+
+@kernel
+def begin_anew(p: Constants, s: State) -> None:
+    """Forget all that may be no number; observe() and take_height() begin with the next measurement."""
+    forget(p, s)
+    s.fallbacks += 1.0
+    s.started, s.distrust, s.calm_ticks, s.slips, s.reserve_end = 0.0, 1.0, 0.0, 0.0, -1
+    for i in range(10):
+        s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
+    for i in range(NODES):
+        s.map_H[i] = s.map_ratio[i] = 0.0
+    for i in range(4):
+        s.spread[i] = 0.0
+        for j in range(4):
+            known = square(UNKNOWN) if i == RATIO else 0.0 if i == SPEED else square(p.position_noise)
+            s.joint[i, j] = known if i == j else 0.0
+    s.grip = s.signal = s.bound = s.way = s.pitch = 0.0
+    s.heading[0], s.heading[1] = 1.0, 0.0
+    for axis in range(2):
+        s.sum_pa[axis] = s.sum_pp[axis] = 0.0

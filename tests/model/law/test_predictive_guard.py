@@ -1,0 +1,54 @@
+"""The guard of the friction-predicting law: it falls back, says so, returns, and never answers NaN."""
+
+import numpy as np
+import pytest
+
+from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
+from afm_model.core.records import record_at
+from afm_model.parts.signals import Measurement
+
+LAW = {"law.kind": "predictive", "law.delay_ticks": 0}
+PLANT = {"run.duration": 0.13, "plant.control_period": 5e-5, "plant.delay_ticks": 0}
+
+
+def made(**law):
+    return build(ControllerParameters, LAW | {"law.period": 5e-5} | {f"law.{name}": v for name, v in law.items()})
+
+
+def test_a_model_that_explains_what_is_measured_is_never_distrusted():
+    assert simulate(build(SimParameters, PLANT), made()).remark == ""
+
+
+def test_a_push_that_no_model_explains_makes_it_fall_back_say_so_and_return():
+    sim = build(SimParameters, PLANT)
+    instrument, law = Instrument(sim, 2001), Controller(made())
+    kept = []
+    for tick in range(2000):
+        drive = np.array(law.answer(instrument.measurement, tick * 5e-5))
+        # For a millisecond more drive than twice the bound of friction holds.
+        drive[0] += 20.0 * float(np.abs(drive[0])) if 1000 <= tick < 1020 else 0.0
+        instrument.tick(drive, tick)
+        kept.append(float(law.state.distrust))
+    assert max(kept[:1000]) == 0.0 and max(kept[1000:1030]) == 1.0 and kept[-1] == 0.0
+    # It comes back in steps, not at once.
+    assert any(0.1 < each < 0.9 for each in kept)
+    assert "fell back to open loop" in law.remark
+    y = record_at(instrument.measurement, 0, Measurement)
+    assert max(abs(y.position - y.reference_position)[:2]) < 0.01 * 5e-9
+
+
+@pytest.mark.parametrize("feedback", ["full", "measured"])
+@pytest.mark.parametrize("surface", ["known", "observed", "learned"])
+def test_a_measurement_that_is_no_number_is_answered_by_the_drive_in_force_and_forgotten(feedback, surface):
+    sim = build(SimParameters, PLANT)
+    instrument, law = Instrument(sim, 2001), Controller(made(feedback=feedback, surface=surface))
+    for tick in range(400):
+        seen = instrument.measurement.copy()
+        if tick == 200:
+            y = record_at(seen, 0, Measurement)
+            y.position[0] = y.deflection = y.lateral_force = np.nan
+        drive = np.array(law.answer(seen, tick * 5e-5))
+        assert np.all(np.isfinite(drive))
+        instrument.tick(drive, tick)
+    assert law.remark != ""
+    assert law.state.distrust == 0.0
