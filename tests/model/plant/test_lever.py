@@ -204,7 +204,7 @@ def test_static_deflection_is_that_of_finite_elements_under_a_tilted_force(tilt)
     assert 2.0 / 3.0 * c.length * slope == pytest.approx(50e-9, rel=1e-9)
     assert b.s.shown == pytest.approx(50e-9, rel=1e-12)
     # And the force of it is that of the setpoint of this force.
-    assert b.plant.deflection_under(None, N) == pytest.approx(50e-9, rel=1e-9)
+    assert b.plant.deflection_under(b.parameters, N) == pytest.approx(50e-9, rel=1e-9)
 
 
 def test_friction_along_the_cantilever_bends_it():
