@@ -16,7 +16,7 @@ MESSAGES = Path(__file__).resolve().parents[2] / "msgs" / "msg"
 
 def fields(message: str, after: str) -> list[tuple[str, str]]:
     """Name and type of each field of a message that stands after another one."""
-    lines = re.findall(r"^([\w/\[\]]+) (\w+)$", re.sub(r"#.*", "", (MESSAGES / message).read_text()), re.MULTILINE)
+    lines = re.findall(r"^(\S+) (\w+)$", re.sub(r"#.*", "", (MESSAGES / message).read_text()), re.MULTILINE)
     names = [name for _, name in lines]
     return [(name, kind) for kind, name in lines[names.index(after) + 1 :]]
 
@@ -34,7 +34,7 @@ def test_record_has_the_order_of_its_message(message, record):
         "float64": (np.float64, ()),
         "int64": (np.int64, ()),
         "geometry_msgs/Vector3": (np.float64, (3,)),
-        "geometry_msgs/Vector3[]": (np.float64, (signals.LONGEST_HORIZON, 3)),
+        f"geometry_msgs/Vector3[<={signals.LONGEST_HORIZON}]": (np.float64, (signals.LONGEST_HORIZON, 3)),
     }
     expected = [(name, kinds[kind]) for name, kind in fields(message, "sequence")]
     # A message says how long its horizon is by itself.
@@ -48,9 +48,10 @@ def test_record_of_a_measurement_is_the_bytes_of_the_message_behind_its_sequence
 
 
 def test_score_has_the_names_and_the_order_of_its_message():
-    kinds = {name: "uint64" for name in COUNTS} | {name: "float64[3]" for name in VECTORS}
-    kinds |= {name: "float64[2]" for name in RANGES}
-    ours = [(name, kinds.get(name, "float64")) for name in ScoreSummary.__dataclass_fields__]
-    told = [field for field in fields("Score.msg", "start") if field[0] in ScoreSummary.__dataclass_fields__]
-    assert told == ours
+    kinds = {name: "uint64" for name in COUNTS} | {name: "geometry_msgs/Vector3" for name in VECTORS}
+    ours = list(ScoreSummary.__dataclass_fields__)
+    parts = {name: [f"{name}_min", f"{name}_max"] if name in RANGES else [name] for name in ours}
+    expected = [(part, kinds.get(name, "float64")) for name in ours for part in parts[name]]
+    known = {name for name, _ in expected}
+    assert [field for field in fields("Score.msg", "start") if field[0] in known] == expected
     assert len(columns()) == len(ours) + 2 * len(VECTORS) + len(RANGES)
