@@ -107,6 +107,14 @@ def test_stop_ends_a_pause(microscope):
     assert not microscope.state.near
 
 
+def test_a_part_of_a_record_of_thermal_noise_gives_no_spring_constant():
+    with Microscope("two_materials", sample={"width": 20e-9}, plant={"temperature": 295.0}) as warm:
+        warm.on_progress = lambda progress: warm.stop()
+        with pytest.raises(VerbError, match="ThermalTune was stopped"):
+            warm.thermal_tune(duration=0.5)
+        assert warm.outcome.result is None
+
+
 def test_there_is_nothing_to_pause_between_two_verbs(microscope):
     with pytest.raises(VerbError, match="there is nothing to pause"):
         microscope.pause()

@@ -14,6 +14,7 @@ from afm_model.core.registry import find
 from afm_model.instrument.block import Layout
 from afm_model.parts.signals import Surface
 from afm_model.sample.map_files import read_field
+from afm_model.sample.mapped import relief
 
 from ..plant.lever_bench import LeverBench, triangle
 
@@ -71,6 +72,25 @@ def test_slopes_and_curvatures_are_those_of_the_heights(values, rng):
         assert (right.slope_x - h.slope_x) / small == pytest.approx(h.curvature_xx, rel=1e-2, abs=2e3)
         assert (up.slope_x - h.slope_x) / small == pytest.approx(h.curvature_xy, rel=1e-2, abs=2e3)
         assert (up.slope_y - h.slope_y) / small == pytest.approx(h.curvature_yy, rel=1e-2, abs=2e3)
+
+
+@pytest.mark.parametrize("plant", ["lever", "compliant"])
+def test_a_plane_rises_by_the_tangent_of_its_angles(plant):
+    # The scales of length along x and z differ.
+    place = Place(
+        {"plant.kind": plant, "scales.x0": 3e-9, "sample.kind": "plane", "sample.angle_x": 0.4, "sample.angle_y": -0.2}
+    )
+    assert place(1e-9, 2e-9).height == pytest.approx(math.tan(0.4) * 1e-9 - math.tan(0.2) * 2e-9, rel=1e-12, abs=0.0)
+
+
+def test_a_map_tells_its_largest_mean_curvature():
+    width, amplitude, radius = 200e-9, 1e-9, 50e-9
+    wave = 2.0 * math.pi / width
+    heights = np.tile(amplitude * np.sin(wave * (np.arange(64) - 32) * width / 64), (64, 1))
+    scales = build(InstrumentParameters, LEVER).scales
+    made = relief(heights, width, width, wrap=True, dilate=False, R=radius, scales=scales)
+    assert made.curvature == pytest.approx(0.5 * amplitude * wave**2, rel=1e-3)
+    assert made.amplitude == pytest.approx(amplitude, rel=1e-6)
 
 
 @pytest.mark.parametrize("angle", [0.5, 0.9553, 1.3])
