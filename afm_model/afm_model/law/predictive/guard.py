@@ -59,12 +59,13 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
         missed = hypot(y.position[0] / p.x0 - s.expected[0, 0], y.position[1] / p.x0 - s.expected[1, 0])
     e_x, e_y = s.X - s.p[0], s.Y - s.p[1]
     speed = hypot(s.V_X, s.V_Y)
-    leaves = speed > REST * s.fastest and e_x * s.V_X + e_y * s.V_Y > 0.0
+    slips = speed > REST * s.fastest
+    leaves = e_x * s.V_X + e_y * s.V_Y > 0.0
     far = _FAR * s.reach + 3.0 * way + (5.0 * p.position_noise if p.measured != 0 else 0.0)
     if min(s.gain_of[0], s.gain_of[1]) <= GAIN_LIMITS[0] or max(s.gain_of[0], s.gain_of[1]) >= GAIN_LIMITS[1]:
         # An estimate at its limit is not believed as much.
         far *= 0.5
-    if missed > far or (leaves and hypot(e_x, e_y) > far):
+    if slips and (missed > far or (leaves and hypot(e_x, e_y) > far)):
         if s.distrust < 0.5:
             s.fallbacks += 1.0
             forget(p, s)
