@@ -1,10 +1,16 @@
 """A case of the examiner: calibrations by verbs, of a simulated microscope whose numbers are hidden from them."""
 
-import math
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+# The wedge, and what a law is told of the scanner, are those of the tests of verbs.
+sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
+
+from quick_lever import KNOWN, LAW, OVER_THE_WEDGE, WEDGE
 
 from afm_model import ControllerParameters, SimParameters, build
 from afm_model.analysis import Estimate
@@ -22,31 +28,6 @@ _MICROSCOPE = {
     "onboard.setpoint_force": 10e-9,
     "onboard.integral_gain": 10e-6,
 }
-_LAW = {"law.kind": "pid", "law.period": 100e-6} | {
-    f"scanner.{name}": value
-    for name, value in {"f_x": 500.0, "f_y": 500.0, "f_z": 5e3, "xi_x": 0.025, "xi_y": 0.025, "xi_z": 0.025}.items()
-}
-_ANGLE, _STEP = math.radians(25.0), 60e-9
-_RUN = _STEP / math.tan(_ANGLE)
-_MIDDLE = 50e-9 + 0.5 * _RUN
-_WEDGE = {
-    "sample.kind": "grating",
-    "sample.angle": _ANGLE,
-    "sample.step": _STEP,
-    "sample.top": 100e-9,
-    "sample.pitch": 2.0 * _RUN + 200e-9,
-    "sample.edge_radius": 12e-9,
-}
-_OVER_THE_WEDGE = CalibrateLateral(
-    slope_from=_MIDDLE - 0.25 * _RUN,
-    slope_to=_MIDDLE + 0.25 * _RUN,
-    flat_from=-15e-9,
-    flat_to=15e-9,
-    slope_angle=_ANGLE,
-    setpoint_to=30e-9,
-    setpoints=3,
-    line_rate=4.0,
-)
 
 
 def calibrations(rng: np.random.Generator) -> Iterator[tuple[str, float, Estimate]]:
@@ -64,7 +45,7 @@ def calibrations(rng: np.random.Generator) -> Iterator[tuple[str, float, Estimat
     def found(verb: ThermalTune | CalibrateLateral | CalibrateSensitivity, **values: Any) -> tuple[Estimate, Local]:
         changes = {name.replace("__", "."): value for name, value in values.items()}
         parameters = build(SimParameters, _MICROSCOPE | common | {"sample.kind": "flat"} | changes)
-        microscope = Local(parameters, build(ControllerParameters, _LAW))
+        microscope = Local(parameters, build(ControllerParameters, LAW | KNOWN))
         if verb.on_sample:
             microscope.execute(Approach(rate=10e-6, range=200e-9, settle=10e-3))
         outcome = microscope.execute(verb)
@@ -73,7 +54,8 @@ def calibrations(rng: np.random.Generator) -> Iterator[tuple[str, float, Estimat
         return outcome.result.estimate, microscope
 
     yield "k", k, found(ThermalTune(duration=0.2), plant__gap=400e-9)[0]
-    lateral, microscope = found(_OVER_THE_WEDGE, plant__gap=20e-9, detector__lateral_gain=lateral_gain, **_WEDGE)
+    wedge = {f"sample__{name}": value for name, value in WEDGE.items()}
+    lateral, microscope = found(OVER_THE_WEDGE, plant__gap=20e-9, detector__lateral_gain=lateral_gain, **wedge)
     detector = microscope.instrument.parameters.detector
     yield "lateral, N/V", detector.lateral_sensitivity / lateral_gain, lateral
     sensitivity, microscope = found(CalibrateSensitivity(), plant__gap=20e-9, detector__deflection_gain=gain)

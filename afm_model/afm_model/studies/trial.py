@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import DivergenceError, DriveError, LawError, ParameterError, PartError
+from ..core.errors import LawError, ParameterError, PartError
 from ..instrument import Block
 from ..instrument.validity import doubts
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
+from ..run.together import REFUSALS
 from ..run.verdict import limited
 from .contender import load_law
 from .linear import linearise
@@ -21,7 +22,7 @@ from .linear_model import LinearError, nominal_friction
 _Array = NDArray[np.float64]
 NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact", "margin", "z_rms")
 """Columns of a run."""
-FAILED = (ParameterError, PartError, DriveError, DivergenceError, LawError)
+FAILURES = (*REFUSALS, LawError)
 """How a run ends that is told by a sentence in its row."""
 _BLOCK_TICKS = 4096
 _FREQUENCIES = 400
@@ -104,7 +105,7 @@ def run_trial(
             else:
                 law = controller if controller is not None else load_law(kind)(sim)
             instrument = run(sim, law, drives.take, block_ticks=_BLOCK_TICKS)
-    except FAILED as error:
+    except FAILURES as error:
         return row | {"error": str(error)}
     except Exception as error:
         # An object may raise anything; the other runs continue.

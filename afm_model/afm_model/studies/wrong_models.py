@@ -11,7 +11,7 @@ from ..parameters import ControllerParameters, SimParameters, Value, build, chan
 from ..parameters.scenario import law_timing
 from ..run.simulation import simulate
 from .contender import NOISE, Contender, feedback_of
-from .trial import FAILED
+from .trial import FAILURES
 
 _OMEGA = 50.0
 _AMPLITUDE = 5e-9
@@ -142,7 +142,7 @@ def run_case(case: Case, rate: Rate, law: Contender) -> dict[str, Any]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             result = simulate(*parameters_of(case, rate, law))
-    except FAILED as error:
+    except FAILURES as error:
         return row | {"lost": str(error)}
     score, size = result.score, max(abs(each) for each in result.parameters.reference.amplitude)
     off = np.abs(result.truth["position"][:, :2] - result.measurements["reference_position"][:, :2])
