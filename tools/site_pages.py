@@ -1,4 +1,4 @@
-"""Hooks of mkdocs: pages made of README, code and figures; links that leave docs/; formulae as MathML, without a script."""
+"""Hooks of mkdocs: pages made of README, code and figures; links that leave docs/; formulae as MathML."""
 
 import ast
 import html
