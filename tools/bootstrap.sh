@@ -66,14 +66,14 @@ site=()
 packages=(-r requirements/base.txt)
 [ "$ros" = wheels ] && packages=(--require-hashes -r requirements/ros-jazzy.lock)
 pip=(.venv/bin/python -m pip install --disable-pip-version-check)
-# uv does in half the time what pip does; where it cannot (pip has its own settings), pip does it. Copies: the
-# wheels are patched below, and links would reach into the cache of uv. Byte code is made of what is used, below.
-if ! { "${pip[@]}" --require-hashes -r requirements/uv.lock && .venv/bin/uv pip install --link-mode copy --python .venv/bin/python "${packages[@]}" &&
-  .venv/bin/python -m pip uninstall --yes uv; } \
+# uv does in half the time what pip does, with the certificates of the system; where it cannot (pip has its own settings), pip does it.
+# Copies: the wheels are patched below, and links would reach into the cache of uv. Byte code is made of what is used, below.
+if ! { "${pip[@]}" --require-hashes -r requirements/uv.lock && .venv/bin/uv pip install --system-certs --link-mode copy --python .venv/bin/python "${packages[@]}"; } \
   > .venv/uv.log 2>&1 && ! "${pip[@]}" --no-compile "${packages[@]}" > .venv/pip.log 2>&1; then
   tail -n 15 .venv/pip.log >&2
   fail "pip could not install the requirements; the whole log is in .venv/pip.log" "is there a network connection?"
 fi
+.venv/bin/python -m pip uninstall --quiet --yes uv 2> .venv/uv.log # 40 MB
 if [ "$ros" = wheels ]; then
   .venv/bin/python tools/patch_wheels.py
 else
