@@ -1,7 +1,9 @@
 """The packages agree with one another, and `colcon test` runs the tests."""
 
+import email
 import os
 import re
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -95,6 +97,15 @@ def test_every_requirement_is_locked_in_its_version_with_hashes_and_no_address()
     assert {name.lower().replace("_", "-"): version for name, version in wanted}.items() <= locked.items()
 
 
+def test_notices_name_every_locked_package_in_its_version() -> None:
+    notices = (ROOT / "THIRD-PARTY.md").read_text()
+    for name in ("ros-jazzy", "extras", "test"):
+        lock = (ROOT / "requirements" / f"{name}.lock").read_text()
+        # Of two versions for two Pythons the last one.
+        locked = dict(re.findall(r"^([A-Za-z0-9_.-]+)==([^\s;]+)", lock, re.MULTILINE))
+        assert not [package for package, version in locked.items() if f" {package} {version}" not in notices]
+
+
 def test_nothing_under_the_gpl_is_installed_to_run_the_instrument() -> None:
     for name in ("base.txt", "ros-jazzy.lock", "extras.txt", "extras.lock"):
         assert "gwyddionpy" not in (ROOT / "requirements" / name).read_text()
@@ -102,6 +113,23 @@ def test_nothing_under_the_gpl_is_installed_to_run_the_instrument() -> None:
     sources = [path for package in ROOT.glob("afm_*") for path in package.rglob("*.py")]
     assert len(sources) > 100
     assert not [path for path in sources if "gwyddionpy" in path.read_text()]
+
+
+@pytest.mark.parametrize("package", IN_PYTHON, ids=lambda path: path.name)
+def test_wheel_of_a_package_states_its_licence_and_what_it_needs(package: Path, tmp_path: Path) -> None:
+    """Made by `setup.py` itself, of a copy: nothing is downloaded."""
+    source = shutil.copytree(package, tmp_path / package.name, symlinks=False)
+    command = [sys.executable, "setup.py", "-q", "dist_info"]
+    subprocess.run(command, cwd=source, capture_output=True, check=True)
+    (folder,) = source.glob("*.dist-info")
+    stated = email.message_from_string((folder / "METADATA").read_text())
+    assert stated["Requires-Python"] == ">=3.11"
+    assert stated["License-File"] == "LICENSE"
+    assert stated.get_payload().strip()  # twine check --strict
+    needed = stated.get_all("Requires-Dist")
+    assert needed and all(re.search(r"[=>]=", each) for each in needed)  # a bound, or the same version
+    commands = (folder / "entry_points.txt").read_text() if (folder / "entry_points.txt").exists() else ""
+    assert ("afm = afm_model.__main__:main" in commands) == (package.name == "afm_model")
 
 
 def test_demo_is_set_up_without_what_only_tests_and_studies_need() -> None:
