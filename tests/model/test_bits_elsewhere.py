@@ -22,15 +22,8 @@ PLAIN = {
 }
 SOME = ["closed_loop_tanh", "lever, dmt, three modes, heat", "sample rough", "real time, late and lost"]
 """Law and contact; modes and random numbers; Fourier transform and splines; latencies."""
-ON_ARM64 = [
-    *SOME,
-    "open_loop",
-    "plant paper, f_z drawn",
-    "sample lattice, apex",
-    "faults of sensors",
-    "predictive, measured, known",
-]
-"""Each plant, noise, heat, a lattice, faults, each kind of law: what an emulated processor can compile in minutes."""
+ON_ARM64 = [*SOME, "open_loop", "plant paper, f_z drawn", "sample lattice, apex", "faults of sensors"]
+"""Each plant, noise, heat, a lattice, faults: what an emulated processor can compile in ten minutes."""
 switches = pytest.mark.skipif(
     sys.platform != "linux" or os.uname().machine != "x86_64", reason="these switches are of x86-64"
 )
