@@ -21,8 +21,9 @@ from .guard import Guard
 from .orders import Orders
 from .rows import Block, Cut, Rows
 from .score import ScoreSummary, summarize
-from .tick import DIVERGED, DRAW_TICKS, MOVED, RANGE, REFUSED, STOPPED, advance, start
+from .tick import DIVERGED, DRAW_TICKS, MOVED, RANGE, REFUSED, STOPPED, UNREAD, advance, start
 from .truth import truth_of_rows
+from .wire import Wire
 
 _Array = NDArray[np.float64]
 _ZERO_AT_START = (
@@ -293,6 +294,28 @@ class Instrument:
                 self._write_drive(drive)
             self._sequence[0] = self.ticks if sequence is None else sequence
         outcome: int = advance(self._external, 1.0, self._block)
+        if outcome != REFUSED:
+            self.ticks += 1
+            self._row += 1
+        if outcome != MOVED or self._assembled:
+            self._conclude(outcome)
+        return outcome == STOPPED
+
+    def exchange(self, wire: Wire) -> bool | None:
+        """Apply the drive that a peer has sent, and write the next measurement: a `tick` from message to message.
+
+        None, with nothing done, if what came is not the plain answer to the measurement that was sent.
+
+        Raises
+        ------
+        DriveError, DivergenceError, RuntimeError
+            As `tick` does.
+        """
+        if self._row == self._block_ticks or self.ticks == self._prepared:
+            self._prepare()
+        outcome: int = advance(wire.block, 1.0, self._block)
+        if outcome == UNREAD:
+            return None
         if outcome != REFUSED:
             self.ticks += 1
             self._row += 1
