@@ -16,13 +16,14 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     python_requires=">=3.11",
-    # The oldest that give the same bits as the newest.
-    install_requires=["numpy>=1.26", "scipy>=1.11", "numba>=0.60", "pydantic>=2.5", "pyyaml>=6.0", "rich>=13.0"],
+    # The oldest of each are those with which tests/model/test_bits_elsewhere.py has compared the bits.
+    install_requires=["numpy>=1.26", "scipy>=1.11.2", "numba>=0.59", "pydantic>=2.5", "pyyaml>=6.0.1", "rich>=13"],
     extras_require={
         "plot": ["matplotlib>=3.8"],
         "files": ["xarray>=2024.1", "h5py>=3.10", "gwyfile>=0.3"],
         "sweep": ["dask>=2024.1", "distributed>=2024.1", "pandas>=2.2"],
         "margins": ["control>=0.10"],
+        "learn": ["gymnasium>=1.1"],
     },
     entry_points={"console_scripts": ["afm = afm_model.__main__:main"]},
     zip_safe=False,

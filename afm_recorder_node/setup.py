@@ -13,11 +13,25 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    # The programming interface of rerun changes from one minor release to the next.
     python_requires=">=3.11",
-    # rclpy and afm_msgs, which every node needs, come with ROS 2.
-    install_requires=["afm_node_common==0.1.0", "numpy>=1.26", "pyarrow>=18", "pydantic>=2.5", "pyyaml>=6.0", "rerun-sdk==0.41.*"],
-    entry_points={"console_scripts": [f"{NAME} = {NAME}.__main__:main", f"repair = {NAME}.repair:main"]},
+    # rclpy and afm_msgs, which every node needs, come with ROS 2; the interface of rerun changes with each minor release.
+    install_requires=[
+        "afm_node_common==0.1.0",
+        "numpy>=1.26",
+        "pyarrow>=18",
+        "pydantic>=2.5",
+        "pyyaml>=6.0.1",
+        "rerun-sdk==0.41.*",
+        "rich>=13",
+        "scipy>=1.11.2",
+    ],
+    entry_points={
+        "console_scripts": [
+            f"{NAME} = {NAME}.__main__:main",
+            f"inspect = {NAME}.inspect_command:main",
+            f"repair = {NAME}.repair:main",
+        ]
+    },
     zip_safe=False,
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",
