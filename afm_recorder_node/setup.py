@@ -14,7 +14,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     python_requires=">=3.11",
-    # rclpy and afm_msgs, which every node needs, come with ROS 2; the interface of rerun changes with each minor release.
+    # rclpy and afm_msgs, which every node needs, come with ROS 2. rerun changes with each minor release.
     install_requires=[
         "afm_node_common==0.1.0",
         "numpy>=1.26",

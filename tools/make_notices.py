@@ -1,4 +1,4 @@
-"""Write THIRD-PARTY.md: what the locks install, by the licence that each package states. Run where all of it is installed."""
+"""Write THIRD-PARTY.md: what the locks install, by the licence that each package states; with all of it installed."""
 
 import re
 import sys
@@ -47,8 +47,8 @@ def main() -> None:
     lines = [
         "# Third-party packages",
         "",
-        "None is part of this repository; they are installed from the package index (or come with a ROS 2 of your own), each with the",
-        "text of its licence. Made from the locks by `python tools/make_notices.py`.",
+        "None is part of this repository; they are installed from the package index, or come with a ROS 2 of your own, each with",
+        "the text of its licence. Made from the locks by `python tools/make_notices.py`.",
     ]
     for name, title in SETS.items():
         lock = (ROOT / "requirements" / f"{name}.lock").read_text()
