@@ -47,8 +47,8 @@ def main() -> None:
     lines = [
         "# Third-party packages",
         "",
-        "None is part of this repository; they are installed from the package index, or come with a ROS 2 of your own, each with",
-        "the text of its licence. Made from the locks by `python tools/make_notices.py`.",
+        "None is part of this repository; they are installed from the package index, or come with a ROS 2 of your own,",
+        "each with the text of its licence. Made from the locks by `python tools/make_notices.py`.",
     ]
     for name, title in SETS.items():
         lock = (ROOT / "requirements" / f"{name}.lock").read_text()
