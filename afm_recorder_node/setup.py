@@ -15,9 +15,12 @@ setup(
     ],
     # The programming interface of rerun changes from one minor release to the next.
     install_requires=["setuptools", "numpy", "pyarrow", "pyyaml", "rerun-sdk==0.41.*", "rich", "scipy"],
+    # Bags of ros2 bag: export, and what reads them.
+    extras_require={"bag": ["rosbags==0.11.*"]},
     entry_points={
         "console_scripts": [
             f"{NAME} = {NAME}.__main__:main",
+            f"export = {NAME}.export_command:main",
             f"inspect = {NAME}.inspect_command:main",
             f"repair = {NAME}.repair:main",
         ]
