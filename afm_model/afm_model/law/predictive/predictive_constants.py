@@ -40,107 +40,51 @@ the deflection tells, what is not static."""
 _STEP = 0.05
 """Longest step of the prediction [1/w0]."""
 
-_SCALARS = (
-    "hold",  # control period [1/w0]
-    "slot",  # time between two drives of an answer
-    "slots",  # slots in a control period
-    "delay",  # slots until the drive of an answer is in force
-    "count",  # drives in an answer, without the reserve
-    "reserve",  # drives of the reserve
-    "longest",  # drives of an answer with all that, those in force before it included
-    "fine",  # fine intervals in a slot
-    "horizon",  # fine intervals in the horizon
-    "tau",  # length of a fine interval
-    "refined",  # one: the drive of a slot is long and refined
-    "turn",  # lambda of the direction of friction
-    "ring",  # part of a change of the load by which it still rings after a slot
-    "steps",  # of the prediction in a slot
-    "dt",
-    "surface",
-    "identified",
-    "adapts",  # what the model does not explain is estimated
-    "mu",
-    "w",
-    "a",
-    "eta_c2",
-    "delta",  # indentation at the load of the setpoint zero, flat sample [z0]
-    "delta_load",  # its change with the load
-    "delta_curvature",  # and with the curvature
-    "f_0",  # bound of friction at that load: f_0 + f_1 kappa + f_2 kappa^2
-    "f_1",
-    "f_2",
-    "f_load",  # its relative change with the load
-    "load_0",
-    "beta",  # sample
-    "k_x",
-    "k_y",
-    "height",  # largest height and wave number assumed
-    "wave_number",
-    "ripple",  # of the strength, from that curvature
-    "measured",
-    "together",  # position and friction are estimated in one filter
-    "position_noise",
-    "force_noise",  # of friction measured along x
-    "uneven",  # rms of the ratio over a known surface about its mean
-    "astray",  # rms change of the position across the motion in a control period, that the copy does not know [x0]
-    "wander",  # rms change of the ratio in a control period
-    "uncertain",  # variance of an estimated position, x and y
-    "least_bound",
-    "height_noise",
-    "ratio_noise",
-    "x0",
-    "z0",
-    "w0",
-    "lateral_force",
-    "normal_force",
-)
-
-
 class Constants(Record):
-    hold: float
-    slot: float
-    slots: int
-    delay: int
-    count: int
-    reserve: int
-    longest: int
-    fine: int
-    horizon: int
-    tau: float
-    refined: int
-    turn: float
-    ring: float
-    steps: int
+    hold: float  # control period [1/w0]
+    slot: float  # time between two drives of an answer
+    slots: int  # slots in a control period
+    delay: int  # slots until the drive of an answer is in force
+    count: int  # drives in an answer, without the reserve
+    reserve: int  # drives of the reserve
+    longest: int  # drives of an answer with all that, those in force before it included
+    fine: int  # fine intervals in a slot
+    horizon: int  # fine intervals in the horizon
+    tau: float  # length of a fine interval
+    refined: int  # one: the drive of a slot is long and refined
+    turn: float  # lambda of the direction of friction
+    ring: float  # part of a change of the load by which it still rings after a slot
+    steps: int  # of the prediction in a slot
     dt: float
     surface: int
     identified: int
-    adapts: int
+    adapts: int  # what the model does not explain is estimated
     mu: float
     w: float
     a: float
     eta_c2: float
-    delta: float
-    delta_load: float
-    delta_curvature: float
-    f_0: float
+    delta: float  # indentation at the load of the setpoint zero, flat sample [z0]
+    delta_load: float  # its change with the load
+    delta_curvature: float  # and with the curvature
+    f_0: float  # bound of friction at that load: f_0 + f_1 kappa + f_2 kappa^2
     f_1: float
     f_2: float
-    f_load: float
+    f_load: float  # its relative change with the load
     load_0: float
-    beta: float
+    beta: float  # sample
     k_x: float
     k_y: float
-    height: float
+    height: float  # largest height and wave number assumed
     wave_number: float
-    ripple: float
+    ripple: float  # of the strength, from that curvature
     measured: int
-    together: int
+    together: int  # position and friction are estimated in one filter
     position_noise: float
-    force_noise: float
-    uneven: float
-    astray: float
-    wander: float
-    uncertain: float
+    force_noise: float  # of friction measured along x
+    uneven: float  # rms of the ratio over a known surface about its mean
+    astray: float  # rms change of the position across the motion in a control period, that the copy does not know [x0]
+    wander: float  # rms change of the ratio in a control period
+    uncertain: float  # variance of an estimated position, x and y
     least_bound: float
     height_noise: float
     ratio_noise: float
