@@ -21,6 +21,8 @@ UNKNOWN = 0.25
 """Standard deviation of the ratio at the start."""
 _SURE = 5.0
 """Standard deviations beyond which a difference is not noise, in none of a million measurements."""
+_STOPS = 3.0
+"""The same for friction that is too low, and for a speed that is not zero."""
 _ENOUGH = 5.0
 """Forces in succession as expected after which one that is not is let pass: the contact rings for a moment."""
 _TELLS = 0.3
@@ -182,6 +184,12 @@ def take_ratio_seen(innovation: float, noise: float, missed: float, p: Constants
     if innovation < 0.0 and fall == 0.0:
         return False
     variance = weigh(noise, s)
+    slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
+    if innovation < -_STOPS * math.sqrt(variance) and slow and missed == 0.0:
+        # Of too little friction and a speed that may be zero rest is the likelier cause.
+        s.V_X, s.V_Y = 0.0, 0.0
+        rest(s)
+        return False
     expected = innovation * innovation <= _SURE * _SURE * variance
     calm = s.calm
     s.calm = calm + 1.0 if expected else 0.0
