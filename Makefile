@@ -2,7 +2,7 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo scan test test-long bits build setup lint figures notebooks maps bench soak torture clean
+.PHONY: help demo scan test test-long bits build setup lint site figures notebooks maps bench soak torture clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
@@ -18,6 +18,7 @@ help:
 	@echo "make bits    compare every bit of some 70 short runs with those kept (python tests/bits.py --write: keep these)"
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
+	@echo "make site    all pages as a site, with a reference made from the code: out/site/index.html"
 	@echo "make figures draw the figures of docs/paper.md again"
 	@echo "make notebooks run the notebooks of notebooks/ and keep their figures in them"
 	@echo "make maps    draw again where each law holds: docs/figures/maps, bode (some minutes)"
@@ -57,6 +58,11 @@ bits: build
 
 lint: build
 	@. ./env.sh && python -m pip install --quiet --disable-pip-version-check -r requirements/lint.txt && tools/lint.sh
+
+# A warning is an error.
+site: setup
+	@.venv/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/site.txt && NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --quiet
+	@echo "out/site/index.html"
 
 figures: build
 	@. ./env.sh && python tools/make_figures.py

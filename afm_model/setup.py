@@ -13,12 +13,22 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    install_requires=["setuptools", "numpy", "scipy", "numba", "pydantic>=2", "pyyaml", "rich"],
+    # The oldest of each are those with which tests/model/test_bits_elsewhere.py has compared the bits.
+    install_requires=[
+        "setuptools",
+        "numpy>=1.26",
+        "scipy>=1.11.2",
+        "numba>=0.59",
+        "pydantic>=2.5",
+        "pyyaml>=6.0.1",
+        "rich>=13",
+    ],
     extras_require={
         "plot": ["matplotlib"],
         "files": ["xarray", "h5py", "gwyfile"],
         "sweep": ["dask", "distributed", "pandas"],
         "margins": ["control"],
+        "learn": ["gymnasium>=1.1"],
     },
     zip_safe=False,
     maintainer="The AFM developers",

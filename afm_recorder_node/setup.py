@@ -14,8 +14,14 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
     ],
     # The programming interface of rerun changes from one minor release to the next.
-    install_requires=["setuptools", "numpy", "pyarrow", "pyyaml", "rerun-sdk==0.41.*"],
-    entry_points={"console_scripts": [f"{NAME} = {NAME}.__main__:main", f"repair = {NAME}.repair:main"]},
+    install_requires=["setuptools", "numpy", "pyarrow", "pyyaml", "rerun-sdk==0.41.*", "rich", "scipy"],
+    entry_points={
+        "console_scripts": [
+            f"{NAME} = {NAME}.__main__:main",
+            f"inspect = {NAME}.inspect_command:main",
+            f"repair = {NAME}.repair:main",
+        ]
+    },
     zip_safe=False,
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",

@@ -336,11 +336,15 @@ class Command:
     @property
     def descendants(self) -> dict[int, str]:
         """Living processes that it has started, and those that these have started: id and command line."""
-        family, alive = {self.process.pid}, processes()
-        for pid in sorted(alive):
+        alive, parents = processes(), dict[int, int]()
+        for pid in alive:
             with suppress(OSError):
-                if int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1]) in family:
-                    family.add(pid)
+                parents[pid] = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+        # Not in the order of their numbers: these begin anew at 32768.
+        family = more = {self.process.pid}
+        while more:
+            more = {pid for pid, parent in parents.items() if parent in family} - family
+            family |= more
         return {pid: alive[pid] for pid in family & set(alive) if pid != self.process.pid}
 
     def interrupt(self) -> None:

@@ -9,6 +9,7 @@ from afm_msgs.msg import Measurement, PiezoDrive
 from numpy.typing import NDArray
 from rclpy.node import Node
 
+from afm_model.instrument.wire import Wire
 from afm_model.run import Link
 from afm_node_common import topics
 from afm_node_common.codec import measurement_codec
@@ -72,18 +73,20 @@ class TopicLink(NodeLink):
 
     def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
         super().__init__(parameters, peers, recorders)
-        fast = parameters.process.fast_codec
-        measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
+        measurements, drives = measurement_codec(), drive_codec()
         self._inbox = Inbox(node, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
         in_realtime = parameters.run.mode == "realtime"
         kept = topics.MEASUREMENT_IN_REALTIME_QOS if in_realtime else topics.MEASUREMENT_QOS
         self._outbox = Outbox(node, Measurement, topics.MEASUREMENT, kept)
         self._encode, self._publish = measurements.encode, self._outbox.publish
         self._decode, self._take = drives.decode, self._inbox.take
+        direct = self._inbox.direct and self._outbox.direct
+        if direct and measurements.fast and drives.fast and not in_realtime:
+            self.wire = Wire(self._take, self._publish)
         self._period_ns = parameters.plant.control_period * 1e9
         self._info: Any = None
         self.fast_path = {
-            "direct takes": self._inbox.direct and self._outbox.direct,
+            "direct takes": direct,
             "fast codec": measurements.fast and drives.fast,
         }
         """Fast ways of the control loop in use."""
@@ -92,17 +95,22 @@ class TopicLink(NodeLink):
 
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
         """Publish a measurement, stamped with its simulated time."""
-        publish, encode = self._publish, self._encode
-        publish(encode(sequence, round(sequence * self._period_ns), measurement))
+        data = self._encode(sequence, round(sequence * self._period_ns), measurement)
+        if self.wire is not None:
+            self.wire.measurement[:] = data
+        self._publish(data)
 
     def take(self) -> tuple[int, Drive] | None:
         """The oldest drive not yet taken."""
-        take, decode = self._take, self._decode
-        taken = take()
+        taken = self._take()
         if taken is None:
             return None
         data, self._info = taken
-        sequence, _, drive = decode(data)
+        return self.read(data)
+
+    def read(self, data: bytes) -> tuple[int, Drive]:
+        """A drive from its bytes."""
+        sequence, _, drive = self._decode(data)
         return sequence, drive
 
     def arrived(self) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 
 import rclpy
 import yaml
-from afm_msgs.msg import Percentiles, Score
+from afm_msgs.msg import InstrumentStatus, Percentiles, Score
 from machine import cpu_seconds, executable, resident_megabytes, running
 from rclpy.node import Node
 
@@ -57,6 +57,8 @@ class Run:
         )
         self.recorder: dict[str, float] = {}
         self.resident: dict[str, float] = {}
+        self.cpu_s: list[float] = []
+        """Processor time of the simulator's process when the run was first told to run, and at its end [s]."""
 
     def _commands(self) -> list[list[str]]:
         arguments = ["--ros-args", "--params-file", str(self._file)]
@@ -79,12 +81,21 @@ class Run:
             scores: list[Score] = []
             topic = f"/{topics.NAMESPACE}/{topics.SCORE}"
             node.create_subscription(Score, topic, scores.append, topics.LATCHED_QOS)
+
+            def heard(status: InstrumentStatus) -> None:
+                if status.state == InstrumentStatus.RUNNING and not self.cpu_s:
+                    self.cpu_s.append(cpu_seconds(processes[0].pid))
+
+            node.create_subscription(
+                InstrumentStatus, f"/{topics.NAMESPACE}/{topics.STATUS}", heard, topics.LATCHED_QOS
+            )
             with running(*self._commands(), log=self._folder / "bench.log") as processes:
                 limit = time.monotonic() + _TIMEOUT
                 while not scores:
                     if time.monotonic() > limit or any(process.poll() is not None for process in processes):
                         raise RuntimeError(f"a run did not end: see {self._folder / 'bench.log'}")
                     rclpy.spin_once(node, timeout_sec=0.2)
+                self.cpu_s.append(cpu_seconds(processes[0].pid))
                 names = ["composed"] if self._composed else ["simulator", "controller"]
                 for name, process in zip([*names, "recorder"], processes, strict=False):
                     self.resident[name] = resident_megabytes(process.pid)
@@ -115,6 +126,7 @@ def lockstep(
         "real_time_factor": score.simulated / score.wall,
         "round_trip_s": percentiles(score.round_trip),
         "trajectory_sha256": score.trajectory_sha256,
+        "cpu_s_per_tick": (run.cpu_s[-1] - run.cpu_s[0]) / ticks,
         "resident_mb": run.resident,
         **run.recorder,
     }

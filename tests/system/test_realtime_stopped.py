@@ -22,7 +22,7 @@ def stopped(tmp_path: Path, times: int) -> dict[str, object]:
     content = yaml.safe_load(source.read_text())
     for node in ("afm_sim_node", "afm_controller_node"):
         del content[f"/**/{node}"]["ros__parameters"]["process"]
-    content["/**/afm_sim_node"]["ros__parameters"]["run"]["duration"] = 1e-3 * (times + 1) * (BETWEEN + GAP)
+    content["/**/afm_sim_node"]["ros__parameters"]["run"]["duration"] = 1e-3 * 2 * (times + 1) * (BETWEEN + GAP)
     scenario = tmp_path / "stopped.yaml"
     scenario.write_text(yaml.safe_dump(content))
     with Graph() as graph, session(scenario, tmp_path / "out", folder=tmp_path) as command:
@@ -50,4 +50,4 @@ def stopped(tmp_path: Path, times: int) -> dict[str, object]:
 @pytest.mark.parametrize("times", [1, pytest.param(5, marks=pytest.mark.long)])
 def test_run_at_1_ms_goes_on_behind_a_controller_that_was_stopped(tmp_path: Path, times: int) -> None:
     card = stopped(tmp_path, times)
-    assert card["ticks"] == (times + 1) * (BETWEEN + GAP)
+    assert card["ticks"] == 2 * (times + 1) * (BETWEEN + GAP)

@@ -40,9 +40,12 @@ from .drive import allowed, command_at, due, put_in_force
 from .limits import RUNNING, GuardState, LimitConstants, has_z, take_drive, watch_limits
 from .score import ScoreSums, count_step
 from .sensors import SensorConstants, SensorState, sense, tell_sensors
+from .wire import read_drive, write_measurement
 
-MOVED, REFUSED, DIVERGED, STOPPED = range(4)
-"""Outcome of a tick. STOPPED: it moved, and an order was completed or a limit has taken or returned the drive."""
+MOVED, REFUSED, DIVERGED, STOPPED, UNREAD = range(5)
+"""Outcome of a tick. STOPPED: it moved, and an order was completed or a limit has taken or returned the drive. UNREAD:
+nothing was done, see `read_drive`.
+"""
 RANGE = 1e-3
 """Position beyond which the motion has diverged: hundreds of times the range of any scanner [m]."""
 _REFERENCE_SIZE = size(Setpoint)
@@ -289,7 +292,7 @@ def advance(law: Block, ticks: float, m: Block) -> int:
     Parameters
     ----------
     law : ndarray
-        Block of a law; of one without a function for a drive that has been commanded from elsewhere.
+        Block of a law; of one without a function for a drive that has been commanded from elsewhere; of a `Wire`.
     ticks : float
         No more than there are rows left. Python hands a float over sooner than an int, and each array for a tenth of a
         microsecond: all others are found by their addresses in the block.
@@ -304,9 +307,12 @@ def advance(law: Block, ticks: float, m: Block) -> int:
     """
     c = record_at(m, record_at(m, 0, BlockHeader).loop, LoopState)
     c.done = 0
+    if not read_drive(law, m):
+        return UNREAD
     outcome = MOVED
     while c.done < ticks and outcome == MOVED:
         if not command_tick(law, m):
             return REFUSED
         outcome = after_tick(tick(m), m)
+    write_measurement(law, m)
     return outcome

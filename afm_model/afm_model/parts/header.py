@@ -76,3 +76,4 @@ class LawHeader(Record):
     law_control: int
     law_constants: int
     law_state: int
+    messages: int  # of a peer in its place (instrument/wire.py); 0: none

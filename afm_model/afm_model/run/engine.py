@@ -103,6 +103,8 @@ class Engine:
         self.ticking = False
         """Whether the run is going on, or waits for a drive only."""
         self._stop_at: int | None = None  # tick at which the run pauses by itself
+        self.look_at = 0
+        """The next tick behind which there is something to look at, whatever comes of those before."""
         self._listeners = listeners or Listeners()
         self._operate, self._total_ticks = operate, total_ticks
         self.watch = Stopwatch(self.clock)
@@ -152,7 +154,9 @@ class Engine:
             ticks = pacing.next()
             if not ticks:
                 return ticks is not None
-            if pacing.law is None:
+            if ticks < 0:
+                stopped: bool | None = True
+            elif pacing.law is None:
                 self.blocks.round_trips.append(pacing.round_trip)
                 stopped = instrument.tick(pacing.drive, pacing.sequence)
             elif made is not None:
@@ -166,7 +170,7 @@ class Engine:
         except (DivergenceError, PartError) as error:
             self.fail(pacing.explain(error), error)
             return True
-        if stopped or instrument.ticks >= self._look_at:
+        if stopped or instrument.ticks >= self.look_at:
             self._look()
         else:
             pacing.made()
@@ -175,7 +179,7 @@ class Engine:
     @property
     def wanted(self) -> int:
         """Ticks up to the next behind which there is something to look at."""
-        return self._look_at - self.instrument.ticks
+        return self.look_at - self.instrument.ticks
 
     def stop_at(self, tick: int | None) -> None:
         """Pause by itself behind this tick; None: do not."""
@@ -212,7 +216,7 @@ class Engine:
     def _find_look(self) -> None:
         """The next tick behind which there is something to look at, whatever comes of those before."""
         ends = (self.instrument.block_end, self._total_ticks or math.inf, self._stop_at or math.inf)
-        self._look_at = int(min(ends))
+        self.look_at = int(min(ends))
 
     def follow_limits(self) -> None:
         """Tell of the instrument's drive, if it has changed hands."""

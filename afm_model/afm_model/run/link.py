@@ -10,18 +10,24 @@ from numpy.typing import NDArray
 
 from ..core.errors import DriveError
 from ..instrument import Block
+from ..instrument.wire import Wire
 from ..parts.command import Command
 
 _Array = NDArray[np.float64]
+Answer = _Array | Command | DriveError
+"""Voltages (3,) [V] or a Command; or why what came cannot be a drive."""
 
 
 class Link:
     """Carries measurements to a controller and drives back. Its methods never wait. The base class has none."""
 
+    wire: Wire | None = None
+    """Its messages in place, where it has them: a run in lockstep then takes and publishes by it."""
+
     def publish(self, sequence: int, measurement: _Array) -> None:
         """Send the measurement of tick `sequence`; the array is overwritten by the next tick."""
 
-    def take(self) -> tuple[int, _Array | Command | DriveError] | None:
+    def take(self) -> tuple[int, Answer] | None:
         """The oldest drive not yet taken: sequence of the measurement it answers, voltages (3,) [V] or Command.
 
         None if there is none.
@@ -36,6 +42,10 @@ class Link:
             If what came cannot be read. It is taken then: the next call goes on behind it.
         """
         return None
+
+    def read(self, data: bytes) -> tuple[int, Answer]:
+        """A message that was taken by `wire`, as `take` gives it."""
+        raise NotImplementedError
 
     def arrived(self) -> float:
         """When the drive taken last arrived, by the clock of the run [s]."""

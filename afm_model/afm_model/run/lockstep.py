@@ -1,10 +1,14 @@
 """Lockstep: simulated time advances with each answer."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 from ..core.errors import MalformedError
+from ..instrument.wire import Wire
 from ..parameters import SimParameters
 from .engine import Engine
+from .link import Answer
 from .pacing import Peered
 from .state import Cause
 
@@ -48,13 +52,15 @@ class Lockstep(Peered):
 
     def next(self) -> int | None:
         """Take one answer if there is one."""
-        instrument = self._instrument
         if self._lost:
             # The measurement got lost by a fault: the previous drive is held.
             self.drive, self.round_trip = None, math.nan
             return 1
-        # A function that is kept in an attribute is called sooner through a local name: here, in links and codecs.
-        take, clock = self._take, self._clock
+        return self._judge(self._take)
+
+    def _judge(self, take: Callable[[], tuple[int, Answer] | None]) -> int | None:
+        """What an answer, if there is one, is good for."""
+        instrument = self._instrument
         try:
             taken = take()
         except MalformedError as error:
@@ -73,7 +79,7 @@ class Lockstep(Peered):
         if self._stalled:
             self._stalled = False
             self._engine.go_on(Cause.ANSWERED)
-        self.drive, self.round_trip = drive, clock() - self._sent_at
+        self.drive, self.round_trip = drive, self._clock() - self._sent_at
         return 1
 
     def made(self) -> None:
@@ -124,3 +130,47 @@ class Lockstep(Peered):
         if self._unread_at == ticks:
             return f"no drive but {self._engine.unreadable}; measurement {ticks} has been waiting for {limit}"
         return f"{name} has not answered measurement {ticks} within {limit}; still waiting"
+
+
+class Wired(Lockstep):
+    """Lockstep over the messages of a link in place: from the drive that came to the measurement that goes out it is
+    one compiled call. What that call does not read goes the ordinary way.
+    """
+
+    def __init__(self, engine: Engine, parameters: SimParameters, wire: Wire) -> None:
+        super().__init__(engine, parameters)
+        self._wire = wire
+        # As above. What is used more than once is called sooner through a local name.
+        self._take_bytes, self._publish_bytes = wire.take, wire.publish
+        self._came, self._length = wire.drive, len(wire.drive)
+        self._goes, self._sequence = wire.measurement, wire.sequence
+
+    def next(self) -> int | None:
+        """Make one tick with an answer, if there is one, and ask for the next drive."""
+        if self._lost or self._stalled:
+            return super().next()
+        engine, instrument = self._engine, self._instrument
+        take, publish, clock = self._take_bytes, self._publish_bytes, self._clock
+        taken = take()
+        if taken is None:
+            self._look_at_the_clock()
+            return None
+        data = taken[0]
+        round_trips = engine.blocks.round_trips
+        round_trips.append(clock() - self._sent_at)
+        stopped = None
+        if len(data) == self._length:
+            self._came[:] = data
+            stopped = instrument.exchange(self._wire)
+        if stopped is None:
+            round_trips.pop()
+            return self._judge(partial(engine.link.read, data))
+        ticks = instrument.ticks
+        if stopped or ticks >= engine.look_at:
+            return -1
+        if self._sequence[0] == ticks:
+            self._sent_at = self._asked_at = clock()
+            publish(self._goes.tobytes())
+        else:
+            self.made()
+        return 0

@@ -3,18 +3,13 @@
 import math
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..core.errors import DivergenceError, DriveError, MalformedError, PartError
+from ..core.errors import DivergenceError, MalformedError, PartError
 from ..instrument.controller import Controller
 from ..parameters import SimParameters
-from ..parts.command import Command
+from .link import Answer
 
 if TYPE_CHECKING:
     from .engine import Engine
-
-_Array = NDArray[np.float64]
 
 
 class Pacing:
@@ -27,7 +22,7 @@ class Pacing:
 
     law: Controller | None
     """Closes the loop, many ticks in one compiled piece; None: one tick is made with `drive`."""
-    drive: _Array | Command | DriveError | None
+    drive: Answer | None
     """[V]; None: the previous one is held. As of `Instrument.tick`."""
     sequence: int | None
     """Measurement that it answers; None: that of this tick."""
@@ -55,7 +50,9 @@ class Pacing:
         """Follow a change of the parameters."""
 
     def next(self) -> int | None:
-        """How many ticks are to be made now. 0: something else was done; None: there was nothing to do. Never waits."""
+        """How many ticks are to be made now. 0: something else was done, ticks with nothing to look at behind them
+        included; -1: one was made, and there is; None: there was nothing to do. Never waits.
+        """
         raise NotImplementedError
 
     def made(self) -> None:
@@ -127,7 +124,7 @@ class Peered(Pacing):
         while self._take_readable() is not None:
             pass
 
-    def _take_readable(self) -> tuple[int, _Array | Command | DriveError] | None:
+    def _take_readable(self) -> tuple[int, Answer] | None:
         """The oldest drive not yet taken, as `Link.take`; what cannot be read is dropped on the way."""
         while True:
             try:

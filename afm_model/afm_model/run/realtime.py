@@ -40,8 +40,9 @@ class Realtime(Peered):
         self._published_at = np.zeros(_RING)
         self._last_drive_at = self._linked_at = self._asked_at = math.nan
         self._held = self._way_back = 0  # ticks without a drive; ticks that the way back may still take
+        self._late_tick = 0  # the last one with a drive that was too old
         self.deadline: float = 0.0
-        self._period = self._catch_up = 0.0
+        self._period = self._catch_up = self._in_time = 0.0
 
     def start(self) -> None:
         """Hold the drive of the start; the first deadline is one period from now."""
@@ -69,6 +70,7 @@ class Realtime(Peered):
         self._parameters = parameters
         period = parameters.plant.control_period / parameters.run.real_time_factor
         self._catch_up = max(parameters.run.catch_up, period)
+        self._in_time = (_IN_TIME + parameters.plant.delay_ticks) * period
         if period != self._period:
             self._period = period
             self.deadline = self._engine.clock() + period
@@ -108,7 +110,10 @@ class Realtime(Peered):
             self._held = 0
         self._watch_over(now)
         self.drive = self._returning() if self._way_back and engine.phase == State.RUNNING else self._asked
-        engine.blocks.note_delay(late, now - self._asked_at)
+        age = now - self._asked_at
+        if age > self._in_time:
+            self._late_tick = self._instrument.ticks
+        engine.blocks.note_delay(late, age)
         return 1
 
     def _take_newest(self, now: float) -> float:
@@ -203,10 +208,11 @@ class Realtime(Peered):
         engine = self._engine
         engine.blocks.flush()
         oldest = engine.blocks.oldest_command / self._period
-        if oldest <= _IN_TIME + self._parameters.plant.delay_ticks:
+        if engine.blocks.oldest_command <= self._in_time:
             return f"{error}; the drives came in time, they were up to {oldest:.3g} control periods old"
         return (
-            f"the drives came too late, they were up to {oldest:.3g} control periods old (lower run.real_time_factor = "
+            f"the drives came too late, they were up to {oldest:.3g} control periods old, the last late one "
+            f"{self._instrument.ticks - self._late_tick} periods before (lower run.real_time_factor = "
             f"{self._parameters.run.real_time_factor:g}, or run our controller in the simulator's process: session "
             f"--composed): {error}"
         )

@@ -10,7 +10,7 @@ from .counts import Snapshot
 from .engine import Engine, Operator
 from .law_inside import LawInside
 from .link import Link, Listeners
-from .lockstep import Lockstep
+from .lockstep import Lockstep, Wired
 from .pacing import Pacing
 from .realtime import Realtime
 from .state import BACK, OVER, Cause, State
@@ -69,7 +69,10 @@ class Run(Engine):
         parameters = self._parameters
         if parameters.controller_inside is not None:
             return LawInside(engine, parameters)
-        return (Lockstep if parameters.run.mode == "lockstep" else Realtime)(engine, parameters)
+        if parameters.run.mode == "realtime":
+            return Realtime(engine, parameters)
+        wire = engine.link.wire
+        return Lockstep(engine, parameters) if wire is None else Wired(engine, parameters, wire)
 
     @property
     def deadline(self) -> float | None:

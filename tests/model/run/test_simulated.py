@@ -182,5 +182,6 @@ def test_endless_run_a_drive_that_is_none_and_a_motion_that_diverges_are_told() 
     with pytest.raises(DriveError, match=r"drive \[0\.0, 0\.0\] is not allowed: it must be three voltages"):
         simulate_realtime(parameters(), Short(), IN_TIME)
     absurd = Replay(np.full((1, 3), 1.7e308))
-    with pytest.raises(DivergenceError, match=r"^the drives came too late, they were up to 4 control .*diverged"):
+    told = r"^the drives came too late, they were up to 4 .* old, the last late one \d+ periods before .*diverged"
+    with pytest.raises(DivergenceError, match=told):
         simulate_realtime(parameters(), absurd, Latency(median=3.5 * PERIOD, spread=0.0))

@@ -93,10 +93,10 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         p_x = m_x * (1.0 - d_x) * s.V_X + h * balance(0, u_x, s.X, p, s)
         p_y = m_y * (1.0 - d_y) * s.V_Y + h * balance(1, u_y, s.Y, p, s)
         f = s.here * nominal_bound(load, p, s)
-        m_x, m_y = m_x * (1.0 + d_x), m_y * (1.0 + d_y)
-        j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, m_x, m_y, h * f)
-        s.V_X = 0.0 if stick else (p_x - j_x) / m_x
-        s.V_Y = 0.0 if stick else (p_y - j_y) / m_y
+        n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
+        j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, n_x, n_y, h * f)
+        s.V_X = 0.0 if stick else (p_x - j_x) * n_x
+        s.V_Y = 0.0 if stick else (p_y - j_y) * n_y
         rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
         s.V_Z = ((1.0 - d_z) * s.V_Z + h * (u_z - p.stiffness[2] * s.Z - rest)) / (1.0 + d_z)
         s.X += half * s.V_X

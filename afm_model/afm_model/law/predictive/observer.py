@@ -185,7 +185,7 @@ def take_ratio_seen(innovation: float, noise: float, missed: float, p: Constants
         return False
     variance = weigh(noise, s)
     slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
-    if innovation < -_STOPS * math.sqrt(variance) and slow and missed == 0.0:
+    if innovation < -_STOPS * math.sqrt(variance) and slow and missed == 0.0 and p.slots == 1:
         # Of too little friction and a speed that may be zero rest is the likelier cause.
         s.V_X, s.V_Y = 0.0, 0.0
         rest(s)

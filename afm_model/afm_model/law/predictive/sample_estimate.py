@@ -170,7 +170,7 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         phase = p.wave_number * (abs(d_x) + abs(d_y))
         if abs(measured - s.ratio[VALUE]) > JUMP * p.ratio_noise:
             s.slips = 1.0
-        s.ratio[VALUE] += max(1.0 / s.slips, phase / (2.0 * math.pi)) * (measured - s.ratio[VALUE])
+        s.ratio[VALUE] += max(1.0 / s.slips, min(phase / (2.0 * math.pi), 1.0)) * (measured - s.ratio[VALUE])
         s.ratio[MEAN] = s.ratio[VALUE]
     elif s.slips == 1.0:
         begin(s.ratio, measured, p.ripple, p.ratio_noise, p)
