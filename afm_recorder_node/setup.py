@@ -25,9 +25,12 @@ setup(
         "rich>=13",
         "scipy>=1.11.2",
     ],
+    # Bags of ros2 bag: export, and what reads them.
+    extras_require={"bag": ["rosbags==0.11.*"]},
     entry_points={
         "console_scripts": [
             f"{NAME} = {NAME}.__main__:main",
+            f"export = {NAME}.export_command:main",
             f"inspect = {NAME}.inspect_command:main",
             f"repair = {NAME}.repair:main",
         ]
