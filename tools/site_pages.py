@@ -19,6 +19,7 @@ CSS = """
 .md-typeset table:not([class]) :is(th, td) { min-width: 0; padding: .5em .8em; }
 .md-typeset td:first-child code { white-space: nowrap; }
 .md-typeset img { background: white; }
+.md-typeset pre > code { white-space: pre-wrap; }
 .equation { display: flex; align-items: center; margin: 1em 0; overflow-x: auto; }
 .equation math { flex: 1; }
 """
@@ -54,7 +55,7 @@ def messages() -> str:
     for kind, title in (("msg", "Messages"), ("srv", "Services"), ("action", "Actions")):
         lines += [f"## {title}", ""]
         for path in sorted((ROOT / "msgs" / kind).glob(f"*.{kind}")):
-            lines += [f"### {path.stem}", "", "```yaml", path.read_text().rstrip(), "```", ""]
+            lines += [f"### {path.stem}", "", "```sh", path.read_text().rstrip(), "```", ""]
     return "\n".join(lines)
 
 
@@ -132,10 +133,23 @@ def on_files(files: Any, config: Any) -> Any:
     return files
 
 
+def tabled(found: re.Match[str]) -> str:
+    """A picture of imports as a table: a browser draws it only with a script from elsewhere."""
+    arrows: dict[str, list[str]] = {}
+    for start, end in re.findall(r"^ *(\w+) --> (\w+)$", found[1], re.MULTILINE):
+        arrows.setdefault(start, []).append(end)
+    return "\n".join(
+        ["| room | imports |", "|---|---|", *(f"| {room} | {', '.join(ends)} |" for room, ends in arrows.items())]
+    )
+
+
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Links as the site has them; a blank line behind a mark, behind which a table begins."""
     here = ROOT if page.file.src_uri in PAGES.values() else ROOT / "docs"
-    return re.sub(r"^(<!-- .* -->)\n(?=\S)", r"\1\n\n", relinked(markdown, here)[0], flags=re.MULTILINE)
+    markdown = re.sub(
+        r"^```mermaid\nflowchart(.*?)^```$", tabled, relinked(markdown, here)[0], flags=re.DOTALL | re.MULTILINE
+    )
+    return re.sub(r"^(<!-- .* -->)\n(?=\S)", r"\1\n\n", markdown, flags=re.MULTILINE)
 
 
 def equation(found: re.Match[str]) -> str:

@@ -47,8 +47,7 @@ class ControllerNode(Node):
         self._controller.reset()
         self._remark = ""
         self._period_unknown = True  # until measurements have given the control period
-        fast = parameters.process.fast_codec
-        measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
+        measurements, drives = measurement_codec(), drive_codec()
         self._decode, self._encode = measurements.decode, drives.encode
         self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
         self._outbox = Outbox(self, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)

@@ -24,7 +24,6 @@ class Process(Group):
         "",
         description="parts of your own, module:NAME, that messages may choose while the node runs; separated by commas",
     )
-    fast_codec: bool = Field(True, description="read and write messages in place; false: by rclpy, same bytes")
 
 
 class InProcess(Group):

@@ -5,7 +5,7 @@ import itertools
 import os
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,7 +55,7 @@ def complete(
     Parameters
     ----------
     source : Path
-        Whole messages, perhaps without an end; see `afm_recorder_node.reader.readable`.
+        Whole messages, perhaps without an end; see `afm_recorder_node.readable.readable`.
     targets : iterable of Path
         Names for it: it gets the first one that is free.
     expected : mapping, optional
@@ -104,8 +104,15 @@ def complete(
     return name, written
 
 
-def chunks(path: Path, *, whole: bool = True) -> Iterator[Chunk]:
+def chunks(path: Path, *, whole: bool = True, entities: Sequence[str] = ()) -> Iterator[Chunk]:
     """All chunks of the recording in a file; if it is not `whole`, those before the first that cannot be read.
+
+    Parameters
+    ----------
+    path : Path
+    whole : bool
+    entities : sequence of str
+        Only those of these entities, in rerun's expressions: of a recording with an index no other one is read.
 
     Raises
     ------
@@ -121,8 +128,13 @@ def chunks(path: Path, *, whole: bool = True) -> Iterator[Chunk]:
         stores = reader.recordings()
     if not stores or stores[0].application_id != layout.APPLICATION:
         raise ValueError("it is no recording of this microscope")
+    stream = None
+    if entities and whole:
+        with suppress(ValueError, RuntimeError):
+            stream = reader.store(store=stores[0]).stream()
+    stream = stream or reader.stream(store=stores[0])
     try:
-        yield from reader.stream(store=stores[0])
+        yield from stream.filter(content=list(entities)) if entities else stream
     except (RuntimeError, ValueError):
         if whole:
             raise

@@ -4,14 +4,12 @@ A recording holds nm, nN and us (see `afm_recorder_node.layout`); here they beco
 round-off of one multiplication. Times are whole nanoseconds in the file.
 """
 
+import difflib
 import json
 import os
-import tempfile
 import warnings
 from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pyarrow as pa
@@ -19,12 +17,12 @@ import yaml
 from numpy.typing import NDArray
 
 from . import layout, pictures
-from .checksums import Extent, measure
 from .complete import chunks, series
 from .layout import Signal
+from .readable import readable
 from .recording import (
+    About,
     Channel,
-    DamagedRecording,
     IncompleteRecording,
     ParameterChange,
     Recording,
@@ -35,6 +33,9 @@ from .scan_lines import images
 
 _Array = NDArray[np.float64]
 _Batches = dict[str, list[pa.RecordBatch]]
+_Rows = tuple[NDArray[np.int64], _Array]
+Visit = Callable[[str, NDArray[np.int64], _Array], None]
+"""Takes some rows of a signal: entity, times (n,) [ns], numbers (n, width) as they stand in the file."""
 
 
 def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording:
@@ -60,13 +61,9 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
     UncheckedRecording
         If it has no checksums, as those of earlier versions.
     """
-    batches, whole = _read(path, every)
+    batches, whole = _read(path, every=every)
     time_ticks, ticks = _aligned(batches, layout.TICKS)
     time_samples, channels = _aligned(batches, layout.CHANNELS)
-    events, changes = _events(batches[layout.EVENTS])
-    text = _static(batches[layout.PARAMETERS], "TextDocument:text")
-    tree = yaml.safe_load(str(text)) if text is not None else {}
-    score = _static(batches[layout.SCORE], "TextDocument:text")
     return Recording(
         time_ticks=time_ticks,
         position=ticks[layout.POSITION.entity],
@@ -81,74 +78,111 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
         normal_force=channels[layout.NORMAL_FORCE.entity],
         deflection_scale=_scale(batches[layout.DEFLECTION.entity]),
         lateral_scale=_scale(batches[layout.LATERAL_FORCE.entity]),
-        parameters={node: known["ros__parameters"] for node, known in tree.items()},
-        parameter_changes=changes,
-        events=events,
         channels=_channels(batches),
-        images=list(images(batches[pictures.LINES]).values()),
-        score=yaml.safe_load(str(score)) if score is not None else None,
-        complete=whole,
+        **vars(_about(batches, whole)),
     )
 
 
-@contextmanager
-def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator[tuple[Path, Extent]]:
-    """A file that rerun can read to its end, and what of the recording is in it.
+def read_about(
+    path: str | os.PathLike[str], visit: Visit, names: Sequence[str] | None = None
+) -> tuple[About, dict[str, Signal]]:
+    """Read what a recording holds beside its signals, and go through these stretch by stretch, with little memory.
 
-    Of one that breaks off within a message, or still grows, that is a copy of what is whole.
+    Raises and warns as `read_recording`.
 
     Parameters
     ----------
     path : path
-    salvage : bool
-        Leave out what has changed since it was written, in place of raising.
+    visit : callable
+        Called with the rows of the signals.
+    names : sequence of str, optional
+        Signals to go through; None: all. Nothing else is read then, neither the images.
+
+    Returns
+    -------
+    (About, dict)
+        And the signals by entity that `visit` has seen.
+    """
+    entities = ["+ /**", f"- {pictures.SCANS}/**", f"+ {pictures.LINES}"]
+    if names is not None:
+        entities = [layout.EVENTS, layout.PARAMETERS, layout.SCORE, *(f"/{name}" for name in names)]
+    seen: set[str] = set()
+
+    def see(entity: str, times: NDArray[np.int64], values: _Array) -> None:
+        if not entity.startswith(f"{layout.PARAMETERS}/"):
+            seen.add(entity)
+            visit(entity, times, values)
+
+    batches, whole = _read(path, entities, visit=see)
+    found = {entity: _signal(entity, batches[entity]) for entity in sorted(seen)}
+    return _about(batches, whole), {entity: signal for entity, signal in found.items() if signal is not None}
+
+
+def read_signals(
+    path: str | os.PathLike[str], names: Sequence[str], begin: float = -np.inf, end: float = np.inf
+) -> dict[str, Channel]:
+    """Read some signals, and nothing else of a recording that has an index.
+
+    Raises and warns as `read_recording`.
+
+    Parameters
+    ----------
+    path : path
+    names : sequence of str
+        Such as position, drive, deflection, truth/normal_force: of those of every tick and of the channels.
+    begin, end : float, optional [s]
+        Simulated time.
+
+    Returns
+    -------
+    dict
+        Channel by name; values (n, 3) of those that have x, y, z.
 
     Raises
     ------
-    DamagedRecording
-        If it is not what was written.
     RecordingError
-        If there is no file, or it is no .rrd file.
+        Also if there is no signal of a name; the message has those that are near.
     """
-    try:
-        with open(path, "rb") as file:
-            extent = measure(file.fileno())
-            if not extent.whole:
-                raise RecordingError(f"{os.fspath(path)} is no readable recording: it is no .rrd file")
-            if extent.damaged and not salvage:
-                (begin, end), size = extent.damaged[0], sum(end - begin for begin, end in extent.damaged)
-                raise DamagedRecording(
-                    f"{os.fspath(path)} is damaged: bytes {begin} to {end} are not what was written ({size} bytes in "
-                    "all); `ros2 run afm_recorder_node repair` copies the rest"
-                )
-            if not extent.damaged and (extent.complete or extent.whole == os.fstat(file.fileno()).st_size):
-                yield Path(path), extent
-                return
-            with tempfile.NamedTemporaryFile(suffix=".rrd") as copy:
-                position = 0
-                for begin, end in (*extent.damaged, (extent.whole, extent.whole)):
-                    # The recorder may cut it back meanwhile, when its disk is full.
-                    while position < begin and (
-                        block := os.sendfile(copy.fileno(), file.fileno(), position, begin - position)
-                    ):
-                        position += block
-                    position = max(position, end)
-                extent.complete = False
-                yield Path(copy.name), extent
-    except OSError as error:
-        raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
+    lo, hi = (int(np.clip(1e9 * each, -1, 2**62)) for each in (begin, end))
+    kept: dict[str, list[_Rows]] = defaultdict(list)
+
+    def keep(entity: str, times: NDArray[np.int64], values: _Array) -> None:
+        inside = (times >= lo) & (times <= hi)
+        kept[entity].append((times[inside], values[inside].ravel()))
+
+    _, signals = read_about(path, keep, names)
+    found = {}
+    for name in names:
+        signal = signals.get(f"/{name}")
+        if signal is None:
+            there = [each.name for each in read_about(path, lambda *_: None)[1].values()]
+            near = difflib.get_close_matches(name, there, 3, 0.5)
+            told = f"did you mean {' or '.join(near)}?" if near else f"there is {', '.join(there) or 'none'}"
+            raise RecordingError(f"{os.fspath(path)} holds no signal {name}: {told}")
+        times, values = _joined(kept[signal.entity], signal)
+        found[name] = Channel(times / 1e9, values, signal.si_unit, float("nan"))
+    return found
 
 
-def _read(path: str | os.PathLike[str], every: int) -> tuple[_Batches, bool]:
-    """All chunks of the recording, by entity, of the signals one row in `every`; and whether it is complete."""
+def _read(
+    path: str | os.PathLike[str], entities: Sequence[str] = (), *, every: int = 1, visit: Visit | None = None
+) -> tuple[_Batches, bool]:
+    """All chunks of the recording, or of some entities, by entity; and whether it is complete.
+
+    Of signals one row in `every`; those that are visited are not kept.
+    """
     ticks = {signal.entity for signal in layout.TICKS}
     batches: _Batches = defaultdict(list)
     with readable(path) as (file, extent):
         try:
-            for chunk in chunks(file, whole=extent.complete):
+            for chunk in chunks(file, whole=extent.complete, entities=entities):
                 batch = chunk.to_record_batch()
                 entity = chunk.entity_path
-                if every > 1 and series(batch) and (entity in ticks or not entity.startswith(f"{layout.PARAMETERS}/")):
+                rows = series(batch) if visit or every > 1 else None
+                if rows and visit:
+                    visit(entity, rows[0], rows[1].reshape(len(rows[0]), -1))
+                    continue
+                if rows and (entity in ticks or not entity.startswith(f"{layout.PARAMETERS}/")):
                     # All signals of a kind are cut into chunks at the same times, so that they keep the same ones.
                     batch = batch.take(pa.array(range(0, batch.num_rows, every)))
                 batches[entity].append(batch)
@@ -164,16 +198,23 @@ def _read(path: str | os.PathLike[str], every: int) -> tuple[_Batches, bool]:
     return batches, extent.complete
 
 
-def _rows(batches: list[pa.RecordBatch], signal: Signal) -> tuple[NDArray[np.int64], _Array]:
+def _rows(batches: list[pa.RecordBatch], signal: Signal) -> _Rows:
     """Times [ns] and values in SI units of one signal, sorted by time."""
+    return _joined([rows for rows in map(series, batches) if rows is not None], signal)
+
+
+def _joined(stretches: list[_Rows], signal: Signal) -> _Rows:
+    """The same from times and numbers as they stand in the file, which this empties."""
     times, values = [np.empty(0, np.int64)], [np.empty(0)]
-    for batch in batches:
-        rows = series(batch)
-        if rows is not None:
-            times.append(rows[0])
-            values.append(rows[1])
+    while stretches:  # what is joined is let go of at once
+        each = stretches.pop(0)
+        times.append(each[0])
+        values.append(each[1])
     t = np.concatenate(times)
-    v = np.concatenate(values) / signal.factor
+    times.clear()
+    v = np.concatenate(values)
+    values.clear()
+    v /= signal.factor
     if signal.axes:
         v = v.reshape(-1, signal.width)
     if len(t) != len(v):
@@ -202,16 +243,37 @@ def _aligned(batches: _Batches, signals: tuple[Signal, ...]) -> tuple[_Array, di
 
 def _channels(batches: _Batches) -> dict[str, Channel]:
     """All channels by name."""
-    known = {signal.entity: signal for signal in layout.CHANNELS}
     channels = {}
-    for entity in (*known, *layout.further(batches)):
-        unit, factor = _static(batches[entity], "unit"), _static(batches[entity], "factor")
-        if entity not in known and np.isnan(_number(factor)):
-            continue
-        signal = known.get(entity) or Signal(entity, "", _number(factor), str(unit))
-        times, values = _rows(batches[entity], signal)
-        channels[signal.name] = Channel(times / 1e9, values, signal.si_unit, _scale(batches[entity]))
+    for entity in (*(signal.entity for signal in layout.CHANNELS), *layout.further(batches)):
+        signal = _signal(entity, batches[entity])
+        if signal is not None:
+            times, values = _rows(batches[entity], signal)
+            channels[signal.name] = Channel(times / 1e9, values, signal.si_unit, _scale(batches[entity]))
     return channels
+
+
+def _signal(entity: str, batches: list[pa.RecordBatch]) -> Signal | None:
+    """The signal of an entity; None if it is none."""
+    for known in (*layout.CHANNELS, *layout.TICKS):
+        if known.entity == entity:
+            return known
+    factor = _number(_static(batches, "factor"))
+    return None if np.isnan(factor) else Signal(entity, "", factor, str(_static(batches, "unit")))
+
+
+def _about(batches: _Batches, whole: bool) -> About:
+    events, changes = _events(batches[layout.EVENTS])
+    text = _static(batches[layout.PARAMETERS], "TextDocument:text")
+    tree = yaml.safe_load(str(text)) if text is not None else {}
+    score = _static(batches[layout.SCORE], "TextDocument:text")
+    return About(
+        parameters={node: known["ros__parameters"] for node, known in tree.items()},
+        parameter_changes=changes,
+        events=events,
+        images=list(images(batches[pictures.LINES]).values()),
+        score=yaml.safe_load(str(score)) if score is not None else None,
+        complete=whole,
+    )
 
 
 def _events(batches: list[pa.RecordBatch]) -> tuple[list[tuple[float, str]], list[ParameterChange]]:

@@ -48,8 +48,20 @@ class ParameterChange:
     new: Value
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, kw_only=True)
+class About:
+    """What a recording holds beside its signals. Quantities are in SI units."""
+
+    parameters: dict[str, dict[str, Value]]  # node, name: value when first seen
+    parameter_changes: list[ParameterChange]
+    events: list[tuple[float, str]]  # simulated time, text; changes of parameters too
+    images: list[Image]  # of the scans, in order; one that was not finished has NaN where it lacks lines
+    score: dict[str, Value] | None  # as in afm_msgs/Score; None: the run has not come to one
+    complete: bool  # False: the recorder is still at work, or has died
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recording(About):
     """A run. n control ticks and m detector samples, sorted by time; NaN where a signal has a gap.
 
     Quantities are in SI units: s, m, N, V.
@@ -68,10 +80,4 @@ class Recording:
     normal_force: _Array  # (m,)
     deflection_scale: float  # [m/V] deflection over the photodetector's voltage; NaN: not recorded
     lateral_scale: float  # [N/V]
-    parameters: dict[str, dict[str, Value]]  # node, name: value when first seen
-    parameter_changes: list[ParameterChange]
-    events: list[tuple[float, str]]  # simulated time, text; changes of parameters too
     channels: dict[str, Channel]  # by the name of its topic, such as "truth/normal_force"
-    images: list[Image]  # of the scans, in order; one that was not finished has NaN where it lacks lines
-    score: dict[str, Value] | None  # as in afm_msgs/Score; None: the run has not come to one
-    complete: bool  # False: the recorder is still at work, or has died

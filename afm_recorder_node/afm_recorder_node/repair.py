@@ -8,7 +8,7 @@ from pathlib import Path
 from . import layout
 from .complete import complete
 from .names import check_name
-from .reader import readable
+from .readable import readable
 from .recording import RecordingError
 
 

@@ -73,8 +73,7 @@ class TopicLink(NodeLink):
 
     def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
         super().__init__(parameters, peers, recorders)
-        fast = parameters.process.fast_codec
-        measurements, drives = measurement_codec(fast=fast), drive_codec(fast=fast)
+        measurements, drives = measurement_codec(), drive_codec()
         self._inbox = Inbox(node, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
         in_realtime = parameters.run.mode == "realtime"
         kept = topics.MEASUREMENT_IN_REALTIME_QOS if in_realtime else topics.MEASUREMENT_QOS

@@ -52,9 +52,8 @@ class Streams:
     """
 
     def __init__(self, node: Node, parameters: SimNodeParameters, channels: Sequence[Channel]) -> None:
-        fast = parameters.process.fast_codec
-        self._encode_waveform = BlockEncoder(Waveform, fast=fast).encode
-        self._encode_trace = BlockEncoder(ControlTrace, fast=fast).encode
+        self._encode_waveform = BlockEncoder(Waveform).encode
+        self._encode_trace = BlockEncoder(ControlTrace).encode
         detector = parameters.detector
         self._control_period = parameters.plant.control_period
         self._sample_period = detector.sample_period

@@ -1,10 +1,12 @@
-"""The bits are those of other processors too: run with what this one has switched off."""
+"""The bits are those of other processors and other versions of packages too: the same runs with them."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import bits
 import pytest
@@ -20,35 +22,54 @@ PLAIN = {
 }
 SOME = ["closed_loop_tanh", "lever, dmt, three modes, heat", "sample rough", "real time, late and lost"]
 """Law and contact; modes and random numbers; Fourier transform and splines; latencies."""
+ON_ARM64 = [*SOME, "open_loop", "plant paper, f_z drawn", "sample lattice, apex", "faults of sensors"]
+"""Each plant, noise, heat, a lattice, faults: what an emulated processor can compile in ten minutes."""
+switches = pytest.mark.skipif(
+    sys.platform != "linux" or os.uname().machine != "x86_64", reason="these switches are of x86-64"
+)
 
 
-def differing(names: list[str]) -> list[str]:
-    run = subprocess.run(
-        [sys.executable, str(BITS), *names], env={**os.environ, **PLAIN}, capture_output=True, text=True, timeout=3000
+def differing(command: list[Any], **environment: str) -> list[str]:
+    """Lines of `make bits` that tell of a difference; the result of a fit may differ, no trajectory may."""
+    found = subprocess.run(
+        list(map(str, command)), env={**os.environ, **environment}, capture_output=True, text=True, timeout=5000
     )
-    return told_to_differ(run)
+    assert re.search("^[0-9]+ compositions, ", found.stdout, re.MULTILINE), found.stderr
+    lines = [(line.rpartition(": ")[0], line) for line in found.stdout.splitlines()]
+    return [line for name, line in lines if name in bits.NAMES and (name not in bits.FITTED or "trajectory" in line)]
 
 
-def told_to_differ(run: subprocess.CompletedProcess[str]) -> list[str]:
-    assert "compositions" in run.stdout, run.stderr
-    return [name for line in run.stdout.splitlines() if (name := line.rpartition(": ")[0]) in bits.NAMES]
-
-
-@pytest.mark.skipif(sys.platform != "linux" or os.uname().machine != "x86_64", reason="these switches are of x86-64")
+@switches
 def test_bits_are_the_same_without_fma_and_avx() -> None:
-    assert differing(SOME) == []
+    assert differing([sys.executable, BITS, *SOME], **PLAIN) == []
 
 
 @pytest.mark.long
-@pytest.mark.skipif(sys.platform != "linux" or os.uname().machine != "x86_64", reason="these switches are of x86-64")
+@switches
 def test_all_bits_but_those_of_fits_are_the_same_without_fma_and_avx() -> None:
-    assert [name for name in differing([]) if name not in bits.FITTED] == []
+    assert differing([sys.executable, BITS], **PLAIN) == []
 
 
 @pytest.mark.long
+@pytest.mark.timeout(0)
 @pytest.mark.skipif(not shutil.which("qemu-aarch64") or not shutil.which("apt-get"), reason="needs qemu-user of Debian")
 def test_bits_are_the_same_on_arm64() -> None:
-    run = subprocess.run(
-        [str(BITS.with_name("arm64.sh")), "open_loop", *SOME], capture_output=True, text=True, timeout=5000
-    )
-    assert told_to_differ(run) == []
+    assert differing([BITS.with_name("arm64.sh"), *ON_ARM64]) == []
+
+
+@pytest.mark.long
+@pytest.mark.timeout(0)
+@pytest.mark.parametrize("which", ["oldest", "newest"])
+def test_bits_are_the_same_with_the_oldest_and_the_newest_packages_allowed(which: str, tmp_path: Path) -> None:
+    """Installed as by a user, into an environment of its own; the oldest are the bounds of setup.py."""
+    package = tmp_path / "afm_model"
+    shutil.copytree(BITS.parents[1] / "afm_model", package, ignore=shutil.ignore_patterns("build", "__pycache__"))
+    bounds = re.findall(r'"(\w+)>=([\d.]+)"', (package / "setup.py").read_text())
+    assert {"numpy", "scipy", "numba"} <= {name for name, _ in bounds}
+    oldest = tmp_path / "oldest.txt"
+    oldest.write_text("".join(f"{name}=={version}\n" for name, version in bounds if which == "oldest"))
+    python = tmp_path / "venv" / "bin" / "python"
+    base: Any = sys
+    subprocess.run([base._base_executable, "-m", "venv", python.parents[1]], check=True)
+    subprocess.run([python, "-m", "pip", "install", "-q", "-c", oldest, f"{package}[files]"], check=True)
+    assert differing([python, BITS], PYTHONPATH="", NUMBA_CACHE_DIR=str(tmp_path / "kernels")) == []

@@ -17,6 +17,7 @@ from afm_bringup import scan_command
 from afm_bringup.remote import Remote
 from afm_bringup.scan_command import STEP, STRENGTH, letter, second_material
 from afm_model.core.errors import VerbError
+from afm_recorder_node.inspect_command import main as inspect
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import Recording
 
@@ -101,6 +102,13 @@ def test_recording_holds_the_same_image_to_the_last_bit(made: Made) -> None:
         np.testing.assert_array_equal(made.fields[title], image.data[key])
     verify = [Path(sys.executable).with_name("rerun"), "rrd", "verify", made.folder / "recording.rrd"]
     assert subprocess.run(verify, capture_output=True, timeout=60).returncode == 0
+
+
+def test_inspect_tells_the_scan_and_its_verbs(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    assert inspect([str(made.folder / "recording.rrd")]) == 0
+    said = capsys.readouterr().out
+    assert f"{PIXELS} of {PIXELS} lines, height, error, lateral" in said
+    assert "Scan was done" in said and "plant lever" in said and "z_loop_error" in said
 
 
 def test_interrupted_scan_leaves_the_image_up_to_there_and_no_process(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from support import assert_nothing_left, session, write_scenario
+from support import assert_nothing_left, executable, session, write_scenario
 
 from afm_model import ControllerParameters, SimParameters, Simulation, build, simulate
 from afm_recorder_node.reader import read_recording
@@ -214,6 +214,20 @@ def test_recording_tells_what_the_run_was_made_with(recording: Recording) -> Non
     states = [text.split(":")[0] for _, text in recording.events if "score" not in text]
     assert states[-1] == "FINISHED"
     assert "RUNNING" in states
+
+
+def test_inspect_tells_of_a_session_what_its_scorecard_tells(first: Finished) -> None:
+    command = [executable("afm_recorder_node", "inspect"), first.out / "recording.rrd"]
+    said = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert said.returncode == 0, said.stderr
+    card = first.card
+    rms = next(line.split() for line in said.stdout.splitlines() if line.startswith("rms ["))
+    unit = {"[pm]": 1e-12, "[nm]": 1e-9}[rms[1]]
+    assert [unit * float(each) for each in rms[2:]] == pytest.approx(
+        [card["tracking"][axis]["rms_m"] for axis in "xyz"], rel=1e-3
+    )
+    assert f"{TICKS} ticks of 2 us" in said.stdout and card["trajectory_sha256"] in said.stdout
+    assert "law.alpha" in said.stdout and "12.5" in said.stdout and "FINISHED" in said.stdout
 
 
 def test_overview_is_a_picture_of_sensible_size_with_something_in_it(first: Finished) -> None:

@@ -7,7 +7,7 @@ from ..core.tilted import along_normal, tilted_deflection, tilted_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
 from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve
 from .friction_load import FrictionLoadFit, friction_load_fit
-from .loops import FrictionLoop, friction_loop, line_loop, means
+from .loops import FrictionLoop, dissipated, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
 from .step_heights import Edge, edges, step_height
@@ -31,6 +31,7 @@ __all__ = [
     "correlated_mean",
     "correlation_length",
     "deflection_sensitivity",
+    "dissipated",
     "edges",
     "force_curve",
     "friction_load_fit",

@@ -23,7 +23,7 @@ class FrictionLoop(NamedTuple):
 
     half_width: Estimate
     offset: Estimate
-    stick_slope: Estimate  # signal per metre
+    stick_slope: Estimate  # signal per metre; NaN: nothing moved while the tip stuck
 
 
 def means(position: ArrayLike, signal: ArrayLike, low: float, high: float) -> tuple[Estimate, Estimate]:
@@ -84,6 +84,36 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     reach = stick * half.value
     ways = [(position[travel], signal[travel]) for travel in travels]
     return FrictionLoop(half, offset, _stick_slope(ways, offset.value, reach, sliding))
+
+
+def dissipated(position: ArrayLike, signal: ArrayLike) -> tuple[float, float]:
+    """Energy that a friction loop dissipates in a cycle: the area that the signal encloses.
+
+    Parameters
+    ----------
+    position : array_like (n,) [m]
+    signal : array_like (n,)
+
+    Returns
+    -------
+    (float, float)
+        Energy of a cycle, as a mean [joule for a signal in newton], and number of the cycles that it is the mean of.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three turns: not one whole cycle.
+    """
+    position, signal = same_length(position=position, signal=signal)
+    turns = _turns(position)
+    if len(turns) < 3:
+        raise ValueError(f"a whole cycle needs three turns of the position: there are {len(turns)}")
+    cycles = (len(turns) - 1) // 2
+    whole = slice(turns[0], turns[2 * cycles] + 1)
+    x, y = position[whole], signal[whole]
+    # Closed by a straight line: the two ends lie on the same side.
+    x, y = np.append(x, x[0]), np.append(y, y[0])
+    return float(np.trapezoid(y, x)) / cycles, float(cycles)
 
 
 def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float = 0.5) -> FrictionLoop:
@@ -151,7 +181,8 @@ def _stick_slope(ways: list[tuple[_Array, _Array]], offset: float, reach: float,
         forth = 1.0 if x[-1] > x[0] else -1.0
         way, y = forth * (x - x[0]), forth * (signal - offset)
         chosen = _sticking(way, y, reach)
-        if chosen.size >= 3:
+        # A scanner that rests while the tip sticks gives no slope.
+        if chosen.size >= 3 and np.ptp(way[chosen]) > 0.0:
             part = way[chosen] - way[chosen].mean()
             weights = part / float(part @ part)
             slopes.append(float(weights @ y[chosen]))
@@ -168,7 +199,7 @@ def _sticking(way: _Array, y: _Array, reach: float) -> NDArray[np.intp]:
     end = int(crossed[0]) if crossed.size else y.size
     chosen = np.flatnonzero(y[:end] >= -reach)
     for _ in range(_PASSES):
-        if chosen.size < 3:
+        if chosen.size < 3 or not np.ptp(way[chosen]) > 0.0:
             break
         slope, height = np.polyfit(way[chosen], y[chosen], 1)
         chosen = np.flatnonzero(np.abs(slope * way[: 2 * end] + height) <= reach)

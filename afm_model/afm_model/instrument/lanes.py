@@ -240,42 +240,59 @@ class Together:
     """
 
     def __init__(self, instruments: Sequence[Instrument], controllers: Sequence[Controller]) -> None:
-        self.instruments, self.controllers = instruments, controllers
+        self.instruments, self.controllers = list(instruments), controllers
         kind: Any = composition(instruments[0])
         self._lanes = _lanes_of(*kind[:3])
         self._substeps, self._stride = kind[3:5]
         self._block = np.zeros(self._lanes.size * LANES)
         self._numbers = self._block.reshape(-1, LANES)
+        self._filled: list[int] = []  # whose numbers are in the block
 
     def _copied(self, name: str, lane: int) -> NDArray[np.float64]:
         at = self._lanes.places[name]
         return self._numbers[at : at + size(self._lanes.records[name]), lane]
 
-    def close_loop(self, lanes: Sequence[int], ticks: Sequence[int]) -> list[int]:
-        """Close the loop of some of the instruments, given by their numbers, for so many ticks each or fewer.
+    def exchange(self, lane: int, instrument: Instrument) -> None:
+        """Put another instrument, or one that was ticked elsewhere, in the place of one."""
+        self.instruments[lane] = instrument
+        self._filled = []
 
-        The outcome of each, as `advance` returns it: to be given to `Instrument.ended` of that instrument, and of each.
-        """
-        chosen = [(self.instruments[lane], self.controllers[lane]) for lane in lanes]
+    def _fill(self, lanes: Sequence[int]) -> None:
+        """Copy the numbers of some instruments into the block."""
+        chosen = [self.instruments[lane] for lane in lanes]
         for i in range(LANES):
             # Lanes without an instrument have the numbers of another.
-            instrument, _ = chosen[i if i < len(chosen) else 0]
+            instrument = chosen[i if i < len(chosen) else 0]
             for name, there in (("state", "plant_state"), ("plant", "plant_constants"), ("sample", "sample_constants")):
                 self._copied(name, i)[:] = instrument.numbers(there)
             for name in ("truth", "score"):
                 self._copied(name, i)[:] = instrument.numbers(name)
             loop = instrument.record("loop")
             self._copied("tick", i)[:] = 0.0, loop.control_period / loop.substeps, loop.control_period
-        least = min(instrument.due(each) for (instrument, _), each in zip(chosen, ticks, strict=True))
-        blocks = np.array([instrument.address for instrument, _ in chosen])
-        laws = np.array([controller.block.ctypes.data for _, controller in chosen])
-        outcomes = np.full(len(chosen), MOVED)
+        self._addresses = np.array([instrument.address for instrument in chosen])
+        self._laws = np.array([self.controllers[lane].block.ctypes.data for lane in lanes])
+        # Ticks and variation of the drive are counted in the block of the instrument.
+        pairs = [(instrument.numbers("score"), self._copied("score", i)) for i, instrument in enumerate(chosen)]
+        self._sums = [
+            (sums[part], counted[part])
+            for sums, counted in pairs
+            for part in (slice(_STEPS, _VARIATION), slice(_EXTENT, None))
+        ]
+
+    def close_loop(self, lanes: Sequence[int], ticks: Sequence[int]) -> list[int]:
+        """Close the loop of some of the instruments, given by their numbers, for so many ticks each or fewer.
+
+        The outcome of each, as `advance` returns it: to be given to `Instrument.ended` of that instrument, and of each.
+        """
+        if self._filled != list(lanes):
+            self._fill(lanes)
+            self._filled = list(lanes)
+        least = min(self.instruments[lane].due(each) for lane, each in zip(lanes, ticks, strict=True))
+        outcomes = np.full(len(lanes), MOVED)
         _advance(
-            *(self._lanes, self._block, blocks, laws, outcomes, least),
+            *(self._lanes, self._block, self._addresses, self._laws, outcomes, least),
             *(self._substeps, self._stride, size(self._lanes.records["state"])),
         )
-        for i, (instrument, _) in enumerate(chosen):
-            # Ticks and variation of the drive are counted in the block.
-            sums, counted = instrument.numbers("score"), self._copied("score", i)
-            sums[_STEPS:_VARIATION], sums[_EXTENT:] = counted[_STEPS:_VARIATION], counted[_EXTENT:]
-        return [int(each) for each in outcomes]
+        for sums, counted in self._sums:
+            sums[:] = counted
+        return outcomes.tolist()

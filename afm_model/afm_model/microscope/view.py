@@ -7,7 +7,7 @@ from ..core import registry
 from ..core.errors import ParameterError
 from ..instrument import Instrument
 from ..parameters import changed
-from ..parts.part import Onboard
+from ..parts.loop import Onboard
 from ..parts.timing import ticks_of
 from ..program.orders import Polynomial, quintic
 

@@ -18,7 +18,8 @@ from ..core.jit import kernel
 from ..core.records import Record
 from ..core.schema import NonNegative, Unit, refuse_together
 from ..parts.groups import OnboardParameters
-from ..parts.part import NO_DEFLECTION, ONBOARD_SETTINGS, Numbers, Onboard, Tree
+from ..parts.loop import NO_DEFLECTION, ONBOARD_SETTINGS, Onboard
+from ..parts.part import Numbers, Tree
 from ..parts.signals import FOLLOW, GIVEN, HOLD, Detection, Drive, Setpoint
 
 

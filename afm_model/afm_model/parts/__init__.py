@@ -16,7 +16,8 @@ from .groups import (
     ProgramParameters,
     SampleParameters,
 )
-from .part import Channel, Corrugation, Detector, Fault, Law, Onboard, Part, Piezo, Plant, Program, Sample
+from .loop import Onboard
+from .part import Channel, Corrugation, Detector, Fault, Law, Part, Piezo, Plant, Program, Sample
 
 __all__ = [
     "Array",

@@ -18,7 +18,8 @@ from ..core.call import INTEGER, NUMBER, PLAIN, Argument
 from ..core.jit import kernel
 from ..core.records import Block, data_pointer, place, record_at
 from .header import BlockHeader, LawHeader
-from .part import CONSTANTS, MAP, STATE, WHOLE, Detector, Fault, Law, Onboard, Part, Piezo, Plant, Program, Sample
+from .loop import Onboard
+from .part import CONSTANTS, MAP, STATE, WHOLE, Detector, Fault, Law, Part, Piezo, Plant, Program, Sample
 from .signals import Displacement, Surface
 
 ir: Any = _ir

@@ -4,10 +4,8 @@ A part is one file: parameters, constants made from them once, a state, and kern
 docs/extending.md shows one of each.
 """
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -104,6 +102,8 @@ class Part:
         The same -> values of `state` at the start of a run; zeros if not given.
     check : callable
         Raises ValueError for parameters that are not allowed together; called whenever parameters are read.
+    warnings : callable
+        Parameters -> what is implausible, a sentence each.
     recorded : bool
         False: the state is no state of the instrument but of what is told; neither recorded nor in the hash.
     channels : tuple of Channel
@@ -127,6 +127,7 @@ class Part:
     values: Callable[[Tree], Numbers] = _none
     start: Callable[[Tree], Numbers] | None = None
     check: Callable[[Tree], None] = _anything
+    warnings: Callable[..., list[str]] = lambda *_: []
     recorded: bool = True
     channels: tuple[Channel, ...] = ()
     draws: int = 0
@@ -175,7 +176,8 @@ class Program(Part):
 class Law(Part):
     """A control law: `control(t, y, u, p, s)` writes into u, a PiezoDrive, what answers measurement y of time t [s].
 
-    That is `u.voltage`, and for a law that looks ahead the horizon: further drives with their times.
+    That is `u.voltage`, and for a law that looks ahead the horizon: further drives with their times. `warnings` is also
+    given the control period [s], and says why the loop cannot work at this rate.
 
     `values`, `start` and `check` are given the parameters of the controller. When a parameter changes while the law
     runs its constants are made again and its state goes on.
@@ -185,8 +187,6 @@ class Law(Part):
     functions: ClassVar = {"control": (NUMBER, Measurement, PiezoDrive, CONSTANTS, STATE)}
 
     control: Kernel
-    warnings: Callable[[Tree, float], list[str]] = lambda parameters, control_period: []
-    """(parameters, control period [s]) -> why the loop cannot work at this rate, a sentence each."""
     memory: tuple[str, Callable[[Tree], int]] | None = None
     """Numbers that it keeps beside its state, zeros at the start: the field of the state in which their address stands,
     to be read by `numbers_at`, and parameters -> how many. Where that changes the law begins anew.
@@ -244,8 +244,6 @@ class Piezo(Part):
     begin : callable
         (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
         called if the part has a state. What it comes to must be that drive itself.
-    warnings : callable
-        Parameters -> what is implausible, a sentence each.
     """
 
     family = "piezo"
@@ -253,81 +251,6 @@ class Piezo(Part):
 
     actuate: Kernel
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
-    warnings: Callable[[Tree], list[str]] = lambda parameters: []
-
-
-_Z_CHANNELS = (Channel("z_loop", "m", "z"), Channel("z_loop_error", "V", "error"))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Onboard(Part):
-    """What runs inside the instrument at the rate of the virtual ADC: `regulate(t, d, r, u, p, s)` may change drive u.
-
-    Without it nothing runs there. d is the photodetector's last sample, r the reference of the control tick. One that
-    moves z does with it what `r.z_mode` says.
-
-    Parameters
-    ----------
-    begin : callable
-        (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
-        called if the part has a state. If not given, it writes `s.z` of a part that moves z.
-    moves_z : bool
-        It drives z, whatever is asked along z. The instrument itself takes z from it by `r.z_mode` GIVEN: u is z then,
-        and the part goes on from there later. Unless it has channels of its own, the fields `z` of its state (z as
-        driven [m], positive towards the sample) and `error` (setpoint less deflection [V]) are the channels `z_loop`,
-        which verbs need, and `z_loop_error`.
-    setpoint : callable, optional
-        Parameters -> setpoint of the deflection [V], which verbs need; if not given, the setting `setpoint_voltage`.
-    settings : mapping of str to str
-        Of what verbs and services set, names of ONBOARD_SETTINGS, the names of its parameters. A setting that it lacks
-        is refused in words.
-    """
-
-    family = "onboard"
-    functions: ClassVar = {"regulate": (NUMBER, Detection, Setpoint, Actuation, CONSTANTS, STATE)}
-
-    regulate: Kernel | None = None
-    excites: bool = False
-    """It also writes how the cantilever is excited: `amplitude` and the fields behind it of u, an Actuation, which stay
-    until it writes others.
-    """
-    moves_z: bool = False
-    begin: Callable[[Any, Any, tuple[float, float, float]], None] | None = None
-    warnings: Callable[[Tree], list[str]] = lambda parameters: []
-    """Parameters -> what is implausible, a sentence each."""
-    setpoint: Callable[[Tree], float] | None = None
-    settings: Mapping[str, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """What a loop that moves z need not say."""
-        defaults: dict[str, Any] = {"begin": self._begin}
-        if self.moves_z:
-            defaults["channels"] = tuple(each for each in _Z_CHANNELS if each.field in self.state.names)
-        if "setpoint_voltage" in self.settings:
-            defaults["setpoint"] = partial(self.setting, name="setpoint_voltage")
-        for name, default in defaults.items():
-            if not getattr(self, name):
-                object.__setattr__(self, name, default)
-
-    def _begin(self, parameters: Tree, s: Any, drive: tuple[float, float, float]) -> None:
-        """From the drive that holds the start, without a jump."""
-        if self.moves_z and "z" in self.state.names:
-            s.z = parameters.piezo.sensitivity_z * drive[2]
-
-    def setting(self, parameters: Tree, name: str, default: Any = math.nan) -> Any:
-        """A setting as it is, by its name in ONBOARD_SETTINGS; `default` if this loop lacks it."""
-        return getattr(parameters.onboard, self.settings[name]) if name in self.settings else default
-
-
-ONBOARD_SETTINGS = (
-    *("setpoint_force", "setpoint_voltage"),  # [N], [V]; 0: by the other one, or as the loop has it
-    *("proportional_gain", "integral_gain"),  # [m/V], [m/(V s)]
-    "feedback",  # on, hold, off or external
-    *("low", "high"),  # limits of z [m]
-)
-"""What can be set of a loop inside the instrument that moves z, see `Onboard.settings`."""
-NO_DEFLECTION = 1e-12
-"""The setpoint 0 V as a setting, the least that a parameter may be [V]: one of 0 is not given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -354,8 +277,6 @@ class Plant(Part):
         It moves the base of its cantilever as v tells.
     choices : tuple of str
         Constants by which `step` chooses between ways of computing: the same in all `lanes`.
-    warnings : callable
-        Parameters -> what is implausible, a sentence each.
     """
 
     family = "plant"
@@ -372,7 +293,6 @@ class Plant(Part):
     takes_lattice: bool = False
     takes_excitation: bool = False
     choices: tuple[str, ...] = ()
-    warnings: Callable[[Tree], list[str]] = lambda parameters: []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -419,8 +339,6 @@ class Detector(Part):
     ideal : callable
         Parameters -> whether its deflection is exact. If not, the measured rate of the deflection is the difference of
         what it has read, and not the true one.
-    warnings : callable
-        Parameters -> what is implausible, a sentence each.
     """
 
     family = "detector"
@@ -429,7 +347,3 @@ class Detector(Part):
     detect: Kernel
     noisy: Callable[[Tree], bool] = lambda parameters: True
     ideal: Callable[[Tree], bool] = lambda parameters: False
-    warnings: Callable[[Tree], list[str]] = lambda parameters: []
-
-
-FAMILIES: tuple[type[Part], ...] = (Program, Law, Fault, Piezo, Onboard, Plant, Sample, Detector)

@@ -1,0 +1,111 @@
+"""A recording in words: its scenario, its parts, and what of its parameters differs from the defaults. Needs no ROS."""
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from afm_model import load_scenario, scenario_names
+from afm_model.core.errors import ParameterError
+from afm_model.core.schema import Group, build, flatten, specified, with_parts
+from afm_model.parameters import ControllerParameters, SimParameters
+
+from .recording import About, Value
+
+NODES: dict[str, tuple[type[Group], str]] = {
+    "afm_sim_node": (SimParameters, "sim"),
+    "afm_controller_node": (ControllerParameters, "controller"),
+}
+_NOT_THE_RUN = ("run.start_paused", "run.exit_when_finished", "run.wait_for_recorder", "run.telemetry_rate")
+"""How a run was started and watched: no two sessions agree in them."""
+_NEAR = 6
+"""Parameters that differ from those of a scenario and are named."""
+_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+_PREFIXED = ("m", "N", "s", "V", "Hz", "J", "N/m", "m/s", "V/s")
+
+
+def scaled(unit: str, *values: float | None) -> tuple[float, str]:
+    """The factor for these values and their unit with the prefix that the largest of them is best read in."""
+    sizes = [abs(value) for value in values if value and math.isfinite(value)]
+    if not sizes or unit.partition("^")[0].partition("/sqrt")[0] not in _PREFIXED:
+        return 1.0, unit
+    power = max(-15, min(0 if unit == "s" else 9, 3 * math.floor(math.log10(max(sizes) * (1.0 + 1e-12)) / 3.0)))
+    return 10.0**-power, _PREFIXES[power] + unit
+
+
+def quantity(value: float | None, unit: str) -> str:
+    """A value with four digits and its unit, with a prefix; - for none."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    factor, unit = scaled(unit, value)
+    return f"{value * factor:.4g} {unit}".rstrip()
+
+
+def group_of(node: str, values: Mapping[str, Value]) -> dict[str, Value]:
+    """The parameters of a node of ours that are those of instrument or law, without those of its process."""
+    fields = NODES[node][0].model_fields
+    return {name: value for name, value in values.items() if name.partition(".")[0] in fields}
+
+
+def not_default(node: str, values: Mapping[str, Value]) -> list[tuple[str, Value, Value, str]]:
+    """Parameters that differ from the defaults of their parts: name, value, default, unit."""
+    given = group_of(node, values)
+    kinds: dict[str, Any] = {name: value for name, value in given.items() if name.endswith("kind")}
+    try:
+        known = specified(with_parts(NODES[node][0], kinds))
+    except ParameterError:  # a part of somebody's own that is not here
+        return []
+    return [
+        (name, value, known[name].default, known[name].unit)
+        for name, value in given.items()
+        if name in known and value != known[name].default and name not in _NOT_THE_RUN
+    ]
+
+
+def scenario(about: About) -> str:
+    """The scenario of this package that has the same parameters, or the nearest one and what differs from it."""
+    if not about.parameters.keys() & NODES.keys():
+        return "not known"
+    told: list[tuple[int, str]] = []
+    for name in scenario_names():
+        differ: list[str] = []
+        for node, (model, field) in NODES.items():
+            if node not in about.parameters:
+                continue
+            try:
+                mine: dict[str, Any] = group_of(node, about.parameters[node])
+                ours, given = _of_scenario(name, field), flatten(build(model, mine))
+            except ParameterError as error:
+                return f"not known here: {error}"
+            differ += [
+                f"{each} = {_short(given.get(each, 'none'))}"
+                for each in sorted({*ours, *given} - {*_NOT_THE_RUN})
+                if ours.get(each) != given.get(each)
+            ]
+        what = ", ".join(differ) if len(differ) <= _NEAR else f"{len(differ)} other parameters"
+        told.append((len(differ), f"{name} with {what}" if differ else name))
+    return min(told)[1]
+
+
+@cache
+def _of_scenario(name: str, field: str) -> dict[str, Value]:
+    return dict(flatten(getattr(load_scenario(name), field)))
+
+
+def parts(about: About) -> tuple[str, str]:
+    """The parts of the instrument, and the law, with those that came later."""
+    known = about.parameters.get("afm_sim_node", {})
+    named = ", ".join(
+        f"{name.removesuffix('.kind')} {value}"
+        for name, value in known.items()
+        if name.count(".") == 1 and name.endswith(".kind") and name != "law.kind"
+    )
+    law = about.parameters.get("afm_controller_node", known).get("law.kind", "not known")
+    if law == "external":
+        law = "of a controller that has no parameters law.*"
+    later = [str(change.new) for change in about.parameter_changes if change.name == "law.kind"]
+    return named or "not known", " then ".join([str(law), *later])
+
+
+def _short(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,217 @@
+"""What may be asked of the signals of a recording: spectrum, friction loop, difference from another one."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+from numpy.typing import NDArray
+
+from afm_model.analysis import FrictionLoop, dissipated, friction_loop
+
+from . import layout
+from .reader import read_about, read_signals
+from .recording import Channel, RecordingError
+
+_Array = NDArray[np.float64]
+AXES = "xyz"
+_SEGMENTS, _SHORTEST = 16, 64
+"""Stretches that a spectrum is the mean of, at least (they overlap by half), and samples of the shortest one."""
+_LINE = 20.0
+"""Times the median level that a line stands out."""
+_CLOSED = 0.02
+"""Part of its range by which the end of a loop may miss its begin."""
+
+
+def columns(name: str, signal: Channel) -> dict[str, _Array]:
+    """A signal as columns by name: position.x, position.y, position.z; deflection."""
+    if signal.values.ndim == 1:
+        return {name: signal.values}
+    return {f"{name}.{axis}": signal.values[:, i] for i, axis in enumerate(AXES)}
+
+
+def read_column(
+    path: Path, name: str, begin: float = -math.inf, end: float = math.inf, axis: str = "x"
+) -> tuple[str, Channel]:
+    """One column of a recording by its name, position.y for example; `axis` counts where the name has none.
+
+    Raises as `read_signals`.
+    """
+    base, _, chosen = name.rpartition(".")
+    if not base or chosen not in AXES:
+        base, chosen = name, axis
+    signal = read_signals(path, [base], begin, end)[base]
+    found = columns(base, signal)
+    name = base if base in found else f"{base}.{chosen}"
+    return name, Channel(signal.time, found[name], signal.unit, signal.scale)
+
+
+def write_table(path: Path, time: _Array, table: dict[str, _Array]) -> None:
+    """Write columns beside their time into a .csv or .parquet file, every digit of them."""
+    rows = pa.table({"time_s": time} | table)
+    if path.suffix == ".parquet":
+        pa.parquet.write_table(rows, path)
+    else:
+        pa.csv.write_csv(rows, path)
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """One-sided spectral density of a signal; by Parseval its integral is the square of `rms`."""
+
+    frequency: _Array
+    density: _Array  # [unit^2/Hz]
+    rms: float  # about the mean, of the samples that were used
+    samples: int
+    segments: int
+
+    @property
+    def floor(self) -> float:
+        """Median level [unit/sqrt(Hz)]: what is left between the lines."""
+        return math.sqrt(float(np.median(self.density)))
+
+    def lines(self, most: int = 5) -> list[tuple[float, float]]:
+        """The largest lines: frequency [Hz] and rms amplitude, each with all that stands out around it."""
+        rest, step, found = self.density.copy(), self.frequency[1] - self.frequency[0], list[tuple[float, float]]()
+        least = _LINE * np.median(self.density)
+        while len(found) < most and rest.max() > least > 0.0:
+            k = int(np.argmax(rest))
+            low = np.flatnonzero(np.append(-1.0, rest[:k]) <= least)[-1]
+            high = k + np.flatnonzero(np.append(rest[k:], -1.0) <= least)[0]
+            weights = rest[low:high]
+            found.append(
+                (float(weights @ self.frequency[low:high] / weights.sum()), math.sqrt(float(weights.sum()) * step))
+            )
+            rest[low:high] = 0.0
+        return found
+
+
+def spectrum(signal: Channel) -> Spectrum:
+    """Spectral density by Welch's method, of the longest stretch without a gap.
+
+    Raises
+    ------
+    RecordingError
+        If it is too short.
+    """
+    from scipy.signal import periodogram
+
+    steps = np.diff(signal.time)
+    period = float(np.median(steps)) if len(steps) else math.nan
+    bad = np.isnan(signal.values[1:]) | np.isnan(signal.values[:-1]) | (steps > 1.5 * period)
+    cuts = np.concatenate([[-1], np.flatnonzero(bad), [len(steps)]])
+    k = int(np.argmax(np.diff(cuts)))
+    values = signal.values[cuts[k] + 1 : cuts[k + 1] + 1]
+    if len(values) < _SHORTEST:
+        raise RecordingError(f"{len(values)} samples without a gap have no spectrum: {_SHORTEST} are the least")
+    # Time in a recording is in whole nanoseconds: the mean of many periods is exact.
+    period = float(signal.time[cuts[k + 1]] - signal.time[cuts[k] + 1]) / (len(values) - 1)
+    length = max(2 ** math.floor(math.log2(2 * len(values) / (_SEGMENTS + 1))), _SHORTEST)
+    total, segments = np.zeros(length // 2 + 1), 0
+    # One after the other: scipy's own mean of them takes ten times the memory of the signal.
+    for start in range(0, len(values) - length + 1, length // 2):
+        frequency, density = periodogram(values[start : start + length], 1.0 / period, "hann")
+        total, segments = total + density, segments + 1
+    return Spectrum(frequency[1:], total[1:] / segments, float(values.std()), len(values), segments)
+
+
+@dataclass(frozen=True)
+class Loop:
+    """The friction loop of a recording: lateral force against position along one axis."""
+
+    position: _Array  # [m]
+    force: _Array  # [N]
+    found: FrictionLoop
+    energy: float  # dissipated in a cycle [J]
+    cycles: float
+
+
+def loop(path: Path, axis: str = "x", begin: float = -math.inf, end: float = math.inf) -> Loop:
+    """Friction loop along x or y: the force at the times of the ticks.
+
+    Raises
+    ------
+    RecordingError
+        If there is none: no force, or no trace and retrace.
+    """
+    channel = (layout.LATERAL_FORCE if axis == "x" else layout.LATERAL_FORCE_Y).name
+    read = read_signals(path, [layout.POSITION.name, channel], begin, end)
+    position, force = read[layout.POSITION.name], read[channel]
+    inside = (position.time >= force.time[0]) & (position.time <= force.time[-1])
+    x = position.values[inside, AXES.index(axis)]
+    y = np.interp(position.time[inside], force.time, force.values)
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    if len(x) and abs(x[-1] - x[0]) < _CLOSED * np.ptp(x):
+        # A run of whole periods: its end continues with its begin, and turns that are missing at its ends are there.
+        x, y = np.concatenate([x, x]), np.concatenate([y, y])
+    try:
+        energy, cycles = dissipated(x, y)
+        return Loop(x, y, friction_loop(x, y), energy, cycles)
+    except ValueError as error:
+        raise RecordingError(f"{path} has no friction loop along {axis}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Where two recordings part in one column."""
+
+    name: str
+    unit: str
+    time: float  # [s]
+    tick: int
+    one: float
+    other: float
+    largest: float
+    """Largest difference of all rows."""
+    rows: int
+    """Rows that differ, or that one of the two lacks."""
+
+
+def compare(path: Path, other: Path) -> tuple[list[Difference], list[str]]:
+    """Differences of two recordings, the first in time first; those of the signals, and in words those of the rest.
+
+    The wall times of the round trip are not compared. NaN equals NaN.
+    """
+    abouts, signals, ticks = [], [], np.empty(0)
+    for each in (path, other):
+        about, found = read_about(each, lambda *_: None)
+        abouts.append(about)
+        signals.append({signal.name: signal for signal in found.values()})
+    words = [f"only one of the two holds {name}" for name in sorted(signals[0].keys() ^ signals[1].keys())]
+    for node in sorted(abouts[0].parameters.keys() & abouts[1].parameters.keys()):
+        given, others = (about.parameters[node] for about in abouts)
+        changed = [name for name in sorted({*given, *others}) if given.get(name) != others.get(name)]
+        words += [f"{node}: {name} is {given.get(name)} in one, {others.get(name)} in the other" for name in changed]
+    found_differences = []
+    order = [signal.name for signal in (layout.DRIVE, layout.REFERENCE, layout.POSITION)]
+    names = sorted(signals[0].keys() & signals[1].keys() - {layout.ROUND_TRIP.name})
+    for name in sorted(names, key=lambda each: (order.index(each) if each in order else len(order), each)):
+        one, two = (read_signals(each, [name])[name] for each in (path, other))
+        if name == layout.DRIVE.name or not len(ticks):
+            ticks = one.time
+        common = one.time
+        at_one = at_two = np.arange(len(common))
+        if not np.array_equal(one.time, two.time):
+            common, at_one, at_two = np.intersect1d(one.time, two.time, return_indices=True)
+        missing = len(one.time) + len(two.time) - 2 * len(common)
+        pairs = zip(columns(name, one).items(), columns(name, two).values(), strict=True)
+        for (column, a), b in pairs:
+            u, v = a[at_one], b[at_two]
+            differ = np.flatnonzero((u != v) & ~(np.isnan(u) & np.isnan(v)))
+            if not len(differ) and not missing:
+                continue
+            if len(differ):
+                first, values = common[differ[0]], (float(u[differ[0]]), float(v[differ[0]]))
+            else:
+                first, values = float(np.setxor1d(one.time, two.time)[0]), (math.nan, math.nan)
+            tick = int(np.searchsorted(ticks, first, "right")) - 1
+            gap = np.abs(u[differ] - v[differ])
+            largest = float(np.nanmax(gap)) if len(gap) and not np.isnan(gap).all() else math.nan
+            found_differences.append(
+                Difference(column, one.unit, float(first), tick, *values, largest, len(differ) + missing)
+            )
+    return sorted(found_differences, key=lambda each: each.time), words

@@ -1,0 +1,75 @@
+"""What of the file of a recording can be read, and whether it has changed since it was written."""
+
+import os
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from .checksums import Extent, measure
+from .recording import DamagedRecording, RecordingError
+
+_BAGS = (".mcap", ".db3")
+
+
+def is_bag(path: Path) -> bool:
+    """Whether there is a bag of `ros2 bag record` at a path: its file, or its folder."""
+    return path.suffix in _BAGS or (path / "metadata.yaml").is_file()
+
+
+@contextmanager
+def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator[tuple[Path, Extent]]:
+    """A file that rerun can read to its end, and what of the recording is in it.
+
+    Of one that breaks off within a message, or still grows, that is a copy of what is whole; of a bag, a recording made
+    of it.
+
+    Parameters
+    ----------
+    path : path
+    salvage : bool
+        Leave out what has changed since it was written, in place of raising.
+
+    Raises
+    ------
+    DamagedRecording
+        If it is not what was written.
+    RecordingError
+        If there is no file, or it is no .rrd file.
+    """
+    if is_bag(Path(path)):
+        try:
+            from .bag import recording_of
+        except ImportError as error:
+            raise RecordingError(
+                f"{os.fspath(path)} is a bag, and {error}: it is read in the environment of env.sh, with "
+                "`pip install rosbags`"
+            ) from None
+        path = recording_of(Path(path))
+    try:
+        with open(path, "rb") as file:
+            extent = measure(file.fileno())
+            if not extent.whole:
+                raise RecordingError(f"{os.fspath(path)} is no readable recording: it is no .rrd file")
+            if extent.damaged and not salvage:
+                (begin, end), size = extent.damaged[0], sum(end - begin for begin, end in extent.damaged)
+                raise DamagedRecording(
+                    f"{os.fspath(path)} is damaged: bytes {begin} to {end} are not what was written ({size} bytes in "
+                    "all); `ros2 run afm_recorder_node repair` copies the rest"
+                )
+            if not extent.damaged and (extent.complete or extent.whole == os.fstat(file.fileno()).st_size):
+                yield Path(path), extent
+                return
+            with tempfile.NamedTemporaryFile(suffix=".rrd") as copy:
+                position = 0
+                for begin, end in (*extent.damaged, (extent.whole, extent.whole)):
+                    # The recorder may cut it back meanwhile, when its disk is full.
+                    while position < begin and (
+                        block := os.sendfile(copy.fileno(), file.fileno(), position, begin - position)
+                    ):
+                        position += block
+                    position = max(position, end)
+                extent.complete = False
+                yield Path(copy.name), extent
+    except OSError as error:
+        raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error

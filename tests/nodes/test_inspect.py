@@ -1,0 +1,279 @@
+"""`inspect` answers what is asked of a recording; each number is held against one that is known without it."""
+
+import csv
+import math
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from recorded import CONTROL_PERIOD, PERIOD, Run
+
+from afm_model import load_scenario
+from afm_model.analysis import dissipated, friction_loop
+from afm_model.core.schema import flatten
+from afm_recorder_node import complete, layout, questions, reader
+from afm_recorder_node.inspect_command import main, recordings, row
+from afm_recorder_node.reader import read_recording, read_signals
+from afm_recorder_node.recording import Channel
+from afm_recorder_node.repair import repair
+from afm_recorder_node.statistics import Gathered, statistics_of
+from afm_recorder_node.writer import RecordingWriter
+
+TICKS = 4000
+
+
+def made(path: Path, run: Run | None = None, *, close: bool = True, without: slice | None = None) -> Path:
+    """A recording of a run with the parameters of the demo but one."""
+    run = run or Run(TICKS)
+    scenario = load_scenario("closed_loop_tanh")
+    writer = RecordingWriter(path)
+    writer.parameters("afm_sim_node", flatten(scenario.sim) | {"process.cpu": -1})
+    writer.parameters("afm_controller_node", flatten(scenario.controller) | {"law.alpha": 12.5})
+    writer.event(0, "RUNNING")
+    for start in range(0, run.ticks, 500):
+        if without is None or start not in range(without.start, without.stop):
+            run.write(writer, start, start + 500)
+        writer.flush()
+    writer.event(2000 * run.ticks, "FINISHED")
+    writer.score(
+        2000 * run.ticks,
+        {"ticks": run.ticks, "rms": {"x": 3.3177e-11, "y": 2e-9, "z": 7e-10}, "stick_fraction": 0.05, "valid": True},
+    )
+    if close:
+        writer.close()
+        return path
+    return writer.partial
+
+
+def test_one_screen_tells_scenario_parts_law_events_score_and_signals(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([str(made(tmp_path / "run.rrd"))]) == 0
+    said = capsys.readouterr().out
+    assert "closed_loop_tanh with law.alpha = 12.5" in said
+    for part in (
+        "plant compliant",
+        "law       tanh",
+        "8 ms, 4000 ticks of 2 us (500 kHz)",
+        "controller law.alpha  12.5",
+    ):
+        assert part in said, said
+    lines = [line.split() for line in said.splitlines()]
+    for line in ("0 s 8 ms RUNNING", "rms [nm] 0.03318 2 0.7"):
+        assert line.split() in lines, said
+    run = Run(TICKS)
+    deflection = next(line.split() for line in said.splitlines() if line.startswith("deflection "))
+    values = run.samples[0] * run.scales[0] * 1e9
+    assert deflection[1:4] == ["1", "MHz", "8000"]
+    assert [float(each) for each in deflection[4:8]] == pytest.approx(
+        [values.min(), values.max(), values.mean(), np.sqrt(np.mean(values**2))], rel=1e-3
+    )
+    assert deflection[8:] == ["nm", "none"]
+
+
+def test_statistics_of_stretches_are_those_of_the_whole_and_tell_gaps_and_nan() -> None:
+    rng = np.random.default_rng(3)
+    times = np.delete(np.arange(1000) * 2000, [0, 300, 301, 777])
+    values = rng.normal(5.0, 2.0, (len(times), 3))
+    values[17, 1] = np.nan
+    gathered = Gathered()
+    for stretch in (slice(500, None), slice(0, 200), slice(200, 500)):  # as chunks come, in any order
+        gathered.put(times[stretch], values[stretch])
+    x, y, _ = gathered.statistics(layout.DRIVE)
+    assert x.gaps == y.gaps == [(0.000598, 2), (0.001552, 1)]
+    assert (x.rows, x.period, x.begin, x.end) == (996, 2e-6, 2e-6, 0.001998)
+    assert (x.unknown, y.unknown) == (0, 1)
+    for i, each in enumerate((x, y)):
+        known = values[~np.isnan(values[:, i]), i]
+        assert (each.low, each.high) == (known.min(), known.max())
+        assert (each.mean, each.rms) == pytest.approx((known.mean(), np.sqrt(np.mean(known**2))), rel=1e-12)
+    irregular = statistics_of(layout.DEFLECTION, np.array([0.0, 1e-6, 2.001e-6, 7e-6]), np.zeros(4))[0]
+    assert irregular.gaps == [(2.001e-6, 4)]
+
+
+def test_signal_is_cut_in_time_and_written_with_all_its_digits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, run = made(tmp_path / "run.rrd"), Run(TICKS)
+    files = {each: tmp_path / f"out.{each}" for each in ("csv", "parquet", "png")}
+    options = ["--csv", str(files["csv"]), "--parquet", str(files["parquet"]), "--plot", str(files["png"])]
+    assert main([str(path), "--signal", "drive.y", "--from", "1e-3", "--to", "3e-3", *options]) == 0
+    expected = run.drive[500:1501, 1]
+    assert " 1001 " in capsys.readouterr().out
+    with open(files["csv"], newline="") as file:
+        written = [float(each["drive.y_V"]) for each in csv.DictReader(file)]
+    assert written == expected.tolist() == pq.read_table(files["parquet"])["drive.y_V"].to_pylist()
+    assert files["png"].read_bytes().startswith(b"\x89PNG")
+    whole = read_recording(path)
+    for name, values in (("position", whole.position), ("truth/normal_force", whole.normal_force)):
+        assert np.array_equal(read_signals(path, [name])[name].values, values)
+
+
+def test_unknown_names_places_and_columns_are_told_with_those_that_are_near(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(made(tmp_path / "run.rrd"))
+    for asked, told in (
+        ([path, "--signal", "deflektion"], "did you mean deflection"),
+        ([path, "--psd", "truth/normal_forc"], "did you mean truth/normal_force"),
+        ([path, "--signal", "qqq"], "there is deflection, drive, error"),
+        ([path, "--table", "--sort", "rms"], "rms_x"),
+        ([str(tmp_path / "none*.rrd")], "no readable recording"),
+        ([path, "--signal", "drive", "--from", "1"], "no row"),
+    ):
+        assert main(asked) == 2
+        assert told in capsys.readouterr().err
+
+
+def test_spectrum_has_the_level_of_white_noise_and_the_amplitude_of_a_line() -> None:
+    rate, level, amplitude, f = 1e5, 3e-13, 2e-9, 12345.6
+    rng = np.random.default_rng(5)
+    t = np.arange(400_000) / rate
+    values = 5e-9 + amplitude * np.sin(2.0 * np.pi * f * t) + rng.normal(0.0, level * math.sqrt(rate / 2.0), t.size)
+    values[1000] = np.nan  # the longest stretch without a gap counts
+    found = questions.spectrum(Channel(np.rint(t * 1e9) / 1e9, values, "m", 1.0))
+    assert found.floor == pytest.approx(level, rel=0.05)
+    (line, rms), *others = found.lines()
+    assert not others
+    assert (line, rms) == (pytest.approx(f, abs=1.0), pytest.approx(amplitude / math.sqrt(2.0), rel=2e-3))
+    step = found.frequency[1] - found.frequency[0]
+    assert found.density.sum() * step == pytest.approx(found.rms**2, rel=0.01)
+
+
+@pytest.mark.parametrize("periods", [1, 3])
+def test_loop_has_the_width_the_slope_and_the_energy_that_it_was_made_with(tmp_path: Path, periods: int) -> None:
+    # A tip on a spring of 2 N/m that slides at 100 nN, below a scanner that goes +-500 nm: a parallelogram.
+    stiffness, friction, reach, offset = 2.0, 100e-9, 500e-9, 7e-9
+    ticks = 4000 * periods
+    phase = np.arange(ticks) / 4000.0
+    position = reach * (4.0 * np.abs((phase - 0.25) % 1.0 - 0.5) - 1.0)
+    force, forces = 0.0, np.empty(ticks)
+    for _ in range(2):  # the first time through ends where the second begins
+        last = position[-1]
+        for k in range(ticks):
+            force = float(np.clip(force + stiffness * (position[k] - last), -friction, friction))
+            last, forces[k] = position[k], force + offset
+    run = Run(ticks)
+    run.position[:, 0] = position
+    run.samples[1] = np.interp(np.arange(2 * ticks) * PERIOD, np.arange(ticks) * CONTROL_PERIOD, forces) / run.scales[1]
+    found = questions.loop(made(tmp_path / "loop.rrd", run))
+    assert found.found.half_width.value == pytest.approx(friction, rel=1e-6)
+    assert found.found.offset.value == pytest.approx(offset, rel=1e-6)
+    assert found.found.stick_slope.value == pytest.approx(stiffness, rel=1e-3)
+    # The area of the parallelogram: its height times the way that the tip slides.
+    assert found.energy == pytest.approx(2.0 * friction * (2.0 * reach - 2.0 * friction / stiffness), rel=1e-3)
+
+
+def test_scanner_that_rests_while_the_tip_sticks_has_a_loop_without_a_slope() -> None:
+    way = np.clip(1.3 * np.sin(np.arange(0.0, 25.0, 0.01)), -1.0, 1.0)
+    force = np.zeros_like(way)
+    for k in range(1, len(way)):
+        force[k] = np.sign(way[k] - way[k - 1]) if way[k] != way[k - 1] else force[k - 1] * 0.97
+    found = friction_loop(way, force)
+    assert found.half_width.value == pytest.approx(1.0, rel=0.1)
+    assert dissipated(way, force)[0] > 0.0
+
+
+def test_compare_names_the_tick_the_channel_and_the_size_of_the_first_difference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, run = made(tmp_path / "one.rrd"), Run(TICKS)
+    same = made(tmp_path / "same.rrd", run)
+    assert main([str(one), "--compare", str(same)]) == 0
+    assert "no difference" in capsys.readouterr().out
+    before = float(run.drive[1234, 2])
+    run.drive[1234, 2] = np.nextafter(before, np.inf)
+    run.position[1235:, 0] += 1e-12
+    run.round_trip += 1.0  # wall time
+    assert main([str(one), "--compare", str(made(tmp_path / "other.rrd", run))]) == 1
+    said = capsys.readouterr().out
+    assert "The first tick that differs is 1234, at 0.002468 s, in drive.z." in said
+    assert f"{before!r} and {float(run.drive[1234, 2])!r} V; 1 rows, at most 0.111 fV" in said
+    assert "round_trip" not in said
+    assert main([str(one), "--compare", str(made(tmp_path / "short.rrd", Run(TICKS), without=slice(2000, 2500)))]) == 1
+    assert "first tick that differs is 2000" in capsys.readouterr().out
+
+
+def test_table_has_a_row_for_each_recording_of_a_folder_sorted_and_as_csv(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = Run(1000)
+    for name in ("b", "a"):
+        (tmp_path / name).mkdir()
+        made(tmp_path / name / "run.rrd", Run(2000) if name == "a" else run)
+    broken = tmp_path / "c.rrd"
+    content = bytearray(made(tmp_path / "c0.rrd", run).read_bytes())
+    content[len(content) // 2] ^= 1
+    broken.write_bytes(content)
+    (tmp_path / "c0.rrd").unlink()
+    assert len(recordings([str(tmp_path), str(tmp_path / "*" / "run.rrd")])) == 3
+    assert main([str(tmp_path), "--table", "--sort", "ticks", "--csv", str(tmp_path / "all.csv")]) == 1
+    with open(tmp_path / "all.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [each["ticks"] for each in rows] == ["1000", "2000", ""]
+    assert [float(each["rms_x"]) for each in rows[:2]] == [3.3177e-11] * 2
+    assert "is damaged" in rows[2]["problem"]
+    assert f"{broken} is damaged" in capsys.readouterr().out
+
+
+def test_killed_and_repaired_recording_is_told_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    left = made(tmp_path / "run.rrd", close=False)
+    assert main([str(left)]) == 0
+    assert "WITHOUT AN END" in capsys.readouterr().out
+    repair(left, tmp_path / "repaired.rrd")
+    assert main([str(tmp_path / "repaired.rrd")]) == 0
+    said = capsys.readouterr().out
+    assert "complete" in said
+    assert "4000 ticks" in said
+    assert main([str(tmp_path / "repaired.rrd"), "--compare", str(made(tmp_path / "whole.rrd"))]) == 0
+
+
+@pytest.mark.filterwarnings("ignore::afm_recorder_node.recording.IncompleteRecording")
+def test_no_spoiled_recording_gives_other_numbers_without_a_word(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = made(tmp_path / "run.rrd").read_bytes()
+    whole = {name: each for name, each in row(tmp_path / "run.rrd").items() if name != "recording"}
+    path, rng, told = tmp_path / "spoiled.rrd", random.Random(2), 0
+    for k in range(200):
+        changed = bytearray(content)
+        if k % 4:
+            changed[rng.randrange(len(content))] ^= 1 << rng.randrange(8)
+        else:
+            del changed[rng.randrange(len(content)) :]
+        path.write_bytes(changed)
+        found = row(path)
+        told += bool(found["problem"])
+        if not found["problem"]:
+            assert {name: each for name, each in found.items() if name != "recording"} == whole
+    assert told > 190
+    path.write_bytes(
+        content[: len(content) // 2] + bytes([content[len(content) // 2] ^ 1]) + content[len(content) // 2 + 1 :]
+    )
+    for question in (
+        [],
+        ["--signal", "drive"],
+        ["--psd", "deflection"],
+        ["--loop"],
+        ["--compare", str(tmp_path / "run.rrd")],
+    ):
+        assert main([str(path), *question]) == 2
+        assert "damaged" in capsys.readouterr().err
+
+
+def test_only_what_is_asked_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = made(tmp_path / "run.rrd")
+    seen: list[str] = []
+
+    def chunks(*arguments: Any, **options: Any) -> Iterator[Any]:
+        for chunk in complete.chunks(*arguments, **options):
+            seen.append(chunk.entity_path)
+            yield chunk
+
+    monkeypatch.setattr(reader, "chunks", chunks)
+    read_signals(path, ["drive"])
+    assert {each for each in seen if len(each) > 1} == {"/drive", layout.EVENTS, layout.PARAMETERS, layout.SCORE}
