@@ -132,10 +132,23 @@ def on_files(files: Any, config: Any) -> Any:
     return files
 
 
+def tabled(found: re.Match[str]) -> str:
+    """A picture of imports as a table: a browser draws it only with a script from elsewhere."""
+    arrows: dict[str, list[str]] = {}
+    for start, end in re.findall(r"^ *(\w+) --> (\w+)$", found[1], re.MULTILINE):
+        arrows.setdefault(start, []).append(end)
+    return "\n".join(
+        ["| room | imports |", "|---|---|", *(f"| {room} | {', '.join(ends)} |" for room, ends in arrows.items())]
+    )
+
+
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Links as the site has them; a blank line behind a mark, behind which a table begins."""
     here = ROOT if page.file.src_uri in PAGES.values() else ROOT / "docs"
-    return re.sub(r"^(<!-- .* -->)\n(?=\S)", r"\1\n\n", relinked(markdown, here)[0], flags=re.MULTILINE)
+    markdown = re.sub(
+        r"^```mermaid\nflowchart(.*?)^```$", tabled, relinked(markdown, here)[0], flags=re.DOTALL | re.MULTILINE
+    )
+    return re.sub(r"^(<!-- .* -->)\n(?=\S)", r"\1\n\n", markdown, flags=re.MULTILINE)
 
 
 def equation(found: re.Match[str]) -> str:

@@ -31,19 +31,7 @@ SETTLED = 1.0
 class RemoteNode:
     """Connection to a microscope, with a context and an executor of its own. To be used by one thread.
 
-    Parameters
-    ----------
-    namespace : str
-        Of the instrument.
-    patience : float
-        Wall time in which it must be found [s].
-    check : callable
-        Called some times a second while anything is waited for. What it raises ends the wait.
-
-    Raises
-    ------
-    VerbError
-        If there is no microscope.
+    Its parameters, and what it raises, are those of `Remote`.
     """
 
     def __init__(self, namespace: str, patience: float, check: Callable[[], object]) -> None:

@@ -1,14 +1,11 @@
 """A session that runs a scenario from start to score: recording, picture, scorecard."""
 
 import math
-from pathlib import Path
+from dataclasses import dataclass
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from afm_model import Scenario
-from afm_node_common import topics
-
-from .follow import STALL_TIMEOUT, Follower, check_score
+from .follow import Follower, check_score
 from .results import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .results_folder import CARD, PICTURE, RECORDING
 from .session import Session
@@ -19,6 +16,7 @@ _OVERVIEW_TICKS = 250_000
 """Ticks that the picture shows at most; of a longer run one in several."""
 
 
+@dataclass(eq=False)
 class RunSession(Session):
     """One run of a scenario.
 
@@ -26,32 +24,18 @@ class RunSession(Session):
     ----------
     picture : bool
         Whether the overview is drawn.
-    scenario, out, controller, namespace, ros_arguments, stall_timeout
+    scenario, out, and the rest
         As of `Session`.
     """
 
     names = (PICTURE, CARD)
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        out: Path,
-        controller: str = OWN,
-        *,
-        namespace: str = topics.NAMESPACE,
-        ros_arguments: bool = True,
-        stall_timeout: float = STALL_TIMEOUT,
-        picture: bool = True,
-    ) -> None:
-        super().__init__(
-            scenario, out, controller, namespace=namespace, ros_arguments=ros_arguments, stall_timeout=stall_timeout
-        )
-        self._picture = picture
+    picture: bool = True
 
     def _watch(self, follower: Follower) -> None:
         """Follow the run to its end."""
         # An external controller may be replaced while we run.
-        controllers = 2 if self._controller == EXTERNAL else 1
+        controllers = 2 if self.controller == EXTERNAL else 1
 
         def over() -> bool:
             self._check(controllers=controllers)
@@ -69,7 +53,7 @@ class RunSession(Session):
             transient=True,
             disable=not self._console.is_terminal,
         ) as progress:
-            bar = progress.add_task(self._scenario.name, total=self._scenario.sim.total_ticks)
+            bar = progress.add_task(self.scenario.name, total=self.scenario.sim.total_ticks)
             while not self._monitor.spin_until(over, 3600.0):
                 pass
 
@@ -81,9 +65,9 @@ class RunSession(Session):
         score, status, work = self._monitor.score, self._monitor.status, self._folder.work
         assert score is not None and status is not None
         check_score(status)
-        own = self._controller in (OWN, COMPOSED)
+        own = self.controller in (OWN, COMPOSED)
         node = " and ".join(status.controllers)
-        controller = self._scenario.controller.law.kind if own else node
+        controller = self.scenario.controller.law.kind if own else node
         recording, law = None, None
         if missing is None:
             try:
@@ -93,11 +77,11 @@ class RunSession(Session):
                 missing = str(error)
         if own and law is not None:
             controller = kinds(law)
-        card = scorecard(self._scenario, controller, score, status, law)
-        title = f"{self._scenario.header.title or self._scenario.name} ({card['plant']} plant, {controller})"
+        card = scorecard(self.scenario, controller, score, status, law)
+        title = f"{self.scenario.header.title or self.scenario.name} ({card['plant']} plant, {controller})"
         try:
             write_scorecard(card, work / CARD)
-            if recording is not None and self._picture:
+            if recording is not None and self.picture:
                 from .session_pictures import draw_overview
 
                 draw_overview(recording, title, work / PICTURE)
@@ -109,4 +93,4 @@ class RunSession(Session):
         print("\nResults:", *map(str, paths))
         if missing is not None:
             raise SessionError(missing)
-        print(f"Open the recording with: rerun {self._out / RECORDING}")
+        print(f"Open the recording with: rerun {self.out / RECORDING}")

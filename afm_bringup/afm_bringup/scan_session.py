@@ -80,7 +80,7 @@ class ScanSession(Session):
             else:
                 self._check()
 
-        with Remote(self._namespace, check=check) as remote:
+        with Remote(self.namespace, check=check) as remote:
             try:
                 self._do(remote)
                 self._wait_until_recorded()
@@ -103,7 +103,7 @@ class ScanSession(Session):
             if isinstance(outcome.result, Image):
                 self._image = outcome.result
             elif isinstance(outcome.result, Standing):
-                self._ticks = round(outcome.result.time / self._scenario.sim.plant.control_period)
+                self._ticks = round(outcome.result.time / self.scenario.sim.plant.control_period)
             if self._stop.requested:
                 return
             if outcome.status != COMPLETE:
@@ -189,7 +189,7 @@ class ScanSession(Session):
 
         from .session_pictures import write_scan_picture
 
-        title = self._scenario.header.title or self._scenario.name
+        title = self.scenario.header.title or self.scenario.name
         work = self._folder.work
         write_scan_picture(work / PNG, image, title)
         write_sheet(work / SHEET, image, title)
@@ -200,7 +200,7 @@ class ScanSession(Session):
         from afm_model.core.prefix import prefixed
         from afm_model.files.table import figures
 
-        table = Table(title=escape(self._scenario.header.title or self._scenario.name), title_justify="left")
+        table = Table(title=escape(self.scenario.header.title or self.scenario.name), title_justify="left")
         for heading, justify in (("", "left"), ("mean", "right"), ("least", "right"), ("largest", "right")):
             table.add_column(heading, justify=justify)  # type: ignore[arg-type]
         for each in figures(image):
@@ -215,8 +215,8 @@ class ScanSession(Session):
             f"instrument's time, {self._wall.get('Scan', math.nan):.3g} s of yours."
         )
         print("\nResults:", *map(str, paths))
-        print(f"Look at {self._out / PNG}; open {self._out / GWY} with Gwyddion, and the recording with:")
-        print(f"rerun {self._out / RECORDING}")
+        print(f"Look at {self.out / PNG}; open {self.out / GWY} with Gwyddion, and the recording with:")
+        print(f"rerun {self.out / RECORDING}")
 
 
 def _not_recorded(image: Image, recording: "Recording") -> str | None:

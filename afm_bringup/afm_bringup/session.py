@@ -2,7 +2,9 @@
 
 import os
 from contextlib import nullcontext
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
+from typing import ClassVar
 
 from rich.console import Console
 
@@ -22,6 +24,7 @@ _DISCOVERY_TIME = 1.0
 """Wall time for the discovery of nodes that already run, before anything is started [s]."""
 
 
+@dataclass(eq=False)
 class Session:
     """Something done with a scenario in separate processes.
 
@@ -40,25 +43,19 @@ class Session:
         Wall time for which a controller may stay silent after it was reported [s].
     """
 
-    names: tuple[str, ...]
+    names: ClassVar[tuple[str, ...]]
     """Names of the result files other than the recording."""
 
-    def __init__(
-        self,
-        scenario: Scenario,
-        out: Path,
-        controller: str = OWN,
-        *,
-        namespace: str = topics.NAMESPACE,
-        ros_arguments: bool = True,
-        stall_timeout: float = STALL_TIMEOUT,
-    ) -> None:
-        self._scenario = scenario
-        self._out = out
-        self._controller = controller
-        self._namespace = namespace
-        self._ros_arguments = ros_arguments
-        self._stall_timeout = stall_timeout
+    scenario: Scenario
+    out: Path
+    controller: str = OWN
+    _: KW_ONLY
+    namespace: str = topics.NAMESPACE
+    ros_arguments: bool = True
+    stall_timeout: float = STALL_TIMEOUT
+
+    def __post_init__(self) -> None:
+        """A console beside the results."""
         self._console = Console(stderr=True)
 
     def run(self) -> None:
@@ -72,16 +69,16 @@ class Session:
         Interrupted
             If SIGINT, SIGTERM or SIGHUP came; the recording up to there is kept.
         """
-        sim = self._scenario.sim
-        if self._controller in (OWN, COMPOSED):
-            warnings = start_warnings(sim, self._scenario.controller)
+        sim = self.scenario.sim
+        if self.controller in (OWN, COMPOSED):
+            warnings = start_warnings(sim, self.scenario.controller)
         else:
             warnings = implausible(sim)
         for sentence in warnings:
             say(f"warning: {sentence}")
         self._stop = Stop()
         try:
-            with ResultsFolder(self._out, self.names) as folder:
+            with ResultsFolder(self.out, self.names) as folder:
                 self._run(folder)
         except (RunError, FolderError) as error:
             raise SessionError(str(error)) from None
@@ -89,16 +86,16 @@ class Session:
             # A terminal that is gone takes no output either.
             if self._stop.requested:
                 raise Interrupted from None
-            raise SessionError(f"{error.filename or self._out} cannot be written: {error.strerror}") from None
+            raise SessionError(f"{error.filename or self.out} cannot be written: {error.strerror}") from None
         finally:
             self._stop.ignore()
 
     def _run(self, folder: ResultsFolder) -> None:
         try:
-            with Processes(last=RECORDER) as processes, Monitor("session", self._namespace) as monitor:
+            with Processes(last=RECORDER) as processes, Monitor("session", self.namespace) as monitor:
                 self._folder, self._processes, self._monitor = folder, processes, monitor
-                follower = Follower(monitor, self._stall_timeout)
-                external = self._controller == EXTERNAL
+                follower = Follower(monitor, self.stall_timeout)
+                external = self.controller == EXTERNAL
                 # Two instruments on the same topics would answer each other's controllers.
                 monitor.spin_until(lambda: self._check(simulators=0, controllers=int(external)), _DISCOVERY_TIME)
                 start = Start(processes, monitor, self._check, external=external)
@@ -126,7 +123,7 @@ class Session:
         ended = self._processes.ended()
         # First: nodes may end because of it.
         if not self._folder.there:
-            raise SessionError(f"{self._out} was removed while the session ran: it has no place for results any more")
+            raise SessionError(f"{self.out} was removed while the session ran: it has no place for results any more")
         if ended is not None:
             raise SessionError(ended)
         return False
@@ -150,7 +147,7 @@ class Session:
 
     def _commands(self) -> dict[str, list[str]]:
         work, namespace = self._folder.work, self._monitor.namespace
-        return commands(self._scenario, self._controller, work, namespace, ros_arguments=self._ros_arguments)
+        return commands(self.scenario, self.controller, work, namespace, ros_arguments=self.ros_arguments)
 
     def _watch(self, follower: Follower) -> None:
         """Follow what is done to its end."""

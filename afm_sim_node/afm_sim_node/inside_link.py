@@ -16,15 +16,8 @@ from .peers import Peers
 class InsideLink(NodeLink):
     """Publishes nothing on `measurement` and takes no drive.
 
-    The publisher of `measurement` is there all the same: by it everybody sees that this simulator is.
-
-    Parameters
-    ----------
-    node : Node
-    parameters : SimNodeParameters
-    peers : Peers
-    recorders : callable
-        How many subscribers receive every recording stream.
+    The publisher of `measurement` is there all the same: by it everybody sees that this simulator is. Its parameters
+    are those of `TopicLink`.
     """
 
     def __init__(self, node: Node, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:

@@ -13,6 +13,7 @@ from afm_model.run import Delays, Snapshot, retracted_fraction, saturated, short
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 
+from .status import counted
 from .streams import stamp
 
 _Z = 2
@@ -66,20 +67,7 @@ def score_message(
         round_trip=_percentiles(delays.round_trip),
         lateness=_percentiles(delays.lateness),
         command_age=_percentiles(delays.command_age),
-        drives_lost=counts.drives_lost,
-        horizon_ticks=counts.horizon_ticks,
-        drives_refused=counts.drives_refused,
-        drives_outdated=counts.drives_outdated,
-        drives_ahead=counts.drives_ahead,
-        drives_malformed=counts.drives_malformed,
-        drives_clipped=counts.drives_clipped,
-        drives_steep=counts.drives_steep,
-        late_ticks=counts.late_ticks,
-        periods_missed=counts.periods_missed,
-        ticks_retracted=counts.ticks_retracted,
-        withdrawals=counts.withdrawals,
-        ticks_withdrawn=counts.ticks_withdrawn,
-        scored_ticks_withdrawn=counts.scored_ticks_withdrawn,
+        **counted(Score, counts),
         trajectory_sha256=trajectory_sha256,
         faults=list(run.faults_acted),
     )

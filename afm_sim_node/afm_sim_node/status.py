@@ -1,10 +1,12 @@
 """A run as InstrumentStatus."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from afm_msgs.msg import InstrumentStatus
 
 from afm_model.run import Snapshot
+from afm_model.run.counts import Counts
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 
@@ -27,7 +29,6 @@ def status_message(
     warning : str
         What went wrong lately.
     """
-    counts = run.counts
     status = InstrumentStatus(
         state=int(run.state),
         reason=run.reason,
@@ -42,21 +43,15 @@ def status_message(
         ticks=run.ticks,
         samples=run.samples,
         real_time_factor=run.real_time_factor,
-        drives_lost=counts.drives_lost,
-        horizon_ticks=counts.horizon_ticks,
-        drives_refused=counts.drives_refused,
-        drives_outdated=counts.drives_outdated,
-        drives_ahead=counts.drives_ahead,
-        drives_malformed=counts.drives_malformed,
-        drives_clipped=counts.drives_clipped,
-        drives_steep=counts.drives_steep,
-        late_ticks=counts.late_ticks,
-        periods_missed=counts.periods_missed,
-        withdrawals=counts.withdrawals,
-        ticks_withdrawn=counts.ticks_withdrawn,
+        **counted(InstrumentStatus, run.counts),
         in_contact=run.in_contact,
         faults=list(run.faults),
     )
     status.header.frame_id = topics.FRAME
     status.header.stamp = stamp(run.stamp_ns)
     return status
+
+
+def counted(message: Any, counts: Counts) -> dict[str, int]:
+    """Those counts that a type of message has a field for."""
+    return {name: getattr(counts, name) for name in Counts.__slots__ if name in message.get_fields_and_field_types()}

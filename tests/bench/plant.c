@@ -12,6 +12,8 @@ enum { X, V_X, Y, V_Y, Z, V_Z, Q, V_Q, CONTACT, N, F_X, F_Y, F_MAX };
 typedef struct {
     double h, eta_x, eta_y, eta_z, eta_c, xi_x, xi_y, xi_z, xi_c, mu, w, a, r, L_s, delta_0, f_s, zeta_n;
     double gain_x, gain_y, gain_z, x0, z0, lateral_speed, vertical_speed, lateral_force, normal_force, treatment;
+    double spring_x, spring_y, spring_z, spring_c, keep_x, keep_y, keep_z, keep_c, take_x, take_y, take_z, take_c;
+    double inverse_h, inverse_mu, inverse_L_s, inverse_delta_0;
 } Constants;
 
 typedef struct {
@@ -24,9 +26,10 @@ typedef struct {
 
 /* (1/6)^(1/3) and its indentation, to the last bit as Python computes them. */
 #define U_FIXED_GRIPS 0.5503212081491045
-#define INDENTATION_FIXED_GRIPS (-0.2751606040745522)
+#define INDENTATION_FIXED_GRIPS (-0.27516060407455223)
+#define SCALE 10.902723556992838
 /* 4^(2/3) */
-#define AREA 2.5198420997897464
+#define AREA 2.519842099789746
 
 static double larger(double a, double b) { return b > a ? b : a; }
 
@@ -46,16 +49,15 @@ static double from_bits(int64_t i)
     return x;
 }
 
-/* cbrt and sincos of afm_model/core/elementary.py, operation by operation. */
-static double cube_root(double x)
+/* inverse_cbrt and sincos of afm_model/core/elementary.py, operation by operation. */
+static double inverse_cube_root(double x)
 {
-    double y = from_bits(0x553EF0FF289DD796 - (((bits(x) >> 20) * 1398101) >> 2));
+    double y = from_bits(0x553EF0FF289DD796 - (bits(x) >> 22) * 1398101);
     for (int i = 0; i < 2; i++) {
-        double e = 1.0 - x * y * y * y;
-        y += y * e * (1.0 / 3.0 + e * (2.0 / 9.0 + e * (14.0 / 81.0)));
+        double e = 1.0 - (x * y) * (y * y);
+        y += (y * e) * ((1.0 / 3.0 + e * (2.0 / 9.0)) + (e * e) * (14.0 / 81.0));
     }
-    double root = x * y * y;
-    return root - (root * root * root - x) * (y * y * (1.0 / 3.0));
+    return y;
 }
 
 static void sine_cosine(double x, double *sine, double *cosine)
@@ -81,17 +83,15 @@ static double u_of_indentation(double d)
 {
     if (d <= INDENTATION_FIXED_GRIPS)
         return U_FIXED_GRIPS;
-    double discriminant = larger(1.0 / 1296.0 + d * d * d / 27.0, 0.0);
-    double c = cube_root(1.0 / 36.0 + sqrt(discriminant));
-    double m = c - d / (3.0 * c);
-    double root = sqrt(2.0 * m);
-    double u = 0.5 * (root + sqrt(larger(4.0 / (3.0 * root) - 2.0 * m, 0.0)));
-    if (d > 1e4)
-        u = sqrt(sqrt(d)) + 1.0 / (6.0 * sqrt(d));
-    double slope = 4.0 * u * u * u - 2.0 / 3.0;
-    if (slope > 1e-6)
-        u -= (u * (u * u * u - 2.0 / 3.0) - d) / slope;
-    return u;
+    double t = sqrt((d - INDENTATION_FIXED_GRIPS) * SCALE);
+    double r = 1.0 / (0.5 + sqrt(2.1 + t)), r2 = r * r;
+    double z = r * ((0.9999994440079478 + -0.4999525946326546 * r) +
+                    ((0.29983788007852324 + -0.1578578490315034 * r) + -0.07757420208181724 * r2) * r2);
+    double y = t * z, z2 = z * z;
+    double slope = 1.0 / (z2 * (12.0 + y * (12.0 + 4.0 * y)));
+    double e = (z2 * (6.0 + y * (4.0 + y)) - 1.0) * slope;
+    y -= y * (e * (1.0 + 6.0 * z2 * slope * ((1.0 + y) * (1.0 + y)) * e));
+    return U_FIXED_GRIPS + U_FIXED_GRIPS * y;
 }
 
 static double load_of_u(double u)
@@ -126,17 +126,21 @@ static void surface(double x, double y, Surface *h, const Sample *p)
 
 /* contact/jkr.py */
 
-static double effective_radius_ratio(const Surface *h, double r) { return 1.0 / (1.0 + h->curvature * r); }
+static void radius_ratios(const Surface *h, double r, double *rho, double *third, double *inverse_third)
+{
+    double inverse = 1.0 + h->curvature * r;
+    *third = inverse_cube_root(inverse);
+    *rho = 1.0 / inverse;
+    *inverse_third = inverse * (*third * *third);
+}
 
-/* friction/strength.py */
+/* contact/friction.py */
 
 static double bound_of_area(double f_s, double rho, double rho_third, double u)
 {
     double u2 = u * u;
     return f_s * AREA * rho * rho_third * u2 * u2;
 }
-
-/* friction/disc.py */
 
 static bool project_disc(double x, double y, double radius, double *j_x, double *j_y)
 {
@@ -145,26 +149,27 @@ static bool project_disc(double x, double y, double radius, double *j_x, double 
     *j_y = y;
     if (size2 <= radius * radius)
         return true;
-    double scale = radius / sqrt(size2);
-    *j_x *= scale;
-    *j_y *= scale;
+    double inverse = 1.0 / sqrt(size2);
+    *j_x = (x * inverse) * radius;
+    *j_y = (y * inverse) * radius;
     return false;
 }
 
-static bool friction_impulse(double p_x, double p_y, double v_x, double v_y, double m_x, double m_y, double radius,
+static bool friction_impulse(double p_x, double p_y, double v_x, double v_y, double n_x, double n_y, double radius,
                              double *j_x, double *j_y)
 {
     if (project_disc(p_x, p_y, radius, j_x, j_y))
         return true;
-    double w_x = v_x + (p_x - *j_x) / m_x;
-    double w_y = v_y + (p_y - *j_y) / m_y;
+    double w_x = v_x + (p_x - *j_x) * n_x;
+    double w_y = v_y + (p_y - *j_y) * n_y;
     double mid2 = w_x * w_x + w_y * w_y;
     double along = v_x * p_x + v_y * p_y;
     if (along > 0.0 && mid2 > 16.0 * radius * radius) {
         double size = sqrt(mid2);
         if (w_x * p_x + w_y * p_y >= radius * size) {
-            *j_x = w_x * radius / size;
-            *j_y = w_y * radius / size;
+            double scale = (radius / mid2) * size;
+            *j_x = w_x * scale;
+            *j_y = w_y * scale;
         }
     }
     return false;
@@ -176,16 +181,14 @@ static void kick_lateral(const double *s, const Constants *p, double u_x, double
                          double *f_x, double *f_y)
 {
     double h = p->h;
-    double d_x = h * p->xi_x * p->eta_x;
-    double d_y = h * p->xi_y * p->eta_y;
-    double p_x = (1.0 - d_x) * s[V_X] + h * (u_x - p->eta_x * p->eta_x * s[X]);
-    double p_y = (1.0 - d_y) * s[V_Y] + h * (u_y - p->eta_y * p->eta_y * s[Y]);
+    double p_x = p->keep_x * s[V_X] + h * (u_x - p->spring_x * s[X]);
+    double p_y = p->keep_y * s[V_Y] + h * (u_y - p->spring_y * s[Y]);
     double j_x, j_y;
-    bool stick = friction_impulse(p_x, p_y, s[V_X], s[V_Y], 1.0 + d_x, 1.0 + d_y, h * f, &j_x, &j_y);
-    *v_x = stick ? 0.0 : (p_x - j_x) / (1.0 + d_x);
-    *v_y = stick ? 0.0 : (p_y - j_y) / (1.0 + d_y);
-    *f_x = j_x / h;
-    *f_y = j_y / h;
+    bool stick = friction_impulse(p_x, p_y, s[V_X], s[V_Y], p->take_x, p->take_y, h * f, &j_x, &j_y);
+    *v_x = stick ? 0.0 : (p_x - j_x) * p->take_x;
+    *v_y = stick ? 0.0 : (p_y - j_y) * p->take_y;
+    *f_x = j_x * p->inverse_h;
+    *f_y = j_y * p->inverse_h;
 }
 
 /* plant/compliant.py */
@@ -204,32 +207,31 @@ static void step(const double *restrict v, const Constants *restrict p, double *
 
     Surface H;
     surface(s[X], s[Y], &H, sample);
-    double rho = effective_radius_ratio(&H, p->r);
-    double rho_third = cube_root(rho);
+    double rho, rho_third, inverse_third;
+    radius_ratios(&H, p->r, &rho, &rho_third, &inverse_third);
     double delta = s[Z] + H.height - s[Q];
-    double d = delta / (p->delta_0 * rho_third);
+    double d = (delta * p->inverse_delta_0) * inverse_third;
     bool touching = delta >= 0.0 || (s[CONTACT] != 0.0 && d > INDENTATION_FIXED_GRIPS);
     s[CONTACT] = touching ? 1.0 : 0.0;
     double n_elastic = 0.0, dashpot = 0.0, f = 0.0;
     if (touching) {
         double u = u_of_indentation(d);
-        n_elastic = p->L_s * rho * load_of_u(u);
-        double stiffness = p->L_s * rho * stiffness_of_u(u) / (p->delta_0 * rho_third);
+        double pull_off = p->L_s * rho;
+        n_elastic = pull_off * load_of_u(u);
+        double stiffness = (pull_off * (p->inverse_delta_0 * inverse_third)) * stiffness_of_u(u);
         dashpot = 2.0 * p->zeta_n * sqrt(larger(stiffness, 0.0));
-        f = bound_of_area(p->f_s, rho, rho_third, u) * H.strength;
+        f = bound_of_area(p->f_s * H.strength, rho, rho_third, u);
     }
 
     double v_x, v_y;
     kick_lateral(s, p, u_x, u_y, f, &v_x, &v_y, &s[F_X], &s[F_Y]);
     s[F_MAX] = f;
-    double d_z = h * p->xi_z * p->eta_z;
-    double d_c = h * p->xi_c * p->eta_c;
-    double v_z = ((1.0 - d_z) * s[V_Z] + h * (u_z - p->eta_z * p->eta_z * s[Z] - n_elastic / p->mu)) / (1.0 + d_z);
-    double v_q = ((1.0 - d_c) * s[V_Q] + h * (n_elastic - p->w - p->eta_c * p->eta_c * (s[Q] - p->a))) / (1.0 + d_c);
-    double g_z = h * dashpot / (p->mu * (1.0 + d_z));
-    double g_q = h * dashpot / (1.0 + d_c);
+    double v_z = (p->keep_z * s[V_Z] + h * ((u_z - p->spring_z * s[Z]) - n_elastic * p->inverse_mu)) * p->take_z;
+    double v_q = (p->keep_c * s[V_Q] + h * (n_elastic - (p->w + p->spring_c * (s[Q] - p->a)))) * p->take_c;
+    double g_z = (h * (p->inverse_mu * p->take_z)) * dashpot;
+    double g_q = (h * p->take_c) * dashpot;
     double H_rate = 0.5 * (H.slope_x * (s[V_X] + v_x) + H.slope_y * (s[V_Y] + v_y));
-    double delta_rate = (0.5 * (s[V_Z] + v_z - s[V_Q] - v_q) + H_rate) / (1.0 + 0.5 * (g_z + g_q));
+    double delta_rate = (0.5 * (s[V_Z] + v_z - s[V_Q] - v_q) + H_rate) * (1.0 / (1.0 + 0.5 * (g_z + g_q)));
     s[V_X] = v_x;
     s[V_Y] = v_y;
     s[V_Z] = v_z - g_z * delta_rate;

@@ -41,7 +41,7 @@ def test_examples_of_the_page_run_and_the_one_of_our_law_gives_its_trajectory(tm
         exec(compile(program, name, "exec"), scope)
         printed[name] = capsys.readouterr().out
     assert list(printed) == ["scenario", "plot", "controller", "long", "analysis", "ticks"]
-    assert printed["scenario"].splitlines()[-1].startswith("2c7fceee")
+    assert printed["scenario"].splitlines()[-1].startswith("2591fc59")
     assert (tmp_path / "closed_loop.png").stat().st_size > 20_000
     x, y, z = map(float, printed["controller"].strip().strip("[]").split())
     assert max(x, y) < 0.1e-9

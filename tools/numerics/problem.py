@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model import load_scenario
+from afm_model import changed, load_scenario
 from afm_model.core.records import record_at
 from afm_model.instrument.block import Layout
 from afm_model.parts.header import BlockHeader
-from afm_model.plant import Constants, State
+from afm_model.plant import State
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "model"))
@@ -24,9 +24,11 @@ _Array = NDArray[np.float64]
 
 
 @cache
-def _at_rest() -> _Array:
-    """Block of the scenario of section 4.1, its drive in units of U."""
-    parameters = load_scenario(ROOT / "docs" / "scenarios" / "paper_4_1.yaml").sim
+def _at_rest(h: float = 0.01) -> _Array:
+    """Block of the scenario of section 4.1 for a step of `h` units, its drive in units of U."""
+    given = load_scenario(ROOT / "docs" / "scenarios" / "paper_4_1.yaml").sim
+    step = dict.fromkeys(("plant.dt", "detector.sample_period", "plant.control_period"), h / given.scales.w0)
+    parameters = changed(given, step)
     layout = Layout(parameters)
     m = layout.make(parameters)
     p = layout.record(m, "plant_constants")
@@ -37,9 +39,7 @@ def _at_rest() -> _Array:
 
 def start(h: float) -> _Array:
     """Rest at the setpoint: block of the instrument for a step of `h` units. The drive is U itself, not volts."""
-    m = _at_rest().copy()
-    record_at(m, record_at(m, 0, BlockHeader).plant_constants, Constants).h = h
-    return m
+    return _at_rest(h).copy()
 
 
 def load() -> float:

@@ -42,17 +42,17 @@ def project_disc(x: float, y: float, radius: float) -> tuple[float, float, bool]
     (x, y, inside) : floats in the unit of the input, bool
         `inside` is True when the point was in the closed disc already (the stick branch).
     """
-    # Squares are cheap and safe here; the division is reached only outside, where size > radius >= 0.
+    # Squares are cheap and safe here; the quotient counts only outside, where size > radius >= 0.
     size2 = x * x + y * y
     if size2 <= radius * radius:
         return x, y, STICK
-    scale = radius / math.sqrt(size2)
-    return x * scale, y * scale, SLIP
+    inverse = 1.0 / math.sqrt(size2)
+    return (x * inverse) * radius, (y * inverse) * radius, SLIP
 
 
 @kernel
 def friction_impulse(
-    p_x: float, p_y: float, v_x: float, v_y: float, m_x: float, m_y: float, radius: float
+    p_x: float, p_y: float, v_x: float, v_y: float, n_x: float, n_y: float, radius: float
 ) -> tuple[float, float, bool]:
     """Friction impulse over one step of the midpoint scheme, docs/theory.md (39), (40).
 
@@ -62,8 +62,8 @@ def friction_impulse(
         Momentum at the end of the step if there were no friction.
     v_x, v_y : float
         Velocity at the start of the step.
-    m_x, m_y : float
-        Momentum per velocity: the velocity at the end is (p - impulse) / m.
+    n_x, n_y : float
+        Velocity per momentum: the velocity at the end is (p - impulse) n.
     radius : float
         h f, the largest impulse.
 
@@ -77,8 +77,8 @@ def friction_impulse(
     j_x, j_y, stick = project_disc(p_x, p_y, radius)
     if stick:
         return j_x, j_y, stick
-    w_x = v_x + (p_x - j_x) / m_x
-    w_y = v_y + (p_y - j_y) / m_y
+    w_x = v_x + (p_x - j_x) * n_x
+    w_y = v_y + (p_y - j_y) * n_y
     mid2 = w_x * w_x + w_y * w_y
     along = v_x * p_x + v_y * p_y
     # Well inside slip: the velocity did not turn by more than a right angle, friction cannot stop it in the step, and
@@ -86,5 +86,7 @@ def friction_impulse(
     if along > 0.0 and mid2 > 16.0 * radius * radius:
         size = math.sqrt(mid2)
         if w_x * p_x + w_y * p_y >= radius * size:
-            return w_x * radius / size, w_y * radius / size, stick
+            # 1 / size, without a root before the quotient.
+            scale = (radius / mid2) * size
+            return w_x * scale, w_y * scale, stick
     return j_x, j_y, stick

@@ -18,7 +18,7 @@ K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. Lond. A 324 (1971) 301, 
 import math
 from typing import Any
 
-from ..core.elementary import cbrt, square
+from ..core.elementary import cbrt, inverse_cbrt, square
 from ..core.jit import kernel
 
 U_FIXED_GRIPS = cbrt(1.0 / 6.0)
@@ -26,12 +26,17 @@ U_FIXED_GRIPS = cbrt(1.0 / 6.0)
 
 INDENTATION_FIXED_GRIPS = -0.5 * U_FIXED_GRIPS
 """delta R_e / a_0^2 at which the contact breaks when the displacement is held: -0.2752."""
+_SCALE = 6.0 * cbrt(6.0)
+"""1 / U_FIXED_GRIPS^4."""
+# Interpolates in Chebyshev points.
+_FIT = (0.9999994440079478, -0.4999525946326546, 0.29983788007852324, -0.1578578490315034, -0.07757420208181724)
 
 
 @kernel
 def u_of_indentation(d: float) -> float:
-    """Root u >= (1/6)^(1/3) of u^4 - (2/3) u = d, in closed form (Ferrari, docs/theory.md (11)) with one Newton step
-    for round-off.
+    """Root u >= (1/6)^(1/3) of u^4 - (2/3) u = d, docs/theory.md (11).
+
+    Written for y = u / (1/6)^(1/3) - 1 nothing cancels near the limit of fixed grips, nor far in contact.
 
     Parameters
     ----------
@@ -45,20 +50,18 @@ def u_of_indentation(d: float) -> float:
     """
     if d <= INDENTATION_FIXED_GRIPS:
         return U_FIXED_GRIPS
-    # Resolvent cubic m^3 + d m - 1/18 = 0, one positive real root on this branch.
-    discriminant = max(1.0 / 1296.0 + d * d * d / 27.0, 0.0)
-    c = cbrt(1.0 / 36.0 + math.sqrt(discriminant))
-    m = c - d / (3.0 * c)
-    root = math.sqrt(2.0 * m)
-    u = 0.5 * (root + math.sqrt(max(4.0 / (3.0 * root) - 2.0 * m, 0.0)))
-    if d > 1e4:
-        # Far beyond any real contact the closed form cancels; there this is within 1e-7.
-        u = math.sqrt(math.sqrt(d)) + 1.0 / (6.0 * math.sqrt(d))
-    slope = 4.0 * u * u * u - 2.0 / 3.0
-    # At the fold the slope vanishes and the closed form is already exact.
-    if slope > 1e-6:
-        u -= (u * (u * u * u - 2.0 / 3.0) - d) / slope
-    return u
+    t = math.sqrt((d - INDENTATION_FIXED_GRIPS) * _SCALE)
+    # z = y / t to 2e-6 for any t.
+    r = 1.0 / (0.5 + math.sqrt(2.1 + t))
+    r2 = r * r
+    z = r * ((_FIT[0] + _FIT[1] * r) + ((_FIT[2] + _FIT[3] * r) + _FIT[4] * r2) * r2)
+    # One step of third order for z^2 (y^2 + 4 y + 6) = 1 gives all digits.
+    y = t * z
+    z2 = z * z
+    slope = 1.0 / (z2 * (12.0 + y * (12.0 + 4.0 * y)))
+    e = (z2 * (6.0 + y * (4.0 + y)) - 1.0) * slope
+    y -= y * (e * (1.0 + 6.0 * z2 * slope * ((1.0 + y) * (1.0 + y)) * e))
+    return U_FIXED_GRIPS + U_FIXED_GRIPS * y
 
 
 @kernel
@@ -158,3 +161,11 @@ def effective_radius_ratio(h: Any, r: float) -> float:
         Radius of the tip.
     """
     return 1.0 / (1.0 + h.curvature * r)
+
+
+@kernel
+def radius_ratios(h: Any, r: float) -> tuple[float, float, float, float]:
+    """rho = R_e / R as `effective_radius_ratio` gives it, its cube root, and the inverses of both."""
+    inverse = 1.0 + h.curvature * r
+    third = inverse_cbrt(inverse)
+    return 1.0 / inverse, third, inverse, inverse * (third * third)

@@ -195,16 +195,23 @@ def cosh(x: float) -> float:
 
 
 @inlined
+def inverse_cbrt(x: float) -> float:
+    """1 / cbrt(x), for x > 0."""
+    # A third of the exponent gives it to 4 %; two steps of fourth order, without division, give all digits.
+    y = _from_bits(0x553EF0FF289DD796 - (_bits(x) >> 22) * 1398101)
+    for _ in range(2):
+        e = 1.0 - (x * y) * (y * y)
+        y += (y * e) * ((1.0 / 3.0 + e * (2.0 / 9.0)) + (e * e) * (14.0 / 81.0))
+    return y
+
+
+@inlined
 def cbrt(x: float) -> float:
     """Cube root."""
     size = abs(x)
-    # A third of the exponent gives 1/cbrt to 4 %; two steps of fourth order, without division, give all digits.
-    y = _from_bits(0x553EF0FF289DD796 - ((_bits(size) >> 20) * 1398101 >> 2))
-    for _ in range(2):
-        e = 1.0 - size * y * y * y
-        y += y * e * (1.0 / 3.0 + e * (2.0 / 9.0 + e * (14.0 / 81.0)))
-    root = size * y * y
-    root -= (root * root * root - size) * (y * y * (1.0 / 3.0))
+    y = inverse_cbrt(size)
+    root = size * (y * y)
+    root -= (root * root * root - size) * ((y * y) * (1.0 / 3.0))
     return math.copysign(root, x) if size > 0.0 and size < math.inf else x
 
 

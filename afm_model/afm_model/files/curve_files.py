@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.optional import needed
 from ..microscope.verbs.force_curve import Curve, as_curves
 from ..program.force_curve import APPROACH, RETRACT
 from .result_files import replacing
@@ -119,10 +120,6 @@ def write_curves(path: Path | str, curves: "Curve | Sequence[Curve] | xarray.Dat
         Ends with .h5. A file of this name is replaced once the new one is whole.
     curves : Curve or sequence of Curve, or their labelled arrays
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     ResultFileError
@@ -133,10 +130,7 @@ def write_curves(path: Path | str, curves: "Curve | Sequence[Curve] | xarray.Dat
         If h5py is not installed.
     """
     tables = _tables(path, curves)
-    try:
-        import h5py
-    except ImportError:
-        raise ImportError("an HDF5 file needs h5py, which is not installed: pip install h5py") from None
+    h5py = needed("h5py", "an HDF5 file")
     # In memory first: the library does not survive a disk that is full.
     content = BytesIO()
     with h5py.File(content, "w") as file:
@@ -162,10 +156,6 @@ def write_curve_tab(path: Path | str, curve: "Curve | xarray.Dataset") -> Path:
     path : Path or str
         Ends with .tab. A file of this name is replaced once the new one is whole.
     curve : Curve, or its labelled arrays
-
-    Returns
-    -------
-    Path
 
     Raises
     ------

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..core.optional import needed
 from ..microscope.image import Image, as_image
 from .layers import Layer, description, layer, layers
 from .result_files import replacing
@@ -30,10 +31,6 @@ def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
     image : Image, or its labelled arrays
         A scan, as far as it came.
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     ResultFileError
@@ -41,10 +38,7 @@ def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
     ImportError
         If gwyfile is not installed.
     """
-    try:
-        from gwyfile.objects import GwyContainer
-    except ImportError:
-        raise ImportError("a .gwy file needs gwyfile, which is not installed: pip install gwyfile") from None
+    GwyContainer = needed("gwyfile.objects", "a .gwy file").GwyContainer
     image = as_image(image)
     notes = description(image)
     content: Any = GwyContainer()
@@ -109,10 +103,6 @@ def write_gsf(path: Path | str, image: "Image | xarray.Dataset", name: str = "he
         A scan, as far as it came.
     name : str
         Of the layer, as `height_trace` or `friction`.
-
-    Returns
-    -------
-    Path
 
     Raises
     ------

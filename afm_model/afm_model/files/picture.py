@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.optional import needed
 from ..core.prefix import prefixed, text
 from ..microscope.image import Image, as_image
 from . import level
@@ -116,11 +117,8 @@ def draw(axes: "Axes", image: Image, found: Layer, how: Levelling | None = None)
 
 def new_figure(size: tuple[float, float]) -> "Figure":
     """An empty figure [inch]; ImportError where matplotlib is not installed."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ImportError("a picture needs matplotlib, which is not installed: pip install matplotlib") from None
-    return Figure(figsize=size, layout="constrained")
+    figure: Figure = needed("matplotlib.figure", "a picture").Figure(figsize=size, layout="constrained")
+    return figure
 
 
 def _caption(image: Image) -> str:
@@ -153,10 +151,6 @@ def picture(
     title : str, optional
         Above that of the layer; without, what was scanned.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     ValueError
@@ -174,10 +168,6 @@ def picture(
 
 def sheet(image: "Image | xarray.Dataset", title: str = "") -> "Figure":
     """All layers of a scan on one sheet: traces above retraces, friction above crosstalk.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
 
     Raises
     ------

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..core.errors import ParameterError, ResultFileError
+from ..core.optional import needed
 from ..core.schema import build, python_value
 from ..microscope.image import DIRECTIONS, RETRACE, Image, Line, as_image
 from ..microscope.verbs import Scan
@@ -28,14 +29,6 @@ if TYPE_CHECKING:
 
 _FORMAT = "afm_model scan 1"
 _UNITS = {"height": "m", "error": "V", "lateral": "N", "x": "m", "y": "m"}
-
-
-def _h5py() -> Any:
-    try:
-        import h5py
-    except ImportError:
-        raise ImportError("an HDF5 file needs h5py, which is not installed: pip install h5py") from None
-    return h5py
 
 
 class ScanFile:
@@ -83,7 +76,7 @@ class ScanFile:
         line_rate: float = 0.0,
         overwrite: bool = False,
     ) -> None:
-        h5py = _h5py()
+        h5py = needed("h5py", "an HDF5 file")
         self.path = checked(path, ".h5")
         # An empty image gives the places of its rows.
         self._frame = Image(scan, dict(units or _units(self.path, scan)), {})
@@ -239,7 +232,7 @@ def read_scan(path: Path | str) -> Image:
     ImportError
         If h5py is not installed.
     """
-    h5py = _h5py()
+    h5py = needed("h5py", "an HDF5 file")
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("format") != _FORMAT:

@@ -90,10 +90,6 @@ def write_table(path: Path | str, image: "Image | xarray.Dataset") -> Path:
         Ends with .csv or .txt. A file of this name is replaced once the new one is whole.
     image : Image, or its labelled arrays
 
-    Returns
-    -------
-    Path
-
     Raises
     ------
     ResultFileError

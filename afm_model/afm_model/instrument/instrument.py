@@ -12,17 +12,17 @@ from ..core.records import address_at, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.command import Command, CommandRecord, problem
 from ..parts.part import Channel
-from ..parts.signals import PiezoDrive, Truth
+from ..parts.signals import PiezoDrive
 from .block import Layout, LoopState, fill_loop, line_slots
 from .controller import Controller, external_law
 from .draws import Draws
 from .faults import Faults
 from .guard import Guard
 from .orders import Orders
+from .readings import CLIPPED, STEEP, Readings
 from .rows import Block, Cut, Rows
 from .score import ScoreSummary, summarize
 from .tick import DIVERGED, DRAW_TICKS, MOVED, RANGE, REFUSED, STOPPED, UNREAD, advance, start
-from .truth import truth_of_rows
 from .wire import Wire
 
 _Array = NDArray[np.float64]
@@ -31,12 +31,10 @@ _ZERO_AT_START = (
     *("truth", "detection", "displacement", "score", "asked", "asked_next", "delivery", "read", "drifted"),
 )
 """Records that are empty when a run begins."""
-_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP, _RANDOM = (
-    LoopState.names.index(name) for name in ("k", "row", "draw", "done", "clipped", "steep", "random")
-)
+_K, _ROW, _DRAW, _DONE, _RANDOM = (LoopState.names.index(name) for name in ("k", "row", "draw", "done", "random"))
 
 
-class Instrument:
+class Instrument(Readings):
     """The microscope between two control ticks.
 
     Usage: read `measurement`, decide on a drive, call `tick`; when `block_full`, call `take_block`. `measurement` is
@@ -91,7 +89,7 @@ class Instrument:
         """Return to the start: at rest, in contact, tick 0, the same random numbers again."""
         layout, block, parameters = self._layout, self._block, self.parameters
         self._draws.reset(parameters.plant.seed)
-        self._loop[[_K, _ROW, _DRAW, _DONE, _CLIPPED, _STEEP]] = 0
+        self._loop[[_K, _ROW, _DRAW, _DONE, CLIPPED, STEEP]] = 0
         for name in _ZERO_AT_START:
             layout.array(block, name)[:] = 0.0
         for family, each in layout.parts.items():
@@ -128,73 +126,6 @@ class Instrument:
         noise, position_noise = self._draws.first()
         start(block, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
         self._raise_errors()
-
-    def part(self, family: str) -> Any:
-        """The part of a family."""
-        return self._layout.parts[family].part
-
-    def numbers(self, name: str) -> _Array:
-        """The numbers of a record of the block, in place."""
-        return self._layout.array(self._block, name)
-
-    def record(self, name: str) -> Any:
-        """A record of the block, in place."""
-        return self._layout.record(self._block, name)
-
-    @property
-    def address(self) -> int:
-        """Of the block."""
-        return int(self._block.ctypes.data)
-
-    @property
-    def time(self) -> float:
-        """Simulated time of the next control tick [s]."""
-        return self.ticks * self.parameters.plant.control_period
-
-    @property
-    def drive(self) -> _Array:
-        """Copy of the drive applied until now [V], (3,)."""
-        return self._layout.array(self._block, "applied").copy()
-
-    @property
-    def z_drive(self) -> float:
-        """Drive along z that the piezo has now [V]: that of a loop inside, where there is one."""
-        return float(self._layout.array(self._block, "regulated")[2])
-
-    @property
-    def state(self) -> Any:
-        """Copy of the state of the plant, a record."""
-        return self._layout.record(self._block, "plant_state").copy()
-
-    @property
-    def truth(self) -> Any:
-        """Copy of what the plant is doing now, a record of `afm_model.parts.signals.Truth`: without noise."""
-        return self._layout.record(self._block, "truth").copy()
-
-    def truth_of(self, states: _Array) -> NDArray[Any]:
-        """What the plant was doing at recorded states (`Block.states`): records (ticks,) of Truth."""
-        return truth_of_rows(np.ascontiguousarray(states), self._block.copy()).view(Truth)[:, 0].view(np.recarray)
-
-    @property
-    def in_contact(self) -> bool:
-        """Whether the tip touches the sample."""
-        return bool(self._layout.record(self._block, "truth").contact != 0.0)
-
-    @property
-    def samples_saturated(self) -> int:
-        """Samples of the ADC since the start at which the detector was beyond its range; 0 for one that has none."""
-        state = self._layout.record(self._block, "detector_state")
-        return int(state["saturated"]) if "saturated" in (state.dtype.names or ()) else 0
-
-    @property
-    def drives_clipped(self) -> int:
-        """Updates of the drive since the start at which it was beyond `piezo.limit` along some axis, and clipped."""
-        return int(self._loop[_CLIPPED])
-
-    @property
-    def drives_steep(self) -> int:
-        """Updates of the drive since the start at which `piezo.slew_limit` held it back along some axis."""
-        return int(self._loop[_STEEP])
 
     @property
     def has_faults(self) -> bool:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.optional import needed
+
 if TYPE_CHECKING:
     import xarray
 
@@ -100,10 +102,7 @@ def to_xarray(result: Any) -> "xarray.Dataset | xarray.DataArray | Any":
     arrays = arrays_of(result)
     if arrays is None:
         return result
-    try:
-        import xarray
-    except ImportError:
-        raise ImportError("labelled arrays need xarray, which is not installed: pip install xarray") from None
+    xarray = needed("xarray", "a labelled array")
     if set(arrays.variables) == {""}:
         return xarray.DataArray(arrays.variables[""].values, attrs=dict(arrays.variables[""].attributes))
     return xarray.Dataset(dict(arrays.variables), dict(arrays.coordinates), dict(arrays.attributes))

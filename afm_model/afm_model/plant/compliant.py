@@ -13,8 +13,7 @@ import math
 from typing import Any
 
 from ..contact.friction import bound_of_area
-from ..contact.jkr import INDENTATION_FIXED_GRIPS, effective_radius_ratio, load_of_u, stiffness_of_u, u_of_indentation
-from ..core.elementary import cbrt
+from ..contact.jkr import INDENTATION_FIXED_GRIPS, load_of_u, radius_ratios, stiffness_of_u, u_of_indentation
 from ..core.jit import kernel
 from ..core.records import Block
 from ..parts.dispatch import surface
@@ -56,10 +55,9 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     # Contact at mid-step: snap-in when the surfaces meet, snap-off at the fixed-grips limit.
     H = surface(s.X, s.Y, m)
     H_X, H_Y = H.slope_x, H.slope_y
-    rho = effective_radius_ratio(H, p.r)
-    rho_third = cbrt(rho)
+    rho, rho_third, _, inverse_third = radius_ratios(H, p.r)
     delta = s.Z + H.height - s.Q
-    d = delta / (p.delta_0 * rho_third)
+    d = (delta * p.inverse_delta_0) * inverse_third
     touching = delta >= 0.0 or (s.contact != 0.0 and d > INDENTATION_FIXED_GRIPS)
     s.contact = 1.0 if touching else 0.0
     n_elastic = 0.0
@@ -67,22 +65,21 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     f = 0.0
     if touching:
         u = u_of_indentation(d)
-        n_elastic = p.L_s * rho * load_of_u(u)
-        stiffness = p.L_s * rho * stiffness_of_u(u) / (p.delta_0 * rho_third)
+        pull_off = p.L_s * rho
+        n_elastic = pull_off * load_of_u(u)
+        stiffness = (pull_off * (p.inverse_delta_0 * inverse_third)) * stiffness_of_u(u)
         dashpot = 2.0 * p.zeta_n * math.sqrt(max(stiffness, 0.0))
-        f = bound_of_area(p.f_s, rho, rho_third, u) * H.strength
+        f = bound_of_area(p.f_s * H.strength, rho, rho_third, u)
 
     # Lateral kick, then the vertical one with the contact dashpot implicit.
     v_x, v_y, f_x, f_y = kick_lateral(s, p, u_x, u_y, f)
     store_friction(s, f_x, f_y, f)
-    d_z = h * p.xi_z * p.eta_z
-    d_c = h * p.xi_c * p.eta_c
-    v_z = ((1.0 - d_z) * s.V_Z + h * (u_z - p.eta_z * p.eta_z * s.Z - n_elastic / p.mu)) / (1.0 + d_z)
-    v_q = ((1.0 - d_c) * s.V_Q + h * (n_elastic - p.w - p.eta_c * p.eta_c * (s.Q - p.a))) / (1.0 + d_c)
-    g_z = h * dashpot / (p.mu * (1.0 + d_z))
-    g_q = h * dashpot / (1.0 + d_c)
+    v_z = (p.keep_z * s.V_Z + h * ((u_z - p.spring_z * s.Z) - n_elastic * p.inverse_mu)) * p.take_z
+    v_q = (p.keep_c * s.V_Q + h * (n_elastic - (p.w + p.spring_c * (s.Q - p.a)))) * p.take_c
+    g_z = (h * (p.inverse_mu * p.take_z)) * dashpot
+    g_q = (h * p.take_c) * dashpot
     H_rate = 0.5 * (H_X * (s.V_X + v_x) + H_Y * (s.V_Y + v_y))
-    delta_rate = (0.5 * (s.V_Z + v_z - s.V_Q - v_q) + H_rate) / (1.0 + 0.5 * (g_z + g_q))
+    delta_rate = (0.5 * (s.V_Z + v_z - s.V_Q - v_q) + H_rate) * (1.0 / (1.0 + 0.5 * (g_z + g_q)))
     s.V_X = v_x
     s.V_Y = v_y
     s.V_Z = v_z - g_z * delta_rate

@@ -44,6 +44,24 @@ class Constants(Record):
     lateral_force: Annotated[float, "N"]
     normal_force: Annotated[float, "N"]
     treatment: float  # of z, by the paper's plant alone
+    # Of the above, once for all steps: squares of resonances; damping by the Cayley form, docs/theory.md (38), where a
+    # velocity v becomes (keep v + h force) take; inverses.
+    spring_x: Annotated[float, "w0^2"]
+    spring_y: Annotated[float, "w0^2"]
+    spring_z: Annotated[float, "w0^2"]
+    spring_c: Annotated[float, "w0^2"]
+    keep_x: Annotated[float, "1"]
+    keep_y: Annotated[float, "1"]
+    keep_z: Annotated[float, "1"]
+    keep_c: Annotated[float, "1"]
+    take_x: Annotated[float, "1"]
+    take_y: Annotated[float, "1"]
+    take_z: Annotated[float, "1"]
+    take_c: Annotated[float, "1"]
+    inverse_h: Annotated[float, "w0"]
+    inverse_mu: Annotated[float, "1"]
+    inverse_L_s: Annotated[float, "1/(m_c w0^2 z0)"]
+    inverse_delta_0: Annotated[float, "1/z0"]
 
 
 def plant_constants(parameters: Tree, treatment: int = 0) -> Numbers:
@@ -58,27 +76,25 @@ def plant_constants(parameters: Tree, treatment: int = 0) -> Numbers:
     scanner, scales, units = parameters.scanner, parameters.scales, parameters.units
     w0, x0, z0 = scales.w0, scales.x0, scales.z0
     gamma = contact.surface_energy
-    return {
-        "h": parameters.plant.dt * w0,
-        "eta_x": 2.0 * math.pi * scanner.f_x / w0,
-        "eta_y": 2.0 * math.pi * scanner.f_y / w0,
-        "eta_z": 2.0 * math.pi * scanner.f_z / w0,
-        "eta_c": 2.0 * math.pi * cantilever.f_c / w0,
-        "xi_x": scanner.xi_x,
-        "xi_y": scanner.xi_y,
-        "xi_z": scanner.xi_z,
-        "xi_c": cantilever.xi_c,
+    h = parameters.plant.dt * w0
+    frequencies = {"x": scanner.f_x, "y": scanner.f_y, "z": scanner.f_z, "c": cantilever.f_c}
+    xi = {"x": scanner.xi_x, "y": scanner.xi_y, "z": scanner.xi_z, "c": cantilever.xi_c}
+    eta = {axis: 2.0 * math.pi * f / w0 for axis, f in frequencies.items()}
+    L_s = contact.pull_off_force / units.normal_force
+    delta_0 = square(radius_at_zero_load(contact.R, contact.K, gamma)) / contact.R / z0
+    found = {
+        "h": h,
         "mu": scanner.mass_ratio,
         "w": cantilever.W / units.normal_force,
         "a": cantilever.a / z0,
         "r": contact.R / z0,
-        "L_s": contact.pull_off_force / units.normal_force,
-        "delta_0": square(radius_at_zero_load(contact.R, contact.K, gamma)) / contact.R / z0,
+        "L_s": L_s,
+        "delta_0": delta_0,
         "f_s": contact.friction_at_pull_off / units.lateral_force,
         "zeta_n": contact.zeta_n,
-        "gain_x": square(2.0 * math.pi * scanner.f_x / w0) * piezo.sensitivity_x / x0,
-        "gain_y": square(2.0 * math.pi * scanner.f_y / w0) * piezo.sensitivity_y / x0,
-        "gain_z": square(2.0 * math.pi * scanner.f_z / w0) * piezo.sensitivity_z / z0,
+        "gain_x": square(eta["x"]) * piezo.sensitivity_x / x0,
+        "gain_y": square(eta["y"]) * piezo.sensitivity_y / x0,
+        "gain_z": square(eta["z"]) * piezo.sensitivity_z / z0,
         "x0": x0,
         "z0": z0,
         "lateral_speed": x0 * w0,
@@ -86,7 +102,16 @@ def plant_constants(parameters: Tree, treatment: int = 0) -> Numbers:
         "lateral_force": units.lateral_force,
         "normal_force": units.normal_force,
         "treatment": treatment,
+        "inverse_h": 1.0 / h,
+        "inverse_mu": 1.0 / scanner.mass_ratio,
+        "inverse_L_s": 1.0 / L_s,
+        "inverse_delta_0": 1.0 / delta_0,
     }
+    for axis, resonance in eta.items():
+        d = h * xi[axis] * resonance
+        found |= {f"eta_{axis}": resonance, f"xi_{axis}": xi[axis], f"spring_{axis}": square(resonance)}
+        found |= {f"keep_{axis}": 1.0 - d, f"take_{axis}": 1.0 / (1.0 + d)}
+    return found
 
 
 @kernel

@@ -10,8 +10,7 @@ from .state import State
 def kick_lateral(s: State, p: Constants, u_x: float, u_y: float, f: float) -> tuple[float, float, float, float]:
     """Velocities after the forces of one step of length h, positions being those at mid-step.
 
-    X'' = U_x - eta_x^2 X - 2 xi_x eta_x X' - f d_x and Y alike, docs/theory.md (22), by (38) to (40): damping by the
-    Cayley form (1-d)/(1+d).
+    X'' = U_x - eta_x^2 X - 2 xi_x eta_x X' - f d_x and Y alike, docs/theory.md (22), by (38) to (40).
 
     Parameters
     ----------
@@ -29,14 +28,13 @@ def kick_lateral(s: State, p: Constants, u_x: float, u_y: float, f: float) -> tu
         Velocities at the end of the step; mean friction over it.
     """
     h = p.h
-    d_x = h * p.xi_x * p.eta_x
-    d_y = h * p.xi_y * p.eta_y
-    p_x = (1.0 - d_x) * s.V_X + h * (u_x - p.eta_x * p.eta_x * s.X)
-    p_y = (1.0 - d_y) * s.V_Y + h * (u_y - p.eta_y * p.eta_y * s.Y)
-    j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, 1.0 + d_x, 1.0 + d_y, h * f)
+    p_x = p.keep_x * s.V_X + h * (u_x - p.spring_x * s.X)
+    p_y = p.keep_y * s.V_Y + h * (u_y - p.spring_y * s.Y)
+    j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, p.take_x, p.take_y, h * f)
+    f_x, f_y = j_x * p.inverse_h, j_y * p.inverse_h
     if stick:
-        return 0.0, 0.0, j_x / h, j_y / h
-    return (p_x - j_x) / (1.0 + d_x), (p_y - j_y) / (1.0 + d_y), j_x / h, j_y / h
+        return 0.0, 0.0, f_x, f_y
+    return (p_x - j_x) * p.take_x, (p_y - j_y) * p.take_y, f_x, f_y
 
 
 @kernel

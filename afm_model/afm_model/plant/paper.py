@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.friction import bound_of_load
-from ..contact.jkr import effective_radius_ratio
+from ..contact.jkr import radius_ratios
 from ..core.jit import kernel
 from ..core.random_numbers import Stream
 from ..core.records import Block
@@ -59,25 +59,26 @@ def step(t: float, v: Actuation, r: Block, p: Constants, s: State, m: Block) -> 
     s.Y += half * s.V_Y
     s.Q += half * s.V_Q
     H = surface(s.X, s.Y, m)
-    rho = effective_radius_ratio(H, p.r)
-    strength = H.strength
+    rho, third, inverse, _ = radius_ratios(H, p.r)
+    per_load = p.inverse_L_s * inverse
+    strength = p.f_s * H.strength
     load = static_load(p, s.Q)
-    delta = static_indentation(p, rho, load)
+    delta = static_indentation(p, third, load * per_load)
 
     if p.treatment == Z_HELD:
-        f = bound_of_load(p.f_s, rho, load / (p.L_s * rho)) * strength
+        f = bound_of_load(strength, rho, load * per_load)
         v_x, v_y, f_x, f_y = kick_lateral(s, p, u_x, u_y, f)
         v_q = s.V_Q
     else:
         # N needs X'' through H'', X'' needs N through friction: friction by the last load first, then once more (43).
-        f = bound_of_load(p.f_s, rho, s.N / (p.L_s * rho)) * strength
+        f = bound_of_load(strength, rho, s.N * per_load)
         v_x, v_y, f_x, f_y = kick_lateral(s, p, u_x, u_y, f)
         v_q = _kick_tip(s, p, H, delta, v_x, v_y, u_z, f_z)
-        load = (v_q - s.V_Q) / h + static_load(p, s.Q)
-        f = bound_of_load(p.f_s, rho, load / (p.L_s * rho)) * strength
+        load = (v_q - s.V_Q) * p.inverse_h + static_load(p, s.Q)
+        f = bound_of_load(strength, rho, load * per_load)
         v_x, v_y, f_x, f_y = kick_lateral(s, p, u_x, u_y, f)
         v_q = _kick_tip(s, p, H, delta, v_x, v_y, u_z, f_z)
-        load = (v_q - s.V_Q) / h + static_load(p, s.Q)
+        load = (v_q - s.V_Q) * p.inverse_h + static_load(p, s.Q)
 
     store_friction(s, f_x, f_y, f)
     s.V_X = v_x
@@ -97,9 +98,9 @@ def _kick_tip(
 ) -> float:
     """Rate of Q at the end of the step, docs/theory.md (25) by the scheme of (38)."""
     h = p.h
-    inertia = 1.0 + 1.0 / p.mu
-    d = h * p.xi_z * p.eta_z / inertia
-    force = u_z - (p.eta_z * p.eta_z + p.eta_c * p.eta_c / p.mu) * s.Q
+    inertia = 1.0 + p.inverse_mu
+    d = h * p.xi_z * p.eta_z
+    force = u_z - (p.spring_z + p.spring_c * p.inverse_mu) * s.Q
     if p.treatment == Z_UNIFORM:
         force += inertia * f_z
     else:
@@ -111,11 +112,11 @@ def _kick_tip(
             H.curvature_xx * m_x * m_x
             + H.curvature_yy * m_y * m_y
             + 2.0 * H.curvature_xy * m_x * m_y
-            + (H.slope_x * (v_x - s.V_X) + H.slope_y * (v_y - s.V_Y)) / h
+            + (H.slope_x * (v_x - s.V_X) + H.slope_y * (v_y - s.V_Y)) * p.inverse_h
         )
         force += H_rate2 + 2.0 * p.xi_z * p.eta_z * H_rate
-        force += p.eta_z * p.eta_z * (H.height - delta) + (p.eta_c * p.eta_c * p.a - p.w) / p.mu
-    return ((1.0 - d) * s.V_Q + h * force / inertia) / (1.0 + d)
+        force += p.spring_z * (H.height - delta) + (p.spring_c * p.a - p.w) * p.inverse_mu
+    return ((inertia - d) * s.V_Q + h * force) * (1.0 / (inertia + d))
 
 
 def _values(parameters: Tree) -> Numbers:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.optional import needed
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Figure
@@ -77,20 +79,12 @@ def plot(curves: Curves, title: str = "") -> "Figure":
     curves : Curves
     title : str
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-
     Raises
     ------
     ImportError
         If matplotlib is not installed.
     """
-    try:
-        from matplotlib import pyplot
-    except ImportError:
-        raise ImportError("a plot needs matplotlib, which is not installed: pip install matplotlib") from None
-    figure = pyplot.figure(figsize=SIZE, layout="constrained")
+    figure: Figure = needed("matplotlib.pyplot", "a plot").figure(figsize=SIZE, layout="constrained")
     draw(figure, curves, title)
     return figure
 

@@ -142,10 +142,6 @@ def simulate(
     progress : callable, optional
         Called now and then with ticks done and ticks in all; see `afm_model.core.progress.bar`.
 
-    Returns
-    -------
-    Simulation
-
     Warns
     -----
     TimingWarning

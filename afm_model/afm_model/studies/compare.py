@@ -59,10 +59,6 @@ def compare(
     scheduler, workers, progress
         As in `afm_model.sweep`.
 
-    Returns
-    -------
-    Comparison
-
     Raises
     ------
     ParameterError

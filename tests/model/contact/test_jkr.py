@@ -99,12 +99,12 @@ def test_load_of_u_inverts_u_of_load(load_ratio):
     assert jkr.load_of_u(jkr.u_of_load(load_ratio)) == pytest.approx(load_ratio, rel=1e-13, abs=1e-14)
 
 
-@given(st.floats(jkr.INDENTATION_FIXED_GRIPS, 1e3))
+@given(st.one_of(st.floats(jkr.INDENTATION_FIXED_GRIPS, 5.0), st.floats(5.0, 1e30)))
 def test_u_of_indentation_solves_the_quartic(d):
     u = jkr.u_of_indentation(d)
-    assert u >= jkr.U_FIXED_GRIPS * (1.0 - 1e-9)
-    # At the fold, within the last 1e-12 of the slope, the closed form alone is used: a few roundings of its roots.
-    assert jkr.indentation_of_u(u) == pytest.approx(d, rel=1e-12, abs=1e-14)
+    assert u >= jkr.U_FIXED_GRIPS
+    # A few roundings of u.
+    assert jkr.indentation_of_u(u) == pytest.approx(d, rel=2e-15, abs=1e-15)
 
 
 @given(branch)

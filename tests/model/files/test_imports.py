@@ -39,6 +39,6 @@ for call in (
         "a .gwy file needs gwyfile, which is not installed: pip install gwyfile",
         "an HDF5 file needs h5py, which is not installed: pip install h5py",
         "an HDF5 file needs h5py, which is not installed: pip install h5py",
-        "labelled arrays need xarray, which is not installed: pip install xarray",
+        "a labelled array needs xarray, which is not installed: pip install xarray",
     ], done.stderr
     assert sorted(each.name for each in tmp_path.iterdir()) == ["curve.tab", "scan.gsf"]

@@ -158,7 +158,7 @@ def test_feedback_is_held_switched_off_and_given_to_the_controller():
     microscope.set_feedback("external")
     microscope.execute(MoveTo(x=0.0))
     volts = microscope.instrument.drive[2]
-    assert microscope.instrument.z_drive == pytest.approx(volts, abs=1e-15)
+    assert microscope.instrument.numbers("regulated")[2] == pytest.approx(volts, abs=1e-15)
     # To withdraw, the instrument needs nobody; the controller has pressed beyond the range of the photodiode.
     assert microscope.execute(Withdraw(distance=2e-6, rate=50e-6)).status == COMPLETE
     assert not microscope.instrument.in_contact

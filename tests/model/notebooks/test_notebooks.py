@@ -80,9 +80,9 @@ def test_notebook_of_the_paper_reproduces_its_figures(ran: Get):
     assert paper["pull_off"] == pytest.approx(3.0 * math.pi * paper["contact"].R * paper["contact"].gamma, rel=1e-12)
     assert paper["a_pull_off"] == pytest.approx(paper["a_0"] / 4.0 ** (1.0 / 3.0), rel=1e-9)
     # Figures 4 to 6, as docs/paper.md has them.
-    assert paper["open_loop"].trajectory_sha256.startswith("83d2d829")
-    assert paper["closed_loop"].trajectory_sha256.startswith("ed6088e5")
-    assert paper["tanh"].trajectory_sha256.startswith("32d56188")
+    assert paper["open_loop"].trajectory_sha256.startswith("c9204fe9")
+    assert paper["closed_loop"].trajectory_sha256.startswith("94bef7de")
+    assert paper["tanh"].trajectory_sha256.startswith("cbc7e80a")
     assert paper["open_loop"].score.stick_phases == 22
     assert paper["ratio"] == pytest.approx(3500, rel=0.01)  # two digits said
 

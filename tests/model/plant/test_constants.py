@@ -118,11 +118,11 @@ def test_constants_follow_the_parameters_not_the_defaults():
 
 
 OWN = {
-    "plant.dt": {"h": 1},
-    "scanner.f_x": {"eta_x": 1, "gain_x": 2},
-    "scanner.f_y": {"eta_y": 1, "gain_y": 2},
-    "scanner.f_z": {"eta_z": 1, "gain_z": 2},
-    "cantilever.f_c": {"eta_c": 1},
+    "plant.dt": {"h": 1, "inverse_h": -1},
+    "scanner.f_x": {"eta_x": 1, "spring_x": 2, "gain_x": 2},
+    "scanner.f_y": {"eta_y": 1, "spring_y": 2, "gain_y": 2},
+    "scanner.f_z": {"eta_z": 1, "spring_z": 2, "gain_z": 2},
+    "cantilever.f_c": {"eta_c": 1, "spring_c": 2},
     "scanner.xi_x": {"xi_x": 1},
     "scanner.xi_y": {"xi_y": 1},
     "scanner.xi_z": {"xi_z": 1},
@@ -152,7 +152,13 @@ def test_each_constant_comes_from_its_own_parameter(name, own):
     new = 1.1 * default or 1e-8
     together = {"detector.sample_period": new, "plant.control_period": new} if name == "plant.dt" else {}
     base, changed = all_constants({}), all_constants({name: new} | together)
-    assert {field for field in base if base[field] != changed[field]} == set(own)
+    differ = {field for field in base if base[field] != changed[field]}
+    assert {field for field in differ if not field.startswith(("keep_", "take_"))} == set(own)
+    for axis in "xyzc":
+        before, after = (c["h"] * c[f"xi_{axis}"] * c[f"eta_{axis}"] for c in (base, changed))
+        assert (f"keep_{axis}" in differ) == (f"take_{axis}" in differ) == (before != after)
+        assert changed[f"keep_{axis}"] == pytest.approx(1.0 - after, rel=1e-15)
+        assert changed[f"take_{axis}"] == pytest.approx(1.0 / (1.0 + after), rel=1e-15)
     if default:
         for field, power in own.items():
             assert changed[field] == pytest.approx(1.1**power * base[field], rel=1e-14)
