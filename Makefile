@@ -2,7 +2,7 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo scan test test-long bits build setup lint site figures notebooks maps bench soak torture clean
+.PHONY: help demo scan test test-long bits build run-only with-tests setup lint site figures notebooks maps bench soak torture clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
@@ -31,24 +31,29 @@ help:
 setup:
 	@tools/bootstrap.sh
 
-# Bytecode: a node starts a quarter of a second sooner where Python may not write it itself (PYTHONDONTWRITEBYTECODE, as in
-# many containers; a folder of somebody else).
-build: setup
+# Three sets of packages, each with a lock: what the nodes need, the extras of afm_model, what only tests need.
+build: run-only
+	@tools/add.sh extras
+
+with-tests: build
+	@tools/add.sh test
+
+run-only: setup
 	@if [ ! -e $(BUILT) ] || [ .venv/.complete -nt $(BUILT) ] || [ -n "$$(find $(MANIFESTS) -newer $(BUILT))" ]; then tools/build.sh; fi
 	@[ ! -w afm_model ] || .venv/bin/python -m compileall -q $(wildcard afm_*/afm_*)
 
-demo: build
+demo: run-only
 	@. ./env.sh && ros2 run afm_bringup session closed_loop_tanh --out out/demo
 
 scan: build
 	@. ./env.sh && ros2 run afm_bringup scan --out out/scan
 
-test: build
+test: with-tests
 	@. ./env.sh && tools/test.sh
 
 # Examples that no run has tried before: ten times as many, from a seed that is printed.
 SEED ?= $(shell date +%s)
-test-long: build
+test-long: with-tests
 	@echo "The seed is $(SEED); the same examples again: make test-long SEED=$(SEED)"
 	@. ./env.sh && python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile -m "hypothesis or long" \
 	  --timeout 0 --hypothesis-profile random --hypothesis-seed $(SEED)
@@ -64,24 +69,24 @@ site: setup
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/site.txt && NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --quiet
 	@echo "out/site/index.html"
 
-figures: build
+figures: with-tests
 	@. ./env.sh && python tools/make_figures.py
 
-notebooks: build
+notebooks: with-tests
 	@. ./env.sh && python -m pip install --quiet --disable-pip-version-check -r requirements/notebooks.txt && python tools/make_notebooks.py
 
-maps: build
+maps: with-tests
 	@. ./env.sh && python tools/make_maps.py
 
-bench: build
+bench: with-tests
 	@. ./env.sh && python tests/bench
 
 # Both write their figures into docs/reliability.md unless they are given arguments.
 ARGS ?= --page docs/reliability.md
-soak: build
+soak: with-tests
 	@. ./env.sh && PYTHONPATH="$$PWD/tests$${PYTHONPATH:+:$$PYTHONPATH}" python tests/soak $(ARGS)
 
-torture: build
+torture: with-tests
 	@. ./env.sh && PYTHONPATH="$$PWD/tests$${PYTHONPATH:+:$$PYTHONPATH}" python tests/torture $(ARGS)
 
 clean:

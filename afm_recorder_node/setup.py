@@ -13,11 +13,24 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    # The programming interface of rerun changes from one minor release to the next.
-    install_requires=["setuptools", "numpy", "pyarrow", "pyyaml", "rerun-sdk==0.41.*", "rich", "scipy"],
+    python_requires=">=3.11",
+    # rclpy and afm_msgs, which every node needs, come with ROS 2. rerun changes with each minor release.
+    install_requires=[
+        "afm_node_common==0.1.0",
+        "numpy>=1.26",
+        "pyarrow>=18",
+        "pydantic>=2.5",
+        "pyyaml>=6.0.1",
+        "rerun-sdk==0.41.*",
+        "rich>=13",
+        "scipy>=1.11.2",
+    ],
+    # Bags of ros2 bag: export, and what reads them.
+    extras_require={"bag": ["rosbags==0.11.*"]},
     entry_points={
         "console_scripts": [
             f"{NAME} = {NAME}.__main__:main",
+            f"export = {NAME}.export_command:main",
             f"inspect = {NAME}.inspect_command:main",
             f"repair = {NAME}.repair:main",
         ]
@@ -26,5 +39,14 @@ setup(
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",
     description="Records the topics of the virtual atomic force microscope with rerun, to a file and to a live viewer.",
+    long_description="Part of the virtual atomic force microscope; needs ROS 2 (rclpy, afm_msgs).",
+    long_description_content_type="text/plain",
     license="Apache-2.0",
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: Python :: 3",
+        "Topic :: Scientific/Engineering :: Physics",
+    ],
 )

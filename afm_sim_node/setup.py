@@ -13,12 +13,23 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
     ],
-    install_requires=["setuptools"],
+    python_requires=">=3.11",
+    # rclpy and afm_msgs, which every node needs, come with ROS 2.
+    install_requires=["afm_node_common==0.1.0", "numpy>=1.26"],
     zip_safe=False,
     maintainer="The AFM developers",
     maintainer_email="afm@example.org",
     description="Virtual atomic force microscope: steps the dynamics, publishes signals, takes drive commands.",
+    long_description="Part of the virtual atomic force microscope; needs ROS 2 (rclpy, afm_msgs).",
+    long_description_content_type="text/plain",
     license="Apache-2.0",
+    classifiers=[
+        "Development Status :: 4 - Beta",
+        "Intended Audience :: Science/Research",
+        "Operating System :: POSIX :: Linux",
+        "Programming Language :: Python :: 3",
+        "Topic :: Scientific/Engineering :: Physics",
+    ],
     entry_points={
         "console_scripts": [
             "afm_sim_node = afm_sim_node.__main__:main",

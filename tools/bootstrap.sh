@@ -56,7 +56,7 @@ for tool in gcc g++ cmake; do
     fail "$tool is missing: the ROS messages are compiled" "install it with: sudo apt install build-essential cmake"
 done
 
-echo "Setting up .venv with $("$python" --version), ROS 2: $ros (once: about 40 s of processor time, and what the network needs) ..."
+echo "Setting up .venv with $("$python" --version), ROS 2: $ros (once: about 20 s of processor time, and what the network needs) ..."
 rm -rf .venv
 site=()
 [ "$ros" = wheels ] || site=(--system-site-packages)
@@ -66,14 +66,14 @@ site=()
 packages=(-r requirements/base.txt)
 [ "$ros" = wheels ] && packages=(--require-hashes -r requirements/ros-jazzy.lock)
 pip=(.venv/bin/python -m pip install --disable-pip-version-check)
-# uv does in half the time what pip does; where it cannot (pip has its own settings), pip does it. Copies: the
-# wheels are patched below, and links would reach into the cache of uv.
-if ! { "${pip[@]}" --require-hashes -r requirements/uv.lock && .venv/bin/uv pip install --link-mode copy --compile-bytecode --python .venv/bin/python "${packages[@]}" &&
-  .venv/bin/python -m pip uninstall --yes uv; } \
-  > .venv/uv.log 2>&1 && ! "${pip[@]}" "${packages[@]}" > .venv/pip.log 2>&1; then
+# uv does in half the time what pip does, with the certificates of the system; where it cannot (pip has its own settings), pip does it.
+# Copies: the wheels are patched below, and links would reach into the cache of uv. Byte code is made of what is used, below.
+if ! { "${pip[@]}" --require-hashes -r requirements/uv.lock && .venv/bin/uv pip install --system-certs --link-mode copy --python .venv/bin/python "${packages[@]}"; } \
+  > .venv/uv.log 2>&1 && ! "${pip[@]}" --no-compile "${packages[@]}" > .venv/pip.log 2>&1; then
   tail -n 15 .venv/pip.log >&2
   fail "pip could not install the requirements; the whole log is in .venv/pip.log" "is there a network connection?"
 fi
+.venv/bin/python -m pip uninstall --quiet --yes uv 2> .venv/uv.log # 40 MB
 if [ "$ros" = wheels ]; then
   .venv/bin/python tools/patch_wheels.py
 else
@@ -81,4 +81,7 @@ else
     fail "ROS 2 $ros is sourced, but $python cannot import its rclpy" \
       "use the Python that this ROS 2 was built for: PYTHON=/usr/bin/python3 make demo"
 fi
+# Byte code where Python may not write it itself (PYTHONDONTWRITEBYTECODE, as in many containers; a folder of somebody else):
+# a node starts seconds sooner.
+PYTHONDONTWRITEBYTECODE='' .venv/bin/python -c 'import matplotlib.pyplot, numba, pydantic, rclpy.action, rerun.blueprint, rich.progress, scipy.linalg'
 printf '%s' "$wanted" > "$root/.venv/.complete"

@@ -11,10 +11,6 @@ rm -f "$kept"
 # Kept for the next run: half of what loading all tests costs. Containers often tell Python to keep none.
 unset PYTHONDONTWRITEBYTECODE
 
-# Without it the tests that need Gwyddion's own code are skipped.
-python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements/test.txt ||
-  echo "warning: requirements/test.txt could not be installed: no test runs Gwyddion's own code" >&2
-
 # One worker more than there are processors: a test over the middleware waits for a quarter of its time.
 export PYTEST_XDIST_AUTO_NUM_WORKERS=${PYTEST_XDIST_AUTO_NUM_WORKERS:-$(($(nproc) + 1))}
 code=0

@@ -19,6 +19,7 @@ from rich.table import Table
 from . import layout, questions
 from .describe import parts, quantity, scaled, scenario
 from .overview import overview, print_statistics
+from .readable import is_bag
 from .reader import read_about, read_signals
 from .recording import IncompleteRecording, RecordingError, UncheckedRecording
 from .statistics import statistics_of
@@ -32,7 +33,7 @@ _UNITS = {"duration": "s"} | {f"{what}_{axis}": "m" for what in ("rms", "max") f
 
 
 def recordings(places: Sequence[str]) -> list[Path]:
-    """The recordings at these places: files, folders with all recordings below them, patterns with *.
+    """The recordings at these places: files, bags, folders with all recordings below them, patterns with *.
 
     Raises
     ------
@@ -43,11 +44,15 @@ def recordings(places: Sequence[str]) -> list[Path]:
     for place in places:
         path = Path(place)
         here = [path] if path.exists() else [Path(each) for each in sorted(glob.glob(place, recursive=True))]
-        here = [file for each in here for file in (sorted(each.rglob("*.rrd")) if each.is_dir() else [each])]
+        here = [file for each in here for file in (_below(each) if each.is_dir() and not is_bag(each) else [each])]
         if not here:
             raise RecordingError(f"{place} is no readable recording: there is no .rrd file")
         found |= dict.fromkeys(here)
     return list(found)
+
+
+def _below(folder: Path) -> list[Path]:
+    return sorted([*folder.rglob("*.rrd"), *(file.parent for file in folder.rglob("metadata.yaml"))])
 
 
 def _draw(path: Path, x: ArrayLike, y: ArrayLike, labels: tuple[str, str], title: str, log: bool = False) -> None:
@@ -249,7 +254,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         paths = recordings(asked.recordings)
         if asked.table:
             return _table(paths, asked, console)
+        if len(paths) > 1 and (asked.plot or asked.csv or asked.parquet):
+            raise RecordingError(f"{len(paths)} recordings cannot be written into one file: give one")
         for path in paths:
+            if len(paths) > 1:
+                console.print(escape(str(path)), style="bold")
             if asked.signal:
                 _signal(path, asked, console)
             elif asked.psd:

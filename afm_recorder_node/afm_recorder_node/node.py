@@ -7,28 +7,23 @@ from typing import Any
 
 import numpy as np
 from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, ScanLine, Score, Waveform
-from numpy.typing import NDArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.time import Time
-from std_msgs.msg import Header
 
-from afm_model.run import State
 from afm_node_common import topics
 from afm_node_common.parameters import declare
 from afm_node_common.presence import Presence
 from afm_node_common.runner import run
 from afm_node_common.subscriptions import Subscriptions
 
-from . import checks, layout
+from . import checks, layout, messages
 from .channels import Channels
 from .health import Health, HealthPublisher
 from .layout import Signal
 from .parameters import RecorderParameters
 from .recorder import Recorder
 from .watch import ParameterWatch, full_name
-from .writer import Level
 
 _PERIOD = 0.2
 """Wall time between two checks of the other nodes, status messages and chances to flush [s]."""
@@ -37,11 +32,6 @@ _SETTLE, _SILENCE, _DRAIN_LIMIT = 0.5, 4.0, 10.0
 missing, while nothing comes (more than the middleware's heartbeat of 3 s, with which it repeats lost messages: a killed
 instrument repeats none), and at all [s]."""
 
-_STATES = {int(state): state.name for state in State}
-_LEVELS: dict[str, Level] = {
-    **dict.fromkeys(("STALLED", "RETRACTED", "HELD", "WITHDRAWN", "APPROACHING"), "WARN"),
-    "FAULT": "ERROR",
-}
 _ENDED = (InstrumentStatus.FINISHED, InstrumentStatus.FAULT)
 
 
@@ -102,14 +92,8 @@ class RecorderNode(Node):
 
     def _on_trace(self, message: ControlTrace) -> None:
         checks.control_trace(message)
-        columns: dict[str, NDArray[Any]] = {
-            "position": _rows(message.position),
-            "reference": _rows(message.reference_position),
-            "deflection": np.frombuffer(message.deflection),
-            "drive": _rows(message.drive),
-            "round_trip": np.frombuffer(message.round_trip, np.float32),
-        }
-        self.recorder.control(message.first_sequence, message.control_period, _nanoseconds(message.header), columns)
+        time_ns = messages.nanoseconds(message.header)
+        self.recorder.control(message.first_sequence, message.control_period, time_ns, messages.columns(message))
 
     def _on_line(self, message: ScanLine) -> None:
         self.recorder.line(checks.scan_line(message))
@@ -118,19 +102,16 @@ class RecorderNode(Node):
         checks.stamp(message)
         self._presence.heard()
         self._status = message
-        state = _STATES.get(message.state, f"state {message.state}")
-        text = f"{state}: {message.detail}" if message.detail else state
-        self.recorder.state(_nanoseconds(message.header), message.ticks, text, _LEVELS.get(state, "INFO"))
+        told = messages.state(message)
+        self.recorder.state(messages.nanoseconds(message.header), message.ticks, told.text, told.level)
 
     def _on_score(self, message: Score) -> None:
         checks.stamp(message)
-        values = _plain(message)
-        del values["header"]
-        self.recorder.score(_nanoseconds(message.header), values)
+        self.recorder.score(messages.nanoseconds(message.header), messages.plain(message))
 
     def _on_event(self, message: Event) -> None:
         checks.stamp(message)
-        self.recorder.event(_nanoseconds(message.header), message.text)
+        self.recorder.event(messages.nanoseconds(message.header), message.text)
 
     def _on_known(self, node: str, values: dict[str, Any]) -> None:
         self.recorder.parameters(self._short(node), values)
@@ -170,21 +151,6 @@ class RecorderNode(Node):
     def _short(self, node: str) -> str:
         """Name of a node within the namespace; nodes of other namespaces keep their full name."""
         return node.removeprefix(f"{self.get_namespace().rstrip('/')}/")
-
-
-def _rows(values: Any) -> NDArray[np.float64]:
-    return np.frombuffer(values).reshape(-1, 3)
-
-
-def _plain(value: Any) -> Any:
-    """A message as numbers, texts and dicts, for the text of the score."""
-    if hasattr(value, "get_fields_and_field_types"):
-        return {name: _plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
-    return value
-
-
-def _nanoseconds(header: Header) -> int:
-    return int(Time.from_msg(header.stamp).nanoseconds)
 
 
 def main() -> int:

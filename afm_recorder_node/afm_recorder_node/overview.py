@@ -29,7 +29,7 @@ def overview(path: Path, console: Console) -> None:
     ticks = next((each for each in kept if each.name == layout.ROUND_TRIP.name), None)
     facts = Table(show_header=False, box=None, title=escape(str(path)), title_justify="left", pad_edge=False)
     named, law = parts(about)
-    facts.add_row("file", f"{path.stat().st_size / 1e6:.4g} MB, {'complete' if about.complete else 'WITHOUT AN END'}")
+    facts.add_row("file", f"{_size(path) / 1e6:.4g} MB, {'complete' if about.complete else 'WITHOUT AN END'}")
     facts.add_row("scenario", escape(scenario(about)))
     facts.add_row("parts", escape(named))
     facts.add_row("law", escape(law))
@@ -49,6 +49,10 @@ def overview(path: Path, console: Console) -> None:
             f"{image.lines_done} of {image.scan.lines} lines, {', '.join(image.units)}."
         )
     print_statistics(kept, console)
+
+
+def _size(path: Path) -> int:
+    return sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]))
 
 
 def _print_parameters(about: About, console: Console) -> None:

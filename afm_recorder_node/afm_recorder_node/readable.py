@@ -9,12 +9,20 @@ from pathlib import Path
 from .checksums import Extent, measure
 from .recording import DamagedRecording, RecordingError
 
+_BAGS = (".mcap", ".db3")
+
+
+def is_bag(path: Path) -> bool:
+    """Whether there is a bag of `ros2 bag record` at a path: its file, or its folder."""
+    return path.suffix in _BAGS or (path / "metadata.yaml").is_file()
+
 
 @contextmanager
 def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator[tuple[Path, Extent]]:
     """A file that rerun can read to its end, and what of the recording is in it.
 
-    Of one that breaks off within a message, or still grows, that is a copy of what is whole.
+    Of one that breaks off within a message, or still grows, that is a copy of what is whole; of a bag, a recording made
+    of it.
 
     Parameters
     ----------
@@ -29,6 +37,15 @@ def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator
     RecordingError
         If there is no file, or it is no .rrd file.
     """
+    if is_bag(Path(path)):
+        try:
+            from .bag import recording_of
+        except ImportError as error:
+            raise RecordingError(
+                f"{os.fspath(path)} is a bag, and {error}: it is read in the environment of env.sh, with "
+                "`pip install rosbags`"
+            ) from None
+        path = recording_of(Path(path))
     try:
         with open(path, "rb") as file:
             extent = measure(file.fileno())

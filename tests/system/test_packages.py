@@ -1,7 +1,9 @@
 """The packages agree with one another, and `colcon test` runs the tests."""
 
+import email
 import os
 import re
+import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -77,30 +79,65 @@ def test_hooks_of_pre_commit_are_the_tools_of_the_lint_script() -> None:
 
 def test_every_requirement_is_locked_in_its_version_with_hashes_and_no_address() -> None:
     folder = ROOT / "requirements"
-    lock = (folder / "ros-jazzy.lock").read_text()
+    locks = [folder / f"{name}.lock" for name in ("ros-jazzy", "extras", "test")]
+    lock = "".join(path.read_text() for path in locks)
     assert not re.search(r"https?:|file:|index-url|find-links", lock + (folder / "uv.lock").read_text())
     locked: dict[str, str] = {}
     for entry in re.split(r"\n(?=\S)", lock.strip()):
         found = re.match(r"([A-Za-z0-9_.-]+)==([^\s;]+)(?: ;[^\\\n]*)? \\\n", entry)
         assert found, entry
         assert re.fullmatch(r"(\s+--hash=sha256:[0-9a-f]{64}(?: \\)?)+", entry[found.end() - 1 :]), entry
-        locked[found[1].lower()] = found[2]
+        assert locked.setdefault(found[1].lower(), found[2]) == found[2] or ";" in entry, "in two sets, in two versions"
     wanted = re.findall(
-        r"^([A-Za-z0-9_.-]+)(?:\[\w+\])?==(\S+)$",
-        (folder / "base.txt").read_text() + (folder / "ros-jazzy.txt").read_text(),
+        r"^([A-Za-z0-9_.-]+)(?:\[\w+\])?==(\S+)",
+        "".join((folder / f"{name}.txt").read_text() for name in ("base", "ros-jazzy", "extras", "test")),
         re.MULTILINE,
     )
     assert len(wanted) > 100
     assert {name.lower().replace("_", "-"): version for name, version in wanted}.items() <= locked.items()
 
 
+def test_notices_name_every_locked_package_in_its_version() -> None:
+    notices = (ROOT / "THIRD-PARTY.md").read_text()
+    for name in ("ros-jazzy", "extras", "test"):
+        lock = (ROOT / "requirements" / f"{name}.lock").read_text()
+        # Of two versions for two Pythons the last one.
+        locked = dict(re.findall(r"^([A-Za-z0-9_.-]+)==([^\s;]+)", lock, re.MULTILINE))
+        assert not [package for package, version in locked.items() if f" {package} {version}" not in notices]
+
+
 def test_nothing_under_the_gpl_is_installed_to_run_the_instrument() -> None:
-    for name in ("base.txt", "ros-jazzy.lock"):
+    for name in ("base.txt", "ros-jazzy.lock", "extras.txt", "extras.lock"):
         assert "gwyddionpy" not in (ROOT / "requirements" / name).read_text()
-    assert "gwyddionpy-converter" in (ROOT / "requirements" / "test.txt").read_text()
+    assert "gwyddionpy-converter" in (ROOT / "requirements" / "test.lock").read_text()
     sources = [path for package in ROOT.glob("afm_*") for path in package.rglob("*.py")]
     assert len(sources) > 100
     assert not [path for path in sources if "gwyddionpy" in path.read_text()]
+
+
+@pytest.mark.parametrize("package", IN_PYTHON, ids=lambda path: path.name)
+def test_wheel_of_a_package_states_its_licence_and_what_it_needs(package: Path, tmp_path: Path) -> None:
+    """Made by `setup.py` itself, of a copy: nothing is downloaded."""
+    source = shutil.copytree(package, tmp_path / package.name, symlinks=False)
+    command = [sys.executable, "setup.py", "-q", "dist_info"]
+    subprocess.run(command, cwd=source, capture_output=True, check=True)
+    (folder,) = source.glob("*.dist-info")
+    stated = email.message_from_string((folder / "METADATA").read_text())
+    assert stated["Requires-Python"] == ">=3.11"
+    assert stated["License-File"] == "LICENSE"
+    assert stated.get_payload().strip()  # twine check --strict
+    needed = stated.get_all("Requires-Dist")
+    assert needed and all(re.search(r"[=>]=", each) for each in needed)  # a bound, or the same version
+    commands = (folder / "entry_points.txt").read_text() if (folder / "entry_points.txt").exists() else ""
+    assert ("afm = afm_model.__main__:main" in commands) == (package.name == "afm_model")
+
+
+def test_demo_is_set_up_without_what_only_tests_and_studies_need() -> None:
+    locked = (ROOT / "requirements" / "ros-jazzy.lock").read_text()
+    for name in ("hypothesis", "pandas", "xarray", "h5py", "dask", "distributed", "afmformats", "control", "mypy"):
+        assert f"\n{name}==" not in locked
+    plan = subprocess.run(["make", "-n", "-C", ROOT, "demo"], capture_output=True, text=True, check=True).stdout
+    assert "bootstrap.sh" in plan and "add.sh" not in plan
 
 
 def test_pydantic_1_is_told_in_a_sentence_at_import(tmp_path: Path) -> None:

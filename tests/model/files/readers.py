@@ -13,7 +13,7 @@ import pytest
 def gwyddion(path: Path, folder: Path) -> Any:
     """What Gwyddion itself reads from a file: it writes all of it into a file of its own, which gwyfile reads.
 
-    Its code comes with the package gwyddionpy-converter (requirements/test.txt, Linux on x86-64); elsewhere the
+    Its code comes with the package gwyddionpy-converter (requirements/test.lock, Linux on x86-64); elsewhere the
     program on the PATH is used.
     """
     written = folder / f"{path.stem}_{path.suffix[1:]}_by_gwyddion.gwy"

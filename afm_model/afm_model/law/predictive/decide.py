@@ -32,7 +32,6 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
     if p.measured != 0 and off != 0.0:
         # Of an estimated error only what exceeds its own uncertainty turns the direction.
         off *= max(0.0, 1.0 - s.across / (off * off))
-    if p.together != 0:
         # The way must be longer than that as well.
         off *= way * way / (way * way + s.across)
     nu = min(max(-p.turn * off / way, -0.5), 0.5) if way > 0.0 else 0.0

@@ -9,7 +9,6 @@ import math
 from ...core.elementary import exp, hypot, square
 from ...core.jit import kernel
 from ...parts.signals import Measurement
-from .joint import RATIO, SPEED, UNKNOWN
 from .map import NODES
 from .predictive_constants import FIRST, Constants
 from .predictive_state import State
@@ -108,12 +107,6 @@ def begin_anew(p: Constants, s: State) -> None:
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
     for i in range(NODES):
         s.map_H[i] = s.map_ratio[i] = 0.0
-    for i in range(4):
-        s.spread[i] = 0.0
-        for j in range(4):
-            known = square(UNKNOWN) if i == RATIO else 0.0 if i == SPEED else square(p.position_noise)
-            s.joint[i, j] = known if i == j else 0.0
-    s.grip = s.signal = s.bound = s.way = s.pitch = 0.0
-    s.heading[0], s.heading[1] = 1.0, 0.0
+    s.signal = s.way = s.pitch = s.offset = s.offset_H = 0.0
     for axis in range(2):
         s.sum_pa[axis] = s.sum_pp[axis] = 0.0

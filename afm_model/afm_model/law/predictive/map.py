@@ -74,9 +74,11 @@ def read_map(x: float, y: float, s: "State") -> None:
             variance += w[a] * w[b] * s.covariance[at, (i + b) % NODES]
     if variance > KNOWN_WELL:
         return
-    s.height = H
+    s.height = H + s.offset_H
+    s.mapped_H = 1.0
     if s.gripped != 0.0:
-        s.here = ratio
+        s.here = ratio + s.offset
+        s.mapped = 1.0
 
 
 @kernel

@@ -36,6 +36,7 @@ def beyond(f: Any, d_x: float, d_y: float, p: Constants) -> float:
 @routine
 def look(x: float, y: float, p: Constants, s: "State") -> None:
     """Height, curvature and strength of friction of the sample at (x, y)."""
+    s.mapped = s.mapped_H = 0.0
     s.here = beyond(s.ratio, x - s.at_x, y - s.at_y, p)
     if p.surface == KNOWN:
         # State and Constants have the fields of Surface and of the sample's constants.
@@ -47,6 +48,17 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
     s.height = beyond(s.H, x - s.at_x, y - s.at_y, p)
     if p.surface == LEARNED:
         read_map(x, y, s)
+
+
+@kernel
+def level(p: Constants, s: "State") -> None:
+    """The map tells how height and ratio change from here; what they are here is measured."""
+    s.offset = s.offset_H = 0.0
+    look(s.X, s.Y, p, s)
+    if s.mapped_H > 0.0:
+        s.offset_H = s.H[0] - s.height
+    if s.mapped > 0.0:
+        s.offset = s.ratio[0] - s.here
 
 
 @kernel
@@ -80,7 +92,7 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         m_x, m_y = 1.0 / s.gain_of[0], 1.0 / s.gain_of[1]
         p_x = m_x * (1.0 - d_x) * s.V_X + h * balance(0, u_x, s.X, p, s)
         p_y = m_y * (1.0 - d_y) * s.V_Y + h * balance(1, u_y, s.Y, p, s)
-        f = s.bound if s.bound > 0.0 else s.here * nominal_bound(load, p, s)
+        f = s.here * nominal_bound(load, p, s)
         n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
         j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, n_x, n_y, h * f)
         s.V_X = 0.0 if stick else (p_x - j_x) * n_x

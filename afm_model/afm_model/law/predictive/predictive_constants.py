@@ -27,9 +27,6 @@ SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
 FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
-TOGETHER = 1.0
-"""Control period above which one filter estimates position and friction [1/w0]: below, a filter of the position that
-takes the measured force as it is makes smaller errors where the reference turns."""
 FIRST = (0.3, 1.0, 0.03)
 """Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2]."""
 _WAVE = 63.0
@@ -37,110 +34,56 @@ _WAVE = 63.0
 _UNEVEN = 3e-5
 """Rms of a ratio about its mean over a known surface, whose correlation lasts a quarter of a wave: of the load that
 the deflection tells, what is not static."""
+_ASTRAY = 1.3e-4
+"""Rms change of the position across the motion in a time unit, that the copy does not know [x0]."""
 _STEP = 0.05
 """Longest step of the prediction [1/w0]."""
 
-_SCALARS = (
-    "hold",  # control period [1/w0]
-    "slot",  # time between two drives of an answer
-    "slots",  # slots in a control period
-    "delay",  # slots until the drive of an answer is in force
-    "count",  # drives in an answer, without the reserve
-    "reserve",  # drives of the reserve
-    "longest",  # drives of an answer with all that, those in force before it included
-    "fine",  # fine intervals in a slot
-    "horizon",  # fine intervals in the horizon
-    "tau",  # length of a fine interval
-    "refined",  # one: the drive of a slot is long and refined
-    "turn",  # lambda of the direction of friction
-    "ring",  # part of a change of the load by which it still rings after a slot
-    "steps",  # of the prediction in a slot
-    "dt",
-    "surface",
-    "identified",
-    "adapts",  # what the model does not explain is estimated
-    "mu",
-    "w",
-    "a",
-    "eta_c2",
-    "delta",  # indentation at the load of the setpoint zero, flat sample [z0]
-    "delta_load",  # its change with the load
-    "delta_curvature",  # and with the curvature
-    "f_0",  # bound of friction at that load: f_0 + f_1 kappa + f_2 kappa^2
-    "f_1",
-    "f_2",
-    "f_load",  # its relative change with the load
-    "load_0",
-    "beta",  # sample
-    "k_x",
-    "k_y",
-    "height",  # largest height and wave number assumed
-    "wave_number",
-    "ripple",  # of the strength, from that curvature
-    "measured",
-    "together",  # position and friction are estimated in one filter
-    "position_noise",
-    "force_noise",  # of friction measured along x
-    "uneven",  # rms of the ratio over a known surface about its mean
-    "astray",  # rms change of the position across the motion in a control period, that the copy does not know [x0]
-    "wander",  # rms change of the ratio in a control period
-    "uncertain",  # variance of an estimated position, x and y
-    "least_bound",
-    "height_noise",
-    "ratio_noise",
-    "x0",
-    "z0",
-    "w0",
-    "lateral_force",
-    "normal_force",
-)
-
 
 class Constants(Record):
-    hold: float
-    slot: float
-    slots: int
-    delay: int
-    count: int
-    reserve: int
-    longest: int
-    fine: int
-    horizon: int
-    tau: float
-    refined: int
-    turn: float
-    ring: float
-    steps: int
+    hold: float  # control period [1/w0]
+    slot: float  # time between two drives of an answer
+    slots: int  # slots in a control period
+    delay: int  # slots until the drive of an answer is in force
+    count: int  # drives in an answer, without the reserve
+    reserve: int  # drives of the reserve
+    longest: int  # drives of an answer with all that, those in force before it included
+    fine: int  # fine intervals in a slot
+    horizon: int  # fine intervals in the horizon
+    tau: float  # length of a fine interval
+    refined: int  # one: the drive of a slot is long and refined
+    turn: float  # lambda of the direction of friction
+    ring: float  # part of a change of the load by which it still rings after a slot
+    steps: int  # of the prediction in a slot
     dt: float
     surface: int
     identified: int
-    adapts: int
+    adapts: int  # what the model does not explain is estimated
     mu: float
     w: float
     a: float
     eta_c2: float
-    delta: float
-    delta_load: float
-    delta_curvature: float
-    f_0: float
+    delta: float  # indentation at the load of the setpoint zero, flat sample [z0]
+    delta_load: float  # its change with the load
+    delta_curvature: float  # and with the curvature
+    f_0: float  # bound of friction at that load: f_0 + f_1 kappa + f_2 kappa^2
     f_1: float
     f_2: float
-    f_load: float
+    f_load: float  # its relative change with the load
     load_0: float
-    beta: float
+    beta: float  # sample
     k_x: float
     k_y: float
-    height: float
+    height: float  # largest height and wave number assumed
     wave_number: float
-    ripple: float
+    ripple: float  # of the strength, from that curvature
     measured: int
-    together: int
+    bumps: float  # ripple of the ratio over the surface as it is known
     position_noise: float
-    force_noise: float
-    uneven: float
-    astray: float
-    wander: float
-    uncertain: float
+    force_noise: float  # of friction measured along x
+    uneven: float  # rms of the ratio over a known surface about its mean
+    astray: float  # the same in a control period
+    wander: float  # rms change of the ratio in a control period
     least_bound: float
     height_noise: float
     ratio_noise: float
@@ -157,7 +100,7 @@ class Constants(Record):
     Gamma: Annotated[Array, (3, 2)]
     G: Annotated[Array, (3, INTERVALS, 2)]
     Gamma_hold: Annotated[Array, (2, 2)]  # of the free x and y over a control period
-    L: Annotated[Array, (3, 2)]  # of the observer
+    L: Annotated[Array, (2,)]  # of the observer along z
     free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
     of_drive: Annotated[Array, (2,)]
 
@@ -223,16 +166,12 @@ def values(parameters: Tree) -> Numbers:
     f_0, up, down = bound(0.0, load_0), bound(small, load_0), bound(-small, load_0)
     dn = 1e-3 * L_s
     delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
-    measured = law.feedback == "measured"
+    measured, exact, identified = law.feedback == "measured", law.surface == "known", law.friction == "identified"
     height_noise = hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
     ratio_noise = hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
     ripple = abs(up - down) / (2.0 * small * f_0) * square(law.wave_number * x0) * law.height / z0
     noise = law.position_noise / x0
-    # What averaging over a wave leaves of the noise of the ratio; along z the tip's load hardly disturbs the scanner.
-    left = ratio_noise * math.sqrt(hold / _WAVE)
-    disturbances = (left * f_0, left * f_0, FLOOR * square(eta_c) / mu)
-    noises = (noise, noise, law.position_noise / z0)
-    L = [observer_gains(stiffness[i], damping[i], hold, disturbances[i], noises[i]) for i in range(3)]
+    L = observer_gains(stiffness[2], damping[2], hold, FLOOR * square(eta_c) / mu, law.position_noise / z0)
     of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(2)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
     return {
@@ -253,8 +192,8 @@ def values(parameters: Tree) -> Numbers:
         "dt": slot / steps,
         "surface": SURFACES[law.surface],
         # Friction that is believed in leaves no signal to compare with.
-        "adapts": law.unexplained == "estimated" and law.friction == "identified",
-        "identified": law.friction == "identified",
+        "adapts": law.unexplained == "estimated" and identified,
+        "identified": identified,
         "mu": mu,
         "w": w,
         "a": a,
@@ -274,20 +213,16 @@ def values(parameters: Tree) -> Numbers:
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
         "measured": measured,
-        "together": measured
-        and law.friction == "identified"
-        and hold > TOGETHER
-        and (law.surface == "observed" or (law.surface == "learned" and law.packet > 1)),
+        "bumps": ripple if identified and not exact else 0.0,
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
-        "uneven": _UNEVEN,
-        "astray": L[0][0] * noise,
-        "wander": _UNEVEN * math.sqrt(8.0 * hold / _WAVE),
-        "uncertain": max(L[0][0], L[1][0]) * square(noise),
+        "uneven": _UNEVEN if exact else ratio_noise,
+        "astray": _ASTRAY * hold,
+        "wander": (_UNEVEN * math.sqrt(8.0 / _WAVE) if exact else FLOOR) * math.sqrt(hold) * identified,
         "least_bound": least_bound(law),
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
-        "L": np.array(L),
+        "L": L,
         "Gamma_hold": np.array(of_hold),
         "free": free,
         "of_drive": of_drive,

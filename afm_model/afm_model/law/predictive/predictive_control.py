@@ -7,14 +7,12 @@ from .asked import ask, take_reference
 from .decide import decide, refine
 from .flight import answer, extend, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
-from .joint import correct_jointly
 from .map import write_map
-from .nominal_plant import predict, run_copy, take_load
+from .nominal_plant import level, predict, take_load
+from .observer import AT_X, AT_Y, begin_observer, observe_scanner
 from .predictive_constants import KNOWN, LEARNED, Constants
 from .predictive_state import State
 from .sample_estimate import measured_height, take_height, take_ratio
-from .slide import correct_along
-from .together import begin_together, correct_together
 from .unexplained import expect, explain, explain_measured
 
 
@@ -28,30 +26,14 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
         s.V_X = y.velocity[0] / speed if p.measured == 0 else 0.0
         s.V_Y = y.velocity[1] / speed if p.measured == 0 else 0.0
         s.V_Z = y.velocity[2] / (p.z0 * p.w0) if p.measured == 0 else 0.0
-        s.spread[0] = s.spread[3] = 1.0
-        s.across = p.uncertain
-        begin_together(p, s)
+        begin_observer(p, s)
     else:
         s.X, s.Y, s.Z = s.estimate[0], s.estimate[1], s.estimate[2]
         s.V_X, s.V_Y, s.V_Z = s.estimate[3], s.estimate[4], s.estimate[5]
-        if p.together != 0:
-            correct_together(k, x, y_, y, p, s)
-        elif p.surface != KNOWN and p.identified:
-            correct_along(k, x, y_, y, p, s)
-        elif p.identified:
-            correct_jointly(k, x, y_, y, p, s)
-        else:
-            run_copy(k, y, p, s)
-            i_x, i_y = x - s.X, y_ - s.Y
-            s.X += p.L[0, 0] * i_x
-            s.Y += p.L[1, 0] * i_y
-            # What rests is set in motion by no noise.
-            if s.V_X != 0.0 or s.V_Y != 0.0 or i_x * i_x + i_y * i_y > square(3.0 * p.position_noise):
-                s.V_X += p.L[0, 1] * i_x
-                s.V_Y += p.L[1, 1] * i_y
-        i_z = z - s.Z
-        s.Z += p.L[2, 0] * i_z
-        s.V_Z += p.L[2, 1] * i_z
+        observe_scanner(k, x, y_, y, p, s)
+        missed = z - s.Z
+        s.Z += p.L[0] * missed
+        s.V_Z += p.L[1] * missed
     s.estimate[0], s.estimate[1], s.estimate[2] = s.X, s.Y, s.Z
     s.estimate[3], s.estimate[4], s.estimate[5] = s.V_X, s.V_Y, s.V_Z
 
@@ -62,17 +44,16 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
     take_load(y, p, s)
     if p.surface != KNOWN:
         take_height(p, s)
-    ratio = 0.0
-    if p.identified and (p.measured == 0 or p.surface != KNOWN):
+    ratio = s.grip
+    if p.identified and p.measured == 0:
         u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     if p.surface == LEARNED:
         s.doubt = 0.0
         if p.measured != 0:
             # An estimate that is off by more than noise explains is wrong by that.
-            off_x, off_y = y.position[0] / p.x0 - s.X, y.position[1] / p.x0 - s.Y
-            off = off_x * off_x + off_y * off_y - square(3.0 * p.position_noise)
-            s.doubt = p.uncertain + max(off, 0.0)
+            off = square(y.position[0] / p.x0 - s.X) + square(y.position[1] / p.x0 - s.Y)
+            s.doubt = s.P[AT_X, AT_X] + s.P[AT_Y, AT_Y] + max(off - square(3.0 * p.position_noise), 0.0)
         write_map(measured_height(p, s), ratio, p, s)
 
 
@@ -91,6 +72,8 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     watch(k, y, p, s)
     s.last = k
     s.at_x, s.at_y = s.X, s.Y
+    if p.surface == LEARNED and p.measured != 0 and p.slots == 1:
+        level(p, s)
     # A drive is refined with what the next hold asks for.
     ask(p.delay * p.slot, p.horizon + max(p.count - 1, p.refined) * p.fine, p, s)
     for i in range(p.delay + p.count):

@@ -4,10 +4,9 @@ from typing import Annotated
 
 import numpy as np
 
-from ...core.elementary import exp, square
+from ...core.elementary import exp
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
-from .joint import UNKNOWN
 from .map import LENGTH, NODES, SPACING
 from .predictive_constants import ANSWERS, FIRST, INTERVALS, SLOTS, least_bound
 from .sample_estimate import MEAN, VALUE
@@ -38,21 +37,15 @@ class State(Record):
     softer: Annotated[Array, (2,)]
     unsure: Annotated[Array, (2, 3, 3)]
     weight: Annotated[Array, (3,)]
-    grip: float  # measured friction along its direction; no measurement: zero
-    # Covariance of position and speed along the motion, variance across it, over that of a position.
-    spread: Annotated[Array, (4,)]
-    joint: Annotated[Array, (4, 4)]  # covariance of the states of afm_model.law.predictive.joint
-    heading: Annotated[Array, (2,)]  # direction of the motion there
+    grip: float  # of positions alone: measured ratio; no measurement: zero
     calm: float  # forces in succession that were as expected
-    uncertainty: Annotated[Array, (5, 5)]  # covariance of what one filter estimates: afm_model.law.predictive.together
+    P: Annotated[Array, (5, 5)]  # covariance of the states of observer.py
     carried: Annotated[Array, (5, 5)]  # what a Kalman filter needs between two steps
     half: Annotated[Array, (5, 5)]
-    held: Annotated[Array, (5, 5)]
     gains: Annotated[Array, (5,)]
     weights: Annotated[Array, (5,)]
     change: Annotated[Array, (5,)]
     across: float  # variance of the position across the motion
-    bound: float  # of friction, in place of the one believed in, for the copy; zero: none
     X: float  # the scanner as measured or estimated, then as predicted
     Y: float
     Z: float
@@ -69,6 +62,10 @@ class State(Record):
     H: Annotated[Array, (10,)]
     ratio: Annotated[Array, (10,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it
+    mapped: float
+    offset_H: float  # of the height and the ratio followed from the map
+    offset: float
+    mapped_H: float  # one: the place looked at is on the map, with its height; with its ratio
     here: float  # strength at the place looked at
     height: float  # the sample at one place, as afm_model.parts.signals.Surface
     slope_x: float
@@ -120,9 +117,6 @@ def start(parameters: Tree) -> Numbers:
     first["ratio"][[VALUE, MEAN]] = least_bound(law)
     first["gain_of"] = first["learned"][0] = 1.0
     first["unsure"] = np.diag(np.square(FIRST))
-    noise = law.position_noise / parameters.scales.x0
-    first["joint"] = np.diag([square(noise), 0.0, square(noise), square(UNKNOWN)])
-    first["heading"][0] = 1.0
     nodes = np.arange(NODES)
     apart = np.minimum(nodes, NODES - nodes) * SPACING / LENGTH
     first["prior"] = [exp(-0.5 * each * each) for each in apart]

@@ -145,10 +145,6 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     """
     look(s.X, s.Y, p, s)
     nominal = nominal_bound(s.load, p, s)
-    if p.together != 0:
-        # Followed together with the position.
-        s.slips += 1.0 if s.grip > 0.0 else 0.0
-        return s.grip / nominal
     speed = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
     if speed <= REST * s.fastest:
         b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
@@ -158,9 +154,6 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
             doubt = 3.0 * math.sqrt(variance(1, b_y, s.Y, s)) * abs(b_y) / size if s.slips > 0.0 else 0.0
             size = max(abs(force) * size / abs(b_x) - doubt, abs(force))
         held = size / nominal
-        if p.measured != 0 and p.surface != KNOWN:
-            # Friction is never more than its bound, but for the noise of its measurement.
-            held = s.grip / nominal - 3.0 * p.ratio_noise
         s.ratio[VALUE] = max(s.ratio[VALUE], held)
         s.ratio[MEAN] = max(s.ratio[MEAN], held)
         # What a slope does not explain holds everywhere.
@@ -170,11 +163,6 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     if abs(s.V_X) <= 0.3 * speed:
         return 0.0
     measured = force * speed / (s.V_X * nominal)
-    if p.measured != 0 and p.surface != KNOWN:
-        # The tip has stopped, or was at rest until now.
-        if s.grip == 0.0:
-            return 0.0
-        measured = s.grip / nominal
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
     s.slips += 1.0
     if p.surface == KNOWN:
@@ -188,6 +176,4 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         begin(s.ratio, measured, p.ripple, p.ratio_noise, p)
     else:
         follow(s.ratio, measured, d_x, d_y, p.ripple, p.ratio_noise, p)
-        if p.measured != 0:
-            s.ratio[VALUE] = max(s.ratio[VALUE], s.grip / nominal - 3.0 * p.ratio_noise)
     return measured

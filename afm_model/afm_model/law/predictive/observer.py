@@ -1,0 +1,277 @@
+"""Positions alone: where the scanner is and how strong friction is, in one Kalman filter, docs/laws.md (8.9), (8.10).
+
+A copy of the plant runs along, set-valued friction included. At the low speed of a reference friction turns the motion
+at once into the balance of forces b, drive less spring: the scanner slips along b. So the errors of position, speed
+along b, ratio of friction to its nominal bound and slope of that ratio along the way follow one linear model.
+"""
+
+import math
+
+from ...core.elementary import hypot, square
+from ...core.jit import kernel, routine
+from ...core.records import Block
+from ...parts.signals import Measurement
+from .nominal_plant import balance, look, nominal_bound, run_copy, take_load
+from .predictive_constants import ANSWERS, Constants
+from .predictive_state import State
+from .sample_estimate import GONE, MEAN, REST, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y
+
+AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
+UNKNOWN = 0.25
+"""Standard deviation of the ratio at the start."""
+_SURE = 5.0
+"""Standard deviations beyond which a difference is not noise, in none of a million measurements."""
+_STOPS = 3.0
+"""The same for friction that is too low, and for a speed that is not zero."""
+_ENOUGH = 5.0
+"""Forces in succession as expected after which one that is not is let pass: the contact rings for a moment."""
+_TELLS = 0.3
+"""Smallest cosine between the motion and x at which the force along x tells friction."""
+_NEAR = 0.01
+"""Step of the derivatives of the nominal bound [x0]."""
+_ON_MAP = 0.3
+"""Bend of the ratio that a map leaves, over that of the surface."""
+
+
+@kernel
+def carry_covariance(P: Block, F: Block, half: Block) -> None:
+    """Replace the covariance P (n, n) by F P F^T; `half` (n, n) is overwritten."""
+    size = len(P)
+    for i in range(size):
+        for j in range(size):
+            half[i, j] = 0.0
+            for k in range(size):
+                half[i, j] += F[i, k] * P[k, j]
+    for i in range(size):
+        for j in range(size):
+            P[i, j] = 0.0
+            for k in range(size):
+                P[i, j] += half[i, k] * F[j, k]
+
+
+@kernel
+def weigh(noise: float, s: State) -> float:
+    """Variance of a measurement of the states by the row `s.weights`; their covariances with it go to `s.gains`."""
+    variance = noise
+    for i in range(5):
+        s.gains[i] = 0.0
+        for j in range(5):
+            s.gains[i] += s.P[i, j] * s.weights[j]
+    for i in range(5):
+        variance += s.weights[i] * s.gains[i]
+    return variance
+
+
+@kernel
+def correct(innovation: float, variance: float, s: State) -> None:
+    """Correct by the measurement last weighed, which was off by so much from what the copy predicts."""
+    for i in range(5):
+        innovation -= s.weights[i] * s.change[i]
+    for i in range(5):
+        s.change[i] += s.gains[i] * innovation / variance
+        for j in range(5):
+            s.P[i, j] -= s.gains[i] * s.gains[j] / variance
+
+
+@kernel
+def take(i: int, innovation: float, noise: float, s: State) -> None:
+    """Correct by a measurement of state i with this variance."""
+    s.weights[:] = 0.0
+    s.weights[i] = 1.0
+    correct(innovation, weigh(noise, s), s)
+
+
+@kernel
+def begin_observer(p: Constants, s: State) -> None:
+    """At rest, at the first measured position."""
+    s.P[:] = 0.0
+    s.P[AT_X, AT_X] = s.P[AT_Y, AT_Y] = square(p.position_noise)
+    s.P[RATIO, RATIO] = square(UNKNOWN) * p.identified
+    s.P[SLOPE, SLOPE] = square(p.bumps * p.wave_number)
+    s.calm = s.across = s.grip = 0.0
+
+
+@kernel
+def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: State) -> None:
+    """Carry the covariance through a control period in which the scanner goes so far along t."""
+    F, P = s.carried, s.P
+    F[:] = 0.0
+    # Along t the free scanner that friction brakes; across it nothing moves.
+    F[AT_X, AT_X], F[AT_X, AT_Y] = p.free[0, 0] * t_x * t_x + t_y * t_y, (p.free[0, 0] - 1.0) * t_x * t_y
+    F[AT_Y, AT_X], F[AT_Y, AT_Y] = F[AT_X, AT_Y], p.free[0, 0] * t_y * t_y + t_x * t_x
+    F[AT_X, SPEED], F[AT_Y, SPEED], F[SPEED, SPEED] = p.free[0, 1] * t_x, p.free[0, 1] * t_y, p.free[1, 1]
+    F[SPEED, AT_X], F[SPEED, AT_Y] = p.free[1, 0] * t_x, p.free[1, 0] * t_y
+    F[AT_X, RATIO], F[AT_Y, RATIO] = -p.of_drive[0] * nominal * t_x, -p.of_drive[0] * nominal * t_y
+    F[SPEED, RATIO] = -p.of_drive[1] * nominal
+    for i in range(3):
+        F[i, SLOPE] = 0.5 * way * F[i, RATIO]
+    F[RATIO, RATIO], F[RATIO, SLOPE], F[SLOPE, SLOPE] = 1.0, way, 1.0
+    carry_covariance(P, F, s.half)
+    # What counts is the largest error: the largest second derivative of a wave, not its rms one.
+    q = p.wave_number * (abs(t_x) + abs(t_y))
+    bend = square(p.bumps * (_ON_MAP if s.mapped > 0.0 else 1.0) * q * q * way)
+    P[RATIO, RATIO] += 0.25 * bend * way * way
+    P[RATIO, SLOPE] += 0.5 * bend * way
+    P[SLOPE, RATIO] += 0.5 * bend * way
+    P[SLOPE, SLOPE] += bend
+    for i in range(3):
+        for j in range(3):
+            # The load is not quite static.
+            P[i, j] += square(p.uneven) * F[i, RATIO] * F[j, RATIO]
+    turned = square(p.astray)
+    P[AT_X, AT_X] += turned * t_y * t_y
+    P[AT_Y, AT_Y] += turned * t_x * t_x
+    P[AT_X, AT_Y] -= turned * t_x * t_y
+    P[AT_Y, AT_X] -= turned * t_x * t_y
+
+
+@kernel
+def rest(s: State) -> None:
+    """What rests has no speed that is uncertain."""
+    for i in range(5):
+        s.P[SPEED, i] = s.P[i, SPEED] = 0.0
+
+
+@kernel
+def explains(miss: float, p: Constants) -> float:
+    """Error of the ratio that displaces the slipping tip by `miss` in a control period."""
+    return min(miss / (p.of_drive[0] * p.f_0), UNKNOWN)
+
+
+@kernel
+def doubt(miss: float, t_x: float, t_y: float, p: Constants, s: State) -> None:
+    """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
+    speed = min(abs(miss) / p.hold, s.fastest)
+    for i, t in ((AT_X, t_x), (AT_Y, t_y)):
+        s.P[i, i] += miss * miss
+        s.P[i, SPEED] += abs(miss) * speed * t
+        s.P[SPEED, i] += abs(miss) * speed * t
+    s.P[SPEED, SPEED] += speed * speed
+    s.P[RATIO, RATIO] += square(explains(abs(miss), p)) * p.identified
+
+
+@kernel
+def see_ratio(t_x: float, t_y: float, size: float, nominal: float, p: Constants, s: State) -> None:
+    """Write the row of the ratio seen in the lateral force: it also tells of the place.
+
+    At another place the surface has another bound, and the balance of forces another direction.
+    """
+    ratio, on_map = s.here, s.mapped > 0.0
+    look(s.X + _NEAR, s.Y, p, s)
+    slope_x = (nominal_bound(s.load, p, s) / nominal * (s.here / ratio if on_map else 1.0) - 1.0) / _NEAR
+    look(s.X, s.Y + _NEAR, p, s)
+    slope_y = (nominal_bound(s.load, p, s) / nominal * (s.here / ratio if on_map else 1.0) - 1.0) / _NEAR
+    look(s.X, s.Y, p, s)
+    s.weights[:] = 0.0
+    s.weights[AT_X] = ratio * (slope_x - t_y * t_y * p.stiffness[0] / (t_x * size))
+    s.weights[AT_Y] = ratio * (slope_y + t_y * p.stiffness[1] / size)
+    s.weights[RATIO] = 1.0
+
+
+@kernel
+def take_ratio_seen(innovation: float, noise: float, missed: float, p: Constants, s: State) -> bool:
+    """Correct by the ratio that is seen in the lateral force, by the row `s.weights`; whether the tip seems to slip.
+
+    It is never more than that of the bound. Less tells something while the tip slips only. As that is estimated, the
+    ratio falls no faster than the steepest slope of the surface lets it, or by what explains that the tip went further
+    than the copy by `missed`: then it slips.
+    """
+    fall = 0.0
+    if s.V_X != 0.0 or s.V_Y != 0.0:
+        fall = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1])) * p.hold
+    if missed > 0.0:
+        fall = max(fall, explains(missed, p))
+    if innovation < 0.0 and fall == 0.0:
+        return False
+    variance = weigh(noise, s)
+    slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
+    if innovation < -_STOPS * math.sqrt(variance) and slow and missed == 0.0 and p.slots == 1:
+        # Of too little friction and a speed that may be zero rest is the likelier cause.
+        s.V_X, s.V_Y = 0.0, 0.0
+        rest(s)
+        return False
+    expected = innovation * innovation <= _SURE * _SURE * variance
+    calm = s.calm
+    s.calm = calm + 1.0 if expected else 0.0
+    if not expected:
+        if calm >= _ENOUGH:
+            return False
+        s.P[RATIO, RATIO] += square(innovation if innovation > 0.0 else min(-innovation, fall)) * p.identified
+        variance = weigh(noise, s)
+    if s.gains[RATIO] * innovation < -fall * variance:
+        innovation = -fall * variance / s.gains[RATIO]
+    correct(innovation, variance, s)
+    return innovation * innovation <= _SURE * _SURE * variance and fall > 0.0
+
+
+@routine
+def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s: State) -> None:
+    """Run the copy up to measurement k, and correct it and the ratio by the positions x, y_ and the lateral force."""
+    from_x, from_y, periods = s.X, s.Y, max(k - s.last, 1)
+    run_copy(k, y, p, s)
+    take_load(y, p, s)
+    look(s.X, s.Y, p, s)
+    P, ratio, nominal = s.P, s.here, nominal_bound(s.load, p, s)
+    b_x = balance(0, y.drive[0] / p.volts[0], s.X, p, s)
+    b_y = balance(1, y.drive[1] / p.volts[1], s.Y, p, s)
+    size = hypot(b_x, b_y)
+    t_x, t_y = (b_x / size, b_y / size) if size > 0.0 else (1.0, 0.0)
+    way = hypot(s.X - from_x, s.Y - from_y)
+    slope = s.ratio[SLOPE_X] * t_x + s.ratio[SLOPE_Y] * t_y
+    s.change[:] = 0.0
+    q = p.wave_number * (abs(t_x) + abs(t_y))
+    for i in range(5):
+        if s.mapped > 0.0:
+            P[SLOPE, i] = P[i, SLOPE] = 0.0
+        elif i < SLOPE and t_x * s.ratio[WAY_X] + t_y * s.ratio[WAY_Y] < 0.0:
+            # The slope is along the way: that turns back.
+            P[SLOPE, i], P[i, SLOPE] = -P[SLOPE, i], -P[i, SLOPE]
+    if s.mapped > 0.0:
+        P[SLOPE, SLOPE] = square(_ON_MAP * p.bumps * p.wave_number)
+    for _ in range(min(periods, ANSWERS) if way > 0.0 else 0):
+        carry(way / periods, t_x, t_y, nominal, p, s)
+    P[RATIO, RATIO] += square(p.wander) * periods
+    resting = s.V_X == 0.0 and s.V_Y == 0.0
+    if resting:
+        rest(s)
+    noise, force = square(p.position_noise), y.lateral_force / p.lateral_force
+    along = (x - s.X) * t_x + (y_ - s.Y) * t_y
+    known = t_x * t_x * P[AT_X, AT_X] + 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_y * t_y * P[AT_Y, AT_Y]
+    missed = along if along * along > _SURE * _SURE * (known + noise) else 0.0
+    if missed != 0.0:
+        doubt(missed, t_x, t_y, p, s)
+    off, stiffness = b_x - force, p.stiffness[0]
+    likely = square(off) < _SURE * _SURE * (square(stiffness) * P[AT_X, AT_X] + square(p.force_noise))
+    if resting and way == 0.0 and p.slots == 1 and likely:
+        # At rest friction is what the drive leaves, which tells the position.
+        take(AT_X, off / stiffness, square(p.force_noise / stiffness), s)
+    s.grip = 0.0
+    if size > 0.0 and abs(t_x) > _TELLS:
+        see_ratio(t_x, t_y, size, nominal, p, s)
+        # Where the tip runs fast its load is not that at rest, and where it goes far its surface is another.
+        went = hypot(x - from_x, y_ - from_y) / (periods * p.hold)
+        swing = p.f_load * p.height * square(q * min(s.V_X * t_x + s.V_Y * t_y, went))
+        seen, of_seen = force / (t_x * nominal), square(p.ratio_noise / t_x) + swing * swing
+        if take_ratio_seen(seen - ratio, of_seen, missed, p, s):
+            s.grip = max(seen, 0.0)
+    take(AT_X, x - s.X, noise, s)
+    take(AT_Y, y_ - s.Y, noise, s)
+    s.across = t_y * t_y * P[AT_X, AT_X] - 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_x * t_x * P[AT_Y, AT_Y]
+    s.X += s.change[AT_X]
+    s.Y += s.change[AT_Y]
+    speed = s.V_X * t_x + s.V_Y * t_y + s.change[SPEED]
+    if speed <= 0.0:
+        speed = 0.0
+        rest(s)
+    if speed <= REST * s.fastest:
+        s.grip = 0.0
+    s.V_X, s.V_Y = speed * t_x, speed * t_y
+    s.ratio[VALUE] = ratio + s.change[RATIO]
+    steepest = p.bumps * q
+    slope = min(max(slope + s.change[SLOPE], -steepest), steepest)
+    s.ratio[SLOPE_X], s.ratio[SLOPE_Y], s.ratio[WAY_X], s.ratio[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
+    # The mean is that of the way gone, at most over a few waves; over a known surface nothing else is left.
+    s.ratio[GONE] = min(s.ratio[GONE] + q * way, 8.0 * math.pi)
+    part = min(q * way / s.ratio[GONE], 1.0) if s.ratio[GONE] > 0.0 else 0.0
+    s.ratio[MEAN] += part * (s.ratio[VALUE] - s.ratio[MEAN])
+    s.ratio[MEAN] = min(max(s.ratio[MEAN], s.ratio[VALUE] - p.bumps), s.ratio[VALUE] + p.bumps)
