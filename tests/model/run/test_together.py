@@ -2,10 +2,11 @@
 
 from typing import Any
 
+import bits
 import numpy as np
 import pytest
 
-from afm_model import ControllerParameters, DivergenceError, ParameterError, SimParameters, build, simulate
+from afm_model import ControllerParameters, DivergenceError, ParameterError, SimParameters, build, changed, simulate
 from afm_model.core.jit import config
 from afm_model.core.lanes import LANES
 from afm_model.instrument import Instrument
@@ -93,6 +94,21 @@ def test_plants_samples_and_laws_run_in_lanes(law, news):
     if not config.DISABLE_JIT:
         assert all(composition(Instrument(sim)) for sim, _ in sets)
     assert hashes(sets) == [alone(each) for each in sets]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [name for name, line in bits.CASES["runs"].items() if line.startswith("simulate ")])
+def test_compositions_of_make_bits_keep_their_bits_among_others(name, tmp_path):
+    """In lanes or one by one, beside runs that end sooner."""
+    given, _ = bits.scenario(bits.CASES["runs"][name].split()[1:], tmp_path)
+    sim, law = given.sim, given.controller
+    period = sim.plant.control_period
+    shorter = changed(sim, {"run.duration": round(0.9 * sim.total_ticks) * period, "score.start": sim.score_start})
+    sets = [(sim, law), *[(shorter, law)] * (LEAST - 1), (sim, law)]
+    expected = bits.kept()["hashes"][name]["trajectory"]
+    found = hashes(sets)
+    assert (found[0], found[-1]) == (expected, expected)
+    assert len(set(found)) == 2
 
 
 def test_scores_and_records_are_those_of_the_run_alone():
