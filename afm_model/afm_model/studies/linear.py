@@ -101,7 +101,8 @@ class LinearLoop:
         """Frequency response of the loop cut between drive and piezo of `axis`, at omega [rad/s]."""
         cut = self.cuts[axis]
         z = np.exp(1j * omega * self.period)[:, None, None]
-        return np.asarray(cut.C @ np.linalg.solve(z * np.eye(len(cut.A)) - cut.A, cut.B) + cut.D).reshape(-1)
+        found = cut.C @ np.linalg.solve(z * np.eye(len(cut.A)) - cut.A, cut.B) + cut.D
+        return np.asarray(found, np.complex128).reshape(-1)
 
 
 def inside_drives_z(sim: SimParameters) -> bool:
