@@ -120,7 +120,8 @@ class Wrong:
                 return x(drive[0] + 2.0 * (sequence % 2))
             case "nonsense" if bad:
                 return [Reply(sequence, drive, nonsense=True), right]
-            case "never pauses":
+            case "never pauses" if 245 < self.seen <= 250:
+                # The last ones before the pause: every one would take six minutes.
                 return [right, Reply(sequence, drive, after=0.3)]
             case "knows it already" if again:
                 return []

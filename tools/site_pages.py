@@ -19,6 +19,7 @@ CSS = """
 .md-typeset table:not([class]) :is(th, td) { min-width: 0; padding: .5em .8em; }
 .md-typeset td:first-child code { white-space: nowrap; }
 .md-typeset img { background: white; }
+.md-typeset pre > code { white-space: pre-wrap; }
 .equation { display: flex; align-items: center; margin: 1em 0; overflow-x: auto; }
 .equation math { flex: 1; }
 """
@@ -54,7 +55,7 @@ def messages() -> str:
     for kind, title in (("msg", "Messages"), ("srv", "Services"), ("action", "Actions")):
         lines += [f"## {title}", ""]
         for path in sorted((ROOT / "msgs" / kind).glob(f"*.{kind}")):
-            lines += [f"### {path.stem}", "", "```yaml", path.read_text().rstrip(), "```", ""]
+            lines += [f"### {path.stem}", "", "```sh", path.read_text().rstrip(), "```", ""]
     return "\n".join(lines)
 
 

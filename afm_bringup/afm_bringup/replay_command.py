@@ -5,6 +5,8 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from afm_model import DivergenceError, DriveError, ParameterError, PartError, Scenario, ScenarioError, load_scenario
 from afm_model.core.progress import bar
 from afm_model.core.schema import flatten
@@ -45,6 +47,9 @@ def replay(path: Path, scenario: Scenario | None = None) -> tuple[str, str, int]
     # Lists are parameters of the node, not of the instrument.
     known = {name: value for name, value in values if not isinstance(value, list)}
     parameters = recorded_parameters(known, recording.parameter_changes)
+    period = parameters.plant.control_period
+    if len(recording.time_ticks) > 1 and np.diff(recording.time_ticks).min() > 1.5 * period:
+        raise ParameterError("not every tick was recorded (`every` of the recorder): it cannot be replayed")
     with bar("replaying") as report:
         instrument = run(parameters, Replay.of(recording, parameters), progress=report)
     return str(recording.score["trajectory_sha256"]), instrument.trajectory_sha256(), instrument.ticks

@@ -254,7 +254,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         paths = recordings(asked.recordings)
         if asked.table:
             return _table(paths, asked, console)
+        if len(paths) > 1 and (asked.plot or asked.csv or asked.parquet):
+            raise RecordingError(f"{len(paths)} recordings cannot be written into one file: give one")
         for path in paths:
+            if len(paths) > 1:
+                console.print(escape(str(path)), style="bold")
             if asked.signal:
                 _signal(path, asked, console)
             elif asked.psd:

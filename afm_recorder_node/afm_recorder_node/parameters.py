@@ -17,6 +17,11 @@ class RecorderParameters(Group):
         "after a reset of the instrument a new one begins, recording-2.rrd. No file is "
         "replaced: the first of these names that is free is taken",
     )
+    every: Annotated[int, Ge(1), Lt(2**31)] = Field(
+        1,
+        description="keep one control tick and one sample of each channel in so many, for runs of hours; such a "
+        "recording cannot be replayed. Events, parameters, scans and the score are whole",
+    )
     live_port: Annotated[int, Ge(0), Lt(65536)] = Field(
         0,
         description="port of a server for live viewers, started as `rerun --connect <port>`; 0: none",

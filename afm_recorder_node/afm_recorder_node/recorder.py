@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from afm_node_common.memory import give_back
+
 from . import layout
 from .intake import Intake
 from .layout import Signal
@@ -218,6 +220,7 @@ class Recorder:
         except OSError as error:
             self._log.error(str(error))
         self._writer = self._files.open_next()
+        give_back()
         for node, values in self.known.items():
             self._writer.parameters(node, values)
         if self._resetting and self._state is not None:

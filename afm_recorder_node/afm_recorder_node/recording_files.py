@@ -99,6 +99,7 @@ class RecordingFiles:
             live_address=self._parameters.live_address,
             patient=patient,
             number=self._number + 1,
+            every=self._parameters.every,
         )
         if writer.number > self._number + 1:
             self._log.warning(

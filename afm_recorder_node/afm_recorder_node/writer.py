@@ -42,6 +42,8 @@ class RecordingWriter:
         If the file cannot be made now, try again while rows come, in place of raising.
     number : int
         First number to be tried.
+    every : int
+        Keep one row of the signals in so many.
 
     Raises
     ------
@@ -57,6 +59,7 @@ class RecordingWriter:
         live_address: str = "127.0.0.1",
         patient: bool = False,
         number: int = 1,
+        every: int = 1,
     ) -> None:
         self._sink = Sink(Path(path).absolute(), number, live_port, live_address, patient)
         self.path = self._sink.file.name
@@ -72,10 +75,13 @@ class RecordingWriter:
         """Whether it holds a score."""
         self._end_ns = 0
         self._closed = False
+        self._every = every
         for signal in (*layout.CHANNELS, *layout.TICKS):
             self._declare(signal)
         self._scans = ScanWriter(self._sink, self._arrange)
         self._arrange()
+        if every > 1:
+            self.event(0, f"one tick and one sample of each channel in {every} are recorded")
 
     @property
     def partial(self) -> Path:
@@ -118,7 +124,8 @@ class RecordingWriter:
             self._scales[signal.entity] = scale
             about = rr.AnyValues(scale=scale, factor=signal.factor, unit=signal.si_unit)
             self._sink.static(signal.entity, about)
-        self._append(signal, instants(first, len(values), period), values * (scale * signal.factor))
+        kept = self._kept(first)
+        self._append(signal, instants(first, len(values), period)[kept], values[kept] * (scale * signal.factor))
 
     def control(
         self,
@@ -148,17 +155,18 @@ class RecordingWriter:
         cantilever_height : float [m]
             Height a of the cantilever's rest position; NaN: not known, then the error along z is NaN.
         """
-        x = np.asarray(position, dtype=np.float64)
-        r = np.asarray(reference, dtype=np.float64)
+        kept = self._kept(first)
+        times = instants(first, len(np.asarray(deflection)), period)[kept]
+        x = np.asarray(position, dtype=np.float64)[kept]
+        r = np.asarray(reference, dtype=np.float64)[kept]
         error = x - r
-        error[:, 2] = cantilever_height + np.asarray(deflection) - r[:, 2]
-        times = instants(first, len(x), period)
+        error[:, 2] = cantilever_height + np.asarray(deflection)[kept] - r[:, 2]
         for signal, values in (
             (layout.POSITION, x),
             (layout.REFERENCE, r),
             (layout.ERROR, error),
-            (layout.DRIVE, np.asarray(drive, dtype=np.float64)),
-            (layout.ROUND_TRIP, np.asarray(round_trip, dtype=np.float64)),
+            (layout.DRIVE, np.asarray(drive, dtype=np.float64)[kept]),
+            (layout.ROUND_TRIP, np.asarray(round_trip, dtype=np.float64)[kept]),
         ):
             self._append(signal, times, values * signal.factor)
 
@@ -214,6 +222,10 @@ class RecordingWriter:
         name = self._sink.close(keep=any(self._sink.sent[entity] for entity in self._columns))
         self.path = name or self.path
         return name
+
+    def _kept(self, first: int) -> slice:
+        """Rows that are kept of a block that begins with number `first`: those of the numbers 0, every, 2 every, ..."""
+        return slice(-first % self._every, None, self._every)
 
     def _arrange(self) -> None:
         """Arrange the present signals and images in the viewer."""

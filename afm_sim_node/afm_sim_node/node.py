@@ -1,5 +1,6 @@
 """The simulator node: a run of the instrument on topics, with services, streams and reports."""
 
+import gc
 import signal
 import time
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from afm_model import Block
 from afm_model.parameters.simulator_parameters import is_inside
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
+from afm_node_common.memory import give_back
 from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.process import SimNodeParameters
 
@@ -146,6 +148,9 @@ class SimNode(Node):
         self._reporter.state_changed()
         self._control.state_changed()
         state = self.run.state
+        if state == State.WAITING:
+            # After a reset, or with another instrument: nothing moves yet.
+            give_back()
         if state == State.FINISHED:
             self._publish_clock()
         if state in OVER and self._declared.current.run.exit_when_finished:
@@ -171,6 +176,9 @@ class SimNode(Node):
     def _on_verb_over(self, outcome: "Outcome") -> None:
         assert self._microscope is not None
         self._microscope.verb_over(outcome)
+        if self.run.deadline is None:
+            # Goals and results refer to each other. By the clock the next tick would be late.
+            gc.collect()
 
     # Now and then.
 

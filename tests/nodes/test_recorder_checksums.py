@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from recorded import Run
 
+from afm_bringup.replay_command import main as replay
 from afm_recorder_node import layout, sink
 from afm_recorder_node.frames import walk
 from afm_recorder_node.reader import read_recording
@@ -116,7 +117,7 @@ def test_no_changed_byte_gives_other_numbers_without_a_word(tmp_path: Path, kind
     assert told > 0.9 * len(places)
 
 
-def test_repair_leaves_out_what_was_changed_and_says_so(tmp_path: Path) -> None:
+def test_repair_leaves_out_what_was_changed_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = in_place(tmp_path / "run.rrd")
     whole, _ = read(path)
     with open(path, "r+b") as file:
@@ -125,6 +126,8 @@ def test_repair_leaves_out_what_was_changed_and_says_so(tmp_path: Path) -> None:
         file.write(b"another value")
     with pytest.raises(DamagedRecording, match="repair"):
         read_recording(path)
+    assert replay([str(path)]) == 1
+    assert "is damaged" in capsys.readouterr().err
     _, note = repair(path, tmp_path / "repaired.rrd")
     repaired, said = read(tmp_path / "repaired.rrd")
     assert not said

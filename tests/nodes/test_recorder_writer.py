@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded import PERIOD, Run
+from recorded import CONTROL_PERIOD, PERIOD, Run
 
+from afm_bringup.replay_command import main as replay
 from afm_recorder_node import layout
 from afm_recorder_node.intake import HOLD_LIMIT, Intake
 from afm_recorder_node.layout import instants
@@ -382,3 +383,28 @@ def test_each_block_is_written_once_and_in_its_run(blocks: list[tuple[str, int, 
     for run, written in enumerate(tape.runs):
         for name in "ab":
             assert [b for b in written if b[0] == name] == [(s, f) for s, r, f in blocks if (s, r) == (name, run)]
+
+
+def test_of_every_so_many_rows_one_is_kept_by_its_number_and_the_rest_is_whole(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, every = Run(3000), 7
+    paths = []
+    for name, options in (("all", {}), ("few", {"every": every})):
+        writer = RecordingWriter(tmp_path / f"{name}.rrd", **options)
+        writer.parameters("afm_sim_node", {"plant.control_period": CONTROL_PERIOD})
+        for start in range(500, 3000, 500):  # blocks that no multiple of 7 begins
+            run.write(writer, start, start + 500)
+        writer.score(0, {"trajectory_sha256": "of the whole run"})
+        paths.append(writer.close())
+    whole, few = (read_recording(path) for path in paths)
+    ticks, samples = np.arange(500, 3000), np.arange(1000, 6000)
+    for name in ("position", "reference", "error", "drive", "round_trip", "time_ticks"):
+        assert np.array_equal(getattr(few, name), getattr(whole, name)[ticks % every == 0])
+    for name, channel in whole.channels.items():
+        assert np.array_equal(few.channels[name].values, channel.values[samples % every == 0])
+        assert np.array_equal(few.channels[name].time, channel.time[samples % every == 0])
+    assert few.score == whole.score
+    assert (0.0, "one tick and one sample of each channel in 7 are recorded") in few.events
+    assert replay([str(paths[1])]) == 1
+    assert "not every tick was recorded" in capsys.readouterr().err

@@ -10,10 +10,11 @@ import pytest
 from soak.judgement import COUNTS, Use, judge
 from soak.report import grown, uses
 from soak.run import endless, soak
-from soak.sampling import Sample
+from soak.sampling import Sample, sample
 from soak.verbs import soak_verbs
 from support import assert_nothing_left
 
+from afm_node_common.memory import give_back
 from afm_recorder_node.reader import read_recording
 
 SAMPLE = Sample(at=0.0, memory=1e8, shared=1e6, descriptors=20, threads=10, segments=5, processor=0.0)
@@ -111,6 +112,17 @@ def test_recorder_keeps_nothing_of_the_recordings_that_it_has_completed(tmp_path
     assert len(samples) == RECORDED
     assert grown(uses({"recorder": samples[2:]})) == []
     assert samples[-1].threads <= samples[1].threads
+
+
+def test_memory_that_is_free_below_a_piece_in_use_is_given_back() -> None:
+    # Larger than what Python keeps in pools of its own, smaller than what the allocator maps apart.
+    pieces = [bytes(1000) for _ in range(100_000)]
+    full = sample(os.getpid()).memory
+    used = pieces[::1000]
+    del pieces
+    give_back()
+    assert full - sample(os.getpid()).memory > 50e6
+    assert len(used) == 100
 
 
 @pytest.mark.parametrize("quantity", ["memory", "shared", "descriptors", "threads", "segments"])

@@ -1,7 +1,9 @@
 """Verbs over real topics, asked for as any client of ROS 2 does: progress, cancel, refusal, death, the same bytes."""
 
+import gc
 import re
 import sys
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -28,6 +30,17 @@ from afm_recorder_node.checks import scan_line
 def bench() -> Iterator[Bench]:
     with Graph(ros_arguments(INSTRUMENT | LAW)) as graph:
         yield Bench(graph)
+
+
+def test_instrument_that_was_exchanged_is_freed_without_waiting_for_the_collector(bench: Bench) -> None:
+    run = bench.simulator.run
+    before = [weakref.ref(one) for one in (run.instrument, run.operator)]
+    gc.disable()
+    try:
+        assert bench.call(Exchange, topics.SET_SAMPLE).success
+        assert [one() for one in before] == [None, None]
+    finally:
+        gc.enable()
 
 
 @pytest.fixture(scope="module")

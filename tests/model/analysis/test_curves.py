@@ -24,6 +24,12 @@ def test_sensitivity_of_the_deflection_is_recovered_within_half_a_percent():
     assert abs(found.value - SENSITIVITY) < 3.0 * found.uncertainty + 2.5e-3 * SENSITIVITY
 
 
+def test_sensitivity_does_not_depend_on_where_the_contact_resonances_are_to_the_rate_of_the_step():
+    # It is static. At 1 us and 26 kHz the second one is at a third of the rate.
+    found = [deflection_sensitivity(r.z, r.voltage).value for r in (curve({"plant.f0": f}) for f in (20e3, 26e3, 30e3))]
+    assert found == pytest.approx(found[:1] * 3, rel=1e-5)
+
+
 def test_sensitivity_of_a_tilted_cantilever_is_that_for_vertical_motion():
     # Without friction: static deflection under a vertical force, end and slope of a beam (docs/lever.md (3), (4)).
     record = curve({"plant.tilt": 0.2, "plant.tau": 1e3})
