@@ -226,8 +226,9 @@ def engine_of(
     on_event: Callable[[RunEvent], object] | None = None,
     block_ticks: int | None = None,
     hashed: bool = True,
+    sampled: bool = True,
 ) -> Engine:
-    """What `run` steps until it is over."""
+    """What `run` steps until it is over; `sampled` as of `Instrument`."""
     total = ticks_to_simulate(parameters)
     if isinstance(controller, Replay):
         parameters = replayed(parameters)
@@ -260,6 +261,7 @@ def engine_of(
         listeners=Listeners(changed=on_change, block=heard),
         block_ticks=block_ticks or ticks_of_a_block(parameters),
         hashed=hashed,
+        sampled=sampled,
     )
     return engine
 
