@@ -40,7 +40,7 @@ def test_processes_use_no_more_after_many_verbs_and_recordings_than_before(tmp_p
     # Those of the last rounds may not be complete yet.
     assert recordings >= 4
     found = {name: {key: use for key, use in of.items() if key in COUNTS} for name, of in uses(samples).items()}
-    # Threads of a pool that rerun starts and ends are no growth, nor is the file of a recording that is being completed.
+    # Threads of a pool that rerun starts and ends are no growth, nor is the file of a recording until it is complete.
     come_and_go = {"threads": 4, "descriptors": 1}
     calm = {name: {**of, **{key: steady(of[key], by) for key, by in come_and_go.items()}} for name, of in found.items()}
     assert grown(calm) == []
