@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from afm_model.run import Delays, Snapshot, State
+from afm_model.run.counts import Counts
 from afm_node_common.diagnostics import entry
 
 _LEVEL = {
@@ -38,7 +39,6 @@ def diagnostic_status(
         # A run that has not started is a warning only if it needs an action from outside.
         level = max(level, DiagnosticStatus.WARN)
         message = "; ".join([message, *warnings])
-    counts = run.counts
     values = {
         "ticks": run.ticks,
         "reason": run.reason,
@@ -46,19 +46,7 @@ def diagnostic_status(
         "round trip p50, p99, p99.9, max [s]": _show(delays.round_trip),
         "lateness p50, p99, p99.9, max [s]": _show(delays.lateness),
         "command age p50, p99, p99.9, max [s]": _show(delays.command_age),
-        "drives lost": counts.drives_lost,
-        "ticks on a horizon": counts.horizon_ticks,
-        "drives refused": counts.drives_refused,
-        "drives outdated": counts.drives_outdated,
-        "drives ahead": counts.drives_ahead,
-        "drives malformed": counts.drives_malformed,
-        "drives clipped": counts.drives_clipped,
-        "drives too steep": counts.drives_steep,
-        "late ticks": counts.late_ticks,
-        "periods missed": counts.periods_missed,
-        "ticks retracted": counts.ticks_retracted,
-        "withdrawals": counts.withdrawals,
-        "ticks withdrawn": counts.ticks_withdrawn,
+        **{name.replace("_", " "): getattr(run.counts, name) for name in Counts.__slots__},
         **fast_path,
     }
     return entry(f"{name}: instrument", level, message, values)

@@ -14,7 +14,7 @@ from afm_model import Command, DriveError, ParameterError, Scenario, SimParamete
 from afm_model.core.errors import MalformedError
 from afm_model.core.records import size
 from afm_model.parts.signals import Measurement
-from afm_model.studies import CONDITIONS, Comparison, run_trial
+from afm_model.studies import CONDITIONS, Comparison, Trial, run_trials
 from afm_model.studies.contender import Common
 
 MEASURED = np.zeros(size(Measurement))
@@ -94,7 +94,7 @@ def test_node_that_fails_is_a_row_with_its_sentence(answers, ended, sentence):
             pass
 
     sim = build(SimParameters, {"run.duration": 1e-3})
-    row = run_trial(sim, None, "node", None, Started)
+    (row,) = run_trials([Trial(sim, None, "node", None, Started)])
     assert set(row) == {"error"}
     assert row["error"].startswith(sentence)
 

@@ -140,8 +140,9 @@ def main() -> int:
     left = [*support.end_all_processes().values(), *support.shared_memory_left()]
     support.remove_shared_memory_left()
     minutes = sum(each.seconds for each in book.outcomes) / 60.0
+    options = f' ARGS="--tries {arguments.tries}"' if arguments.tries != parser.get_default("tries") else ""
     lines = [
-        f"Last run ({date.today()}): `make torture`, seed {arguments.seed}, {len(book.outcomes)} tries in "
+        f"Last run ({date.today()}): `make torture{options}`, seed {arguments.seed}, {len(book.outcomes)} tries in "
         f"{minutes:.0f} minutes{', stopped before its end' if stopped else ''}.",
         "",
         markdown([row(family.fault, found) for family in FAMILIES if (found := book.of(family.fault))]),

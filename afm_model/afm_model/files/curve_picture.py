@@ -59,16 +59,6 @@ def curve_picture(curves: "Curve | Sequence[Curve] | xarray.Dataset", title: str
 
 
 def write_curve_picture(path: Path | str, curves: "Curve | Sequence[Curve] | xarray.Dataset", title: str = "") -> Path:
-    """Write `curve_picture` into a PNG file; the same curves give the same bytes.
-
-    Raises
-    ------
-    ResultFileError
-        If it cannot be written.
-    ValueError
-        If there is no curve, or it is something else.
-    ImportError
-        If matplotlib is not installed.
-    """
+    """As `write_picture`, of a `curve_picture`."""
     checked(path, PNG)
     return write_figure(path, curve_picture(curves, title))

@@ -192,31 +192,19 @@ def write_picture(
     how: Levelling | None = None,
     title: str = "",
 ) -> Path:
-    """Write `picture` into a PNG file; the same scan gives the same bytes.
+    """Write `picture`, which raises what it cannot draw, into a PNG file; the same scan gives the same bytes.
 
     Raises
     ------
     ResultFileError
         If it cannot be written.
-    ValueError
-        If the scan has no such layer.
-    ImportError
-        If matplotlib is not installed.
     """
     checked(path, PNG)
     return write_figure(path, picture(image, name, how, title))
 
 
 def write_sheet(path: Path | str, image: "Image | xarray.Dataset", title: str = "") -> Path:
-    """Write `sheet` into a PNG file; the same scan gives the same bytes.
-
-    Raises
-    ------
-    ResultFileError
-        If it cannot be written.
-    ImportError
-        If matplotlib is not installed.
-    """
+    """As `write_picture`, of a `sheet`."""
     checked(path, PNG)
     return write_figure(path, sheet(image, title))
 

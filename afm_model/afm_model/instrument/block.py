@@ -47,6 +47,7 @@ class LoopState(Record):
     done: int  # ticks done in the last call
     substeps: int  # integration steps in a control period
     stride: int  # integration steps in a period of the virtual ADC
+    quiet: int  # whether of the samples of a tick the first alone is made, see `Instrument`
     update: int  # integration steps between two updates of the DAC
     delay: int  # control periods from a command to the piezo
     clipped: int  # updates of the drive since the start that were beyond its range

@@ -11,6 +11,7 @@ from ..core.errors import DivergenceError, DriveError, ParameterError
 from ..core.records import address_at, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.command import Command, CommandRecord, problem
+from ..parts.header import BlockHeader
 from ..parts.part import Channel
 from ..parts.signals import PiezoDrive
 from .block import Layout, LoopState, fill_loop, line_slots
@@ -47,6 +48,9 @@ class Instrument(Readings):
         Control ticks in a block.
     hashed : bool
         False: no `trajectory_sha256`, which takes a tenth of the time of a tick of two steps.
+    sampled : bool
+        False: nobody looks at the samples between two ticks, nor at their count beyond the range. They are not made
+        where nothing else needs them: what is measured at a tick, and moves, has the same bits.
 
     Raises
     ------
@@ -54,7 +58,9 @@ class Instrument(Readings):
         If the tip does not touch the sample at rest, or the piezo's range does not reach to there.
     """
 
-    def __init__(self, parameters: InstrumentParameters, block_ticks: int = 500, *, hashed: bool = True) -> None:
+    def __init__(
+        self, parameters: InstrumentParameters, block_ticks: int = 500, *, hashed: bool = True, sampled: bool = True
+    ) -> None:
         self.parameters = parameters
         try:
             self._layout = layout = Layout(parameters)
@@ -81,7 +87,9 @@ class Instrument(Readings):
         """Its own limits."""
         self._external = external_law()
         self._assembled = [each for each in layout.parts.values() if each.in_python]
-        fill_loop(layout.record(self._block, "loop"), parameters)
+        loop = layout.record(self._block, "loop")
+        fill_loop(loop, parameters)
+        loop.quiet = not sampled and self._memoryless(loop)
         self._point_at_arrays()
         self.reset()
 
@@ -126,6 +134,14 @@ class Instrument(Readings):
         noise, position_noise = self._draws.first()
         start(block, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
         self._raise_errors()
+
+    def _memoryless(self, loop: LoopState) -> bool:
+        """Whether no part does anything at a sample between two ticks that it would not do at the next tick."""
+        header = record_at(self._block, 0, BlockHeader)
+        sensors, drift = self.record("sensors"), self.record("drift")
+        looks = header.program_watch or header.onboard_regulate or self._layout.parts["piezo"].part.state.names
+        imperfect = sensors.positions or sensors.deflection or drift.on or self.has_faults
+        return bool(loop.update >= loop.substeps and not looks and not imperfect)
 
     @property
     def has_faults(self) -> bool:

@@ -208,7 +208,8 @@ def composition(instrument: Instrument) -> Hashable | None:
         return None
     loop, constants = instrument.record("loop"), instrument.record("plant_constants")
     choices = tuple(float(constants[name]) for name in plant.choices)
-    return plant, sample, choices, int(loop.substeps), int(loop.stride), int(loop.score_tick)
+    stride = loop.substeps if loop.quiet else loop.stride
+    return plant, sample, choices, int(loop.substeps), int(stride), int(loop.score_tick)
 
 
 _KNOWN: dict[Any, Lanes] = {}

@@ -231,7 +231,8 @@ def tick(m: Block) -> int:
     r, following = record_at(m, g.asked, Setpoint), record_at(m, g.asked_next, Setpoint)
     sums = record_at(m, g.score, ScoreSums)
     disturbance = pointer_at(numbers_at(c.random, DRAW_TICKS * g.draws), c.draw * g.draws + g.disturbance)
-    t, h, stride = c.k * c.control_period, c.control_period / c.substeps, c.stride
+    t, h = c.k * c.control_period, c.control_period / c.substeps
+    stride = c.stride if c.quiet == 0 else c.substeps
     scored = c.k >= c.score_tick
     for i in range(c.substeps):
         if i % stride == 0:

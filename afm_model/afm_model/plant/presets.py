@@ -1,6 +1,6 @@
-"""Cantilevers, scanners and material pairs by name. Sources of the numbers: docs/microscope.md.
+"""Cantilevers, scanners and material pairs by name, each number with its source or "typical, not measured".
 
-Numbers of makers are nominal; each can be replaced by a parameter of the plant.
+Numbers of makers are nominal; each can be replaced by a parameter of the plant. In words: docs/microscope.md.
 """
 
 import math
@@ -27,14 +27,16 @@ class LeverPreset(NamedTuple):
 
 
 LEVERS = {
-    # Dimensions as measured by Tafazzoli et al. (2004); k, f0, tip radius and Q from memory, f0 as in data sheets:
-    # silicon with these numbers, 30 nm of aluminium and the mass of the tip has 26 kHz (docs/microscope.md).
-    "ppp_lfmr": LeverPreset(0.2, 23e3, 40.0, 225e-6, 48e-6, 1e-6, 12e-6, 10e-9, 0.0, 0.0),
-    # From memory: nominal values of the maker. As above the thickness is rounded; 2.05 um, there 1.04 um, gives this k.
+    # Dimensions as measured by Tafazzoli et al. (2004); k nominal of the maker (Nanosensors PPP-LFMR). f0 is that of
+    # silicon (2330 kg/m^3) with these numbers, 30 nm of aluminium and the mass of the tip; the maker's nominal 23 kHz
+    # would need 28 % more mass. Tip radius, Q: typical, not measured; Q of Sader (1998) less a fifth.
+    "ppp_lfmr": LeverPreset(0.2, 26e3, 40.0, 225e-6, 48e-6, 1e-6, 12e-6, 10e-9, 0.0, 0.0),
+    # Nominal of makers of contact cantilevers of 450 um; f0 is that of silicon, as above, within 2 %. The thickness is
+    # rounded: 2.05 um, there 1.04 um, gives this k. Height and radius of the tip, Q: typical, not measured.
     "contal_g": LeverPreset(0.2, 13e3, 50.0, 450e-6, 50e-6, 2e-6, 17e-6, 10e-9, 0.0, 0.0),
     # V-shaped: torsion from a lateral stiffness of 56.2 N/m at the tip, calculated from the measured k (table 2 of
     # Nanoscale Res. Lett. 7:608, doi:10.1186/1556-276X-7-608); that it does not bend in its plane is assumed. Measured
-    # k = 0.16 N/m (nominal 0.12); f0, tip radius and Q from memory.
+    # k = 0.16 N/m (nominal 0.12). f0, tip radius: nominal of the maker (Bruker SNL-10, B); Q: typical, not measured.
     "snl_10b": LeverPreset(0.16, 23e3, 30.0, 205e-6, 40e-6, 0.6e-6, 8e-6, 2e-9, 56.2 * square(8e-6), 1e3),
 }
 
@@ -57,7 +59,7 @@ def _scanner(mass: float, f_xy: float, mass_z: float, f_z: float, Q: float) -> S
 
 
 SCANNERS = {
-    # Moving masses and the first two kinds' resonances from memory: typical of their kind.
+    # Moving masses, quality factors and the first two kinds' resonances: typical, not measured.
     "flexure_90um": _scanner(50e-3, 500.0, 5e-3, 5e3, 20.0),
     "tube_100um": _scanner(20e-3, 850.0, 20e-3, 5e3, 30.0),
     # Lowest resonance 22 kHz: Schitter et al. (2007), doi:10.1109/TCST.2007.902953.
@@ -101,7 +103,7 @@ def layered(c11: float, c12: float, c13: float, c33: float, c44: float) -> Mater
 
 ELASTIC = {
     # Silicon along <110>, Hopcroft, Nix, Kenny (2010), doi:10.1109/JMEMS.2009.2039697, taken as isotropic.
-    # Others so: handbooks, from memory.
+    # The other isotropic ones: typical, not measured, as in handbooks.
     "si": isotropic(169e9, 0.27),
     "sio2": isotropic(70e9, 0.17),
     "si3n4": isotropic(250e9, 0.25),
@@ -125,8 +127,8 @@ def _pair(tip: str, sample: str, adhesion: float, tau: float, hamaker: float, re
 
 
 PAIRS = {
-    # Adhesion and shear strength from memory: the order of size in dry gas. Hamaker constants go with the adhesion,
-    # w = H / (12 pi z_0^2): Israelachvili, Intermolecular and Surface Forces, 13.
+    # Adhesion and shear strength: typical, not measured, the order of size in dry gas. Hamaker constants go with the
+    # adhesion, w = H / (12 pi z_0^2), and z_0 is 0.165 nm: Israelachvili, Intermolecular and Surface Forces, 13.
     "si_sio2": _pair("si", "sio2", 0.10, 0.6e9, 1.0e-19),
     "si3n4_mica": _pair("si3n4", "mica", 0.10, 0.5e9, 1.0e-19),
     "si_graphite": _pair("si", "graphite", 0.08, 0.02e9, 0.8e-19),

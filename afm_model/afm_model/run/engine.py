@@ -66,7 +66,7 @@ class Engine:
     operate : callable, optional
         Makes who orders verbs of an instrument that is at its start. Simulated time then stands still while none is
         done, unless it goes by the clock.
-    in_pieces, hashed : bool
+    in_pieces, hashed, sampled : bool
         As of `Blocks` and `Instrument`.
 
     Raises
@@ -88,6 +88,7 @@ class Engine:
         operate: Callable[[Instrument], Operator] | None = None,
         in_pieces: bool = False,
         hashed: bool = True,
+        sampled: bool = True,
     ) -> None:
         self.link = link or Link()
         self.clock = clock or VirtualClock()
@@ -109,7 +110,7 @@ class Engine:
         self._operate, self._total_ticks = operate, total_ticks
         self.watch = Stopwatch(self.clock)
         self.life = Life(self._on_change)
-        self.instrument = Instrument(parameters, block_ticks, hashed=hashed)
+        self.instrument = Instrument(parameters, block_ticks, hashed=hashed, sampled=sampled)
         """To read from; it is ticked here. Another one after `exchange`."""
         heard = operate is not None or self._listeners.block is not None
         self.blocks = Blocks(self.instrument, self._on_block if heard else None, in_pieces=in_pieces)

@@ -106,21 +106,8 @@ class Simulation:
         raise KeyError(f"no channel {name} was sampled; there are {', '.join(each.name for each in self.channels)}")
 
     def plot(self, title: str = "") -> "Figure":
-        """Draw position and reference, errors, drive, lateral force and friction loop; needs matplotlib.
-
-        Parameters
-        ----------
-        title : str
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            A figure of pyplot: a notebook shows it, `savefig` writes it to a file.
-
-        Raises
-        ------
-        ImportError
-            If matplotlib is not installed.
+        """Position and reference, errors, drive, lateral force and friction loop in a figure of pyplot: a notebook
+        shows it, `savefig` writes it to a file. ImportError where matplotlib is not installed.
         """
         curves = Curves(self.time, self.position, self.reference, self.error, self.drive, self.lateral_force)
         return plot(curves, title)
@@ -239,8 +226,9 @@ def engine_of(
     on_event: Callable[[RunEvent], object] | None = None,
     block_ticks: int | None = None,
     hashed: bool = True,
+    sampled: bool = True,
 ) -> Engine:
-    """What `run` steps until it is over."""
+    """What `run` steps until it is over; `sampled` as of `Instrument`."""
     total = ticks_to_simulate(parameters)
     if isinstance(controller, Replay):
         parameters = replayed(parameters)
@@ -273,6 +261,7 @@ def engine_of(
         listeners=Listeners(changed=on_change, block=heard),
         block_ticks=block_ticks or ticks_of_a_block(parameters),
         hashed=hashed,
+        sampled=sampled,
     )
     return engine
 

@@ -25,6 +25,7 @@ def run_together(
     lanes: bool = True,
     block_ticks: int | None = None,
     hashed: bool = True,
+    sampled: bool = False,
 ) -> list[Instrument | Exception]:
     """Run many sets of parameters; of each the instrument at its end, or the error that has ended it.
 
@@ -38,6 +39,8 @@ def run_together(
         False: one by one.
     block_ticks, hashed
         As of `run`.
+    sampled : bool
+        False: the samples of the blocks are not looked at, see `Instrument`.
     """
     found: list[Engine | Exception] = []
     groups: dict[Hashable, list[Engine]] = {}
@@ -50,6 +53,7 @@ def run_together(
                 on_event=None if on_event is None else partial(on_event, number),
                 block_ticks=block_ticks,
                 hashed=hashed,
+                sampled=sampled,
             )
         except REFUSALS as error:
             found.append(error)

@@ -3,7 +3,7 @@
 from .compare import compare
 from .comparison import RANKED, UNDER, Comparison
 from .contender import CONDITIONS, NOISE, Contender, contender
-from .trial import run_trial
+from .trial import Trial, run_trials
 from .wrong_models import wrong_models
 
 __all__ = [
@@ -13,8 +13,9 @@ __all__ = [
     "UNDER",
     "Comparison",
     "Contender",
+    "Trial",
     "compare",
     "contender",
-    "run_trial",
+    "run_trials",
     "wrong_models",
 ]

@@ -11,8 +11,8 @@ from ..core.errors import ParameterError
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
 from .contender import CONDITIONS, Common, Contender, contenders, instrument_under, law_under
-from .scatter import Row, Set, require_scattering, run_sets
-from .trial import NUMBERS, run_trial
+from .scatter import Row, require_scattering, run_sets
+from .trial import NUMBERS, Trial, run_trials
 
 
 def compare(
@@ -25,6 +25,7 @@ def compare(
     friction: Sequence[float] = (1.0,),
     references: Sequence[str] = ("sine 50",),
     cycles: float = 1.5,
+    lanes: bool = True,
     scheduler: str | None = None,
     workers: int | None = None,
     progress: bool | Callable[[int, int], None] = True,
@@ -56,7 +57,7 @@ def compare(
         `sine 50`, `triangle 250`: shape and angular frequency [rad/s] of x and y.
     cycles : float
         Length of a run in periods of the reference; the first half period is not scored.
-    scheduler, workers, progress
+    lanes, scheduler, workers, progress
         As in `afm_model.sweep`.
 
     Raises
@@ -79,7 +80,7 @@ def compare(
         )
     grid = list(itertools.product(periods, delay_ticks, noise, friction, references))
     rows: list[Row] = []
-    sets: list[Set | str] = []
+    sets: list[Trial | str] = []
     alone: list[int] = []
     for law in every:
         linearised = set()
@@ -92,18 +93,17 @@ def compare(
             told = instrument_under(common, conditions | {"noise": 0.0, "friction": 1.0})
             if law.start is not None:
                 alone.append(len(sets))
-                sets.append((sim, None, law.kind, None, partial(law.start, told)))
+                sets.append(Trial(sim, None, law.kind, None, partial(law.start, told)))
                 continue
             try:
                 controller = law_under(common, law, conditions) if law.is_part else None
             except ParameterError as error:
                 sets.append(str(error))
                 continue
-            sets.append((sim, controller, law.kind, None if values[:2] in linearised else told))
+            sets.append(Trial(sim, controller, law.kind, None if values[:2] in linearised else told))
             linearised.add(values[:2])
-    results = run_sets(
-        run_trial, sets, "comparing", alone=alone, scheduler=scheduler, workers=workers, progress=progress
-    )
+    run_all = partial(run_trials, lanes=lanes)
+    results = run_sets(run_all, sets, "comparing", alone, scheduler=scheduler, workers=workers, progress=progress)
     rows = [row | result for row, result in zip(rows, results, strict=True)]
     margins = {(row["law"], *_timing(row)): row["margin"] for row in rows if "margin" in row}
     for row in rows:

@@ -100,9 +100,9 @@ class LinearLoop:
     def response(self, axis: str, omega: _Array) -> NDArray[np.complex128]:
         """Frequency response of the loop cut between drive and piezo of `axis`, at omega [rad/s]."""
         cut = self.cuts[axis]
-        identity = np.eye(len(cut.A))
-        z = np.exp(1j * omega * self.period)
-        return np.array([(cut.C @ np.linalg.solve(each * identity - cut.A, cut.B) + cut.D).item() for each in z])
+        z = np.exp(1j * omega * self.period)[:, None, None]
+        found = cut.C @ np.linalg.solve(z * np.eye(len(cut.A)) - cut.A, cut.B) + cut.D
+        return np.asarray(found, np.complex128).reshape(-1)
 
 
 def inside_drives_z(sim: SimParameters) -> bool:

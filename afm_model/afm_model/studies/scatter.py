@@ -10,7 +10,7 @@ import logging
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import resource_tracker
@@ -66,12 +66,11 @@ def require_scattering(scheduler: str | None, workers: int | None) -> ModuleType
 
 
 def run_sets(
-    run_one: Callable[..., Any],
+    run_all: Callable[[list[Any]], Iterable[Row]],
     sets: Sequence[Set | str],
     what: str,
-    *,
-    together: bool = False,
     alone: Sequence[int] = (),
+    *,
     scheduler: str | None = None,
     workers: int | None = None,
     progress: bool | Callable[[int, int], None] = True,
@@ -80,14 +79,12 @@ def run_sets(
 
     Parameters
     ----------
-    run_one : callable
-        Called with the items of a set in a worker, where it must be importable; it returns the row.
+    run_all : callable
+        Called with a list of sets in a worker, where it must be importable; it returns their rows.
     sets : sequence of tuple or str
         A tuple begins with its SimParameters. Text is the sentence why a set was refused: that is its row.
     what : str
         What the progress bar is headed by.
-    together : bool
-        `run_one` is called with a list of sets, and returns their rows.
     alone : sequence of int
         Numbers of the sets that run in this process, one at a time, after the others.
     scheduler, workers, progress
@@ -95,12 +92,13 @@ def run_sets(
     """
     rows: list[Row] = [{"error": each} if isinstance(each, str) else {} for each in sets]
     run = [(number, each) for number, each in enumerate(sets) if not isinstance(each, str)]
-    far = [each for each in run if each[0] not in alone]
-    here = ((number, run_one(*each)) for number, each in run if number in alone)
+    # Those of one composition come together.
+    far = sorted((each for each in run if each[0] not in alone), key=lambda each: _alike(each[1][0]))
+    here = ((number, row) for number, each in run if number in alone for row in run_all([each]))
     with reporting(progress, what) as report:
         done = len(sets) - len(run)
         report(done, len(sets))
-        for number, row in itertools.chain(_scattered(run_one, far, together, scheduler, workers), here):
+        for number, row in itertools.chain(_scattered(run_all, far, scheduler, workers), here):
             rows[number] = row
             done += 1
             report(done, len(sets))
@@ -108,9 +106,8 @@ def run_sets(
 
 
 def _scattered(
-    run_one: Callable[..., Any],
+    run_all: Callable[[list[Any]], Iterable[Row]],
     sets: Sequence[tuple[int, Set]],
-    together: bool,
     scheduler: str | None,
     workers: int | None,
 ) -> Iterator[tuple[int, Row]]:
@@ -120,17 +117,23 @@ def _scattered(
     if not sets:
         return
     with _client(distributed, scheduler, workers) as (client, processors):
-        tasks = _tasks(sets, processors, LANES if together else 0)
-        yield from _results(distributed, client, tasks, partial(_run_task, run_one=run_one, together=together))
+        tasks = _tasks(sets, processors)
+        yield from _results(distributed, client, tasks, partial(_run_task, run_all=run_all))
 
 
-def _tasks(sets: Sequence[tuple[int, Set]], processors: int, least: int) -> list[list[tuple[int, Set]]]:
+def _alike(sim: SimParameters) -> tuple[Any, ...]:
+    """The same for sets that can run together and are as long; see `afm_model.instrument.lanes.composition`."""
+    clocks = sim.plant.control_period, sim.detector.sample_period, sim.score_tick, ticks_to_simulate(sim)
+    return sim.plant.kind, sim.sample.kind, *clocks, sim.plant.dt
+
+
+def _tasks(sets: Sequence[tuple[int, Set]], processors: int) -> list[list[tuple[int, Set]]]:
     """Sets in portions of similar work: large enough for Dask's share to vanish, small enough to end together; of some
-    `least` sets where each processor has as many.
+    LANES sets where each processor has as many.
     """
     steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, *_) in sets]
     portion = min(_TASK_STEPS, sum(steps) / (8 * processors))
-    portion = max(portion, min(least / len(sets), 1.0 / processors) * sum(steps))
+    portion = max(portion, min(LANES / len(sets), 1.0 / processors) * sum(steps))
     tasks: list[list[tuple[int, Set]]] = []
     filled = portion
     for each, work in zip(sets, steps, strict=True):
@@ -208,11 +211,10 @@ def _interrupt_held() -> Iterator[None]:
 
 
 def _run_task(
-    sets: Sequence[tuple[int, Set]], run_one: Callable[..., Any], together: bool, sources: str
+    sets: Sequence[tuple[int, Set]], run_all: Callable[[list[Any]], Iterable[Row]], sources: str
 ) -> list[tuple[int, Row]]:
     """Task of a worker: run some sets."""
     if sources != kernel_cache.fingerprint(__name__, __file__):
         raise SweepError("a worker has other sources of afm_model, or another numba, than the process that sweeps")
-    given = [each for _, each in sets]
-    rows = run_one(given) if together else (run_one(*each) for each in given)
+    rows = run_all([each for _, each in sets])
     return [(number, row) for (number, _), row in zip(sets, rows, strict=True)]

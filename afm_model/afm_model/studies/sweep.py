@@ -98,7 +98,7 @@ def sweep(
     if others := [sentences[0] for sentences in told if sentences]:
         warnings.warn(f"in {len(others)} of {len(sets)} sets {others[0]}", TimingWarning, stacklevel=2)
     run_all = partial(_run_all, fingerprint=fingerprint, lanes=lanes)
-    rows = run_sets(run_all, sets, "sweeping", together=True, scheduler=scheduler, workers=workers, progress=progress)
+    rows = run_sets(run_all, sets, "sweeping", scheduler=scheduler, workers=workers, progress=progress)
     return _table(pandas, columns, rows, index, fingerprint)
 
 

@@ -1,19 +1,19 @@
 """One run of a comparison, in a worker: score, chatter, energy, force on the tip, margin."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import LawError, ParameterError, PartError
-from ..instrument import Block
+from ..instrument import Block, Instrument
 from ..instrument.validity import doubts
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
-from ..run.together import REFUSALS
+from ..run.together import REFUSALS, run_together
 from ..run.verdict import limited
 from .contender import load_law
 from .linear import linearise
@@ -24,9 +24,22 @@ NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact"
 """Columns of a run."""
 FAILURES = (*REFUSALS, LawError)
 """How a run ends that is told by a sentence in its row."""
-_BLOCK_TICKS = 4096
+_BLOCK_TICKS = 512
 _FREQUENCIES = 400
 """At which the distance of the open loop from -1 is looked at, up to half the control frequency."""
+
+
+class Trial(NamedTuple):
+    """One run of a comparison."""
+
+    sim: SimParameters
+    controller: ControllerParameters | None
+    """None: `kind` names a class that is called with `sim` and makes an object with `answer(measurement)`."""
+    kind: str
+    told: SimParameters | None = None
+    """The instrument with which the loop is linearised; None: it is not."""
+    start: Callable[[], AbstractContextManager[Any]] | None = None
+    """Starts a law that runs somewhere else, in place of `controller` and `kind`, for this run."""
 
 
 class Drives:
@@ -69,47 +82,55 @@ class Drives:
         self._last = drive[-1:], smooth[-1:]
 
 
-def run_trial(
-    sim: SimParameters,
-    controller: ControllerParameters | None,
-    kind: str,
-    told: SimParameters | None,
-    start: Callable[[], AbstractContextManager[Any]] | None = None,
-) -> dict[str, Any]:
-    """The numbers of one run.
+def run_trials(sets: Sequence[Trial], lanes: bool = True) -> list[dict[str, Any]]:
+    """The numbers of many runs: those with laws that are parts together, then the others.
 
     Parameters
     ----------
-    sim : SimParameters
-    controller : ControllerParameters or None
-        None: `kind` names a class that is called with `sim` and makes an object with `answer(measurement)`.
-    kind : str
-    told : SimParameters or None
-        The instrument with which the loop is linearised; None: it is not.
-    start : callable, optional
-        Starts a law that runs somewhere else, in place of `controller` and `kind`, for this run.
+    sets : sequence of Trial
+    lanes : bool
+        As of `compare`.
 
     Returns
     -------
-    dict
+    list of dict
         NUMBERS, `trajectory_sha256`, and `error` if it diverged, was refused, left the sample or is doubtful.
     """
-    row: dict[str, Any] = {}
-    if told is not None:
-        row["margin"] = math.nan if controller is None else margin(told, controller)
-    drives = Drives(sim)
+    parts = [(each.sim, each.controller) for each in sets if each.controller is not None]
+    drives = [Drives(sim) for sim, _ in parts]
+    ends = iter(
+        zip(
+            run_together(
+                parts, lambda number, block: drives[number].take(block), lanes=lanes, block_ticks=_BLOCK_TICKS
+            ),
+            drives,
+            strict=True,
+        )
+    )
+    return [_row(each, *(next(ends) if each.controller is not None else _run_object(each))) for each in sets]
+
+
+def _run_object(given: Trial) -> tuple[Instrument | Exception, Drives]:
+    """Run a law that is an object, or runs elsewhere: the instrument at the end, or why it has ended."""
+    drives = Drives(given.sim)
     try:
         with ExitStack() as stack:
-            if start is not None:
-                law = stack.enter_context(start())
-            else:
-                law = controller if controller is not None else load_law(kind)(sim)
-            instrument = run(sim, law, drives.take, block_ticks=_BLOCK_TICKS)
+            law = load_law(given.kind)(given.sim) if given.start is None else stack.enter_context(given.start())
+            return run(given.sim, law, drives.take, block_ticks=_BLOCK_TICKS), drives
     except FAILURES as error:
-        return row | {"error": str(error)}
+        return error, drives
     except Exception as error:
         # An object may raise anything; the other runs continue.
-        return row | {"error": f"law {kind}: {type(error).__name__}: {error}"}
+        return LawError(f"law {given.kind}: {type(error).__name__}: {error}"), drives
+
+
+def _row(given: Trial, instrument: Instrument | Exception, drives: Drives) -> dict[str, Any]:
+    sim, controller = given.sim, given.controller
+    row: dict[str, Any] = {}
+    if given.told is not None:
+        row["margin"] = math.nan if controller is None else margin(given.told, controller)
+    if isinstance(instrument, Exception):
+        return row | {"error": str(instrument)}
     if sentence := limited(instrument):
         return row | {"error": sentence}
     score = instrument.score()

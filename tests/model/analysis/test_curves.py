@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from afm_model.analysis import deflection_sensitivity, force_curve, tilted_stiffness
+from afm_model.analysis.force_curves import in_contact
 from afm_model.contact.maugis import branch, pull_off
 
 from .bench import K, curve
@@ -22,6 +23,12 @@ def test_sensitivity_of_the_deflection_is_recovered_within_half_a_percent():
     # What the contact gives way is in it: k over its stiffness, 0.15 to 0.25 % at these loads.
     assert 1e-3 < found.value / SENSITIVITY - 1.0 < 4e-3
     assert abs(found.value - SENSITIVITY) < 3.0 * found.uncertainty + 2.5e-3 * SENSITIVITY
+
+
+def test_sensitivity_does_not_depend_on_where_the_contact_resonances_are_to_the_rate_of_the_step():
+    # It is static. At 1 us and 26 kHz the second one is at a third of the rate.
+    found = [deflection_sensitivity(r.z, r.voltage).value for r in (curve({"plant.f0": f}) for f in (20e3, 26e3, 30e3))]
+    assert found == pytest.approx(found[:1] * 3, rel=1e-5)
 
 
 def test_sensitivity_of_a_tilted_cantilever_is_that_for_vertical_motion():
@@ -166,6 +173,20 @@ def test_uncertainties_are_those_of_repeated_noise(rng):
 def test_what_is_no_force_curve_is_refused_in_a_sentence(z, d, told):
     with pytest.raises(ValueError, match=told):
         force_curve(z, d, 1.0)
+
+
+def test_a_retract_that_ends_while_the_tip_is_pulled_is_refused_and_noise_is_no_pull(rng):
+    z, d = made_up(rng, 0.1e-9)
+    cut = 3001 + int(np.sum(z[3001:] > 97e-9))  # pulled by 4 nm of 5
+    with pytest.raises(ValueError, match="the retract ends before the tip comes off"):
+        in_contact(z[:cut], d[:cut])
+    *_, pulled = in_contact(z, d)
+    assert z[pulled][-1] == pytest.approx(96e-9, abs=0.2e-9)
+    # Without adhesion the last sample is the lowest by chance, within 5 deviations.
+    free = np.maximum(z - 100e-9, 0.0) + 0.1e-9 * rng.uniform(-1.0, 1.0, z.size)
+    free[-1] = free.min() - 0.02e-9
+    *_, pulled = in_contact(z, free)
+    assert pulled.stop == z.size
 
 
 def test_a_sensitivity_needs_contact_and_levels_in_order():

@@ -99,7 +99,7 @@ def test_the_simulated_cantilever_gets_its_own_spring_constant_back_within_three
         volts.append(scope.take_block().samples[0])
     found = spring_constant(np.concatenate(volts), RATE, SENSITIVITY, 295.0)
     assert found.k.value == pytest.approx(0.2, rel=0.03)
-    for estimate, true in ((found.k, 0.2), (found.f0, 23e3), (found.Q, 20.0)):
+    for estimate, true in ((found.k, 0.2), (found.f0, 26e3), (found.Q, 20.0)):
         assert abs(estimate.value - true) < 3.0 * estimate.uncertainty
     assert found.floor == pytest.approx(2e-5 * SENSITIVITY * math.sqrt(2.0 / RATE), rel=0.05)
 

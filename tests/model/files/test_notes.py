@@ -13,7 +13,7 @@ def test_notes_say_cantilever_setpoint_gains_and_sample_as_they_are():
     lever = {"plant.kind": "lever", "onboard.kind": "pi", "onboard.setpoint_force": 1e-8, "sample.kind": "flat"}
     said = notes(build(SimParameters, lever))
     assert said["Microscope"] == "virtual atomic force microscope, plant lever, scanner flexure_90um"
-    assert said["Cantilever"] == "ppp_lfmr, k = 0.2 N/m, f0 = 23 kHz, tip radius 10 nm"
+    assert said["Cantilever"] == "ppp_lfmr, k = 0.2 N/m, f0 = 26 kHz, tip radius 10 nm"
     other = notes(build(SimParameters, lever | {"plant.k": 2.8, "plant.f0": 75e3, "plant.dt": 0.5e-6}))
     assert other["Cantilever"] == "ppp_lfmr but for k, f0, k = 2.8 N/m, f0 = 75 kHz, tip radius 10 nm"
     assert said["Cantilever axis"].startswith("y;")

@@ -40,12 +40,12 @@ def test_a_spring_constant_wrong_by_20_percent_makes_forces_wrong_by_20_percent_
     found = wrong.execute(ThermalTune(duration=0.3)).result
     wrong.execute(APPROACH.model_copy(update={"range": 1e-6}))
     assert wrong.state.setpoint == pytest.approx(PRESSED / 1.2)
-    # Heat moves a pull-off force by 2 or 3 %.
-    assert _pull_off(wrong) == pytest.approx(1.2 * true, rel=0.04)
+    # Heat takes 0 to 7 % of a pull-off force, at any step.
+    assert _pull_off(wrong) == pytest.approx(1.17 * true, rel=0.05)
     wrong.use(found)
     assert wrong.state.setpoint == pytest.approx(PRESSED * 0.2 / found.value)
     right = _pull_off(wrong)
-    assert abs(right - true) < (2.0 * found.uncertainty / found.value + 0.04) * true
+    assert abs(right - true) < (2.0 * found.uncertainty / found.value + 0.07) * true
     assert right < 1.12 * true
 
 

@@ -18,7 +18,9 @@ from ..test_docs_links import anchors
 from .notebook import Ran, run
 
 ROOT = Path(__file__).resolve().parents[3]
-NAMES = ("paper", "controller", "experiment")
+NAMES = ("paper", "controller", "experiment", "fit")
+RUN = [pytest.param(name, marks=[pytest.mark.long, pytest.mark.timeout(0)] if name == "fit" else []) for name in NAMES]
+"""What `fit` simulates takes minutes."""
 Get = Callable[[str], Ran]
 
 
@@ -37,7 +39,7 @@ def test_all_notebooks_are_tested():
     assert {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")} == set(NAMES)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", RUN)
 def test_notebook_shows_what_its_file_shows(ran: Get, name: str):
     """The file was made with a real kernel, by `make notebooks`: this run must print the same."""
     done = ran(name)
@@ -163,3 +165,18 @@ def test_files_of_the_notebook_of_an_experiment_hold_what_it_measured(ran: Get):
     np.testing.assert_array_equal(friction.data[::-1], experiment["image"].friction.values)
     with h5py.File(folder / "edge.h5") as file:
         assert len(file) == len(experiment["places"]) == 49
+
+
+@pytest.mark.long
+@pytest.mark.timeout(0)
+def test_error_bars_of_a_fit_hold_the_truth_as_often_as_they_say(ran: Get):
+    fit = ran("fit")
+    trials = fit["TRIALS"]
+    assert trials >= 50
+    for inside, part in ((fit["inside68"], 0.68), (fit["inside95"], 0.95)):
+        # Three standard deviations of a count, for each parameter.
+        allowed = 3.0 * math.sqrt(trials * part * (1.0 - part))
+        assert np.abs(inside.sum(axis=0) - part * trials).max() <= allowed
+    # And they are narrow: of a fifth of what was thought possible at most.
+    width = fit["intervals"][:, 3] - fit["intervals"][:, 1]
+    assert (width.mean(axis=0) < 0.2 * (fit["fit"].HIGH - fit["fit"].LOW)).all()

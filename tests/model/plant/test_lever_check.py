@@ -10,6 +10,7 @@ from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.plant import LEVER
 from afm_model.plant.beam import MODE
 from afm_model.plant.lever.lever_check import RESOLVED
+from afm_model.plant.presets import LEVERS
 
 from .lever_bench import BASE, LeverBench
 
@@ -23,7 +24,7 @@ from .lever_bench import BASE, LeverBench
         ),
         (
             {"plant.modes": 1, "plant.dt": 1e-5, "detector.sample_period": 1e-5},
-            r"too long for bending mode 1 of the cantilever, .*; take plant\.dt <= 5\.19e-06 s",
+            r"too long for bending mode 1 of the cantilever, .*; take plant\.dt <= 4\.59e-06 s",
         ),
         ({"plant.width": 1e-3}, "a cantilever is longer than wide"),
         ({"scanner.f_x": 800.0}, "scanner.f_x = 800.0 has no effect with plant.kind = lever"),
@@ -155,10 +156,10 @@ def test_a_reference_that_makes_the_tip_jump_off_edges_is_told_with_the_speed():
         scan = {"reference.amplitude_x": -1e-6, "reference.omega_x": 0.5e6 * math.pi * speed}
         return LEVER.warnings(build(InstrumentParameters, BASE | scan | {"reference.shape_x": "triangle"} | values))
 
-    # A quarter of the radius in a period of the contact: 20 nm 5.2 23 kHz / 4.
-    assert told(5.9e-4, STEEP) == []
-    (sentence,) = told(6.1e-4, STEEP)
-    assert "moves at up to 0.00061 m/s over edges with a radius of 2e-08 m: from some 0.0006 m/s on" in sentence
+    # A quarter of the radius in a period of the contact: 20 nm 5.2 26 kHz / 4.
+    assert told(6.7e-4, STEEP) == []
+    (sentence,) = told(6.9e-4, STEEP)
+    assert "moves at up to 0.00069 m/s over edges with a radius of 2e-08 m: from some 0.00068 m/s on" in sentence
     assert told(1e-2, {"sample.kind": "plane", "sample.angle_x": 0.1}) == []
 
 
@@ -166,7 +167,7 @@ def test_a_reference_that_makes_the_tip_jump_off_edges_is_told_with_the_speed():
 @pytest.mark.parametrize(("modes", "apart"), [(1, 4e-9), (2, 1e-9), (3, 1e-9)])
 def test_below_that_speed_the_longest_step_goes_over_edges_as_a_short_one(modes, apart):
     def excursion(turn: float) -> float:
-        step = turn / (2.0 * math.pi * 23e3 * MODE[modes - 1].frequency)
+        step = turn / (2.0 * math.pi * LEVERS["ppp_lfmr"].f0 * MODE[modes - 1].frequency)
         b = LeverBench(**STEEP, **{"plant.modes": modes, "plant.dt": step, "sample.pitch": 1e-6, "sample.top": 0.4e-6})
         n = round(1e-6 / 5.9e-4 / step)
         return float(np.ptp(b.run(np.arange(1, n + 1)[:, None] * step * np.array([5.9e-4, 0.0, 0.0])).q[:, 0]))

@@ -125,3 +125,27 @@ def test_a_stiff_cantilever_follows_the_branch_to_the_fixed_grips_limit(transiti
     # Force and radius are on the branch at every step.
     assert touching.N / units.force == pytest.approx(force, abs=2e-4)
     assert touching.a / units.radius == pytest.approx(a, abs=2e-3)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.2])
+def test_contact_that_a_tip_sticks_by_is_a_spring_of_the_radius_that_it_has_in_this_step(tilt):
+    # Mindlin's 8 G* a, while the second mode swings at a third of the step's rate and the radius with it.
+    b = LeverBench(plant__tilt=tilt, plant__f0=26e3, plant__tau=1e12)
+    b.s.v[1] = 1e-4
+    r = b.stay(200)
+    assert r.stuck.all()
+    assert np.ptp(r.a) > 0.02 * r.a.mean()
+    spring = 8.0 * b.plant.pair_numbers.G * r.a
+    assert r.T_y == pytest.approx(spring * (r.U_y - r.A_y), rel=2e-3, abs=1e-4 * np.abs(r.T_y).max())
+
+
+@pytest.mark.parametrize("f0", [23e3, 25.5e3, 26e3])
+def test_a_tip_that_has_landed_comes_to_rest_with_its_second_resonance_at_a_third_of_the_rate_of_the_step(f0):
+    b = LeverBench(plant__tilt=0.0, plant__f0=f0, plant__scanner="stack_13um", plant__gap=2e-9)
+    r = b.run(raised(2e-6 * 1e-6 * np.arange(1, 6001)))
+    landed = int(np.argmax(r.a > 0.0))
+    assert 100 < landed < 1500
+    # 5 e-folds of the slowest, 2 Q / w of the free cantilever, after which the scanner goes on smoothly.
+    rest = landed + math.ceil(5.0 * 2.0 * 40.0 / (2.0 * math.pi * f0) / 1e-6)
+    assert r.a[rest:].all()
+    assert np.abs(np.diff(r.delta[rest:], 2)).max() < 0.01 * b.plant.contact_units.indentation

@@ -2,10 +2,11 @@
 
 from typing import Any
 
+import bits
 import numpy as np
 import pytest
 
-from afm_model import ControllerParameters, DivergenceError, ParameterError, SimParameters, build, simulate
+from afm_model import ControllerParameters, DivergenceError, ParameterError, SimParameters, build, changed, simulate
 from afm_model.core.jit import config
 from afm_model.core.lanes import LANES
 from afm_model.instrument import Instrument
@@ -95,10 +96,25 @@ def test_plants_samples_and_laws_run_in_lanes(law, news):
     assert hashes(sets) == [alone(each) for each in sets]
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", [name for name, line in bits.CASES["runs"].items() if line.startswith("simulate ")])
+def test_compositions_of_make_bits_keep_their_bits_among_others(name, tmp_path):
+    """In lanes or one by one, beside runs that end sooner."""
+    given, _ = bits.scenario(bits.CASES["runs"][name].split()[1:], tmp_path)
+    sim, law = given.sim, given.controller
+    period = sim.plant.control_period
+    shorter = changed(sim, {"run.duration": round(0.9 * sim.total_ticks) * period, "score.start": sim.score_start})
+    sets = [(sim, law), *[(shorter, law)] * (LEAST - 1), (sim, law)]
+    expected = bits.kept()["hashes"][name]["trajectory"]
+    found = hashes(sets)
+    assert (found[0], found[-1]) == (expected, expected)
+    assert len(set(found)) == 2
+
+
 def test_scores_and_records_are_those_of_the_run_alone():
     sets = [one(number, {"law.kind": "tanh"}) for number in range(LEAST)]
     blocks: dict[int, list[Any]] = {number: [] for number in range(LEAST)}
-    instruments: list[Any] = run_together(sets, lambda number, block: blocks[number].append(block))
+    instruments: list[Any] = run_together(sets, lambda number, block: blocks[number].append(block), sampled=True)
     for number, each in enumerate(sets):
         expected = simulate(*each)
         assert str(instruments[number].score()) == str(expected.score)
@@ -136,3 +152,24 @@ def test_what_cannot_run_in_lanes_runs_one_by_one():
 def test_one_composition_is_one_group_whatever_its_numbers_are(many):
     sets, _ = many
     assert len({composition(Instrument(sim)) for sim, _ in sets[:LANES]}) == 1
+
+
+@pytest.mark.parametrize(
+    ("news", "quiet"),
+    [
+        ({}, True),
+        ({"plant.delay_ticks": 2, "safety.travel_limit": 1e-9}, True),
+        ({"detector.position_noise": 1e-11}, False),
+        ({"detector.bandwidth": 1e5}, False),
+        ({"detector.position_bandwidth": 1e5}, False),
+        ({"drift.rate_x": 1e-6}, False),
+        ({"piezo.kind": "ceramic", "piezo.creep": 0.02}, False),
+        ({"piezo.dac_period": 1e-5}, False),
+        ({"fault.a.kind": "offset", "fault.a.signal": "position_x", "fault.a.size": 1e-9}, False),
+    ],
+)
+def test_samples_that_nobody_looks_at_are_made_only_where_something_remembers_them(news, quiet):
+    sets = [one(2 * number, {"law.kind": "pid"}, **news) for number in range(LEAST)]
+    assert bool(Instrument(sets[0][0], sampled=False).record("loop").quiet) is quiet
+    assert not Instrument(sets[0][0]).record("loop").quiet
+    assert hashes(sets) == hashes(sets, lanes=False) == [alone(each) for each in sets]

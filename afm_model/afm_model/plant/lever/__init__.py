@@ -1,9 +1,11 @@
 """Plant `lever`: scanner, cantilever and contact as in a laboratory; docs/lever.md."""
 
+import numpy as np
+
 from ...contact.contact_table import table
 from ...parts.part import Channel, Plant
 from .lever_check import check, warnings
-from .lever_constants import Constants, lever_constants, rows
+from .lever_constants import Constants, fine_constants, lever_constants, rows
 from .lever_parameters import LeverGroup
 from .lever_start import rest
 from .lever_state import State
@@ -19,7 +21,7 @@ LEVER = Plant(
     rest=rest,
     step=step,
     observe=observe,
-    map=lambda parameters: table(parameters.plant.contact, rows(parameters)),
+    map=lambda parameters: np.append(table(parameters.plant.contact, rows(parameters)), fine_constants(parameters)),
     sample_in_si=True,
     takes_lattice=True,
     takes_excitation=True,

@@ -62,12 +62,12 @@ def lattice_of(parameters: Tree) -> Corrugation | None:
     return None if make is None else make(parameters)
 
 
-def apex_constants(parameters: Tree) -> Numbers:
-    """Values of APEX_CONSTANTS."""
+def apex_constants(parameters: Tree, h: float) -> Numbers:
+    """Values of APEX_CONSTANTS for a step h [s]."""
     found = lattice_of(parameters)
     if found is None:
         return dict.fromkeys(APEX_CONSTANTS, 0.0)
-    plant, h = parameters.plant, parameters.plant.dt
+    plant = parameters.plant
     mass, damping = plant.apex_mass, plant.apex_damping
     return {
         "lattice": 1.0,

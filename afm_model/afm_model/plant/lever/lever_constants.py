@@ -3,6 +3,8 @@
 import math
 from typing import Annotated, Any
 
+import numpy as np
+
 from ...contact.contact_table import transitions
 from ...core import registry
 from ...core.elementary import cbrt, cosh, sincos, sinh, square, tan, tanh
@@ -16,9 +18,16 @@ _MODES = ("mode_w2", "mode_inverse", "mode_push", "mode_base", "kick", "mode_y",
 _OfModes = Annotated[Array, (beam.MODES,)]
 
 
+PARTS = 4
+"""Of a step in which the tip moves fast at the sample."""
+
+
 class Constants(Record):
     half: Annotated[float, "s"]  # half the integration step
     h: Annotated[float, "s"]
+    swift: float  # change of the indentation in a step, in its unit, from which on steps are made in parts
+    settling: float  # so many steps: 2 e-folds of the fastest mode of bending
+    counts: float  # 1 for a whole step, PARTS for a part of one: random numbers are counted in these
     x0: Annotated[float, "m"]  # scales of the sample's coordinates
     z0: Annotated[float, "m"]
     rise: float  # height per place in these, z0/x0
@@ -148,11 +157,20 @@ def kick(w2: float, inverse: float, compliance: float, temperature: float, h: fl
     return 0.5 * h * inverse * math.sqrt(2.0 * loss * BOLTZMANN * temperature * w2 * compliance / h)
 
 
-def lever_constants(parameters: Tree) -> Numbers:
-    """Values of Constants."""
+def fine_constants(parameters: Tree) -> Array:
+    """Constants of a part of a step, as the numbers of their record."""
+    found: Any = np.zeros(1, Constants.dtype)
+    values = lever_constants(parameters, PARTS)
+    for name in Constants.names:
+        found[name] = values[name]
+    return np.asarray(found.view(np.float64))
+
+
+def lever_constants(parameters: Tree, parts: int = 1) -> Numbers:
+    """Values of Constants, for a step that is divided into so many."""
     plant, piezo, scales = parameters.plant, parameters.piezo, parameters.scales
     c, s, pair = plant.cantilever_numbers, plant.scanner_numbers, plant.pair_numbers
-    h = plant.dt
+    h = plant.dt / parts
     half = 0.5 * h
     units = plant.contact_units
     # The tip stands below the neutral axis by `arm`; y runs along the cantilever, towards its end.
@@ -221,6 +239,12 @@ def lever_constants(parameters: Tree) -> Numbers:
     numbers = {
         "half": half,
         "h": h,
+        # With heat a tip in contact swings by a quarter of a unit.
+        "swift": 1.0 if plant.temperature > 0.0 else 0.1,
+        "settling": math.ceil(2.0 * c.Q / (math.pi * c.f0 * beam.MODE[plant.modes - 1].frequency * plant.dt)),
+        "counts": float(parts),
+        "x0": scales.x0,
+        "z0": scales.z0,
         "rise": scales.z0 / scales.x0,
         "metres": piezo.sensitivities,
         "thermal": float(plant.temperature > 0.0),
@@ -237,10 +261,11 @@ def lever_constants(parameters: Tree) -> Numbers:
         "hamaker_radius": pair.hamaker * c.tip_radius,
         "stiffness_per_radius": 8.0 * pair.G,
         "friction_per_area": pair.tau,
+        "strengthening": plant.strengthening,
         "slow_way": plant.slow * h,
         "rows": len(table),
         "row_first": table[0],
         "row_step": table[1] - table[0] if len(table) > 1 else 1.0,
         "transition": plant.transition,
     }
-    return numbers | scanner | modes | twist | static | total | dict(apex_constants(parameters))
+    return numbers | scanner | modes | twist | static | total | dict(apex_constants(parameters, h))

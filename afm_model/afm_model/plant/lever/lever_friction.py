@@ -13,6 +13,9 @@ from .lever_contact import hold, indent, place_frame, slide
 from .lever_end import show_end
 from .lever_state import State
 
+_SAME = 1e-3
+"""Relative change of the contact's stiffness that is none."""
+
 
 @kernel
 def on_surface(
@@ -100,11 +103,16 @@ def on_surface(
         way = d_1 * (e_1 - w_n1 * N - w_11 * T_1 - w_12 * T_2) + d_2 * (e_2 - w_n2 * N - w_12 * T_1 - w_22 * T_2)
         stick = shear * a * way < bound
     if stick:
-        # What the load does to the tangential force comes back as compliance.
-        c_1, c_2 = hold(w_n1, w_n2, k, w_11, w_12, w_22)
-        T_1, T_2 = hold(e_1, e_2, k, w_11, w_12, w_22)
-        w_n = w_nn - w_n1 * c_1 - w_n2 * c_2
-        delta, N, bound, a = indent(s.delta, target - w_n1 * T_1 - w_n2 * T_2, w_n, 0.0, s, p, m, at)
+        # The contact's stiffness goes with its radius: one of the step before would be late, and drive a swinging tip.
+        for _ in range(8):
+            # What the load does to the tangential force comes back as compliance.
+            c_1, c_2 = hold(w_n1, w_n2, k, w_11, w_12, w_22)
+            T_1, T_2 = hold(e_1, e_2, k, w_11, w_12, w_22)
+            w_n = w_nn - w_n1 * c_1 - w_n2 * c_2
+            delta, N, bound, a = indent(s.delta, target - w_n1 * T_1 - w_n2 * T_2, w_n, 0.0, s, p, m, at)
+            late, k = k, shear * a
+            if abs(k - late) <= _SAME * late:
+                break
         T_1 -= c_1 * N
         T_2 -= c_2 * N
         size = math.sqrt(T_1 * T_1 + T_2 * T_2)

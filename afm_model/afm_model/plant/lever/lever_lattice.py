@@ -99,7 +99,7 @@ def on_lattice(
     give = stiffness / max(1.0 + w_n * stiffness, 0.1)
     noise_x = noise_y = 0.0
     if p.apex_noise != 0.0:
-        count = 2 * int(s.steps)
+        count = 2 * int(p.counts * s.steps)
         noise_x = p.apex_noise * standard_normal(p.apex_key, count)
         noise_y = p.apex_noise * standard_normal(p.apex_key, count + 1)
     longest, close = _LONGEST * p.lattice_period, _CLOSE * p.lattice_period

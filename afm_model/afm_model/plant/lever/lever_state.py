@@ -42,6 +42,7 @@ class State(Record):
     shown: Annotated[float, "m"]  # deflection that the photodiode shows
     twist: Annotated[float, "rad"]  # of the end
     steps: float  # since the start
+    fast: float  # steps still to be made in parts, since the tip moved fast at the sample
     unit_force: Annotated[float, "N"]  # units of the contact at this place, see afm_model.contact.maugis
     unit_radius: Annotated[float, "m"]
     unit_indentation: Annotated[float, "m"]

@@ -3,9 +3,12 @@
 The scanner is three damped oscillators, the bending of the cantilever one to three, its torsion one or none; bending
 sideways and the higher modes follow the force without delay. Friction acts between tip and sample, set-valued, behind
 the lateral stiffness 8 G* a of the contact; on a sample of atoms the tip moves in their potential instead. Scheme:
-implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (23).
+implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (23), (41).
 """
 
+import math
+
+from ...contact.contact_table import ROW
 from ...core.elementary import cos, square, tan
 from ...core.jit import kernel
 from ...core.random_numbers import normal
@@ -13,7 +16,7 @@ from ...core.records import Block, record_at
 from ...parts.header import BlockHeader
 from ...parts.signals import Actuation, Truth
 from ..beam import MODES
-from .lever_constants import Constants
+from .lever_constants import PARTS, Constants
 from .lever_friction import on_surface
 from .lever_lattice import on_lattice
 from .lever_state import State
@@ -28,13 +31,13 @@ def mode_rate(i: int, base: float, p: Constants, s: State) -> float:
     if base != 0.0:
         rate -= p.mode_base[i] * base
     if p.thermal != 0.0:
-        rate += p.kick[i] * normal(p.thermal_key, 4 * int(s.steps) + i)
+        rate += p.kick[i] * normal(p.thermal_key, 4 * int(p.counts * s.steps) + i)
     return float(rate)
 
 
 @kernel
 def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block) -> None:
-    """Advance the state by one step h in place.
+    """Advance the state by one step h in place: at once, or in PARTS where the tip moves fast at the sample, (41).
 
     Parameters
     ----------
@@ -46,7 +49,39 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     p, s : records of Constants and State
     m : block of the instrument, for the sample and the table of the contact
     """
-    g = record_at(m, 0, BlockHeader)
+    at = record_at(m, 0, BlockHeader).plant_map
+    before = s.delta
+    if s.fast > 0.0:
+        fine = record_at(m, at + p.rows * ROW, Constants)
+        rescale(1.0 / PARTS, p, fine, s)
+        for part in range(PARTS):
+            advance(t + part * fine.h, v, fine, s, m, at)
+        rescale(PARTS, fine, p, s)
+        s.fast -= 1.0
+    else:
+        advance(t, v, p, s, m, at)
+    way = abs(s.delta - before)
+    if way > p.swift * s.unit_indentation and s.delta + 2.0 * way > s.end:
+        s.fast = p.settling
+
+
+@kernel
+def rescale(ways: float, p: Constants, to: Constants, s: State) -> None:
+    """Go over to steps of another length: rates are those of its frequencies w~ (15), so that oscillations keep their
+    amplitude, and a sliding tip goes so many times as far in a step.
+    """
+    for i in range(MODES):
+        if p.mode_w2[i] != 0.0:
+            s.v[i] *= math.sqrt(to.mode_w2[i] / p.mode_w2[i])
+    if p.twist_w2 != 0.0:
+        s.v_phi *= math.sqrt(to.twist_w2 / p.twist_w2)
+    s.S_x *= ways
+    s.S_y *= ways
+
+
+@kernel
+def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -> None:
+    """Advance the state by the step h of these constants; the table of the contact begins at m[at]."""
     half = p.half
     moved = acceleration = end = 0.0
     if v.amplitude != 0.0:
@@ -67,7 +102,7 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     )
     v_phi = (s.v_phi - half * p.twist_w2 * s.phi) * p.twist_inverse
     if p.thermal != 0.0:
-        v_phi += p.twist_kick * normal(p.thermal_key, 4 * int(s.steps) + 3)
+        v_phi += p.twist_kick * normal(p.thermal_key, 4 * int(p.counts * s.steps) + 3)
     tip_x = p.arm * (s.phi + half * v_phi)
     tip_y, tip_z = p.base_y * moved, p.base_z * moved
     for i in range(MODES):
@@ -83,9 +118,9 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
         D_y -= half * p.mode_y[i] * rates[i]
         D_z -= half * p.mode_z[i] * rates[i]
     if p.lattice != 0.0:
-        F_x, F_y, F_z = on_lattice(P_x, P_y, P_z - p.a - tip_z, D_x, D_y, D_z, p, s, m, g.plant_map)
+        F_x, F_y, F_z = on_lattice(P_x, P_y, P_z - p.a - tip_z, D_x, D_y, D_z, p, s, m, at)
     else:
-        F_x, F_y, F_z = on_surface(P_x, P_y, P_z, tip_z, D_x, D_y, D_z, p, s, m, g.plant_map)
+        F_x, F_y, F_z = on_surface(P_x, P_y, P_z, tip_z, D_x, D_y, D_z, p, s, m, at)
 
     # The whole step at the rates of its middle.
     r_x -= p.push[0] * F_x
@@ -103,7 +138,7 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     s.V_X, s.V_Y, s.V_Z = 2.0 * r_x - s.V_X, 2.0 * r_y - s.V_Y, 2.0 * r_z - s.V_Z
     s.phi += h * v_phi
     s.v_phi = 2.0 * v_phi - s.v_phi
-    s.steps += 1.0
+    s.steps += 1.0 / p.counts
     show(p.base_z * end, p, s, h)
 
 
