@@ -28,6 +28,7 @@ from afm_recorder_node.writer import RecordingWriter
 pytest.importorskip("rosbags.highlevel", reason="an extra of the recorder; `make test` installs it")
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from afm_recorder_node.bag import PARAMETER_EVENTS, kind_of, typestore
 from afm_recorder_node.export_command import export
@@ -196,6 +197,16 @@ def test_bags_that_cannot_be_read_rightly_are_refused_in_a_sentence(
             read_recording(path)
         assert inspect([str(path)]) == 2
         assert told in capsys.readouterr().err
+    other_version = get_typestore(Stores.ROS2_JAZZY)
+    kind = kind_of(block)
+    fields = get_types_from_msg("std_msgs/Header header\nuint64 first_sample\nfloat64[] samples\n", kind)
+    other_version.register(fields)
+    with Writer(tmp_path / "version", version=9, storage_plugin=StoragePlugin.SQLITE3) as made:
+        made.write(
+            made.add_connection(f"{SPACE}/deflection", kind, typestore=other_version), 0, serialize_message(block)
+        )
+    with pytest.raises(RecordingError, match="afm_msgs/msg/Waveform of another version"):
+        read_recording(tmp_path / "version")
     content = next(bag("good", (f"{SPACE}/deflection", block)).glob("*.mcap")).read_bytes()
     rng = random.Random(4)
     for _ in range(30):

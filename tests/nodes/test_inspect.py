@@ -90,7 +90,7 @@ def test_statistics_of_stretches_are_those_of_the_whole_and_tell_gaps_and_nan() 
     for i, each in enumerate((x, y)):
         known = values[~np.isnan(values[:, i]), i]
         assert (each.low, each.high) == (known.min(), known.max())
-        assert (each.mean, each.rms) == pytest.approx((known.mean(), np.sqrt(np.mean(known**2))), rel=1e-12)
+        assert (each.mean, each.rms) == pytest.approx((known.mean(), np.sqrt(np.mean(known**2))), rel=1e-12, abs=0.0)
     irregular = statistics_of(layout.DEFLECTION, np.array([0.0, 1e-6, 2.001e-6, 7e-6]), np.zeros(4))[0]
     assert irregular.gaps == [(2.001e-6, 4)]
 
@@ -136,12 +136,12 @@ def test_spectrum_has_the_level_of_white_noise_and_the_amplitude_of_a_line() -> 
     values = 5e-9 + amplitude * np.sin(2.0 * np.pi * f * t) + rng.normal(0.0, level * math.sqrt(rate / 2.0), t.size)
     values[1000] = np.nan  # the longest stretch without a gap counts
     found = questions.spectrum(Channel(np.rint(t * 1e9) / 1e9, values, "m", 1.0))
-    assert found.floor == pytest.approx(level, rel=0.05)
+    assert found.floor == pytest.approx(level, rel=0.05, abs=0.0)
     (line, rms), *others = found.lines()
     assert not others
-    assert (line, rms) == (pytest.approx(f, abs=1.0), pytest.approx(amplitude / math.sqrt(2.0), rel=2e-3))
+    assert (line, rms) == (pytest.approx(f, abs=1.0), pytest.approx(amplitude / math.sqrt(2.0), rel=2e-3, abs=0.0))
     step = found.frequency[1] - found.frequency[0]
-    assert found.density.sum() * step == pytest.approx(found.rms**2, rel=0.01)
+    assert found.density.sum() * step == pytest.approx(found.rms**2, rel=0.01, abs=0.0)
 
 
 @pytest.mark.parametrize("periods", [1, 3])
@@ -161,11 +161,11 @@ def test_loop_has_the_width_the_slope_and_the_energy_that_it_was_made_with(tmp_p
     run.position[:, 0] = position
     run.samples[1] = np.interp(np.arange(2 * ticks) * PERIOD, np.arange(ticks) * CONTROL_PERIOD, forces) / run.scales[1]
     found = questions.loop(made(tmp_path / "loop.rrd", run))
-    assert found.found.half_width.value == pytest.approx(friction, rel=1e-6)
-    assert found.found.offset.value == pytest.approx(offset, rel=1e-6)
-    assert found.found.stick_slope.value == pytest.approx(stiffness, rel=1e-3)
+    assert found.found.half_width.value == pytest.approx(friction, rel=1e-6, abs=0.0)
+    assert found.found.offset.value == pytest.approx(offset, rel=1e-6, abs=0.0)
+    assert found.found.stick_slope.value == pytest.approx(stiffness, rel=1e-3, abs=0.0)
     # The area of the parallelogram: its height times the way that the tip slides.
-    assert found.energy == pytest.approx(2.0 * friction * (2.0 * reach - 2.0 * friction / stiffness), rel=1e-3)
+    assert found.energy == pytest.approx(2.0 * friction * (2.0 * reach - 2.0 * friction / stiffness), rel=1e-3, abs=0.0)
 
 
 def test_scanner_that_rests_while_the_tip_sticks_has_a_loop_without_a_slope() -> None:
@@ -174,7 +174,7 @@ def test_scanner_that_rests_while_the_tip_sticks_has_a_loop_without_a_slope() ->
     for k in range(1, len(way)):
         force[k] = np.sign(way[k] - way[k - 1]) if way[k] != way[k - 1] else force[k - 1] * 0.97
     found = friction_loop(way, force)
-    assert found.half_width.value == pytest.approx(1.0, rel=0.1)
+    assert found.half_width.value == pytest.approx(1.0, rel=0.1, abs=0.0)
     assert dissipated(way, force)[0] > 0.0
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from afm_model.analysis import deflection_sensitivity, force_curve, tilted_stiffness
+from afm_model.analysis.force_curves import in_contact
 from afm_model.contact.maugis import branch, pull_off
 
 from .bench import K, curve
@@ -172,6 +173,20 @@ def test_uncertainties_are_those_of_repeated_noise(rng):
 def test_what_is_no_force_curve_is_refused_in_a_sentence(z, d, told):
     with pytest.raises(ValueError, match=told):
         force_curve(z, d, 1.0)
+
+
+def test_a_retract_that_ends_while_the_tip_is_pulled_is_refused_and_noise_is_no_pull(rng):
+    z, d = made_up(rng, 0.1e-9)
+    cut = 3001 + int(np.sum(z[3001:] > 97e-9))  # pulled by 4 nm of 5
+    with pytest.raises(ValueError, match="the retract ends before the tip comes off"):
+        in_contact(z[:cut], d[:cut])
+    *_, pulled = in_contact(z, d)
+    assert z[pulled][-1] == pytest.approx(96e-9, abs=0.2e-9)
+    # Without adhesion the last sample is the lowest by chance, within 5 deviations.
+    free = np.maximum(z - 100e-9, 0.0) + 0.1e-9 * rng.uniform(-1.0, 1.0, z.size)
+    free[-1] = free.min() - 0.02e-9
+    *_, pulled = in_contact(z, free)
+    assert pulled.stop == z.size
 
 
 def test_a_sensitivity_needs_contact_and_levels_in_order():

@@ -11,7 +11,14 @@ RATE = {rate.title: rate for rate in RATES}
 
 @pytest.mark.parametrize(
     "title",
-    ["resonances -5 %", "resonances +2 %", "mass ratio +10 %", "sensitivity of the piezo +5 %", "lateral gain 1.1"],
+    [
+        "resonances -5 %",
+        "resonances +2 %",
+        "resonance of x +2 %",
+        "mass ratio +10 %",
+        "sensitivity of the piezo +5 %",
+        "lateral gain 1.1",
+    ],
 )
 @pytest.mark.parametrize(("rate", "most"), [("50 us + 1", 0.3), ("200 us + 1", 1.0)])
 def test_predictive_learns_what_it_was_told_wrong(title, rate, most):

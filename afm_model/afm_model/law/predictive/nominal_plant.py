@@ -95,6 +95,8 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         f = s.here * nominal_bound(load, p, s)
         n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
         j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, n_x, n_y, h * f)
+        s.impulse[0] += j_x
+        s.impulse[1] += j_y
         s.V_X = 0.0 if stick else (p_x - j_x) * n_x
         s.V_Y = 0.0 if stick else (p_y - j_y) * n_y
         rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
@@ -106,7 +108,8 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
 
 @kernel
 def predict(u_x: float, u_y: float, u_z: float, p: Constants, s: "State") -> None:
-    """Move the scanner on by a slot under a constant drive."""
+    """Move the scanner on by a slot under a constant drive; write the impulse of friction into the state."""
+    s.impulse[0] = s.impulse[1] = 0.0
     move(u_x, u_y, u_z, p.dt, p.steps, p, s)
 
 

@@ -85,8 +85,8 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
                 fall_back((i - p.delay) * p.fine, i, p, s)
         if i < max(p.delay + p.count - 1, p.slots):
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
-        if i == p.slots - 1:
-            expect(i, s)
+        if i < p.slots:
+            expect(i, p, s)
     planned = p.delay + p.count
     if p.reserve > 0:
         extend(k, p, s)

@@ -29,7 +29,9 @@ class State(Record):
     signal: float  # lateral force there
     # What the model does not explain along x and y, unexplained.py: gamma, b, c, their covariance, a place to compute.
     gain_of: Annotated[Array, (2,)]
-    expected: Annotated[Array, (2, 3)]  # what was predicted of x and y for this measurement: position, rate; drive
+    # What was predicted of x and y for this measurement: position, rate; drive; mean friction until then.
+    expected: Annotated[Array, (2, 4)]
+    impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
     told: float  # one: y has been observed; of positions alone: the model is contradicted
     learned: Annotated[Array, (3,)]  # of positions alone: gamma, b, c of x, and the mean square force that they explain
     counts: float

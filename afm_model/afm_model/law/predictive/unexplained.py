@@ -75,10 +75,13 @@ def update(axis: int, innovation: float, friction: float, q: float, noise: float
 
 
 @kernel
-def expect(slot: int, s: State) -> None:
-    """Keep the scanner predicted for the next measurement, and the drive that is in force then."""
-    s.expected[0, 0], s.expected[0, 1], s.expected[0, 2] = s.X, s.V_X, s.plan[slot, 0]
-    s.expected[1, 0], s.expected[1, 1], s.expected[1, 2] = s.Y, s.V_Y, s.plan[slot, 1]
+def expect(slot: int, p: Constants, s: State) -> None:
+    """Keep the scanner predicted to the end of a slot, the drive in it, and the mean friction so far."""
+    for axis in range(2):
+        s.expected[axis, 0], s.expected[axis, 1] = (s.X, s.V_X) if axis == 0 else (s.Y, s.V_Y)
+        s.expected[axis, 2] = s.plan[slot, axis]
+        before = s.expected[axis, 3] if slot > 0 else 0.0
+        s.expected[axis, 3] = before + s.gain_of[axis] * s.impulse[axis] / p.hold
 
 
 @kernel
@@ -132,11 +135,21 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
         # Where the motion is not steady neither is the load.
         noise *= 1.0 + square(10.0 * uneven / way)
         mean = 0.5 * (signal + s.signal)
-        update(0, left_over(0, s.X, s.V_X, u_x, p, s), mean, q_x, noise, p, s)
-        if abs(d_x) > _TELLS * way:
+        tells = abs(d_x) > _TELLS * way
+        across = 0.0
+        if tells and p.slots == 1:
+            # Across the motion friction turns with it, by which it hides another force: there the drive is balanced.
+            # In a packet the tip goes too far between two measurements.
+            p_x = s.expected[0, 3] - s.gain_of[0] * mean
+            p_y = s.expected[1, 3] - s.gain_of[1] * mean * d_y / d_x
+            across = (p_y * d_x - p_x * d_y) / (way * way)
+        resists = left_over(0, s.X, s.V_X, u_x, p, s) - across * d_y
+        update(0, resists, mean, q_x, noise, p, s)
+        if tells:
             turned = abs(d_x * s.V_Y - d_y * s.V_X) + abs(d_x * s.seen[1, 1] - d_y * s.seen[0, 1])
             noise += p.f_0 * turned / (way * s.fastest)
-            update(1, left_over(1, s.Y, s.V_Y, u_y, p, s), mean * d_y / d_x, q_y, noise, p, s)
+            resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
+            update(1, resists, mean * d_y / d_x, q_y, noise, p, s)
             s.told = 1.0
     if s.told == 0.0:
         # As long as nothing is known of y: what is wrong about friction is so along both.
