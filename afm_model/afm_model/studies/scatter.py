@@ -33,6 +33,8 @@ Set = tuple[Any, ...]
 
 _TASK_STEPS = 1_000_000
 """Integration steps handed to a worker at once, about a second: what Dask needs for it is below a percent."""
+_MOST = 4 * LANES
+"""Sets handed to a worker at once: it holds all their instruments."""
 _TIMEOUT = 10.0
 """For the scheduler and its first worker to answer [s]."""
 _UNGUARDED = 'in a script, sweep must be called under if __name__ == "__main__":'
@@ -137,7 +139,7 @@ def _tasks(sets: Sequence[tuple[int, Set]], processors: int) -> list[list[tuple[
     tasks: list[list[tuple[int, Set]]] = []
     filled = portion
     for each, work in zip(sets, steps, strict=True):
-        if filled >= portion:
+        if filled >= portion or len(tasks[-1]) >= _MOST:
             tasks.append([])
             filled = 0
         tasks[-1].append(each)
