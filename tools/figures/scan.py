@@ -27,7 +27,7 @@ STROKE, OPENING, CREEP = 90e-6, 0.12, 0.02
 MICROSCOPE: dict[str, Value] = {
     "plant.kind": "lever",
     "plant.modes": 1,
-    "plant.dt": 5e-6,
+    "plant.dt": 4e-6,
     "plant.control_period": PERIOD,
     "detector.sample_period": PERIOD,
     "piezo.sensitivity_x": 450e-9,
@@ -36,7 +36,7 @@ MICROSCOPE: dict[str, Value] = {
     "sample.pitch": PITCH,
     "sample.top": 0.5 * PITCH,
     "sample.step": 20e-9,
-    # The cantilever is pressed on and z stays as it is: the deflection is the height, without the lag of a z loop.
+    # The cantilever is pressed on and z stays as it is: the deflection follows the height (times 1 / cos(tilt), as the tip slides), without the lag of a z loop.
     "reference.z_r": 80e-9,
 }
 CERAMIC: dict[str, Value] = {
@@ -133,7 +133,7 @@ def draw(lines: int) -> Figure:
     ):
         line = picture[lines // 2]
         ax.plot(x, 1e9 * (line - line.min()), **look, label=label)
-    ax.set(title="line in the middle", xlabel="x asked for [µm]", ylabel="height [nm]")
+    ax.set(title="line in the middle", xlabel="x asked for [µm]", ylabel="deflection [nm]")
     ax.set(xlim=(corner + 10, corner + 30), xticks=np.arange(corner + 10, corner + 31, 5), ylim=(-6, 22))
     ax.legend(loc="lower right", ncols=2)
     return figure
