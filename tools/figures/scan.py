@@ -36,8 +36,8 @@ MICROSCOPE: dict[str, Value] = {
     "sample.pitch": PITCH,
     "sample.top": 0.5 * PITCH,
     "sample.step": 20e-9,
-    # The cantilever is pressed on and z stays as it is: the deflection follows the height without the lag of a z loop, times
-    # 1 / cos(tilt), since the tip slides.
+    # The cantilever is pressed on and z stays as it is: the deflection follows the height without the lag of a z loop,
+    # times 1 / cos(tilt), since the tip slides.
     "reference.z_r": 80e-9,
 }
 CERAMIC: dict[str, Value] = {
