@@ -32,7 +32,7 @@ def outcomes(text: str) -> dict[str, str]:
 
 def test_our_controller_keeps_every_rule_that_can_be_tested(tmp_path: Path) -> None:
     with check(OURS, folder=tmp_path) as command:
-        assert command.wait() == 0, command.text
+        assert command.wait(timeout=280.0) == 0, command.text
     found = outcomes(command.text)
     assert {rule for rule, outcome in found.items() if outcome == "not tested"} == {"slew"}
     assert set(found.values()) == {"kept", "not tested"}
@@ -44,7 +44,7 @@ def test_our_controller_keeps_every_rule_that_can_be_tested(tmp_path: Path) -> N
 )
 def test_a_wrong_controller_is_found_out(tmp_path: Path, way: str, sentence: str) -> None:
     with check(sys.executable, WRONG, way, folder=tmp_path) as command:
-        assert command.wait() == 1, command.text
+        assert command.wait(timeout=280.0) == 1, command.text
     found = outcomes(command.text)
     assert [rule for rule, outcome in found.items() if outcome == "broken"] == [WAYS[way]]
     assert sentence in " ".join(command.text.split())
@@ -83,7 +83,7 @@ def test_what_cannot_be_tested_is_told_from_what_is_wrong(
 @pytest.mark.parametrize("way", OVER_TOPICS)
 def test_a_controller_that_is_wrong_in_one_way_is_found_out_over_topics(tmp_path: Path, way: str) -> None:
     with check(sys.executable, WRONG, way, folder=tmp_path) as command:
-        assert command.wait() == 1, command.text
+        assert command.wait(timeout=280.0) == 1, command.text
     assert outcomes(command.text)[WAYS[way]] == "broken", command.text
     assert_nothing_left()
 
@@ -101,5 +101,5 @@ def test_our_controller_keeps_every_rule_of_the_whole_examination(tmp_path: Path
 def test_examples_keep_every_rule(tmp_path: Path, controller: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "examples" / "controllers"), prepend=":")
     with check(*RIGHT[controller], folder=tmp_path) as command:
-        assert command.wait() == 0, command.text
+        assert command.wait(timeout=280.0) == 0, command.text
     assert_nothing_left()
