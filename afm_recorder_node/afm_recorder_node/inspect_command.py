@@ -16,8 +16,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from afm_model.core.prefix import prefixed
+
 from . import layout, questions
-from .describe import parts, quantity, scaled, scenario
+from .describe import parts, quantity, scenario
 from .overview import overview, print_statistics
 from .readable import is_bag
 from .reader import read_about, read_signals
@@ -89,7 +91,7 @@ def _signal(path: Path, arguments: argparse.Namespace, console: Console) -> None
             )
     if arguments.plot:
         values = np.column_stack(list(table.values()))
-        factor, unit = scaled(signal.unit, *np.nanmax(np.abs(values), axis=0))
+        factor, unit = prefixed(signal.unit, *np.nanmax(np.abs(values), axis=0))
         _draw(arguments.plot, signal.time, factor * values, ("time [s]", f"{arguments.signal} [{unit}]"), path.name)
 
 

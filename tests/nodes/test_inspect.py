@@ -58,7 +58,7 @@ def test_one_screen_tells_scenario_parts_law_events_score_and_signals(
     for part in (
         "plant compliant",
         "law       tanh",
-        "8 ms, 4000 ticks of 2 us (500 kHz)",
+        "8 ms, 4000 ticks of 2 µs (500 kHz)",
         "controller law.alpha  12.5",
     ):
         assert part in said, said
