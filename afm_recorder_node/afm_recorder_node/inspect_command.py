@@ -71,14 +71,11 @@ def _draw(path: Path, x: ArrayLike, y: ArrayLike, labels: tuple[str, str], title
 
 
 def _signal(path: Path, arguments: argparse.Namespace, console: Console) -> None:
-    base, _, axis = arguments.signal.rpartition(".")
-    name = base if base and axis in questions.AXES else arguments.signal
+    name, _ = questions.split(arguments.signal)
     signal = read_signals(path, [name], arguments.begin, arguments.end)[name]
     if not len(signal.time):
         raise RecordingError(f"{path}: {name} has no row from {arguments.begin:g} s to {arguments.end:g} s")
-    described = next(
-        each for each in (*layout.TICKS, *layout.CHANNELS, layout.signal(name, signal.unit)) if each.name == name
-    )
+    described = layout.signal(name, signal.unit)
     table = questions.columns(name, signal)
     table = {each: table[each] for each in table if arguments.signal in (name, each)}
     print_statistics(
