@@ -93,9 +93,6 @@ def _print_score(about: About, console: Console) -> None:
         if isinstance(vector, dict):
             factor, unit = prefixed(unit, *vector.values())
             table.add_row(escape(f"{name} [{unit}]"), *(f"{factor * vector[axis]:.4g}" for axis in "xyz"))
-        elif isinstance(vector, list):
-            factor, unit = prefixed(unit, *map(float, vector))
-            table.add_row(escape(f"{name} [{unit}]"), *(f"{factor * float(value):.4g}" for value in vector))
     console.print(table)
     told = [f"{what} {100.0 * float(share):.4g} %" for name, what in _SHARES.items()
             if isinstance(share := score.get(name), float)]  # fmt: skip
