@@ -150,7 +150,8 @@ def _plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSerie
         name=f"{name} [{signals[0].unit}]",
         origin="/",
         contents=[signal.entity for signal in signals],
-        overrides=None if axis is None else {signal.entity: [shown] for signal in signals},
+        # A visualizer has a random name: of bare lines rerun would make another one whenever they are sent.
+        overrides=None if axis is None else {signal.entity: shown.visualizer() for signal in signals},
         plot_legend=rrb.PlotLegend(visible=False),
     )
 
