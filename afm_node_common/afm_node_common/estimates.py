@@ -9,7 +9,8 @@ from rclpy.node import Node
 from afm_model.parts import Estimate
 
 from . import topics
-from .codec import NANOSECONDS, BlockEncoder
+from .codec import BlockEncoder
+from .stamps import NANOSECONDS
 
 _RASTER = 5e-3
 """Simulated time between two samples [s]."""
