@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, ScanLine, Score, Telemetry, Waveform
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
@@ -20,6 +19,7 @@ from rclpy.parameter import Parameter
 from afm_model.microscope.image import DIRECTIONS, Image
 from afm_model.run import State
 from afm_node_common import topics
+from afm_node_common.stamps import stamp
 from afm_node_common.verb_codec import FRAME
 
 from .reader import read_recording
@@ -78,7 +78,7 @@ def export(recording: Recording, folder: Path) -> int:
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind_of(message), typestore=typestore())
                 if hasattr(message, "header"):
-                    message.header.stamp = _stamp(time_ns)
+                    message.header.stamp = stamp(time_ns)
                     message.header.frame_id = topics.FRAME
                 writer.write(connections[topic], time_ns, _encoded(message))
                 count += 1
@@ -95,7 +95,7 @@ def _messages(recording: Recording) -> Iterator[_Timed]:
         new = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         yield 0, PARAMETER_EVENTS, ParameterEvent(node=_full(node), new_parameters=new)
     for change in changes:
-        event = ParameterEvent(node=_full(change.node), stamp=_stamp(_ns(change.time)))
+        event = ParameterEvent(node=_full(change.node), stamp=stamp(_ns(change.time)))
         event.changed_parameters = [Parameter(change.name, value=change.new).to_parameter_msg()]
         yield _ns(change.time), PARAMETER_EVENTS, event
     known = recording.parameters.get("afm_sim_node", {})
@@ -233,10 +233,6 @@ def _numbers(values: NDArray[np.float64]) -> "array.array[float]":
 
 def _ns(time: float) -> int:
     return round(time * 1e9)
-
-
-def _stamp(time_ns: int) -> Time:
-    return Time(sec=time_ns // 1_000_000_000, nanosec=time_ns % 1_000_000_000)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
