@@ -17,11 +17,11 @@ from afm_node_common import topics
 from afm_node_common.parameters import Declared
 from afm_node_common.periodic import PeriodicTask
 from afm_node_common.process import SimNodeParameters
+from afm_node_common.stamps import stamp
 
 from .events import Events
 from .scan_lines import ScanLines
 from .settings import Settings, setpoint
-from .streams import stamp
 from .verb_server import VerbServer
 
 _LOOK_PERIOD = 0.2

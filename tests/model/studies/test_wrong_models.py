@@ -51,7 +51,8 @@ def test_no_wrong_model_makes_predictive_worse_than_a_tip_that_stands_still(titl
 
 
 def test_without_the_estimate_a_wrong_model_costs_ten_percent():
-    row = run_case(CASE["lateral gain 1.1"], RATE["50 us + 1"], contender("predictive unexplained=none"))
+    believes = "predictive lateral_gain=nominal slow_force=nominal stiffness=nominal"
+    row = run_case(CASE["lateral gain 1.1"], RATE["50 us + 1"], contender(believes))
     assert row["third"] > 10.0
 
 
