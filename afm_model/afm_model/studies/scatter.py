@@ -146,7 +146,8 @@ def _scattered(
     with forget, _client(distributed, scheduler, workers) as (client, processors):
         tasks = _tasks(itertools.chain(first, sets), processors)
         begun = (client.submit(_run_task, each, run_all, sources, pure=False) for each in tasks)
-        running = distributed.as_completed(itertools.islice(begun, _WAITING * processors), loop=client.loop)
+        completed: Any = distributed.as_completed
+        running = completed(itertools.islice(begun, _WAITING * processors), loop=client.loop)
         for future in running:
             # Another for the one that has ended: parameters and results of all would need memory without end.
             running.update(itertools.islice(begun, 1))
