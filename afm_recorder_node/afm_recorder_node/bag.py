@@ -73,13 +73,12 @@ def _recording_of(path: Path, changed: int) -> Path:
         with AnyReader([path]) as bag:
             _Copy(path, bag, writer).run()
     except RecordingError:
-        writer.close()
         raise
     # What its reader makes of a damaged or foreign file.
     except Exception as error:
-        writer.close()
         raise RecordingError(f"{path} is no readable bag: {error}") from error
-    made = writer.close()
+    finally:
+        made = writer.close()
     if made is None:
         raise RecordingError(f"{path} holds neither control_trace nor a waveform of an instrument")
     return made
@@ -91,16 +90,7 @@ def _folder() -> "tempfile.TemporaryDirectory[str]":
 
 
 class _Copy:
-    """Copies what an instrument has published into a recording.
-
-    Parameters
-    ----------
-    path : Path
-        For messages.
-    bag : AnyReader
-        Open.
-    writer : RecordingWriter
-    """
+    """Copies what an instrument has published from an open bag into a recording; `path` is for messages."""
 
     def __init__(self, path: Path, bag: AnyReader, writer: RecordingWriter) -> None:
         self._path, self._bag, self._writer = path, bag, writer
@@ -111,13 +101,7 @@ class _Copy:
         self._space = self._namespace()
 
     def run(self) -> None:
-        """Copy everything.
-
-        Raises
-        ------
-        RecordingError
-            If there are messages of another version or of another run.
-        """
+        """Copy everything; RecordingError if there are messages of another version or of another run."""
         put = {
             Waveform: self._waveform,
             ControlTrace: self._trace,

@@ -53,9 +53,9 @@ def read_column(
     return name, Channel(signal.time, found[name], signal.unit, signal.scale)
 
 
-def write_table(path: Path, time: _Array, table: dict[str, _Array]) -> None:
-    """Write columns beside their time into a .csv or .parquet file, every digit of them."""
-    rows = pa.table({"time_s": time} | table)
+def write_table(path: Path, table: dict[str, _Array]) -> None:
+    """Write columns into a .csv or .parquet file, every digit of them."""
+    rows = pa.table(table)
     if path.suffix == ".parquet":
         pa.parquet.write_table(rows, path)
     else:

@@ -110,6 +110,8 @@ def test_signal_is_cut_in_time_and_written_with_all_its_digits(
         written = [float(each["drive.y_V"]) for each in csv.DictReader(file)]
     assert written == expected.tolist() == pq.read_table(files["parquet"])["drive.y_V"].to_pylist()
     assert files["png"].read_bytes().startswith(b"\x89PNG")
+    assert main([str(path), "--psd", "drive.y", "--csv", str(files["csv"])]) == 0
+    assert files["csv"].read_text().splitlines()[0] == '"frequency_Hz","density_V^2/Hz"'
     whole = read_recording(path)
     for name, values in (("position", whole.position), ("truth/normal_force", whole.normal_force)):
         assert np.array_equal(read_signals(path, [name])[name].values, values)
