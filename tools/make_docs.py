@@ -28,7 +28,7 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py", "cpp_controller/src/cpp_controller.cpp")
-EXAMPLES = ("kalman", "patches", "height_map", "creep", "lock_in", "viscous", "bursts", "approach", "lift", "integral")
+EXAMPLES = ("kalman", "patches", "bursts")
 
 
 def allowed(spec: Specification) -> str:
@@ -52,7 +52,7 @@ def parameters() -> str:
         "with a full ROS 2 `ros2 param describe`. What is marked * may change while the node runs; the rest is fixed",
         "at start. Every number is finite. A `kind` may also be `module:NAME`, a [part of your own](extending.md).",
         "",
-        "A bound that is not given is that of the unit, and a number other than 0 has a least size, which `> 0` means too:",
+        "A bound that is not given is that of the unit. A number other than 0 has at least the least size:",
         "",
         "| unit | least size | largest |",
         "|---|---|---|",
