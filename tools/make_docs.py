@@ -27,7 +27,7 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("afm_recorder_node", RecorderParameters, ()),
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
-CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py", "cpp_controller/src/cpp_controller.cpp")
+CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
 EXAMPLES = ("kalman", "patches", "bursts")
 
 
@@ -169,8 +169,7 @@ def pages() -> dict[Path, str]:
     controllers = (DOCS / "controllers.md").read_text()
     for name in CONTROLLERS:
         path = ROOT / "examples" / name
-        language = {".py": "python", ".cpp": "cpp"}[path.suffix]
-        controllers = between_marks(controllers, path.stem, f"```{language}\n{path.read_text().rstrip()}\n```")
+        controllers = between_marks(controllers, path.stem, f"```python\n{path.read_text().rstrip()}\n```")
     safe_states = between_marks((DOCS / "safe_states.md").read_text(), "life", life())
     return {
         DOCS / "controllers.md": between_marks(controllers, "rules", rules()),
