@@ -62,7 +62,7 @@ NOT_ALLOWED = {
     ),
     "parameter of the recorder": (
         section("/**/afm_recorder_node", "every: 0"),
-        ("every = 0 is not allowed: it must be a whole number >= 1 and < 2147483648",),
+        ("every = 0 is not allowed: it must be a whole number >= 1 and < ",),
     ),
     "negative duration": (section(SIMULATOR, "run.duration: -1.0"), ("run.duration = -1.0 s is not allowed",)),
     "step that does not divide the period": (
