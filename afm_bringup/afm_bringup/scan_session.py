@@ -208,7 +208,7 @@ class ScanSession(Session):
             table.add_column(heading, justify=justify)  # type: ignore[arg-type]
         for each in figures(image):
             numbers = (each.mean, each.least, each.largest)
-            factor, unit = prefixed(max((abs(n) for n in numbers if math.isfinite(n)), default=0.0), each.unit)
+            factor, unit = prefixed(each.unit, *numbers)
             table.add_row(escape(f"{each.title} [{unit}]"), *(f"{factor * number:.4g}" for number in numbers))
         console = Console(width=None if Console().is_terminal else 100)
         console.print(table)
