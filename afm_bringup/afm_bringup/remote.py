@@ -29,8 +29,8 @@ from .arriving import Arriving
 from .remote_node import PATIENCE, SETTLED, RemoteNode
 
 _LATE = 5.0
-"""Wall time without a new line after which the lines that are missing are lost, and in which a verb that was broken off
-here has come to its end [s]."""
+"""Wall time without a new line after which the lines that are missing are lost, and without news of a verb that was
+broken off here after which its end is not waited for: the run is paused, or the microscope hangs [s]."""
 
 
 class Remote(Backend):
@@ -144,11 +144,13 @@ class Remote(Backend):
 
                 try:
                     remote.wait(over, name, there)
-                except BaseException as error:
+                except BaseException:
                     self._wanted_pause = False
                     self._follow_pause()
-                    remote.abandon(goal, ended, SETTLED if isinstance(error, KeyboardInterrupt) else _LATE)
-                    self.outcome = self._outcome(verb, ended.result() if ended.done() else None, wait=False)
+                    remote.abandon(goal, lambda: ended.done() or interrupts.times > 1, _LATE)
+                    answer = ended.result() if ended.done() else None
+                    unanswered = CANCELLED if there() else FAILED
+                    self.outcome = self._outcome(verb, answer, unanswered, wait=False)
                     raise
                 self.outcome = outcome = self._outcome(verb, ended.result())
                 call_back()
@@ -160,12 +162,12 @@ class Remote(Backend):
             raise Interrupted(outcome)
         return outcome
 
-    def _outcome(self, verb: Verb, answer: Any, *, wait: bool = True) -> Outcome:
-        """How a verb has ended, by the answer to its goal and the lines that have arrived."""
+    def _outcome(self, verb: Verb, answer: Any, unanswered: str = FAILED, *, wait: bool = True) -> Outcome:
+        """How a verb has ended, by the answer to its goal (or `unanswered`) and the lines that have arrived."""
         lines = self._lines
         image = lines.image if lines is not None else None
         if answer is None:
-            return Outcome(FAILED, f"{type(verb).__name__} was broken off before the microscope answered", image)
+            return Outcome(unanswered, f"{type(verb).__name__} was broken off before the microscope answered", image)
         result, missing = answer.result, 0
         if lines is not None:
             before = -1

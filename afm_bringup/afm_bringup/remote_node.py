@@ -140,12 +140,18 @@ class RemoteNode:
         """Wait until the microscope has said that it does nothing any more."""
         self.spin_until(lambda: self.news > news and not self.status.doing, timeout)
 
-    def abandon(self, goal: Any, ended: Any, timeout: float) -> None:
-        """Cancel a verb for which nobody waits any more, and give it some time to withdraw the tip."""
+    def abandon(self, goal: Any, over: Callable[[], bool], timeout: float) -> None:
+        """Cancel a verb and wait until it is `over`, or the microscope has told nothing new for `timeout` [s]."""
         goal.cancel_goal_async()
+        news = self.news
+
+        def heard() -> bool:
+            return over() or self.news > news
+
         # What has brought the verb to this end counts, not what comes of it.
         with suppress(Exception):
-            self.spin_until(ended.done, timeout)
+            while self.spin_until(heard, timeout) and not over():
+                news = self.news
 
     def destroy(self) -> None:
         """End it."""

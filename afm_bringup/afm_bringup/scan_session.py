@@ -50,6 +50,8 @@ class ScanSession(Session):
     scan : Scan
     approach : Approach, optional
     namespace : str
+    live : bool
+        As of `Session`.
     """
 
     names = (PNG, SHEET, GWY, TABLE)
@@ -62,8 +64,9 @@ class ScanSession(Session):
         approach: Approach | None = None,
         *,
         namespace: str = topics.NAMESPACE,
+        live: bool = False,
     ) -> None:
-        super().__init__(scenario, out, INSIDE, namespace=namespace)
+        super().__init__(scenario, out, INSIDE, namespace=namespace, live=live)
         self._scan, self._approach = scan, approach or Approach()
         self._image: Image | None = None
         self._wall: dict[str, float] = {}
@@ -205,7 +208,7 @@ class ScanSession(Session):
             table.add_column(heading, justify=justify)  # type: ignore[arg-type]
         for each in figures(image):
             numbers = (each.mean, each.least, each.largest)
-            factor, unit = prefixed(max((abs(n) for n in numbers if math.isfinite(n)), default=0.0), each.unit)
+            factor, unit = prefixed(each.unit, *numbers)
             table.add_row(escape(f"{each.title} [{unit}]"), *(f"{factor * number:.4g}" for number in numbers))
         console = Console(width=None if Console().is_terminal else 100)
         console.print(table)

@@ -15,6 +15,7 @@ from afm_node_common import runner, topics
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
+from afm_node_common.estimates import Estimates
 from afm_node_common.parameters import declare
 from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.presence import Presence
@@ -27,6 +28,8 @@ from .reply import Reply
 TUNABLE = ("law.",)
 """What may change while the controller runs: the law and its gains."""
 
+_ESTIMATES = 0.2
+"""Wall time between two messages of each estimate [s]."""
 _PERIOD = 1.0
 """Wall time between two checks of the simulator, and between two entries on /diagnostics [s]."""
 
@@ -46,7 +49,7 @@ class ControllerNode(Node):
         self._reply = Reply(self._controller)
         self._controller.reset()
         self._remark = ""
-        self._period_unknown = True  # until measurements have given the control period
+        self._period = 0.0  # control period, once measurements have given it [s]
         measurements, drives = measurement_codec(), drive_codec()
         self._decode, self._encode = measurements.decode, drives.encode
         self._inbox = Inbox(self, Measurement, topics.MEASUREMENT, topics.CONTROL_QOS)
@@ -55,7 +58,10 @@ class ControllerNode(Node):
         """Measurements that could not be read."""
         self._presence = Presence(self)
         self._diagnostics = Diagnostics(self)
+        self.estimates = Estimates(self, lambda: self._controller.estimates)
+        """What the law believes, on topics."""
         self._tasks = PeriodicTasks(
+            PeriodicTask(self.estimates.publish, _ESTIMATES),
             PeriodicTask(self._presence.look, _PERIOD),
             PeriodicTask(self._publish_diagnostics, _PERIOD),
         )
@@ -74,10 +80,12 @@ class ControllerNode(Node):
         taken = take()
         if taken is None:
             return False
-        if self._quick and not self._period_unknown and reply.answer(taken[0]):
+        if self._quick and self._period and reply.answer(taken[0]):
             publish(reply.drive)
         else:
             self._answer(taken[0])
+        if self.estimates.wanted and self._period:
+            self.estimates.look(reply.answered, self._period)
         return True
 
     def _answer(self, data: bytes) -> None:
@@ -87,7 +95,7 @@ class ControllerNode(Node):
         except MalformedError as error:
             self.drops.add(topics.MEASUREMENT, str(error))
             return
-        if self._period_unknown and sequence > 0:
+        if not self._period and sequence > 0:
             self._check_period(stamp_ns * 1e-9 / sequence)
         controller, answered = self._controller, self._reply.answered
         if sequence != answered:
@@ -107,6 +115,7 @@ class ControllerNode(Node):
 
     def destroy_node(self) -> None:
         """End the node."""
+        self.estimates.publish()
         self._presence.close()
         self._inbox.close()
         self._outbox.close()
@@ -114,7 +123,7 @@ class ControllerNode(Node):
 
     def _check_period(self, period: float) -> None:
         """Warn of a law that is made for another control period [s] than that in which measurements are taken."""
-        self._period_unknown = False
+        self._period = period
         law = self._controller.parameters.law
         if isinstance(law, SampledLaw) and law.made_for_another(period):
             self.get_logger().warning(

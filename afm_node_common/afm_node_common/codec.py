@@ -24,9 +24,9 @@ from afm_model.core.errors import MalformedError
 from afm_model.core.records import size
 from afm_model.parts import signals
 
+from .stamps import NANOSECONDS, nanoseconds, stamp
 from .topics import FRAME
 
-NANOSECONDS = 1_000_000_000
 _BIG_ENDIAN_CDR, LITTLE_ENDIAN_CDR = b"\x00\x00", b"\x00\x01"
 _PLAIN = {"uint64": "<Q", "double": "<d"}
 _SEQUENCES = {"sequence<double>": "d", "sequence<float>": "f"}
@@ -74,7 +74,7 @@ def body(message: Any, size: int) -> NDArray[np.float64]:
 def fill(message: Any, sequence: int, stamp_ns: int, values: NDArray[np.float64]) -> None:
     """The inverse of `body`, with header and sequence."""
     message.header.frame_id = FRAME
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
+    message.header.stamp = stamp(stamp_ns)
     message.sequence = sequence
     at = 0
     for name in list(message.get_fields_and_field_types())[2:]:
@@ -128,17 +128,17 @@ class Codec:
     def _agrees(self) -> bool:
         """Whether the fast encoding and rclpy's serializer give the same bytes, and the same values back."""
         values = np.arange(1.0, self._size + 1.0) / 3.0
-        sequence, stamp = 2**40 + 7, 3 * NANOSECONDS + 21
+        sequence, time = 2**40 + 7, 3 * NANOSECONDS + 21
         message = self._type()
-        fill(message, sequence, stamp, values)
+        fill(message, sequence, time, values)
         expected = bytearray(serialize_message(message))
         # rclpy's serializer leaves uninitialised bytes in the padding.
         padding = self._layout.padding
         expected[padding] = bytes(padding.stop - padding.start)
-        if self.encode(sequence, stamp, values) != expected:
+        if self.encode(sequence, time, values) != expected:
             return False
         decoded = self.decode(bytes(expected))
-        return decoded[:2] == (sequence, stamp) and np.array_equal(decoded[2], values)
+        return decoded[:2] == (sequence, time) and np.array_equal(decoded[2], values)
 
     def encode(self, sequence: int, stamp_ns: int, values: Any) -> bytes:
         """Bytes of a message.
@@ -197,8 +197,7 @@ class Codec:
                     self._layout, self._frame_in = layout, frame
                     return self.decode(data)
         message = _deserialize(data, self._type)
-        stamp = message.header.stamp
-        return message.sequence, stamp.sec * NANOSECONDS + stamp.nanosec, self._read(message)
+        return message.sequence, nanoseconds(message.header.stamp), self._read(message)
 
     def _read(self, message: Any) -> Any:
         """What `decode` gives for a message of rclpy's."""
@@ -275,9 +274,9 @@ class BlockEncoder:
             values[name] = (
                 numbers.astype(_SEQUENCES[kind]) if kind in _SEQUENCES else "m" * i if kind == "string" else i
             )
-        stamp = 3 * NANOSECONDS + 21
-        written = deserialize_message(self._write(stamp, values), self._type)
-        return bool(written == deserialize_message(self._serialize(stamp, values), self._type))
+        time = 3 * NANOSECONDS + 21
+        written = deserialize_message(self._write(time, values), self._type)
+        return bool(written == deserialize_message(self._serialize(time, values), self._type))
 
     def encode(self, stamp_ns: int, **values: Any) -> bytes:
         """Bytes of a message with this simulated time [ns] and these fields; sequences as arrays."""
@@ -286,7 +285,7 @@ class BlockEncoder:
     def _serialize(self, stamp_ns: int, values: dict[str, Any]) -> bytes:
         message = self._type()
         message.header.frame_id = FRAME
-        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, NANOSECONDS)
+        message.header.stamp = stamp(stamp_ns)
         for name, kind in self._fields:
             value = values[name]
             if kind in _SEQUENCES:

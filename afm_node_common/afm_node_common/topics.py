@@ -15,6 +15,8 @@ MEASUREMENT = "measurement"
 PIEZO_DRIVE = "piezo_drive"
 DEFLECTION, LATERAL_FORCE, TRUTH_LATERAL_FORCE_Y, TRUTH_NORMAL_FORCE = (channel.name for channel in STANDARD)
 CONTROL_TRACE = "control_trace"
+LAW = "law"
+"""Below it what the law estimates."""
 STATUS = "status"
 TELEMETRY = "telemetry"
 SCORE = "score"

@@ -24,6 +24,8 @@ from afm_model.microscope.image import Image, Line
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome, Standing, TimeSeries
 from afm_model.microscope.verb import Verb, find
 
+from .stamps import nanoseconds
+
 ANY = "verb"
 """Name of the action for every verb that has none of its own."""
 _TOLD = ("success", "message")
@@ -231,8 +233,7 @@ FRAME = (
 
 def line_of(message: ScanLine) -> Line:
     """The line that a message brings."""
-    stamp = message.header.stamp
-    time = (stamp.sec * 1_000_000_000 + stamp.nanosec) / 1e9
+    time = nanoseconds(message.header.stamp) / 1e9
     return Line(message.index, message.direction, time, channels_of(message, message.pixels)[0])
 
 

@@ -17,6 +17,7 @@ from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from afm_node_common.stamps import nanoseconds
 from afm_node_common.subscriptions import InvalidMessage
 
 from . import checks, messages
@@ -72,13 +73,12 @@ def _recording_of(path: Path, changed: int) -> Path:
         with AnyReader([path]) as bag:
             _Copy(path, bag, writer).run()
     except RecordingError:
-        writer.close()
         raise
     # What its reader makes of a damaged or foreign file.
     except Exception as error:
-        writer.close()
         raise RecordingError(f"{path} is no readable bag: {error}") from error
-    made = writer.close()
+    finally:
+        made = writer.close()
     if made is None:
         raise RecordingError(f"{path} holds neither control_trace nor a waveform of an instrument")
     return made
@@ -90,16 +90,7 @@ def _folder() -> "tempfile.TemporaryDirectory[str]":
 
 
 class _Copy:
-    """Copies what an instrument has published into a recording.
-
-    Parameters
-    ----------
-    path : Path
-        For messages.
-    bag : AnyReader
-        Open.
-    writer : RecordingWriter
-    """
+    """Copies what an instrument has published from an open bag into a recording; `path` is for messages."""
 
     def __init__(self, path: Path, bag: AnyReader, writer: RecordingWriter) -> None:
         self._path, self._bag, self._writer = path, bag, writer
@@ -110,13 +101,7 @@ class _Copy:
         self._space = self._namespace()
 
     def run(self) -> None:
-        """Copy everything.
-
-        Raises
-        ------
-        RecordingError
-            If there are messages of another version or of another run.
-        """
+        """Copy everything; RecordingError if there are messages of another version or of another run."""
         put = {
             Waveform: self._waveform,
             ControlTrace: self._trace,
@@ -141,7 +126,7 @@ class _Copy:
         for connection, raw in self._messages(lambda connection: self._is_ours(connection, kinds)):
             message = deserialize_message(raw, kinds[connection.msgtype])
             if hasattr(message, "header"):
-                self._time_ns = max(self._time_ns, messages.nanoseconds(message.header))
+                self._time_ns = max(self._time_ns, nanoseconds(message.header.stamp))
             try:
                 put[kinds[connection.msgtype]](self._short(connection.topic), message)
             except InvalidMessage as error:
@@ -190,19 +175,19 @@ class _Copy:
         told = messages.state(message)
         if told != self._state:
             self._state = told
-            self._writer.event(messages.nanoseconds(message.header), told.text, told.level)
+            self._writer.event(nanoseconds(message.header.stamp), told.text, told.level)
 
     def _score(self, name: str, message: Score) -> None:
-        self._writer.score(messages.nanoseconds(message.header), messages.plain(message))
+        self._writer.score(nanoseconds(message.header.stamp), messages.plain(message))
 
     def _event(self, name: str, message: Event) -> None:
-        self._writer.event(messages.nanoseconds(message.header), message.text, "WARN")
+        self._writer.event(nanoseconds(message.header.stamp), message.text, "WARN")
 
     def _line(self, name: str, message: ScanLine) -> None:
         self._writer.line(checks.scan_line(message))
 
     def _changed(self, name: str, message: ParameterEvent) -> None:
-        node, stamp = self._short(message.node), message.stamp.sec * 1_000_000_000 + message.stamp.nanosec
+        node, stamp = self._short(message.node), nanoseconds(message.stamp)
         values = self._known.setdefault(node, {})
         for each in message.changed_parameters:
             value = parameter_value_to_python(each.value)

@@ -12,6 +12,7 @@ from afm_model.core.errors import ParameterError
 from afm_model.core.schema import build
 from afm_model.microscope.image import DIRECTIONS
 from afm_model.microscope.verbs import Scan
+from afm_node_common.stamps import NANOSECONDS
 from afm_node_common.subscriptions import InvalidMessage
 from afm_node_common.verb_codec import FRAME, line_of
 
@@ -104,7 +105,7 @@ def _block(header: Header, name: str, first: int, period: float, count: int) -> 
 
 
 def _stamp(header: Header) -> None:
-    if header.stamp.sec < 0 or header.stamp.nanosec >= 1_000_000_000:
+    if header.stamp.sec < 0 or header.stamp.nanosec >= NANOSECONDS:
         raise InvalidMessage(
             f"stamp {header.stamp.sec} s + {header.stamp.nanosec} ns: it must be a time since the start"
         )

@@ -1,12 +1,12 @@
 """A recording in words: its scenario, its parts, and what of its parameters differs from the defaults. Needs no ROS."""
 
-import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 from afm_model import load_scenario, scenario_names
 from afm_model.core.errors import ParameterError
+from afm_model.core.prefix import text
 from afm_model.core.schema import Group, build, flatten, specified, with_parts
 from afm_model.parameters import ControllerParameters, SimParameters
 
@@ -20,25 +20,11 @@ _NOT_THE_RUN = ("run.start_paused", "run.exit_when_finished", "run.wait_for_reco
 """How a run was started and watched: no two sessions agree in them."""
 _NEAR = 6
 """Parameters that differ from those of a scenario and are named."""
-_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-_PREFIXED = ("m", "N", "s", "V", "Hz", "J", "N/m", "m/s", "V/s")
 
 
-def scaled(unit: str, *values: float | None) -> tuple[float, str]:
-    """The factor for these values and their unit with the prefix that the largest of them is best read in."""
-    sizes = [abs(value) for value in values if value and math.isfinite(value)]
-    if not sizes or unit.partition("^")[0].partition("/sqrt")[0] not in _PREFIXED:
-        return 1.0, unit
-    power = max(-15, min(0 if unit == "s" else 9, 3 * math.floor(math.log10(max(sizes) * (1.0 + 1e-12)) / 3.0)))
-    return 10.0**-power, _PREFIXES[power] + unit
-
-
-def quantity(value: float | None, unit: str) -> str:
+def quantity(value: float, unit: str) -> str:
     """A value with four digits and its unit, with a prefix; - for none."""
-    if value is None or not math.isfinite(value):
-        return "-"
-    factor, unit = scaled(unit, value)
-    return f"{value * factor:.4g} {unit}".rstrip()
+    return text(value, unit, unknown="-")
 
 
 def group_of(node: str, values: Mapping[str, Value]) -> dict[str, Value]:

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, ScanLine, Score, Telemetry, Waveform
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import Parameter
@@ -20,7 +19,8 @@ from rclpy.parameter import Parameter
 from afm_model.microscope.image import DIRECTIONS, Image
 from afm_model.run import State
 from afm_node_common import topics
-from afm_node_common.verb_codec import FRAME
+from afm_node_common.stamps import stamp
+from afm_node_common.verb_codec import FRAME, numbers
 
 from .reader import read_recording
 from .recording import Recording, RecordingError
@@ -78,7 +78,7 @@ def export(recording: Recording, folder: Path) -> int:
                 if topic not in connections:
                     connections[topic] = writer.add_connection(topic, kind_of(message), typestore=typestore())
                 if hasattr(message, "header"):
-                    message.header.stamp = _stamp(time_ns)
+                    message.header.stamp = stamp(time_ns)
                     message.header.frame_id = topics.FRAME
                 writer.write(connections[topic], time_ns, _encoded(message))
                 count += 1
@@ -95,7 +95,7 @@ def _messages(recording: Recording) -> Iterator[_Timed]:
         new = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
         yield 0, PARAMETER_EVENTS, ParameterEvent(node=_full(node), new_parameters=new)
     for change in changes:
-        event = ParameterEvent(node=_full(change.node), stamp=_stamp(_ns(change.time)))
+        event = ParameterEvent(node=_full(change.node), stamp=stamp(_ns(change.time)))
         event.changed_parameters = [Parameter(change.name, value=change.new).to_parameter_msg()]
         yield _ns(change.time), PARAMETER_EVENTS, event
     known = recording.parameters.get("afm_sim_node", {})
@@ -109,18 +109,18 @@ def _messages(recording: Recording) -> Iterator[_Timed]:
             ControlTrace(
                 first_sequence=first,
                 control_period=period,
-                position=_numbers(recording.position[at]),
-                velocity=_numbers(np.full(recording.position[at].shape, np.nan)),
-                reference_position=_numbers(recording.reference[at]),
-                deflection=_numbers(deflection[at]),
-                drive=_numbers(recording.drive[at]),
+                position=numbers(recording.position[at]),
+                velocity=numbers(np.full(recording.position[at].shape, np.nan)),
+                reference_position=numbers(recording.reference[at]),
+                deflection=numbers(deflection[at]),
+                drive=numbers(recording.drive[at]),
                 round_trip=array.array("f", recording.round_trip[at].astype(np.float32).tobytes()),
             ),
         )
     for name, channel in recording.channels.items():
         scale = channel.scale if math.isfinite(channel.scale) and channel.scale else 1.0
         for first, period, at in _blocks(channel.time, known.get("detector.sample_period")):
-            samples = _numbers(channel.values[at] / scale)
+            samples = numbers(channel.values[at] / scale)
             message = Waveform(
                 first_sample=first, sample_period=period, samples=samples, scale=scale, unit=channel.unit
             )
@@ -160,17 +160,16 @@ def _blocks(time: NDArray[np.float64], told: object) -> Iterator[tuple[int, floa
     """Rows that follow one another: number of the first one, period [s], and which they are."""
     if not len(time):
         return
-    steps = np.diff(time)
-    period = float(np.median(steps)) if len(steps) else 1.0
-    if len(steps):
-        period = float(time[-1] - time[0]) / max(round(float(time[-1] - time[0]) / period), 1)
+    period, lasted = 1.0, float(time[-1] - time[0])
+    if lasted > 0.0:
+        period = lasted / max(round(lasted / float(np.median(np.diff(time)))), 1)
     if isinstance(told, int | float) and abs(told - period) < 1e-5 * period:
         period = float(told)  # without the round-off of whole nanoseconds
-    numbers = np.rint(time / period).astype(np.int64)
-    cuts = np.concatenate([[0], np.flatnonzero(np.diff(numbers) != 1) + 1, [len(numbers)]]).tolist()
+    ticks = np.rint(time / period).astype(np.int64)
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(ticks) != 1) + 1, [len(ticks)]]).tolist()
     for begin, end in itertools.pairwise(cuts):
         for start in range(begin, end, _BLOCK):
-            yield int(numbers[start]), period, slice(start, min(start + _BLOCK, end))
+            yield int(ticks[start]), period, slice(start, min(start + _BLOCK, end))
 
 
 def _lines(number: int, image: Image) -> Iterator[tuple[int, ScanLine]]:
@@ -188,7 +187,7 @@ def _lines(number: int, image: Image) -> Iterator[tuple[int, ScanLine]]:
             row=image.row(index),
             channels=list(image.units),
             units=list(image.units.values()),
-            data=_numbers(np.concatenate(rows)),
+            data=numbers(np.concatenate(rows)),
         )
         yield _ns(time), message
 
@@ -227,16 +226,8 @@ def _full(node: str) -> str:
     return node if node.startswith("/") else f"/{topics.NAMESPACE}/{node}"
 
 
-def _numbers(values: NDArray[np.float64]) -> "array.array[float]":
-    return array.array("d", np.ascontiguousarray(values, np.float64).tobytes())
-
-
 def _ns(time: float) -> int:
     return round(time * 1e9)
-
-
-def _stamp(time_ns: int) -> Time:
-    return Time(sec=time_ns // 1_000_000_000, nanosec=time_ns % 1_000_000_000)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

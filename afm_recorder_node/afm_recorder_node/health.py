@@ -6,11 +6,11 @@ from dataclasses import asdict, dataclass
 from afm_msgs.msg import RecorderStatus
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
-from rclpy.time import Time
 from std_msgs.msg import Header
 
 from afm_node_common import topics
 from afm_node_common.diagnostics import entry, stamped
+from afm_node_common.stamps import stamp
 
 from .recording_files import RecordedCounts
 
@@ -43,7 +43,7 @@ class HealthPublisher:
         """Publish `health` if it has changed; `time_ns`: last simulated time received [ns]."""
         if health != self._published:
             self._published = health
-            header = Header(stamp=Time(nanoseconds=time_ns).to_msg(), frame_id=topics.FRAME)
+            header = Header(stamp=stamp(time_ns), frame_id=topics.FRAME)
             self._status.publish(RecorderStatus(header=header, **asdict(health)))
         now, changes = time.monotonic(), (health.writing, health.messages_dropped)
         if changes != self._diagnosed or now >= self._diagnose_at:

@@ -16,8 +16,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from afm_model.core.prefix import prefixed
+
 from . import layout, questions
-from .describe import parts, quantity, scaled, scenario
+from .describe import parts, quantity, scenario
 from .overview import overview, print_statistics
 from .readable import is_bag
 from .reader import read_about, read_signals
@@ -68,28 +70,26 @@ def _draw(path: Path, x: ArrayLike, y: ArrayLike, labels: tuple[str, str], title
     figure.savefig(path, dpi=120)
 
 
+def _write(arguments: argparse.Namespace, table: dict[str, NDArray[np.float64]]) -> None:
+    for file in filter(None, (arguments.csv, arguments.parquet)):
+        questions.write_table(file, table)
+
+
 def _signal(path: Path, arguments: argparse.Namespace, console: Console) -> None:
-    base, _, axis = arguments.signal.rpartition(".")
-    name = base if base and axis in questions.AXES else arguments.signal
+    name, _ = questions.split(arguments.signal)
     signal = read_signals(path, [name], arguments.begin, arguments.end)[name]
     if not len(signal.time):
         raise RecordingError(f"{path}: {name} has no row from {arguments.begin:g} s to {arguments.end:g} s")
-    described = next(
-        each for each in (*layout.TICKS, *layout.CHANNELS, layout.signal(name, signal.unit)) if each.name == name
-    )
+    described = layout.signal(name, signal.unit)
     table = questions.columns(name, signal)
     table = {each: table[each] for each in table if arguments.signal in (name, each)}
     print_statistics(
         [each for each in statistics_of(described, signal.time, signal.values) if each.name in table], console
     )
-    for file in (arguments.csv, arguments.parquet):
-        if file:
-            questions.write_table(
-                file, signal.time, {f"{each}_{signal.unit}": values for each, values in table.items()}
-            )
+    _write(arguments, {"time_s": signal.time} | {f"{each}_{signal.unit}": table[each] for each in table})
     if arguments.plot:
         values = np.column_stack(list(table.values()))
-        factor, unit = scaled(signal.unit, *np.nanmax(np.abs(values), axis=0))
+        factor, unit = prefixed(signal.unit, *np.nanmax(np.abs(values), axis=0))
         _draw(arguments.plot, signal.time, factor * values, ("time [s]", f"{arguments.signal} [{unit}]"), path.name)
 
 
@@ -104,9 +104,7 @@ def _psd(path: Path, arguments: argparse.Namespace, console: Console) -> None:
     for frequency, rms in found.lines():
         console.print(f"  {quantity(frequency, 'Hz')}: {quantity(rms, signal.unit)} rms")
     unit = f"{signal.unit}^2/Hz"
-    for file in (arguments.csv, arguments.parquet):
-        if file:
-            questions.write_table(file, found.frequency, {f"density_{unit}": found.density})
+    _write(arguments, {"frequency_Hz": found.frequency, f"density_{unit}": found.density})
     if arguments.plot:
         _draw(
             arguments.plot, found.frequency, found.density, ("frequency [Hz]", f"{name} [{unit}]"), path.name, log=True

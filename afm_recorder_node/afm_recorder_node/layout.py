@@ -98,6 +98,8 @@ DRIVE = _vector("/drive", "V", 1.0, "V")
 ROUND_TRIP = Signal("/round_trip", "us", 1e6, "s")
 TICKS = (POSITION, REFERENCE, ERROR, DRIVE, ROUND_TRIP)
 """One row for each control tick."""
+KNOWN = {signal.name: signal for signal in (*CHANNELS, *TICKS)}
+"""By name."""
 
 
 def instants(first: int, count: int, period: float) -> NDArray[np.int64]:
@@ -130,11 +132,8 @@ def plotted(si_unit: str) -> tuple[str, float]:
 
 
 def signal(name: str, si_unit: str) -> Signal:
-    """A channel by the name of its topic: one that is known, or a new one in a unit that a plot can be read in."""
-    for known in CHANNELS:
-        if known.name == name:
-            return known
-    return Signal(f"/{name}", *plotted(si_unit), si_unit)
+    """A signal by its name: one that is known, or a new channel in a unit that a plot can be read in."""
+    return KNOWN.get(name) or Signal(f"/{name}", *plotted(si_unit), si_unit)
 
 
 def further(entities: Iterable[str]) -> list[str]:
@@ -151,7 +150,8 @@ def _plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSerie
         name=f"{name} [{signals[0].unit}]",
         origin="/",
         contents=[signal.entity for signal in signals],
-        overrides=None if axis is None else {signal.entity: [shown] for signal in signals},
+        # A visualizer has a random name: of bare lines rerun would make another one whenever they are sent.
+        overrides=None if axis is None else {signal.entity: shown.visualizer() for signal in signals},
         plot_legend=rrb.PlotLegend(visible=False),
     )
 

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from afm_msgs.msg import ControlTrace, InstrumentStatus
 from numpy.typing import NDArray
-from std_msgs.msg import Header
 
 from afm_model.run import State
 
@@ -49,11 +48,6 @@ def plain(value: Any) -> Any:
     if hasattr(value, "get_fields_and_field_types"):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types() if name != "header"}
     return value
-
-
-def nanoseconds(header: Header) -> int:
-    """Simulated time of a message [ns]."""
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
 def _rows(values: Any) -> NDArray[np.float64]:

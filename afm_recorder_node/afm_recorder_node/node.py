@@ -15,6 +15,7 @@ from afm_node_common import topics
 from afm_node_common.parameters import declare
 from afm_node_common.presence import Presence
 from afm_node_common.runner import run
+from afm_node_common.stamps import nanoseconds
 from afm_node_common.subscriptions import Subscriptions
 
 from . import checks, layout, messages
@@ -45,7 +46,7 @@ class RecorderNode(Node):
     Raises
     ------
     ParameterError
-        If a parameter is refused, there cannot be a file at the path, or no server at the port.
+        If a parameter is refused, or there cannot be a file at the path.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -92,7 +93,7 @@ class RecorderNode(Node):
 
     def _on_trace(self, message: ControlTrace) -> None:
         checks.control_trace(message)
-        time_ns = messages.nanoseconds(message.header)
+        time_ns = nanoseconds(message.header.stamp)
         self.recorder.control(message.first_sequence, message.control_period, time_ns, messages.columns(message))
 
     def _on_line(self, message: ScanLine) -> None:
@@ -103,15 +104,15 @@ class RecorderNode(Node):
         self._presence.heard()
         self._status = message
         told = messages.state(message)
-        self.recorder.state(messages.nanoseconds(message.header), message.ticks, told.text, told.level)
+        self.recorder.state(nanoseconds(message.header.stamp), message.ticks, told.text, told.level)
 
     def _on_score(self, message: Score) -> None:
         checks.stamp(message)
-        self.recorder.score(messages.nanoseconds(message.header), messages.plain(message))
+        self.recorder.score(nanoseconds(message.header.stamp), messages.plain(message))
 
     def _on_event(self, message: Event) -> None:
         checks.stamp(message)
-        self.recorder.event(messages.nanoseconds(message.header), message.text)
+        self.recorder.event(nanoseconds(message.header.stamp), message.text)
 
     def _on_known(self, node: str, values: dict[str, Any]) -> None:
         self.recorder.parameters(self._short(node), values)

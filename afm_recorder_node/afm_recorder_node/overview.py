@@ -1,5 +1,6 @@
 """What a person asks a recording first, on one screen. Needs no ROS."""
 
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,8 +9,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from afm_model.core.prefix import prefixed
+
 from . import layout
-from .describe import NODES, not_default, parts, quantity, scaled, scenario
+from .describe import NODES, not_default, parts, quantity, scenario
 from .reader import read_about
 from .recording import About
 from .statistics import Gathered, Statistics
@@ -88,18 +91,15 @@ def _print_score(about: About, console: Console) -> None:
     for name, unit in _SCORED.items():
         vector = score.get(name)
         if isinstance(vector, dict):
-            factor, unit = scaled(unit, *vector.values())
+            factor, unit = prefixed(unit, *vector.values())
             table.add_row(escape(f"{name} [{unit}]"), *(f"{factor * vector[axis]:.4g}" for axis in "xyz"))
-        elif isinstance(vector, list):
-            factor, unit = scaled(unit, *map(float, vector))
-            table.add_row(escape(f"{name} [{unit}]"), *(f"{factor * float(value):.4g}" for value in vector))
     console.print(table)
     told = [f"{what} {100.0 * float(share):.4g} %" for name, what in _SHARES.items()
             if isinstance(share := score.get(name), float)]  # fmt: skip
     for what in ("friction", "normal_force"):
         low, high = score.get(f"{what}_min"), score.get(f"{what}_max")
         if isinstance(low, float) and isinstance(high, float):
-            factor, unit = scaled("N", low, high)
+            factor, unit = prefixed("N", low, high)
             told.append(f"{what.replace('_', ' ')} {factor * low:.4g} to {factor * high:.4g} {unit}")
     told += [f"{name} {value}" for name, value in score.items() if type(value) is int and value]
     trip = score.get("round_trip")
@@ -118,7 +118,7 @@ def print_statistics(kept: Sequence[Statistics], console: Console) -> None:
         table.add_column(heading, justify="right")
     table.add_column("gaps")
     for each in kept:
-        factor, unit = scaled(each.unit, each.low, each.high)
+        factor, unit = prefixed(each.unit, each.low, each.high)
         numbers = (
             "-" if value != value else f"{factor * value:.4g}" for value in (each.low, each.high, each.mean, each.rms)
         )
@@ -127,6 +127,6 @@ def print_statistics(kept: Sequence[Statistics], console: Console) -> None:
             lost.append(f"{len(each.gaps)} gaps, {sum(count for _, count in each.gaps)} rows in all")
         if each.unknown:
             lost.append(f"{each.unknown} NaN")
-        rate = quantity(1.0 / each.period if each.period > 0.0 else None, "Hz")
+        rate = quantity(1.0 / each.period if each.period > 0.0 else math.nan, "Hz")
         table.add_row(each.name, rate, str(each.rows), *numbers, unit, "; ".join(lost) or "none")
     console.print(table)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from afm_model.analysis import FrictionLoop, dissipated, friction_loop
 
 from . import layout
-from .reader import read_about, read_signals
+from .reader import Opened, opened, read_about, read_signals
 from .recording import Channel, RecordingError
 
 _Array = NDArray[np.float64]
@@ -24,6 +24,12 @@ _LINE = 20.0
 """Times the median level that a line stands out."""
 _CLOSED = 0.02
 """Part of its range by which the end of a loop may miss its begin."""
+
+
+def split(name: str) -> tuple[str, str]:
+    """position.y as position and y; no axis where the name has none."""
+    base, _, axis = name.rpartition(".")
+    return (base, axis) if base and axis in tuple(AXES) else (name, "")
 
 
 def columns(name: str, signal: Channel) -> dict[str, _Array]:
@@ -40,18 +46,16 @@ def read_column(
 
     Raises as `read_signals`.
     """
-    base, _, chosen = name.rpartition(".")
-    if not base or chosen not in AXES:
-        base, chosen = name, axis
+    base, chosen = split(name)
     signal = read_signals(path, [base], begin, end)[base]
     found = columns(base, signal)
-    name = base if base in found else f"{base}.{chosen}"
+    name = base if base in found else f"{base}.{chosen or axis}"
     return name, Channel(signal.time, found[name], signal.unit, signal.scale)
 
 
-def write_table(path: Path, time: _Array, table: dict[str, _Array]) -> None:
-    """Write columns beside their time into a .csv or .parquet file, every digit of them."""
-    rows = pa.table({"time_s": time} | table)
+def write_table(path: Path, table: dict[str, _Array]) -> None:
+    """Write columns into a .csv or .parquet file, every digit of them."""
+    rows = pa.table(table)
     if path.suffix == ".parquet":
         pa.parquet.write_table(rows, path)
     else:
@@ -179,8 +183,13 @@ def compare(path: Path, other: Path) -> tuple[list[Difference], list[str]]:
 
     The wall times of the round trip are not compared. NaN equals NaN.
     """
+    with opened(path) as one, opened(other) as two:
+        return _compare(one, two)
+
+
+def _compare(*sources: Opened) -> tuple[list[Difference], list[str]]:
     abouts, signals, ticks = [], [], np.empty(0)
-    for each in (path, other):
+    for each in sources:
         about, found = read_about(each, lambda *_: None)
         abouts.append(about)
         signals.append({signal.name: signal for signal in found.values()})
@@ -193,7 +202,7 @@ def compare(path: Path, other: Path) -> tuple[list[Difference], list[str]]:
     order = [signal.name for signal in (layout.DRIVE, layout.REFERENCE, layout.POSITION)]
     names = sorted(signals[0].keys() & signals[1].keys() - {layout.ROUND_TRIP.name})
     for name in sorted(names, key=lambda each: (order.index(each) if each in order else len(order), each)):
-        one, two = (read_signals(each, [name])[name] for each in (path, other))
+        one, two = (read_signals(each, [name])[name] for each in sources)
         if name == layout.DRIVE.name or not len(ticks):
             ticks = one.time
         common = one.time

@@ -9,7 +9,10 @@ import json
 import os
 import warnings
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -36,6 +39,33 @@ _Batches = dict[str, list[pa.RecordBatch]]
 _Rows = tuple[NDArray[np.int64], _Array]
 Visit = Callable[[str, NDArray[np.int64], _Array], None]
 """Takes some rows of a signal: entity, times (n,) [ns], numbers (n, width) as they stand in the file."""
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A recording that has been checked, to be read several times; see `opened`."""
+
+    name: str
+    file: Path
+    complete: bool
+
+
+Source = str | os.PathLike[str] | Opened
+
+
+@contextmanager
+def opened(path: Source) -> Iterator[Opened]:
+    """Check all bytes of a recording once. Raises and warns as `read_recording`."""
+    if isinstance(path, Opened):
+        yield path
+        return
+    name = os.fspath(path)
+    with readable(path) as (file, extent):
+        if not extent.complete:
+            warnings.warn(f"{name} has no end: its recorder is still at work, or has died", IncompleteRecording, 5)
+        elif not extent.sealed:
+            warnings.warn(f"{name} has no checksums: it cannot be checked", UncheckedRecording, 5)
+        yield Opened(name, file, extent.complete)
 
 
 def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording:
@@ -83,9 +113,7 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
     )
 
 
-def read_about(
-    path: str | os.PathLike[str], visit: Visit, names: Sequence[str] | None = None
-) -> tuple[About, dict[str, Signal]]:
+def read_about(path: Source, visit: Visit, names: Sequence[str] | None = None) -> tuple[About, dict[str, Signal]]:
     """Read what a recording holds beside its signals, and go through these stretch by stretch, with little memory.
 
     Raises and warns as `read_recording`.
@@ -118,9 +146,7 @@ def read_about(
     return _about(batches, whole), {entity: signal for entity, signal in found.items() if signal is not None}
 
 
-def read_signals(
-    path: str | os.PathLike[str], names: Sequence[str], begin: float = -np.inf, end: float = np.inf
-) -> dict[str, Channel]:
+def read_signals(path: Source, names: Sequence[str], begin: float = -np.inf, end: float = np.inf) -> dict[str, Channel]:
     """Read some signals, and nothing else of a recording that has an index.
 
     Raises and warns as `read_recording`.
@@ -150,22 +176,23 @@ def read_signals(
         inside = (times >= lo) & (times <= hi)
         kept[entity].append((times[inside], values[inside].ravel()))
 
-    _, signals = read_about(path, keep, names)
+    with opened(path) as source:
+        _, signals = read_about(source, keep, names)
+        if missing := [name for name in names if f"/{name}" not in signals]:
+            there = [each.name for each in read_about(source, lambda *_: None)[1].values()]
+            near = difflib.get_close_matches(missing[0], there, 3, 0.5)
+            told = f"did you mean {' or '.join(near)}?" if near else f"there is {', '.join(there) or 'none'}"
+            raise RecordingError(f"{source.name} holds no signal {missing[0]}: {told}")
     found = {}
     for name in names:
-        signal = signals.get(f"/{name}")
-        if signal is None:
-            there = [each.name for each in read_about(path, lambda *_: None)[1].values()]
-            near = difflib.get_close_matches(name, there, 3, 0.5)
-            told = f"did you mean {' or '.join(near)}?" if near else f"there is {', '.join(there) or 'none'}"
-            raise RecordingError(f"{os.fspath(path)} holds no signal {name}: {told}")
+        signal = signals[f"/{name}"]
         times, values = _joined(kept[signal.entity], signal)
         found[name] = Channel(times / 1e9, values, signal.si_unit, float("nan"))
     return found
 
 
 def _read(
-    path: str | os.PathLike[str], entities: Sequence[str] = (), *, every: int = 1, visit: Visit | None = None
+    path: Source, entities: Sequence[str] = (), *, every: int = 1, visit: Visit | None = None
 ) -> tuple[_Batches, bool]:
     """All chunks of the recording, or of some entities, by entity; and whether it is complete.
 
@@ -173,9 +200,9 @@ def _read(
     """
     ticks = {signal.entity for signal in layout.TICKS}
     batches: _Batches = defaultdict(list)
-    with readable(path) as (file, extent):
+    with opened(path) as source:
         try:
-            for chunk in chunks(file, whole=extent.complete, entities=entities):
+            for chunk in chunks(source.file, whole=source.complete, entities=entities):
                 batch = chunk.to_record_batch()
                 entity = chunk.entity_path
                 rows = series(batch) if visit or every > 1 else None
@@ -188,14 +215,8 @@ def _read(
                 batches[entity].append(batch)
         # What rerun raises for a file that it cannot read.
         except (RuntimeError, ValueError, OSError) as error:
-            raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
-    if not extent.complete:
-        warnings.warn(
-            f"{os.fspath(path)} has no end: its recorder is still at work, or has died", IncompleteRecording, 3
-        )
-    elif not extent.sealed:
-        warnings.warn(f"{os.fspath(path)} has no checksums: it cannot be checked", UncheckedRecording, 3)
-    return batches, extent.complete
+            raise RecordingError(f"{source.name} is no readable recording: {error}") from error
+    return batches, source.complete
 
 
 def _rows(batches: list[pa.RecordBatch], signal: Signal) -> _Rows:
@@ -254,9 +275,8 @@ def _channels(batches: _Batches) -> dict[str, Channel]:
 
 def _signal(entity: str, batches: list[pa.RecordBatch]) -> Signal | None:
     """The signal of an entity; None if it is none."""
-    for known in (*layout.CHANNELS, *layout.TICKS):
-        if known.entity == entity:
-            return known
+    if known := layout.KNOWN.get(entity.removeprefix("/")):
+        return known
     factor = _number(_static(batches, "factor"))
     return None if np.isnan(factor) else Signal(entity, "", factor, str(_static(batches, "unit")))
 

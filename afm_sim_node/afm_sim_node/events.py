@@ -4,8 +4,7 @@ from afm_msgs.msg import Event
 from rclpy.node import Node
 
 from afm_node_common import topics
-
-from .streams import stamp
+from afm_node_common.stamps import stamp
 
 
 class Events:

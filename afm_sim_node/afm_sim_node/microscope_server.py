@@ -17,11 +17,11 @@ from afm_node_common import topics
 from afm_node_common.parameters import Declared
 from afm_node_common.periodic import PeriodicTask
 from afm_node_common.process import SimNodeParameters
+from afm_node_common.stamps import stamp
 
 from .events import Events
 from .scan_lines import ScanLines
 from .settings import Settings, setpoint
-from .streams import stamp
 from .verb_server import VerbServer
 
 _LOOK_PERIOD = 0.2
@@ -100,6 +100,8 @@ class MicroscopeServer:
     def verb_over(self, outcome: Outcome) -> None:
         """A verb has come to its end."""
         self._lines.end()
+        if self._run.instrument.parameters.onboard != self._declared.current.onboard:
+            self._on_setting()
         self._verbs.verb_over(outcome)
 
     def _begun(self, verb: Verb) -> None:
@@ -117,7 +119,7 @@ class MicroscopeServer:
         self._declared.exchange(made)
 
     def _on_setting(self) -> None:
-        """The loop inside was set by a service, or calibrations put in use."""
+        """The loop inside was set by a service or a verb, or calibrations put in use."""
         parameters = self._run.instrument.parameters
         news = {group: getattr(parameters, group) for group in ("onboard", "calibration")}
         self._declared.exchange(self._declared.current.model_copy(update=news))

@@ -16,6 +16,7 @@ from afm_model import Block
 from afm_model.parameters.simulator_parameters import is_inside
 from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
+from afm_node_common.estimates import Estimates
 from afm_node_common.memory import give_back
 from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.process import SimNodeParameters
@@ -81,6 +82,8 @@ class SimNode(Node):
         self.wait = Idle(self.run, self._link, self._streams, declared).wait
         self.run.warm_up()
         self._telemetry = Telemetry(self, self.run)
+        self.estimates = Estimates(self, lambda: law.estimates if (law := self.run.pacing.law) is not None else ())
+        """What a law inside believes, on topics."""
         self._reporter = Reporter(self, self.run, self._link, self._peers, self._streams, parameters)
         self._clock_publisher = self.create_publisher(ClockMessage, topics.clock(self.get_namespace()), 1)
         events = Events(self)
@@ -92,7 +95,7 @@ class SimNode(Node):
                 self, self.run, declared, events, before_reset=self._faults.look
             )
         self._clock_at = 0.0
-        looks = [self.run.blocks.end_block, self._look_for_peers, self._faults.look]
+        looks = [self.run.blocks.end_block, self.estimates.publish, self._look_for_peers, self._faults.look]
         if parameters.safety.unrecorded:
             looks.append(RecorderWatch(self, self.run, self._streams).look)
         reports = [self._reporter.compose_diagnostics, self._reporter.publish_diagnostics]
@@ -159,11 +162,14 @@ class SimNode(Node):
 
     def _on_block(self, block: Block, round_trips: NDArray[np.float32]) -> None:
         self._streams.put(block, round_trips)
+        if self.estimates.wanted:
+            self.estimates.look(self.run.instrument.ticks - 1, self._declared.current.plant.control_period)
         # In lockstep no tick is late.
         if self.run.deadline is None:
             self._streams.publish_all()
 
     def _on_end(self) -> None:
+        self.estimates.publish()
         self._streams.publish_all()
         self._peers.look(force=True)
         self._faults.look()

@@ -12,9 +12,9 @@ from afm_model.instrument.validity import doubts
 from afm_model.run import Delays, Snapshot, retracted_fraction, saturated, shortfall, verdict
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
+from afm_node_common.stamps import stamp
 
 from .status import counted
-from .streams import stamp
 
 _Z = 2
 

@@ -9,8 +9,7 @@ from afm_model.run import Snapshot
 from afm_model.run.counts import Counts
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
-
-from .streams import stamp
+from afm_node_common.stamps import stamp
 
 
 def status_message(

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from afm_msgs.msg import ControlTrace, Waveform
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -19,17 +18,12 @@ from afm_model.parts import Channel
 from afm_node_common import topics
 from afm_node_common.codec import BlockEncoder
 from afm_node_common.process import SimNodeParameters
-
-
-def stamp(nanoseconds: int) -> Time:
-    """Simulated time as a message."""
-    seconds, rest = divmod(nanoseconds, 1_000_000_000)
-    return Time(sec=seconds, nanosec=rest)
+from afm_node_common.stamps import NANOSECONDS
 
 
 def clock_bytes(nanoseconds: int) -> bytes:
     """Simulated time as a serialized rosgraph_msgs/Clock."""
-    return struct.pack("<4siI", b"\0\1\0\0", *divmod(nanoseconds, 1_000_000_000))
+    return struct.pack("<4siI", b"\0\1\0\0", *divmod(nanoseconds, NANOSECONDS))
 
 
 _BOOKKEEPING = ("verb_number", "verb_step", "verb_done")

@@ -76,7 +76,8 @@ def test_every_preset_can_be_chosen_and_is_in_the_page(family):
     known = {"lever": presets.LEVERS, "scanner": presets.SCANNERS, "pair": presets.PAIRS}[family]
     for name in known:
         assert f"`{name}`" in PAGE
-        parameters = build(SimParameters, {"plant.kind": "lever", "sample.kind": "flat", f"plant.{family}": name})
+        values = {"plant.kind": "lever", "sample.kind": "flat", "plant.dt": 1e-7, f"plant.{family}": name}
+        parameters = build(SimParameters, values)
         assert LEVER.warnings(parameters) == []
     assert set(LeverGroup.model_fields[family].annotation.__args__) == set(known)
 

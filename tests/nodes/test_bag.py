@@ -165,7 +165,7 @@ def test_bag_of_live_topics_is_inspected_and_replayed_to_the_last_bit(
     place = str(tmp_path / "live")
     assert inspect([place]) == 0
     said = capsys.readouterr().out
-    assert f"{TICKS} ticks of 20 us" in said
+    assert f"{TICKS} ticks of 20 µs" in said
     assert observer.scores[-1].trajectory_sha256 in said
     assert "FINISHED" in said
     assert replay([place]) == 1

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import os
 import random
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,8 @@ from recorded import CONTROL_PERIOD, PERIOD, Run
 from afm_model import load_scenario
 from afm_model.analysis import dissipated, friction_loop
 from afm_model.core.schema import flatten
-from afm_recorder_node import complete, layout, questions, reader
+from afm_recorder_node import checksums, complete, layout, questions, readable, reader
+from afm_recorder_node.checksums import Extent
 from afm_recorder_node.inspect_command import main, recordings, row
 from afm_recorder_node.reader import read_recording, read_signals
 from afm_recorder_node.recording import Channel
@@ -58,7 +60,7 @@ def test_one_screen_tells_scenario_parts_law_events_score_and_signals(
     for part in (
         "plant compliant",
         "law       tanh",
-        "8 ms, 4000 ticks of 2 us (500 kHz)",
+        "8 ms, 4000 ticks of 2 µs (500 kHz)",
         "controller law.alpha  12.5",
     ):
         assert part in said, said
@@ -108,6 +110,8 @@ def test_signal_is_cut_in_time_and_written_with_all_its_digits(
         written = [float(each["drive.y_V"]) for each in csv.DictReader(file)]
     assert written == expected.tolist() == pq.read_table(files["parquet"])["drive.y_V"].to_pylist()
     assert files["png"].read_bytes().startswith(b"\x89PNG")
+    assert main([str(path), "--psd", "drive.y", "--csv", str(files["csv"])]) == 0
+    assert files["csv"].read_text().splitlines()[0] == '"frequency_Hz","density_V^2/Hz"'
     whole = read_recording(path)
     for name, values in (("position", whole.position), ("truth/normal_force", whole.normal_force)):
         assert np.array_equal(read_signals(path, [name])[name].values, values)
@@ -120,6 +124,8 @@ def test_unknown_names_places_and_columns_are_told_with_those_that_are_near(
     for asked, told in (
         ([path, "--signal", "deflektion"], "did you mean deflection"),
         ([path, "--psd", "truth/normal_forc"], "did you mean truth/normal_force"),
+        ([path, "--psd", "position.xy"], "did you mean position"),
+        ([path, "--signal", "position."], "did you mean position"),
         ([path, "--signal", "qqq"], "there is deflection, drive, error"),
         ([path, "--table", "--sort", "rms"], "rms_x"),
         ([str(tmp_path / "none*.rrd")], "no readable recording"),
@@ -196,6 +202,19 @@ def test_compare_names_the_tick_the_channel_and_the_size_of_the_first_difference
     assert "round_trip" not in said
     assert main([str(one), "--compare", str(made(tmp_path / "short.rrd", Run(TICKS), without=slice(2000, 2500)))]) == 1
     assert "first tick that differs is 2000" in capsys.readouterr().out
+
+
+def test_compare_measures_the_checksums_of_each_file_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = made(tmp_path / "one.rrd", Run(1000)), made(tmp_path / "other.rrd", Run(1000))
+    measured: list[int] = []
+
+    def measure(file: int) -> Extent:
+        measured.append(os.fstat(file).st_ino)
+        return checksums.measure(file)
+
+    monkeypatch.setattr(readable, "measure", measure)
+    assert questions.compare(*paths) == ([], [])
+    assert measured == [path.stat().st_ino for path in paths]
 
 
 def test_table_has_a_row_for_each_recording_of_a_folder_sorted_and_as_csv(

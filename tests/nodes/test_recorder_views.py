@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
+from recorded import Run
+from rerun.chunk import RrdReader
 
 from afm_recorder_node import layout
 from afm_recorder_node.complete import chunks
@@ -84,8 +86,20 @@ def test_no_plot_of_the_arrangement_holds_two_axes_and_every_entity_is_shown() -
     assert {layout.SCORE, layout.EVENTS, layout.PARAMETERS, layout.FRICTION_LOOP} <= {view.origin for view in shown}
     for signal in signals:
         plots = [view for view in shown if isinstance(view.contents, list) and signal.entity in view.contents]
-        lines = [view.visualizer_overrides[signal.entity][0] for view in plots if view.visualizer_overrides]
-        seen = [line.visible_series.as_arrow_array().to_pylist() for line in lines]
+        lines = [view.visualizer_overrides[signal.entity].overrides for view in plots if view.visualizer_overrides]
+        seen = [values.as_arrow_array().to_pylist() for (values,) in lines]
         # Three numbers are three plots with one of them each.
         assert (len(plots), seen) == ((3, np.eye(3, dtype=bool).tolist()) if signal.width == 3 else (1, []))
         assert all(view.properties["PlotLegend"].visible.as_arrow_array().to_pylist() == [False] for view in plots)
+
+
+def test_arrangement_has_the_same_names_in_every_recording(tmp_path: Path) -> None:
+    """rerun keeps each name until the process ends: random ones would let the recorder grow for ever."""
+    run, names = Run(50), []
+    for _ in range(2):
+        with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
+            run.write(writer, 0, run.ticks)
+        reader = RrdReader(writer.path)
+        names.append({chunk.entity_path for chunk in reader.stream(store=reader.blueprints()[0])})
+    assert names[0] == names[1]
+    assert len(names[0]) > len(layout.TICKS)

@@ -1,7 +1,6 @@
 """A recording holds what was put in: every number, at its exact time, in SI units again when it is read."""
 
 import itertools
-import socket
 import subprocess
 import sys
 from contextlib import closing
@@ -15,7 +14,6 @@ from recorded import CONTROL_PERIOD, PERIOD, Run
 
 from afm_bringup.replay_command import main as replay
 from afm_recorder_node import layout
-from afm_recorder_node.intake import HOLD_LIMIT, Intake
 from afm_recorder_node.layout import instants
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import ParameterChange, Recording, RecordingError
@@ -31,12 +29,6 @@ ROUND_OFF = 4 * np.finfo(np.float64).eps
 
 def close_enough(got: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(got, expected, rtol=ROUND_OFF, atol=0.0, equal_nan=True)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def record(path: Path, run: Run, edges: list[int]) -> Recording:
@@ -257,27 +249,10 @@ def test_wrong_shape_is_refused(tmp_path: Path) -> None:
             run.write(writer, 0, 10)
 
 
-def test_path_and_port_that_cannot_be_used_are_refused_at_once(tmp_path: Path) -> None:
+def test_path_that_cannot_be_used_is_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
         RecordingWriter(tmp_path / "file" / "run.rrd")
-    port = free_port()
-    with (
-        closing(RecordingWriter(tmp_path / "one.rrd", live_port=port)),
-        pytest.raises(OSError, match=f"live_port {port}"),
-    ):
-        RecordingWriter(tmp_path / "two.rrd", live_port=port)
-
-
-def test_live_server_listens_while_the_recording_grows_and_does_not_change_it(tmp_path: Path) -> None:
-    port = free_port()
-    with closing(RecordingWriter(tmp_path / "run.rrd", live_port=port)) as writer:
-        socket.create_connection(("127.0.0.1", port), timeout=10).close()
-        Run(10).write(writer, 0, 10)
-        writer.flush()
-    assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 10
-    with pytest.raises(ConnectionRefusedError):
-        socket.create_connection(("127.0.0.1", port), timeout=10)
 
 
 WRITE_BEYOND_A_LIMIT = """
@@ -302,87 +277,6 @@ def test_recording_that_could_not_be_written_completely_gets_no_name_and_the_pro
     result = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert "incomplete" in result.stdout, result.stderr
     assert not (tmp_path / "run.rrd").exists()
-
-
-class Tape:
-    """Writes of an intake, one list for each run."""
-
-    def __init__(self) -> None:
-        self.runs: list[list[tuple[str, int]]] = [[]]
-        self.intake = Intake("ab", lambda: self.runs.append([]))
-
-    def put(self, stream: str, first: int, count: int = 10) -> None:
-        self.intake.put(stream, first, count, lambda: self.runs[-1].append((stream, first)))
-
-
-def test_blocks_wait_until_the_intake_is_open() -> None:
-    tape = Tape()
-    tape.put("a", 0)
-    assert tape.runs == [[]]
-    tape.intake.open()
-    tape.put("a", 10)
-    assert tape.runs == [[("a", 0), ("a", 10)]]
-
-
-def test_memory_stays_flat_if_the_intake_is_never_opened() -> None:
-    tape = Tape()
-    for k in range(HOLD_LIMIT + 1):
-        tape.put("a", 10 * k)
-    assert len(tape.runs[0]) == HOLD_LIMIT + 1
-
-
-def test_gaps_between_blocks_are_counted_and_a_late_start_is_none() -> None:
-    tape = Tape()
-    tape.intake.open()
-    for first in (50, 60, 90):
-        tape.put("a", first)
-    stream = tape.intake.streams["a"]
-    assert (stream.received, stream.lost, stream.expected) == (30, 20, 100)
-
-
-def test_a_block_out_of_place_is_dropped_when_its_stream_goes_on_as_before() -> None:
-    tape = Tape()
-    tape.intake.open()
-    for first in (0, 10, 20):
-        tape.put("a", first)
-        tape.put("b", first)
-    tape.put("a", 0, count=2)  # somebody else
-    tape.put("a", 30)
-    tape.put("b", 30)
-    assert tape.intake.strays == 1
-    assert tape.runs == [[(name, first) for first in (0, 10, 20, 30) for name in "ab"]]
-    stream = tape.intake.streams["a"]
-    assert (stream.received, stream.lost, stream.expected) == (40, 0, 40)
-
-
-@st.composite
-def interleaved(draw: st.DrawFn) -> list[tuple[str, int, int]]:
-    """Blocks (stream, run, first) of two streams over up to four runs, in any order that keeps each stream's own."""
-    lengths = draw(st.lists(st.tuples(st.integers(1, 4), st.integers(1, 4)), min_size=1, max_size=4))
-    queues = {
-        name: [(name, run, 10 * k) for run, pair in enumerate(lengths) for k in range(pair[column])]
-        for column, name in enumerate("ab")
-    }
-    first = draw(st.permutations("ab"))
-    # Both streams have begun before any of them can begin again.
-    blocks = [queues[name].pop(0) for name in first]
-    while queues["a"] or queues["b"]:
-        name = draw(st.sampled_from([name for name in "ab" if queues[name]]))
-        blocks.append(queues[name].pop(0))
-    return blocks
-
-
-@given(blocks=interleaved())
-def test_each_block_is_written_once_and_in_its_run(blocks: list[tuple[str, int, int]]) -> None:
-    tape = Tape()
-    tape.intake.open()
-    for stream, _, first in blocks:
-        tape.put(stream, first)
-    tape.intake.finish()
-    assert len(tape.runs) == 1 + max(run for _, run, _ in blocks)
-    for run, written in enumerate(tape.runs):
-        for name in "ab":
-            assert [b for b in written if b[0] == name] == [(s, f) for s, r, f in blocks if (s, r) == (name, run)]
 
 
 def test_of_every_so_many_rows_one_is_kept_by_its_number_and_the_rest_is_whole(

@@ -1,5 +1,6 @@
 """A microscope on topics as `Remote` meets it on bad days: a caller that fails, a simulator started anew, a pause."""
 
+import math
 import os
 import signal
 import time
@@ -10,7 +11,7 @@ from quick_lever import INSTRUMENT, LAW
 from support import TIMEOUT, Graph, ros_arguments
 from verbs_bench import APPROACH, ENDLESS
 
-from afm_bringup import remote_node
+from afm_bringup import remote, remote_node
 from afm_bringup.remote import Remote
 from afm_model.core.errors import VerbError
 from afm_model.microscope.image import Line
@@ -120,6 +121,37 @@ def test_a_scan_that_its_callback_stops_pauses_or_breaks_off_keeps_its_lines(ser
     outcome = client.execute(ENDLESS, on_line=lambda line: client.stop())
     assert (outcome.status, outcome.message) == (CANCELLED, "Scan was cancelled; the tip is withdrawn")
     assert 1 <= outcome.result.lines_done < ENDLESS.lines
+    served.wait_for_rest()
+
+
+@pytest.mark.parametrize(("stalls", "late", "said"), [(0.3, 60.0, "was cancelled"), (math.inf, 0.3, "was broken off")])
+def test_a_scan_that_is_broken_off_was_cancelled_also_if_the_answer_is_late_or_does_not_come(
+    served: Served, monkeypatch: pytest.MonkeyPatch, stalls: float, late: float, said: str
+) -> None:
+    monkeypatch.setattr(remote, "SETTLED", 0.0)
+    monkeypatch.setattr(remote, "_LATE", late)
+    goes_on, seen = 0.0, list[Line]()
+
+    def turn() -> None:
+        if time.monotonic() > goes_on:
+            served.turn()
+
+    def break_off(line: Line) -> None:
+        nonlocal goes_on
+        seen.append(line)
+        if len(seen) == 4:
+            goes_on = time.monotonic() + stalls
+            raise KeyboardInterrupt
+
+    served.approach()
+    monkeypatch.setattr(served.client._remote, "_check", turn)
+    with pytest.raises(KeyboardInterrupt):
+        served.client.execute(ENDLESS, on_line=break_off)
+    assert served.client.outcome is not None
+    assert served.client.outcome.status == CANCELLED
+    assert said in served.client.outcome.message
+    assert served.client.outcome.result.lines_done >= 2
+    goes_on = 0.0
     served.wait_for_rest()
 
 

@@ -1,11 +1,13 @@
 """A microscope that is given verbs, other samples, other probes and resets, and what its processes use meanwhile."""
 
+import os
 import random
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import yaml
+from afm_msgs.msg import RecorderStatus
 from quick_lever import INSTRUMENT, LAW
 from std_srvs.srv import Trigger
 from support import TIMEOUT, Command, executable
@@ -47,9 +49,20 @@ class VerbSoak:
             for name in NAMES
         }
         self._remote = Remote(patience=TIMEOUT)
-        self.rounds = self.recordings = 0
+        self._client = self._remote._remote
+        self.rounds = self.recordings = self._ticks = 0
+        self._client.node.create_subscription(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, 10)
+
+    def _on_recorder(self, message: RecorderStatus) -> None:
+        self._ticks = message.ticks
 
     def __enter__(self) -> "VerbSoak":
+        # A run that began before the recorder listened is none that it has to complete.
+        limit = time.monotonic() + TIMEOUT
+        while not self._client.spin_until(lambda: self._ticks > 0, 0.5):
+            assert time.monotonic() < limit, "the recorder records nothing"
+            self._remote.execute(_APPROACH)
+            self._remote.execute(Withdraw())
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -62,9 +75,24 @@ class VerbSoak:
             for command in self._commands.values():
                 command.__exit__()
 
+    def _completed(self) -> bool:
+        """Whether there is a recording of each round before, and none of them is open any more."""
+        for path in self._out.glob("run*.rrd"):
+            if not path.stem.endswith((".partial", ".closing")):
+                path.unlink()
+                self.recordings += 1
+        folder = Path(f"/proc/{self._commands[RECORDER].process.pid}/fd")
+        files = [os.path.realpath(entry) for entry in folder.iterdir()]
+        return self.recordings == self.rounds and sum(".rrd" in file for file in files) == 1
+
     def round(self) -> dict[str, Sample]:
-        """Some verbs, then another sample, another probe or a reset, with which the next recording begins."""
+        """Some verbs, then another sample, another probe or a reset, with which the next recording begins.
+
+        What is used is read when all recordings before are completed: at work the recorder has up to five files open.
+        """
         self._remote.execute(_APPROACH)
+        assert self._client.spin_until(self._completed, TIMEOUT), f"recording {self.rounds} is not completed"
+        used = {name: sample(command.process.pid) for name, command in self._commands.items()}
         for verb in self._rng.choices(_VERBS, k=4):
             self._remote.execute(verb)
         self._remote.execute(Withdraw())
@@ -74,13 +102,9 @@ class VerbSoak:
             case 1:
                 self._remote.exchange("plant", {"tip_radius": self._rng.uniform(10e-9, 30e-9)})
             case 2:
-                self._remote._remote.call(Trigger, topics.RESET)
+                self._client.call(Trigger, topics.RESET)
         self.rounds += 1
-        for path in self._out.glob("run*.rrd"):
-            if not path.stem.endswith((".partial", ".closing")):
-                path.unlink()
-                self.recordings += 1
-        return {name: sample(command.process.pid) for name, command in self._commands.items()}
+        return used
 
 
 def soak_verbs(
@@ -91,7 +115,7 @@ def soak_verbs(
     Returns
     -------
     (mapping, int)
-        Samples of each process by name; recordings completed.
+        Samples of each process by name; recordings, all of them completed.
     """
     samples: dict[str, list[Sample]] = {name: [] for name in NAMES}
     with VerbSoak(out) as microscope:

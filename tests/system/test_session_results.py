@@ -226,7 +226,7 @@ def test_inspect_tells_of_a_session_what_its_scorecard_tells(first: Finished) ->
     assert [unit * float(each) for each in rms[2:]] == pytest.approx(
         [card["tracking"][axis]["rms_m"] for axis in "xyz"], rel=1e-3, abs=0.0
     )
-    assert f"{TICKS} ticks of 2 us" in said.stdout and card["trajectory_sha256"] in said.stdout
+    assert f"{TICKS} ticks of 2 µs" in said.stdout and card["trajectory_sha256"] in said.stdout
     assert "law.alpha" in said.stdout and "12.5" in said.stdout and "FINISHED" in said.stdout
 
 

@@ -47,7 +47,7 @@ def curve_picture(curves: "Curve | Sequence[Curve] | xarray.Dataset", title: str
         turn = float(z.max()) if len(z) else 0.0
         lines += [(phase == part, z - turn, force, name, colour) for part, name, colour in _PARTS]
     largest = [max(float(np.abs(line[i]).max(initial=0.0)) for line in lines) for i in (1, 2)]
-    (z_factor, z_unit), (factor, unit) = prefixed(largest[0], "m"), prefixed(largest[1], "N")
+    (z_factor, z_unit), (factor, unit) = prefixed("m", largest[0]), prefixed("N", largest[1])
     for number, (part, z, force, name, colour) in enumerate(lines):
         label = name if number < len(_PARTS) else None
         axes.plot(z_factor * z[part], factor * force[part], color=colour, linewidth=0.9, label=label)

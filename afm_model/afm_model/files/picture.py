@@ -85,7 +85,7 @@ def draw(axes: "Axes", image: Image, found: Layer, how: Levelling | None = None)
     values, taken_off = levelled(found, how)
     seen = values[np.isfinite(values)]
     low, high = np.percentile(seen, (_CLIPPED, 100.0 - _CLIPPED)) if len(seen) else (0.0, 1.0)
-    factor, unit = prefixed(max(abs(low), abs(high)), found.unit)
+    factor, unit = prefixed(found.unit, low, high)
     if high - low <= 1e-9 * max(abs(low), abs(high)):
         # One colour: a bar from end to end would show rounding.
         low, high = low - 0.5 / factor, high + 0.5 / factor

@@ -69,8 +69,7 @@ def text_table(image: "Image | xarray.Dataset") -> str:
     rows = [["layer", "unit", "measured", *(name.replace("rms_levelled", "rms less plane") for name in _COLUMNS)]]
     for each in figures(image):
         numbers = [getattr(each, name) for name in _COLUMNS]
-        known = [abs(number) for number in numbers if math.isfinite(number)]
-        factor, unit = prefixed(max(known, default=0.0), each.unit)
+        factor, unit = prefixed(each.unit, *numbers)
         rows.append([each.title, unit, f"{each.measured:.1%}", *(f"{number * factor:.5g}" for number in numbers)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [f"{name:<{wide}}  {value}" for name, value in notes.items()] + [""]

@@ -12,6 +12,7 @@ from ..parts.assembly import Assembled, assembled
 from ..parts.command import Command, CommandRecord
 from ..parts.dispatch import control
 from ..parts.header import LawHeader
+from ..parts.part import Estimate
 from ..parts.signals import Measurement, PiezoDrive
 
 _Array = NDArray[np.float64]
@@ -113,6 +114,12 @@ class Controller:
         """What the law has to say of itself, such as that it has fallen back; empty: nothing."""
         part: Any = self._law.part if self._law is not None else None
         return str(part.remark(self.state))
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """What the law believes of the microscope now; of most laws nothing."""
+        part: Any = self._law.part if self._law is not None else None
+        return tuple(part.estimates(record_at(self.block, size(LawHeader), part.constants), self.state))
 
     def answer(self, measurement: _Array, time: float = 0.0) -> _Array | Command:
         """Drive [V], (3,), valid until the next call; of a law that sends a horizon, drive and horizon.

@@ -230,7 +230,6 @@ class Instrument(Readings):
         RuntimeError
             If the block is full.
         """
-        # What most ticks need not is asked for here: at this rate every call is felt.
         if self._row == self._block_ticks or self.ticks == self._prepared:
             self._prepare()
         if drive is not None:
@@ -241,31 +240,23 @@ class Instrument(Readings):
                 self._write_drive(drive)
             self._sequence[0] = self.ticks if sequence is None else sequence
         outcome: int = advance(self._external, 1.0, self._block)
-        if outcome != REFUSED:
-            self.ticks += 1
-            self._row += 1
-        if outcome != MOVED or self._assembled:
-            self._conclude(outcome)
-        return outcome == STOPPED
+        return self._counted(outcome, outcome != REFUSED)
 
     def exchange(self, wire: Wire) -> bool | None:
         """Apply the drive that a peer has sent, and write the next measurement: a `tick` from message to message.
 
-        None, with nothing done, if what came is not the plain answer to the measurement that was sent.
-
-        Raises
-        ------
-        DriveError, DivergenceError, RuntimeError
-            As `tick` does.
+        None, with nothing done, if what came is no plain answer to the measurement that was sent. Raises as `tick`.
         """
         if self._row == self._block_ticks or self.ticks == self._prepared:
             self._prepare()
         outcome: int = advance(wire.block, 1.0, self._block)
-        if outcome == UNREAD:
-            return None
-        if outcome != REFUSED:
-            self.ticks += 1
-            self._row += 1
+        return None if outcome == UNREAD else self._counted(outcome, outcome != REFUSED)
+
+    def _counted(self, outcome: int, ticks: int) -> bool:
+        """Count ticks that were made, and report what they came to; whether the last one is the last of an order."""
+        self.ticks += ticks
+        self._row += ticks
+        # At this rate every call is felt.
         if outcome != MOVED or self._assembled:
             self._conclude(outcome)
         return outcome == STOPPED
@@ -286,18 +277,7 @@ class Instrument(Readings):
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
 
         It ends sooner, and is True, behind the tick with which an order is done (`order`) or a limit has acted.
-
-        Parameters
-        ----------
-        controller : Controller
-        ticks : int
-
-        Raises
-        ------
-        DriveError, DivergenceError, RuntimeError
-            As `tick` does.
-        PartError
-            If a law in Python has raised something.
+        Raises as `tick`, and PartError if a law in Python has raised something.
         """
         end = self.ticks + min(ticks, max(self._block_ticks - self._row, 1))
         while self.ticks < end:
@@ -316,11 +296,7 @@ class Instrument(Readings):
     def ended(self, controller: Controller, outcome: int) -> bool:
         """Count the ticks that compiled code has made, and report what they came to, see `close_loop`."""
         controller.raise_errors()
-        done = int(self._loop[_DONE])
-        self.ticks += done
-        self._row += done
-        self._conclude(outcome)
-        return outcome == STOPPED
+        return self._counted(outcome, int(self._loop[_DONE]))
 
     def _prepare(self) -> None:
         """What a tick needs: a row in the block, random numbers, the faults of these ticks."""

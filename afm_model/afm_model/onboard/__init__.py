@@ -2,9 +2,10 @@
 
 from ..core.registry import register
 from ..parts.groups import OnboardParameters
+from .dynamic import DYNAMIC, DynamicParameters
 from .none import NONE
 from .pi import PI, PiParameters
 
-register(NONE, PI)
+register(NONE, PI, DYNAMIC)
 
-__all__ = ["NONE", "PI", "OnboardParameters", "PiParameters"]
+__all__ = ["DYNAMIC", "NONE", "PI", "DynamicParameters", "OnboardParameters", "PiParameters"]

@@ -4,7 +4,7 @@ A part is one file: parameters, constants made from them once, a state, and kern
 docs/extending.md shows one of each.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -71,6 +71,14 @@ class Channel:
     unit: str
     field: str
     scale: Callable[[Tree], float] = _one
+
+
+class Estimate(NamedTuple):
+    """What a law believes of the microscope."""
+
+    name: str  # of the topic, below law/
+    unit: str  # SI
+    value: float
 
 
 class Corrugation(NamedTuple):
@@ -193,6 +201,8 @@ class Law(Part):
     """
     remark: Callable[[Any], str] = lambda state: ""
     """Record of its state -> what it has to say of itself, a sentence, such as that it distrusts its model."""
+    estimates: Callable[[Any, Any], Iterable[Estimate]] = lambda p, s: ()
+    """Records of its constants and of its state -> what it believes now: each time the same names and units."""
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
     plants: tuple[str, ...] = ()

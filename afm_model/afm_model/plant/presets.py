@@ -38,6 +38,12 @@ LEVERS = {
     # Nanoscale Res. Lett. 7:608, doi:10.1186/1556-276X-7-608); that it does not bend in its plane is assumed. Measured
     # k = 0.16 N/m (nominal 0.12). f0, tip radius: nominal of the maker (Bruker SNL-10, B); Q: typical, not measured.
     "snl_10b": LeverPreset(0.16, 23e3, 30.0, 205e-6, 40e-6, 0.6e-6, 8e-6, 2e-9, 56.2 * square(8e-6), 1e3),
+    # For dynamic modes. k and dimensions nominal of the makers (Nanosensors PPP-FMR and PPP-NCHR, MikroMasch HQ:NSC14
+    # with aluminium); f0 is that of silicon with these numbers and the mass of the tip, as of ppp_lfmr, where the
+    # makers' nominal is 75, 330 and 160 kHz. Tip height and radius: nominal or typical. Q of Sader (1998) less a fifth.
+    "ppp_fmr": LeverPreset(2.8, 77e3, 165.0, 225e-6, 28e-6, 3e-6, 12.5e-6, 10e-9, 0.0, 0.0),
+    "nsc14": LeverPreset(5.0, 158e3, 210.0, 125e-6, 25e-6, 2.1e-6, 13.5e-6, 8e-9, 0.0, 0.0),
+    "ppp_nchr": LeverPreset(42.0, 330e3, 520.0, 125e-6, 30e-6, 4e-6, 12.5e-6, 10e-9, 0.0, 0.0),
 }
 
 

@@ -1,8 +1,9 @@
 """A scenario in process, without ROS: the same instrument and law, the same bytes as the lockstep run over topics."""
 
+import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from .plotting import Figure
 
 _Array = NDArray[np.float64]
+_ESTIMATES = 200
+"""How often the estimates of a law are kept in a run."""
 
 
 class RunEvent(NamedTuple):
@@ -54,6 +57,10 @@ class Simulation:
     events: list[RunEvent]  # what its own limits have done
     trajectory_sha256: str
     remark: str = ""  # what the law has to say of itself, such as that it has fallen back
+    estimates: dict[str, _Array] = field(default_factory=dict)
+    """What the law believes of the microscope, by name (`afm_model.parts.Estimate`): some 200 times in the run, `time`
+    of the last tick before each [s]. Empty if the law estimates nothing.
+    """
 
     @property
     def position(self) -> _Array:
@@ -152,7 +159,25 @@ def simulate(
     events: list[RunEvent] = []
     if isinstance(controller, ControllerParameters):
         controller = Controller(controller)
-    instrument = run(parameters, controller, blocks.append, progress=progress, on_event=events.append)
+    believed: dict[str, list[float]] = {}
+    believes = controller if isinstance(controller, Controller) and controller.estimates else None
+    ticks = min(ticks_of_a_block(parameters), math.ceil(ticks_to_simulate(parameters) / _ESTIMATES))
+
+    def take(block: Block) -> None:
+        blocks.append(block)
+        if believes is not None:
+            now = (block.first_tick + len(block.measurements) - 1) * parameters.plant.control_period
+            for name, value in [("time", now), *((name, value) for name, _, value in believes.estimates)]:
+                believed.setdefault(name, []).append(value)
+
+    instrument = run(
+        parameters,
+        controller,
+        take,
+        progress=progress,
+        on_event=events.append,
+        block_ticks=ticks if believes is not None else None,
+    )
     found = doubts(parameters, instrument.score(), law)
     if sentence := limited(instrument):
         found.append(f"{sentence}; first at {events[0].time:.6g} s: {events[0].sentence}")
@@ -173,6 +198,7 @@ def simulate(
         doubts=found,
         events=events,
         trajectory_sha256=instrument.trajectory_sha256(),
+        estimates={name: np.array(values) for name, values in believed.items()},
         remark=controller.remark if isinstance(controller, Controller) else "",
     )
 

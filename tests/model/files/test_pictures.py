@@ -134,7 +134,10 @@ def test_scale_bar_is_the_largest_round_length_up_to_a_third_of_the_picture(widt
         (1e-6, "m", "1 µm"),
         (999.9999e-9, "m", "1 µm"),
         (3e-16, "m", "0.3 fm"),
-        (0.02, "m/s", "0.02 m/s"),
+        (0.02, "m/s", "20 mm/s"),
+        (3e-13, "m/sqrt(Hz)", "300 fm/sqrt(Hz)"),
+        (3e-13, "m^2/Hz", "3e-13 m^2/Hz"),
+        (7200.0, "s", "7200 s"),
         (2.0, "1", "2"),
         (1e4, "Hz", "10 kHz"),
         (np.nan, "m", "not measured"),
@@ -145,7 +148,8 @@ def test_numbers_are_told_with_the_prefix_that_people_use(value, unit, words):
 
 
 def test_prefix_of_nothing_is_none():
-    assert prefixed(float("nan"), "m") == (1.0, "m")
+    assert prefixed("m", float("nan")) == prefixed("m") == (1.0, "m")
+    assert prefixed("m", 1e-9, float("nan"), -2e-6) == (1e6, "µm")
 
 
 def test_force_curves_are_drawn_from_their_turn_in_newton(tmp_path):

@@ -52,3 +52,20 @@ def test_a_measurement_that_is_no_number_is_answered_by_the_drive_in_force_and_f
         instrument.tick(drive, tick)
     assert law.remark != ""
     assert law.state.distrust == 0.0
+
+
+def test_what_it_believes_is_told_with_its_deviation_and_can_be_fixed():
+    sim = build(SimParameters, PLANT | {"detector.lateral_gain": 1.1})
+    told = simulate(sim, made()).estimates
+    assert len(told["time"]) == 200 and told["time"][-1] == pytest.approx(0.13 - 5e-5)
+    for axis in "xy":
+        gain, deviation = told[f"lateral_gain_{axis}"], told[f"lateral_gain_{axis}_deviation"]
+        # A unit of a signal that is 1.1 times too large pushes 1 / 1.1 times as much.
+        assert abs(gain[-1] - 1.0 / 1.1) < 3.0 * deviation[-1] < 0.1 < deviation[0]
+    assert not np.any(told["distrust"])
+    fixed = simulate(sim, made(lateral_gain="nominal", slow_force="nominal")).estimates
+    for name in ("lateral_gain", "slow_force"):
+        assert np.all(fixed[f"{name}_x"] == float(name == "lateral_gain"))
+        assert not np.any(fixed[f"{name}_x_deviation"])
+    assert fixed["stiffness_x"][-1] != 1.0
+    assert simulate(sim, build(ControllerParameters, {"law.kind": "tanh"})).estimates == {}

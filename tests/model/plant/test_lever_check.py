@@ -29,7 +29,7 @@ from .lever_bench import BASE, LeverBench
         ({"plant.width": 1e-3}, "a cantilever is longer than wide"),
         ({"scanner.f_x": 800.0}, "scanner.f_x = 800.0 has no effect with plant.kind = lever"),
         ({"plant.f_x": 2e5}, "too long for the scanner, whose resonance is at 2e.05 Hz"),
-        ({"plant.lever": "ppp_nothing"}, "must be one of ppp_lfmr, contal_g, snl_10b"),
+        ({"plant.lever": "ppp_nothing"}, "must be one of ppp_lfmr, contal_g, snl_10b, ppp_fmr, nsc14, ppp_nchr"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(values, told):

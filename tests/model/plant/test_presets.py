@@ -11,13 +11,14 @@ from afm_model.plant.presets import ELASTIC, LEVERS, PAIRS, SCANNERS, isotropic,
 
 E, G = 169e9, 50.9e9
 """Of silicon along <110> on a wafer (001) [Pa]."""
+OF_SILICON = ("ppp_lfmr", "contal_g", "ppp_fmr", "nsc14", "ppp_nchr")
 SILICON, ALUMINIUM = 2329.0, 2700.0
 """Densities [kg/m^3]."""
 COATING, HALF_ANGLE = 30e-9, math.radians(25.0)
 """Aluminium on the back of a cantilever [m]; a silicon tip as a cone."""
 
 
-@pytest.mark.parametrize(("name", "of_f0"), [("ppp_lfmr", 0.02), ("contal_g", 0.02)])
+@pytest.mark.parametrize(("name", "of_f0"), [(name, 0.02) for name in OF_SILICON])
 def test_stiffness_resonance_and_twist_of_a_cantilever_are_those_of_silicon_in_its_dimensions(name, of_f0):
     c = LEVERS[name]
     # The makers round the thickness; k, of its cube, tells it better.
@@ -40,7 +41,7 @@ def test_arms_of_a_v_are_beams_of_nitride_to_a_quarter():
     assert c.f0 == pytest.approx(math.sqrt(c.k / mass) / (2.0 * math.pi), rel=0.25)
 
 
-@pytest.mark.parametrize("name", ["ppp_lfmr", "contal_g"])
+@pytest.mark.parametrize("name", OF_SILICON)
 def test_damping_of_a_cantilever_is_that_of_its_air_or_somewhat_more(name):
     """J. E. Sader, J. Appl. Phys. 84 (1998) 64, doi:10.1063/1.368002, of a circle as wide: 10 % off at most."""
     c, density, viscosity = LEVERS[name], 1.18, 1.86e-5

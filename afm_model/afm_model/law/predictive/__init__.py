@@ -3,7 +3,7 @@
 from ...parts.part import Law
 from .predictive_constants import ANSWERS, Constants, longest, values
 from .predictive_control import control
-from .predictive_law import PredictiveLaw, check, remark, warnings
+from .predictive_law import PredictiveLaw, check, estimates, remark, warnings
 from .predictive_state import State, start
 
 PREDICTIVE = Law(
@@ -16,6 +16,7 @@ PREDICTIVE = Law(
     check=check,
     warnings=warnings,
     remark=remark,
+    estimates=estimates,
     control=control,
     knowledge="positions and velocities of the scanner, deflection, lateral force (feedback=measured: no velocities); "
     "scanner, cantilever, contact, its friction; of the sample its shortest wave and height (surface=known: all); "

@@ -58,7 +58,8 @@ class Constants(Record):
     dt: float
     surface: int
     identified: int
-    adapts: int  # what the model does not explain is estimated
+    adapts: int  # what the model does not explain is estimated, with these deviations at the start
+    first: Vector
     mu: float
     w: float
     a: float
@@ -79,6 +80,7 @@ class Constants(Record):
     ripple: float  # of the strength, from that curvature
     measured: int
     bumps: float  # ripple of the ratio over the surface as it is known
+    corner: Vector  # where a straight reference turns back; 0: not known
     position_noise: float
     force_noise: float  # of friction measured along x
     uneven: float  # rms of the ratio over a known surface about its mean
@@ -109,6 +111,12 @@ def longest(parameters: Tree) -> int:
     """Drives of the longest answer, those in force before it included."""
     law = parameters.law
     return int(law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve)
+
+
+def first_deviations(law: Tree) -> list[float]:
+    """Standard deviations, at the start, of what the model does not explain; 0: it is believed."""
+    given = law.lateral_gain, law.slow_force, law.stiffness
+    return [size if way == "estimated" else 0.0 for size, way in zip(FIRST, given, strict=True)]
 
 
 def least_bound(law: Tree) -> float:
@@ -172,6 +180,7 @@ def values(parameters: Tree) -> Numbers:
     ripple = abs(up - down) / (2.0 * small * f_0) * square(law.wave_number * x0) * law.height / z0
     noise = law.position_noise / x0
     L = observer_gains(stiffness[2], damping[2], hold, FLOOR * square(eta_c) / mu, law.position_noise / z0)
+    first = first_deviations(law)
     of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(2)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
     return {
@@ -192,7 +201,8 @@ def values(parameters: Tree) -> Numbers:
         "dt": slot / steps,
         "surface": SURFACES[law.surface],
         # Friction that is believed in leaves no signal to compare with.
-        "adapts": law.unexplained == "estimated" and identified,
+        "adapts": identified and any(first),
+        "first": first,
         "identified": identified,
         "mu": mu,
         "w": w,
@@ -214,6 +224,7 @@ def values(parameters: Tree) -> Numbers:
         "ripple": ripple,
         "measured": measured,
         "bumps": ripple if identified and not exact else 0.0,
+        "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
         "uneven": _UNEVEN if exact else ratio_noise,

@@ -1,16 +1,19 @@
 """Parameters of the friction-predicting law, what it cannot be made for, and where it cannot hold what it promises."""
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le
 from pydantic import Field
 
 from ...core.schema import NonNegative, Positive, Unit
-from ...parts.part import Tree
+from ...parts.part import Estimate, Tree
 from ..sampled import SampledLaw
 from .gains import grid
-from .predictive_constants import INTERVALS, LONGEST_DELAY, SLOTS, SURFACES, longest
+from .observer import RATIO
+from .predictive_constants import INTERVALS, KNOWN, LONGEST_DELAY, SLOTS, SURFACES, longest
+from .sample_estimate import OF_VALUE, VALUE
 
 
 class PredictiveLaw(SampledLaw):
@@ -45,11 +48,19 @@ class PredictiveLaw(SampledLaw):
     friction: Literal["nominal", "identified"] = Field(
         "identified", description="bound of friction: nominal: that of contact.*; identified: from the lateral force"
     )
-    unexplained: Literal["estimated", "none"] = Field(
-        "estimated",
-        description="gain of the lateral signal, slow force and stiffness of x and y beyond those of the model: "
-        "estimated while it runs; none: the model is believed",
+    lateral_gain: Literal["nominal", "estimated"] = Field(
+        "estimated", description="force on the scanner per lateral signal, over that of the model"
     )
+    slow_force: Literal["nominal", "estimated"] = Field(
+        "estimated", description="force along x and y that the model does not contain, such as that of creep and drift"
+    )
+    stiffness: Literal["nominal", "estimated"] = Field(
+        "estimated", description="stiffness of x and y beyond that of the model"
+    )
+    corner_x: Annotated[NonNegative, Unit("m")] = Field(
+        0.0, description="preview: places +-corner_x at which a reference straight along x turns back; 0: none is known"
+    )
+    corner_y: Annotated[NonNegative, Unit("m")] = Field(0.0, description="the same along y")
     response: Annotated[NonNegative, Unit("s")] = Field(
         0.0, description="time in which an error vanishes; 0: 1/w0, but neither below 1.6 control periods nor above two"
     )
@@ -106,6 +117,26 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
         for axis, f in (("x", scanner.f_x), ("y", scanner.f_y), ("z", scanner.f_z))
         if 2.0 * f * slot >= 1.0
     ]
+
+
+def estimates(p: Any, s: Any) -> Iterator[Estimate]:
+    """What it believes of the microscope, each with its standard deviation, and how far it distrusts its model."""
+    for i, axis in enumerate("xy"):
+        of_model = p.stiffness[i]
+        told = (
+            ("lateral_gain", "1", s.gain_of[i], 1.0),
+            ("slow_force", "N", s.slow[i] * p.lateral_force, p.lateral_force),
+            ("stiffness", "1", 1.0 + s.softer[i] / of_model, 1.0 / of_model),
+        )
+        for k, (name, unit, value, scale) in enumerate(told):
+            yield Estimate(f"{name}_{axis}", unit, float(value))
+            yield Estimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(s.unsure[i, k, k], 0.0))))
+    # Over a known surface the ratio is a mean, and what one measurement of it is off is told.
+    variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if p.surface != KNOWN else p.ratio_noise**2
+    yield Estimate("friction_ratio", "1", float(s.ratio[VALUE]))
+    yield Estimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
+    yield Estimate("distrust", "1", float(s.distrust))
+    yield Estimate("fallbacks", "1", float(s.fallbacks))
 
 
 def remark(state: Any) -> str:

@@ -8,7 +8,7 @@ from ...core.elementary import exp
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .map import LENGTH, NODES, SPACING
-from .predictive_constants import ANSWERS, FIRST, INTERVALS, SLOTS, least_bound
+from .predictive_constants import ANSWERS, INTERVALS, SLOTS, first_deviations, least_bound
 from .sample_estimate import MEAN, VALUE
 
 
@@ -118,7 +118,7 @@ def start(parameters: Tree) -> Numbers:
     law = parameters.law
     first["ratio"][[VALUE, MEAN]] = least_bound(law)
     first["gain_of"] = first["learned"][0] = 1.0
-    first["unsure"] = np.diag(np.square(FIRST))
+    first["unsure"] = np.diag(np.square(first_deviations(law)))
     nodes = np.arange(NODES)
     apart = np.minimum(nodes, NODES - nodes) * SPACING / LENGTH
     first["prior"] = [exp(-0.5 * each * each) for each in apart]

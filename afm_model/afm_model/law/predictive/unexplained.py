@@ -14,7 +14,7 @@ from ...core.elementary import hypot, square
 from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .nominal_plant import balance
-from .predictive_constants import FIRST, FLOOR, Constants
+from .predictive_constants import FLOOR, Constants
 from .predictive_state import State
 from .sample_estimate import REST
 
@@ -67,8 +67,8 @@ def update(axis: int, innovation: float, friction: float, q: float, noise: float
         # What positions alone tell is known slowly.
         walk = _WALK[i] if p.measured == 0 else _SLOWLY * _WALK[i]
         P[axis, i, i] = max(P[axis, i, i], 0.0) + walk * walk * p.hold
-        # None is less certain than at the start.
-        part = math.sqrt(min(FIRST[i] * FIRST[i] / P[axis, i, i], 1.0))
+        # None is less certain than at the start: what is believed then stays so.
+        part = math.sqrt(min(p.first[i] * p.first[i] / P[axis, i, i], 1.0))
         for j in range(3):
             P[axis, i, j] *= part
             P[axis, j, i] *= part

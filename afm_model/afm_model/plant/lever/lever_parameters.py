@@ -25,7 +25,9 @@ class LeverGroup(ApexParameters):
 
     kind: str = Field("lever", description="equations of motion")
     control_period: Annotated[Positive, Unit("s")] = Field(20e-6, description="control period, a multiple of dt")
-    lever: Literal["ppp_lfmr", "contal_g", "snl_10b"] = Field("ppp_lfmr", description="preset of the cantilever")
+    lever: Literal["ppp_lfmr", "contal_g", "snl_10b", "ppp_fmr", "nsc14", "ppp_nchr"] = Field(
+        "ppp_lfmr", description="preset of the cantilever"
+    )
     k: _Newton_per_metre = Field(0.0, description=f"spring constant of the cantilever; {_PRESET}")
     f0: _Hertz = Field(0.0, description=f"first resonance of the cantilever, free; {_PRESET}")
     Q: NonNegative = Field(0.0, description=f"quality factor of the cantilever; {_PRESET}")

@@ -1,0 +1,186 @@
+"""Dynamic modes: a shaker under the cantilever, a lock-in amplifier, and the z loop of contact mode; docs/dynamic.md.
+
+The base moves by drive_amplitude cos(theta + drive_phase), theta' = 2 pi drive_frequency, without a jump of theta where
+the frequency changes. The deflection, sampled by the ADC, is multiplied with cosine and sine of harmonic n of the same
+theta and low-passed: a deflection A cos(n theta - phi) gives the amplitude A and the phase phi, by which it is late.
+"""
+
+import math
+from typing import Annotated
+
+from annotated_types import Ge, Le
+from pydantic import Field
+
+from ..core.elementary import expm1, sincos
+from ..core.jit import kernel
+from ..core.records import Array
+from ..core.schema import NonNegative, Positive, Unit
+from ..parts.loop import ONBOARD_SETTINGS, Onboard
+from ..parts.part import Channel, Numbers, Tree
+from ..parts.signals import Actuation, Detection, Setpoint
+from .pi import PI, PiParameters, regulate
+from .pi import Constants as PiConstants
+from .pi import State as PiState
+
+RESOLVED = 0.075
+"""Angle [rad] by which the drive may turn in an integration step: resonances are narrower by its square over six."""
+FEWEST = 4
+"""Samples of the ADC in a period of the harmonic that is measured."""
+_STAGES = 8
+_TURN = 2.0 * math.pi
+
+
+class DynamicParameters(PiParameters):
+    """The z loop of the deflection, a drive of the cantilever's base, and a lock-in amplifier."""
+
+    kind: str = Field("dynamic", description="loop inside the instrument")
+    drive_frequency: Annotated[NonNegative, Unit("Hz")] = Field(
+        0.0, description="of the base of the cantilever; 0: first resonance of the cantilever, as plant.* gives it"
+    )
+    drive_amplitude: Annotated[NonNegative, Unit("m")] = Field(
+        0.0, description="of the base, across the cantilever; 0: it rests"
+    )
+    drive_phase: Annotated[float, Ge(-_TURN), Le(_TURN), Unit("rad")] = Field(
+        0.0, description="by which the base is ahead of the reference of the lock-in"
+    )
+    harmonic: Annotated[int, Ge(1), Le(20)] = Field(1, description="of the drive, that the lock-in measures")
+    time_constant: Annotated[Positive, Unit("s")] = Field(
+        100e-6, description="of each of the first-order low-passes of the lock-in"
+    )
+    filter_order: Annotated[int, Ge(1), Le(_STAGES)] = Field(4, description="how many low-passes there are, in a row")
+
+
+class Constants(PiConstants):
+    angular_frequency: float
+    drive_amplitude: float
+    drive_phase: float
+    harmonic: float
+    share: float
+    filter_order: float
+
+
+class State(PiState):
+    angular_frequency: Annotated[float, "rad/s"]
+    turned: Annotated[float, "rad"]  # theta when it became this
+    since: Annotated[float, "s"]
+    in_phase: Annotated[Array, (_STAGES,), "V"]  # behind each low-pass: A cos phi
+    quadrature: Annotated[Array, (_STAGES,), "V"]  # A sin phi
+    x: Annotated[float, "V"]  # behind the last one
+    y: Annotated[float, "V"]
+    amplitude: Annotated[float, "V"]
+    phase: Annotated[float, "rad"]  # from -pi/2 to 3 pi/2, so that 0 to pi has no jump
+
+
+def frequency(parameters: Tree) -> float:
+    """Of the drive [Hz]; 0 where the plant has no cantilever of its own."""
+    cantilever = parameters.plant.cantilever_numbers
+    return float(parameters.onboard.drive_frequency or (0.0 if cantilever is None else cantilever.f0))
+
+
+def _values(parameters: Tree) -> Numbers:
+    part, T = parameters.onboard, parameters.detector.sample_period
+    return {
+        **PI.values(parameters),
+        "angular_frequency": _TURN * frequency(parameters),
+        "share": -expm1(-T / part.time_constant),
+        "harmonic": float(part.harmonic),
+        "filter_order": float(part.filter_order),
+        "drive_amplitude": part.drive_amplitude,
+        "drive_phase": part.drive_phase,
+    }
+
+
+def _check(parameters: Tree) -> None:
+    PI.check(parameters)
+    part, T = parameters.onboard, parameters.detector.sample_period
+    f, n = frequency(parameters), part.harmonic
+    most = RESOLVED / (_TURN * f) if f > 0.0 else math.inf
+    if part.drive_amplitude > 0.0 and parameters.plant.dt > most:
+        raise ValueError(
+            f"plant.dt = {parameters.plant.dt:g} s is not allowed with a drive of {f:.6g} Hz, which it does not "
+            f"resolve: take plant.dt <= {most:.3g} s"
+        )
+    if FEWEST * n * f * T > 1.0 + 1e-9 and part.drive_amplitude > 0.0:
+        raise ValueError(
+            f"detector.sample_period = {T:g} s is not allowed with onboard.harmonic = {n} of a drive of {f:.6g} Hz: "
+            f"the lock-in needs {FEWEST} samples a period; take <= {1.0 / (FEWEST * n * f):.3g} s"
+        )
+
+
+def _warnings(parameters: Tree) -> list[str]:
+    found, part = list(PI.warnings(parameters)), parameters.onboard
+    turn = _TURN * part.harmonic * frequency(parameters) * part.time_constant
+    if part.drive_amplitude > 0.0 and turn < 3.0:
+        found.append(
+            f"onboard.time_constant = {part.time_constant:g} s is shorter than half of a period of what the lock-in "
+            f"measures: amplitude and phase swing at twice its frequency"
+        )
+    return found
+
+
+@kernel
+def late(x: float, y: float) -> float:
+    """Angle of (x, y) from -pi/2 to 3 pi/2: a rough one, and twice the sine of what is missing."""
+    r = math.sqrt(x * x + y * y)
+    if r == 0.0:
+        return 0.0
+    least, most = min(abs(x), abs(y)) / r, max(abs(x), abs(y)) / r
+    t = least / most
+    angle = t * (0.25 * math.pi + 0.273 * (1.0 - t))
+    if abs(y) > abs(x):
+        angle = 0.5 * math.pi - angle
+    if x < 0.0:
+        angle = math.pi - angle
+    if y < 0.0:
+        angle = -angle
+    for _ in range(2):
+        sin, cos = sincos(angle)
+        angle += (y * cos - x * sin) / r
+    return angle + _TURN if angle < -0.5 * math.pi else angle
+
+
+@kernel
+def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Constants, s: State) -> None:
+    """See `afm_model.parts.Onboard`."""
+    regulate(t, d, r, u, p, s)
+    if s.angular_frequency != p.angular_frequency:
+        s.turned = (s.turned + s.angular_frequency * (t - s.since)) % _TURN
+        s.since, s.angular_frequency = t, p.angular_frequency
+    u.amplitude, u.angular_frequency = p.drive_amplitude, s.angular_frequency
+    u.phase, u.since = s.turned + p.drive_phase, s.since
+    sin, cos = sincos((p.harmonic * (s.turned + s.angular_frequency * (t - s.since))) % _TURN)
+    x, y = 2.0 * d.deflection_voltage * cos, 2.0 * d.deflection_voltage * sin
+    for i in range(int(p.filter_order)):
+        s.in_phase[i] += p.share * (x - s.in_phase[i])
+        s.quadrature[i] += p.share * (y - s.quadrature[i])
+        x, y = s.in_phase[i], s.quadrature[i]
+    s.x, s.y = x, y
+    s.amplitude, s.phase = math.sqrt(x * x + y * y), late(x, y)
+
+
+def _sensitivity(parameters: Tree) -> float:
+    return float(parameters.detector.deflection_sensitivity)
+
+
+DYNAMIC = Onboard(
+    name="dynamic",
+    parameters=DynamicParameters,
+    constants=Constants,
+    state=State,
+    values=_values,
+    check=_check,
+    moves_z=True,
+    excites=True,
+    regulate=drive_and_measure,
+    begin=PI.begin,
+    warnings=_warnings,
+    setpoint=PI.setpoint,
+    settings={name: name for name in ONBOARD_SETTINGS},
+    channels=(
+        *PI.channels,
+        Channel("amplitude", "m", "amplitude", _sensitivity),
+        Channel("phase", "rad", "phase"),
+        Channel("in_phase", "m", "x", _sensitivity),
+        Channel("quadrature", "m", "y", _sensitivity),
+    ),
+)
