@@ -195,7 +195,7 @@ def _stick_slope(ways: list[tuple[_Array, _Array]], offset: float, reach: float,
 def _sticking(way: _Array, y: _Array, reach: float) -> tuple[NDArray[np.intp], _Array]:
     """Samples behind a turn while a straight line through them is within reach, and how much each counts.
 
-    Noise must not choose them one by one, which would make the slope too small, and one more at an end must not change it.
+    Noise must not choose them one by one, which would make the slope too small; one more at an end must not change it.
     """
     crossed = np.flatnonzero(y > reach)
     end = int(crossed[0]) if crossed.size else y.size
