@@ -1,5 +1,6 @@
 """Claims about sweeps: each row is the single run, whatever runs it; one bad set costs none of the others."""
 
+import gc
 import multiprocessing
 import os
 import re
@@ -170,11 +171,27 @@ def test_fingerprint_changes_nothing_else(cluster):
     pd.testing.assert_frame_equal(table, whole.drop(columns="trajectory_sha256"))
 
 
+def test_memory_does_not_grow_with_the_number_of_sets(monkeypatch):
+    # Scheduler and client are in this process: whatever keeps the sets shows here.
+    monkeypatch.setattr(sys.modules["afm_model.studies.scatter"], "_AHEAD", 16)
+    monkeypatch.setattr(sys.modules["afm_model.studies.sweep"], "_CHECKED", 16)
+    alive: list[int] = []
+
+    def count(done: int, total: int) -> None:
+        if done % 32 == 0:
+            alive.append(sum(type(each).__name__ == "SimParameters" for each in gc.get_objects()))
+
+    base = scenario(**{"run.duration": 4e-5, "score.start": 0.0})
+    sweep(base, {SEED: range(256)}, workers=1, progress=count)
+    # In the worker: those that are looked at, checked, or waiting in tasks.
+    assert max(alive) - alive[0] <= (1 + 1 + 5) * 16
+
+
 def test_progress_counts_runs_to_the_last_refused_ones_included(cluster):
     calls: list[tuple[int, int]] = []
     values = {SEED: [-1, *range(19)]}
     sweep(scenario(), values, scheduler=cluster, progress=lambda done, total: calls.append((done, total)))
-    assert calls[0] == (1, 20) and calls[-1] == (20, 20)
+    assert calls[0] == (0, 20) and calls[-1] == (20, 20)
     assert calls == sorted(calls)
 
 

@@ -10,6 +10,7 @@ from .friction_load import FrictionLoadFit, friction_load_fit
 from .loops import FrictionLoop, dissipated, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
+from .resonance import ResonanceFit, resonance_fit
 from .step_heights import Edge, edges, step_height
 from .thermal import ThermalTune, spring_constant
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
@@ -22,6 +23,7 @@ __all__ = [
     "Estimate",
     "FrictionLoadFit",
     "FrictionLoop",
+    "ResonanceFit",
     "Roughness",
     "ThermalTune",
     "WedgeCalibration",
@@ -38,6 +40,7 @@ __all__ = [
     "friction_loop",
     "line_loop",
     "means",
+    "resonance_fit",
     "roughness",
     "spring_constant",
     "step_height",

@@ -24,6 +24,7 @@ from .verbs import (
     Scan,
     ScanPath,
     ThermalTune,
+    Tune,
     Withdraw,
 )
 from .verbs.force_curve import Curve
@@ -60,6 +61,7 @@ __all__ = [
     "Task",
     "ThermalTune",
     "TimeSeries",
+    "Tune",
     "Variable",
     "Verb",
     "Withdraw",

@@ -1,5 +1,6 @@
 """Many runs in one process: those of one composition in lanes, the others one by one, each with the bits of `run`."""
 
+import itertools
 from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 from typing import Any
@@ -64,7 +65,11 @@ def run_together(
     for engines in groups.values():
         for first in range(0, len(engines), LANES):
             _run_group(engines[first : first + LANES])
-    return [each if isinstance(each, Exception) else each.error or each.instrument for each in found]
+    ends = [each if isinstance(each, Exception) else each.error or each.instrument for each in found]
+    for engine in itertools.chain(*groups.values()):
+        # It and its parts know one another, and would stay, each with its instrument, until Python looks for cycles.
+        vars(engine).clear()
+    return ends
 
 
 def _run_group(engines: Sequence[Engine]) -> None:

@@ -103,7 +103,9 @@ def compare(
             sets.append(Trial(sim, controller, law.kind, None if values[:2] in linearised else told))
             linearised.add(values[:2])
     run_all = partial(run_trials, lanes=lanes)
-    results = run_sets(run_all, sets, "comparing", alone, scheduler=scheduler, workers=workers, progress=progress)
+    results = run_sets(
+        run_all, sets, len(sets), "comparing", alone, scheduler=scheduler, workers=workers, progress=progress
+    )
     rows = [row | result for row, result in zip(rows, results, strict=True)]
     margins = {(row["law"], *_timing(row)): row["margin"] for row in rows if "margin" in row}
     for row in rows:

@@ -62,7 +62,7 @@ def simulate_many(
     import xarray
 
     columns = columns_of(scenario, parameters, grid)
-    sets = sets_of(scenario, columns)
+    sets = list(sets_of(scenario, columns))
     run = {number: each for number, each in enumerate(sets) if not isinstance(each, str)}
     clocks = {(sim.total_ticks, sim.plant.control_period) for sim, _ in run.values()} or {(0, 0.0)}
     if len(clocks) > 1:

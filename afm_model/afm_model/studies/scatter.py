@@ -10,9 +10,8 @@ import logging
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from multiprocessing import resource_tracker
 from types import ModuleType
 from typing import Any
@@ -35,6 +34,10 @@ _TASK_STEPS = 1_000_000
 """Integration steps handed to a worker at once, about a second: what Dask needs for it is below a percent."""
 _MOST = 4 * LANES
 """Sets handed to a worker at once: it holds all their instruments."""
+_AHEAD = 2 * _MOST
+"""Sets looked at together, a processor: those that are alike are put into one task."""
+_WAITING = 3
+"""Tasks that a processor has, or that wait for it: it never waits itself."""
 _TIMEOUT = 10.0
 """For the scheduler and its first worker to answer [s]."""
 _UNGUARDED = 'in a script, sweep must be called under if __name__ == "__main__":'
@@ -69,9 +72,10 @@ def require_scattering(scheduler: str | None, workers: int | None) -> ModuleType
 
 def run_sets(
     run_all: Callable[[list[Any]], Iterable[Row]],
-    sets: Sequence[Set | str],
+    sets: Iterable[Set | str],
+    total: int,
     what: str,
-    alone: Sequence[int] = (),
+    alone: Collection[int] = (),
     *,
     scheduler: str | None = None,
     workers: int | None = None,
@@ -83,44 +87,74 @@ def run_sets(
     ----------
     run_all : callable
         Called with a list of sets in a worker, where it must be importable; it returns their rows.
-    sets : sequence of tuple or str
-        A tuple begins with its SimParameters. Text is the sentence why a set was refused: that is its row.
+    sets : iterable of tuple or str
+        A tuple begins with its SimParameters. Text is the sentence why a set was refused: that is its row. They are
+        taken when workers need them, so that not all of them are in memory.
+    total : int
+        Their number.
     what : str
         What the progress bar is headed by.
-    alone : sequence of int
+    alone : collection of int
         Numbers of the sets that run in this process, one at a time, after the others.
     scheduler, workers, progress
         As in `afm_model.sweep`.
     """
-    rows: list[Row] = [{"error": each} if isinstance(each, str) else {} for each in sets]
-    run = [(number, each) for number, each in enumerate(sets) if not isinstance(each, str)]
-    # Those of one composition come together.
-    far = sorted((each for each in run if each[0] not in alone), key=lambda each: _alike(each[1][0]))
-    here = ((number, row) for number, each in run if number in alone for row in run_all([each]))
+    rows: list[Row] = [{}] * total
+    done = 0
+    here: list[tuple[int, Set]] = []
+
+    def far() -> Iterator[tuple[int, Set]]:
+        for number, each in enumerate(sets):
+            if isinstance(each, str):
+                put(number, {"error": each})
+            elif number in alone:
+                here.append((number, each))
+            else:
+                yield number, each
+
+    def put(number: int, row: Row) -> None:
+        nonlocal done
+        rows[number] = row
+        done += 1
+        report(done, total)
+
     with reporting(progress, what) as report:
-        done = len(sets) - len(run)
-        report(done, len(sets))
-        for number, row in itertools.chain(_scattered(run_all, far, scheduler, workers), here):
-            rows[number] = row
-            done += 1
-            report(done, len(sets))
+        report(0, total)
+        for number, row in _scattered(run_all, far(), scheduler, workers):
+            put(number, row)
+        for number, each in here:
+            put(number, *run_all([each]))
     return rows
 
 
 def _scattered(
     run_all: Callable[[list[Any]], Iterable[Row]],
-    sets: Sequence[tuple[int, Set]],
+    sets: Iterator[tuple[int, Set]],
     scheduler: str | None,
     workers: int | None,
 ) -> Iterator[tuple[int, Row]]:
     """Numbers and rows of the sets, as they are done."""
+    import dask
     import distributed
 
-    if not sets:
+    first = list(itertools.islice(sets, 1))
+    if not first:
         return
-    with _client(distributed, scheduler, workers) as (client, processors):
-        tasks = _tasks(sets, processors)
-        yield from _results(distributed, client, tasks, partial(_run_task, run_all=run_all))
+    sources = kernel_cache.fingerprint(__name__, __file__)
+    # Of the messages to workers and scheduler Dask would keep the last thousand, each with the sets of a task.
+    forget = dask.config.set({"distributed.admin.low-level-log-length": 1})
+    with forget, _client(distributed, scheduler, workers) as (client, processors):
+        tasks = _tasks(itertools.chain(first, sets), processors)
+        begun = (client.submit(_run_task, each, run_all, sources, pure=False) for each in tasks)
+        completed: Any = distributed.as_completed
+        running = completed(itertools.islice(begun, _WAITING * processors), loop=client.loop)
+        for future in running:
+            # Another for the one that has ended: parameters and results of all would need memory without end.
+            running.update(itertools.islice(begun, 1))
+            try:
+                yield from future.result()
+            except ImportError as error:
+                raise SweepError(f"a worker cannot import afm_model: {error}") from None
 
 
 def _alike(sim: SimParameters) -> tuple[Any, ...]:
@@ -129,38 +163,25 @@ def _alike(sim: SimParameters) -> tuple[Any, ...]:
     return sim.plant.kind, sim.sample.kind, *clocks, sim.plant.dt
 
 
-def _tasks(sets: Sequence[tuple[int, Set]], processors: int) -> list[list[tuple[int, Set]]]:
+def _tasks(sets: Iterator[tuple[int, Set]], processors: int) -> Iterator[list[tuple[int, Set]]]:
     """Sets in portions of similar work: large enough for Dask's share to vanish, small enough to end together; of some
     LANES sets where each processor has as many.
     """
-    steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, *_) in sets]
-    portion = min(_TASK_STEPS, sum(steps) / (8 * processors))
-    portion = max(portion, min(LANES / len(sets), 1.0 / processors) * sum(steps))
-    tasks: list[list[tuple[int, Set]]] = []
-    filled = portion
-    for each, work in zip(sets, steps, strict=True):
-        if filled >= portion or len(tasks[-1]) >= _MOST:
-            tasks.append([])
-            filled = 0
-        tasks[-1].append(each)
-        filled += work
-    return tasks
-
-
-def _results(
-    distributed: ModuleType, client: Any, tasks: Sequence[Sequence[tuple[int, Set]]], run_task: Callable[..., Any]
-) -> Iterator[tuple[int, Row]]:
-    import dask
-
-    # A set is a kilobyte; that many of them are large is no surprise.
-    with dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"}):
-        sources = kernel_cache.fingerprint(__name__, __file__)
-        futures = client.map(run_task, tasks, sources=sources, pure=False)
-    for future in distributed.as_completed(futures, loop=client.loop):
-        try:
-            yield from future.result()
-        except ImportError as error:
-            raise SweepError(f"a worker cannot import afm_model: {error}") from None
+    while ahead := list(itertools.islice(sets, _AHEAD * processors)):
+        # Those of one composition come together.
+        ahead.sort(key=lambda each: _alike(each[1][0]))
+        steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, *_) in ahead]
+        portion = min(_TASK_STEPS, sum(steps) / (8 * processors))
+        portion = max(portion, min(LANES / len(ahead), 1.0 / processors) * sum(steps))
+        task: list[tuple[int, Set]] = []
+        filled = 0
+        for each, work in zip(ahead, steps, strict=True):
+            if filled >= portion or len(task) >= _MOST:
+                yield task
+                task, filled = [], 0
+            task.append(each)
+            filled += work
+        yield task
 
 
 @contextmanager

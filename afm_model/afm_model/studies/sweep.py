@@ -20,7 +20,7 @@ from ..parameters.scenario import SECTIONS, Scenario, law_timing
 from ..run.simulated import ticks_to_simulate
 from ..run.together import run_together
 from ..run.verdict import limited
-from .scatter import Row, require_scattering, run_sets
+from .scatter import Row, Set, require_scattering, run_sets
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 _TEXTS = ("trajectory_sha256", "error")
 _BLOCK_TICKS = 512
 """Small blocks of unused rows stay in the processor's cache."""
+_CHECKED = 256
+"""Checked parameters of a node that are kept."""
 _SIM, _LAW = "afm_sim_node", "afm_controller_node"
 
 
@@ -93,12 +95,18 @@ def sweep(
     pandas = require_scattering(scheduler, workers)
     index = None if isinstance(parameters, Mapping) else parameters.index
     columns = columns_of(scenario, parameters, grid)
-    sets = sets_of(scenario, columns)
-    told = [disagreements(each[1].law, each[0].plant) for each in sets if not isinstance(each, str)]
-    if others := [sentences[0] for sentences in told if sentences]:
-        warnings.warn(f"in {len(others)} of {len(sets)} sets {others[0]}", TimingWarning, stacklevel=2)
+    total = len(next(iter(columns.values()))) if columns else 1
+    others: list[str] = []
+
+    def sets() -> Iterator[Set | str]:
+        for each in sets_of(scenario, columns):
+            others.extend([] if isinstance(each, str) else disagreements(each[1].law, each[0].plant)[:1])
+            yield each
+
     run_all = partial(_run_all, fingerprint=fingerprint, lanes=lanes)
-    rows = run_sets(run_all, sets, "sweeping", scheduler=scheduler, workers=workers, progress=progress)
+    rows = run_sets(run_all, sets(), total, "sweeping", scheduler=scheduler, workers=workers, progress=progress)
+    if others:
+        warnings.warn(f"in {len(others)} of {total} sets {others[0]}", TimingWarning, stacklevel=2)
     return _table(pandas, columns, rows, index, fingerprint)
 
 
@@ -164,15 +172,17 @@ def _groups(scenario: Scenario) -> dict[str, Group]:
 
 def sets_of(
     scenario: Scenario, columns: Mapping[str, Sequence[Value]]
-) -> list[tuple[SimParameters, ControllerParameters] | str]:
+) -> Iterator[tuple[SimParameters, ControllerParameters] | str]:
     """The parameters of every set, or the sentence why it is refused."""
     base = _groups(scenario)
-    # The same values again and again in a grid: each is checked once.
+    # The same values again and again in a grid are checked once, as long as there are not many of them.
     made: dict[tuple[Any, ...], Group | str] = {}
 
     def group(node: str, news: Mapping[str, Value]) -> Group | str:
         key = (node, *((name, type(value), value) for name, value in news.items()))
         if key not in made:
+            if len(made) >= _CHECKED:
+                made.clear()
             try:
                 made[key] = each = changed(base[node], news)
                 if isinstance(each, SimParameters):
@@ -182,7 +192,6 @@ def sets_of(
         return made[key]
 
     total = len(next(iter(columns.values()))) if columns else 1
-    sets: list[tuple[SimParameters, ControllerParameters] | str] = []
     follows = not disagreements(scenario.controller.law, scenario.sim.plant)
     for i in range(total):
         news: dict[str, dict[str, Value]] = {node: {} for node in base}
@@ -197,8 +206,7 @@ def sets_of(
                 timing = law_timing({"law.kind": scenario.controller.law.kind, **news[_LAW]}, sim)
         law = group(_LAW, timing | news[_LAW])
         refused = [each for each in (sim, law) if isinstance(each, str)]
-        sets.append("; ".join(refused) if refused else (sim, law))  # type: ignore[arg-type]
-    return sets
+        yield "; ".join(refused) if refused else (sim, law)  # type: ignore[misc]
 
 
 def _run_all(

@@ -1,5 +1,7 @@
 """Claims about many runs in one compiled loop: each has the bits of its run alone, whatever happens to the others."""
 
+import gc
+import weakref
 from typing import Any
 
 import bits
@@ -173,3 +175,14 @@ def test_samples_that_nobody_looks_at_are_made_only_where_something_remembers_th
     assert bool(Instrument(sets[0][0], sampled=False).record("loop").quiet) is quiet
     assert not Instrument(sets[0][0]).record("loop").quiet
     assert hashes(sets) == hashes(sets, lanes=False) == [alone(each) for each in sets]
+
+
+def test_instruments_are_let_go_without_the_collector_of_cycles():
+    gc.disable()
+    try:
+        found = run_together([one(number, {"law.kind": "tanh"}) for number in range(LEAST)])
+        alive = [weakref.ref(each) for each in found]
+        del found
+        assert [each() for each in alive] == [None] * LEAST
+    finally:
+        gc.enable()

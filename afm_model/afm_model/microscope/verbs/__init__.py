@@ -1,4 +1,4 @@
-"""What a microscope can be asked to do. Each is also an action of afm_msgs, with the same fields."""
+"""What a microscope can be asked to do; over topics each by an action of its name, or by the action `verb`."""
 
 from ...core.registry import register
 from .calibrate_lateral import CalibrateLateral
@@ -9,9 +9,10 @@ from .going import Approach, MoveTo, Withdraw
 from .scan import Scan
 from .scan_path import ScanPath
 from .thermal_tune import ThermalTune
+from .tune import Tune
 
 register(Approach, Withdraw, MoveTo, ForceCurve, FrictionLoop, Scan, ScanPath)
-register(ThermalTune, CalibrateSensitivity, CalibrateLateral)
+register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune)
 
 __all__ = [
     "Approach",
@@ -23,5 +24,6 @@ __all__ = [
     "Scan",
     "ScanPath",
     "ThermalTune",
+    "Tune",
     "Withdraw",
 ]
