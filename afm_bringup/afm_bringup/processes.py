@@ -54,11 +54,15 @@ class Process:
         return self._process.poll() is not None
 
     @property
+    def printed(self) -> str:
+        """What it has printed up to now."""
+        # By the open file: the folder may have been removed.
+        return os.pread(self._file.fileno(), os.fstat(self._file.fileno()).st_size, 0).decode(errors="replace")
+
+    @property
     def how_it_ended(self) -> str:
         """A sentence about a process that has ended, with the last line it printed."""
-        # By the open file: the folder may have been removed.
-        printed = os.pread(self._file.fileno(), os.fstat(self._file.fileno()).st_size, 0).decode(errors="replace")
-        lines = [line for line in printed.splitlines() if line.strip()]
+        lines = [line for line in self.printed.splitlines() if line.strip()]
         last = f": {lines[-1].removeprefix('error: ')}" if lines else ""
         return f"{self.name} ended with code {self._process.returncode}{last}"
 
@@ -127,10 +131,12 @@ class Processes:
     ----------
     last : str
         Name of the one that is ended last, so that it hears the others out.
+    spare : str
+        Name of one that shows what the last one has done: ended behind it, and nothing depends on it.
     """
 
-    def __init__(self, last: str) -> None:
-        self._last = last
+    def __init__(self, last: str, spare: str = "") -> None:
+        self._last, self._spare = last, spare
         self._running: list[Process] = []
         self._shared_memory: set[File] = set()
         self._mark = uuid.uuid4().hex
@@ -149,10 +155,12 @@ class Processes:
     def __exit__(self, *_: object) -> None:
         """End all nodes."""
         self.note_shared_memory()
-        others = [process for process in self._running if process.name != self._last]
-        for process in others:
-            process.ask_to_end()
-        for process in (*others, *(process for process in self._running if process not in others)):
+        order = {self._last: 1, self._spare: 2}
+        running = sorted(self._running, key=lambda process: order.get(process.name, 0))
+        for process in running:
+            if process.name not in order:
+                process.ask_to_end()
+        for process in running:
             process.end(_AT_WORK if process.name == self._last else 0.0)
         # It now ends processes that have left their process group.
         assert self._cleanup.stdin is not None
@@ -176,8 +184,14 @@ class Processes:
             process.ask_to_end()
 
     def ended(self) -> str | None:
-        """A sentence about one that has ended by itself, if any has."""
-        return next((process.how_it_ended for process in self._running if process.ended), None)
+        """A sentence about one that has ended by itself, if any has; the spare one does not count."""
+        ended = (process.how_it_ended for process in self._running if process.ended and process.name != self._spare)
+        return next(ended, None)
+
+    def of_spare(self) -> str:
+        """What the spare one has printed, or how it ended; empty: nothing yet."""
+        spare = next(process for process in self._running if process.name == self._spare)
+        return spare.how_it_ended if spare.ended else spare.printed
 
     def note_shared_memory(self) -> None:
         """Note the shared memory in use, to remove the files that a killed node leaves behind."""

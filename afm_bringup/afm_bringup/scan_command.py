@@ -21,7 +21,7 @@ from afm_node_common.runner import Interrupted
 from .domain import NoDomainError, claimed_domain, end
 from .files import config
 from .scan_session import ScanSession
-from .scenario_input import add_overrides, read_scenario
+from .scenario_input import add_live, add_overrides, read_scenario
 from .session_start import SessionError
 
 _Array = NDArray[np.float64]
@@ -71,6 +71,7 @@ def _arguments() -> argparse.Namespace:
         default=topics.NAMESPACE,
         help=f"namespace of the instrument, in place of {topics.NAMESPACE}",
     )
+    add_live(parser)
     for name, told in _OPTIONS.items():
         default = _FRAME.get(name, Scan.model_fields[name].default)
         parser.add_argument(
@@ -100,7 +101,7 @@ def main() -> int:
                 f"verbs, as in two_materials"
             )
         claim = claimed_domain("this session")
-        ScanSession(scenario, arguments.out, verb, Approach(), namespace=arguments.namespace).run()
+        ScanSession(scenario, arguments.out, verb, Approach(), namespace=arguments.namespace, live=arguments.live).run()
     except Interrupted:
         return end("interrupted", 130)
     except (ParameterError, ValueError) as error:

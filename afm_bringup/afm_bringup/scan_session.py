@@ -50,6 +50,8 @@ class ScanSession(Session):
     scan : Scan
     approach : Approach, optional
     namespace : str
+    live : bool
+        As of `Session`.
     """
 
     names = (PNG, SHEET, GWY, TABLE)
@@ -62,8 +64,9 @@ class ScanSession(Session):
         approach: Approach | None = None,
         *,
         namespace: str = topics.NAMESPACE,
+        live: bool = False,
     ) -> None:
-        super().__init__(scenario, out, INSIDE, namespace=namespace)
+        super().__init__(scenario, out, INSIDE, namespace=namespace, live=live)
         self._scan, self._approach = scan, approach or Approach()
         self._image: Image | None = None
         self._wall: dict[str, float] = {}

@@ -42,6 +42,13 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_live(parser: argparse.ArgumentParser) -> None:
+    """Let a session be watched."""
+    parser.add_argument(
+        "--live", action="store_true", help="show the growing recording in a web browser, and print the link"
+    )
+
+
 def foreign_sections(scenario: Scenario) -> list[str]:
     """Sections of a scenario that are for a user's own nodes."""
     return [key for key in scenario.sections if key not in _OURS]

@@ -17,11 +17,14 @@ from .follow import STALL_TIMEOUT, Follower, RunError
 from .monitor import Monitor
 from .processes import Processes
 from .results_folder import FolderError, ResultsFolder
-from .session_nodes import COMPOSED, EXTERNAL, OWN, RECORDER, commands
+from .session_nodes import COMPOSED, EXTERNAL, LIVE, OWN, RECORDER, commands
 from .session_start import SessionError, Start, say
 
 _DISCOVERY_TIME = 1.0
 """Wall time for the discovery of nodes that already run, before anything is started [s]."""
+
+_LINK_TIME = 20.0
+"""Wall time for which the link of the live page is waited for [s]."""
 
 
 @dataclass(eq=False)
@@ -41,6 +44,8 @@ class Session:
         Whether parameters and namespace are appended to the command as ROS arguments.
     stall_timeout : float
         Wall time for which a controller may stay silent after it was reported [s].
+    live : bool
+        Whether the growing recording is shown in a browser; the link is printed.
     """
 
     names: ClassVar[tuple[str, ...]]
@@ -53,6 +58,7 @@ class Session:
     namespace: str = topics.NAMESPACE
     ros_arguments: bool = True
     stall_timeout: float = STALL_TIMEOUT
+    live: bool = False
 
     def __post_init__(self) -> None:
         """A console beside the results."""
@@ -92,7 +98,7 @@ class Session:
 
     def _run(self, folder: ResultsFolder) -> None:
         try:
-            with Processes(last=RECORDER) as processes, Monitor("session", self.namespace) as monitor:
+            with Processes(RECORDER, LIVE) as processes, Monitor("session", self.namespace) as monitor:
                 self._folder, self._processes, self._monitor = folder, processes, monitor
                 follower = Follower(monitor, self.stall_timeout)
                 external = self.controller == EXTERNAL
@@ -100,6 +106,9 @@ class Session:
                 monitor.spin_until(lambda: self._check(simulators=0, controllers=int(external)), _DISCOVERY_TIME)
                 start = Start(processes, monitor, self._check, external=external)
                 start.run(self._commands(), folder.work)
+                if self.live:
+                    monitor.spin_until(lambda: self._check_alive() or bool(processes.of_spare()), _LINK_TIME)
+                    say(f"Live: {processes.of_spare() or 'no link yet, see live.log'}".rstrip())
                 folder.set_older_aside()
                 with self._console.status("Starting the nodes ...") if self._console.is_terminal else nullcontext():
                     start.wait_until_ready()
@@ -147,7 +156,9 @@ class Session:
 
     def _commands(self) -> dict[str, list[str]]:
         work, namespace = self._folder.work, self._monitor.namespace
-        return commands(self.scenario, self.controller, work, namespace, ros_arguments=self.ros_arguments)
+        return commands(
+            self.scenario, self.controller, work, namespace, ros_arguments=self.ros_arguments, live=self.live
+        )
 
     def _watch(self, follower: Follower) -> None:
         """Follow what is done to its end."""

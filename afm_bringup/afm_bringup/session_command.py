@@ -15,7 +15,7 @@ from afm_node_common.runner import Interrupted
 from .domain import NoDomainError, claimed_domain, end
 from .follow import STALL_TIMEOUT
 from .run_session import RunSession
-from .scenario_input import add_overrides, foreign_sections, read_scenario
+from .scenario_input import add_live, add_overrides, foreign_sections, read_scenario
 from .session_nodes import COMPOSED, EXTERNAL, OWN
 from .session_start import SessionError
 
@@ -51,6 +51,7 @@ def _arguments() -> argparse.Namespace:
         help="draw no overview.png: saves a second of processor time, for many sessions in a row",
     )
     add_overrides(parser)
+    add_live(parser)
     parser.add_argument(
         "--namespace",
         default=topics.NAMESPACE,
@@ -107,6 +108,7 @@ def main() -> int:
             ros_arguments=arguments.ros_arguments,
             stall_timeout=arguments.stall_timeout,
             picture=arguments.picture,
+            live=arguments.live,
         ).run()
     except Interrupted:
         return end("interrupted", 130)

@@ -10,14 +10,14 @@ from .files import executable
 from .results_folder import RECORDING
 from .scenario_input import write_parameters
 
-RECORDER, SIMULATOR, CONTROLLER = "afm_recorder_node", "afm_sim_node", "afm_controller_node"
+RECORDER, SIMULATOR, CONTROLLER, LIVE = "afm_recorder_node", "afm_sim_node", "afm_controller_node", "live"
 OWN, COMPOSED, INSIDE, EXTERNAL = "", "composed", "inside", "external"
 """Controllers that are no command: our node in its own process, our node in the simulator's process, a law in the
 simulator itself, a node that was started elsewhere."""
 
 
 def commands(
-    scenario: Scenario, controller: str, work: Path, namespace: str, *, ros_arguments: bool
+    scenario: Scenario, controller: str, work: Path, namespace: str, *, ros_arguments: bool, live: bool
 ) -> dict[str, list[str]]:
     """Commands of the processes, by name, in order; writes their parameters into `work`.
 
@@ -32,6 +32,8 @@ def commands(
         Of the instrument.
     ros_arguments : bool
         Whether parameters and namespace are appended to the command of the controller.
+    live : bool
+        Whether the growing recording is shown in a browser.
     """
     parameters = work / "parameters.yaml"
     own: dict[str, dict[str, object]] = {
@@ -43,6 +45,8 @@ def commands(
     write_parameters(scenario, parameters, own)
     arguments = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:={namespace}"]
     found = {RECORDER: [executable(RECORDER, RECORDER), *arguments]}
+    if live:
+        found[LIVE] = [executable(RECORDER, LIVE), str(work / RECORDING)]
     if controller == COMPOSED:
         return found | {"composed": [executable("afm_bringup", "composed"), *arguments]}
     found[SIMULATOR] = [executable(SIMULATOR, SIMULATOR), *arguments]

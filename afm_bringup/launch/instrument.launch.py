@@ -55,6 +55,7 @@ _ARGUMENTS = {
         "true",
         "file; true: scorecard.json, in another namespace than afm scorecard-NAMESPACE.json; false: only printed",
     ),
+    "viewer": ("false", "web: show the growing recording in a browser, and print the link; false: do not"),
 }
 
 
@@ -90,6 +91,12 @@ class Instrument:
         if recording:
             # What is left to write may take a while.
             self._add_node("afm_recorder_node", sigterm_timeout=_CLOSING, sigkill_timeout=_CLOSING)
+        if value("viewer") == "web" and recording:
+            self._processes["viewer"] = Node(
+                package="afm_recorder_node", executable="live", arguments=[recording], output="screen"
+            )
+        elif _WORDS.get(value("viewer").lower()) is not False:
+            raise RuntimeError(f"viewer:={value('viewer')} is not allowed: it must be false, or web with a recording")
         options = ["--out", scorecard] if scorecard else []
         self._processes["scorecard"] = Node(
             package="afm_bringup",
@@ -169,6 +176,8 @@ class Instrument:
                     LogInfo(msg=f"the run on {self._namespace} is finished"),
                     *(EmitEvent(event=ShutdownProcess(process_matcher=matches_action(other))) for other in others),
                 ]
+            if name == "viewer":
+                return [LogInfo(msg="the viewer's server has ended; the run goes on")]
             # How somebody else's controller ends when it is told to is its own affair.
             if self._finished and (name == "controller" or event.returncode == 0):
                 return []

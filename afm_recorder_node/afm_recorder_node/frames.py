@@ -53,12 +53,11 @@ def split(stream: bytes) -> list[bytes]:
     return messages
 
 
-def walk(file: int) -> Iterator[Message]:
+def walk(file: int, position: int = HEADER) -> Iterator[Message]:
     """The whole messages of an open file, up to its end or to where it breaks off; nothing if it is no .rrd file."""
     size = os.fstat(file).st_size
     if os.pread(file, len(MAGIC), 0) != MAGIC:
         return
-    position = HEADER
     while len(head := os.pread(file, MESSAGE.size, position)) == MESSAGE.size:
         kind, length = MESSAGE.unpack(head)
         after = position + MESSAGE.size + length

@@ -46,7 +46,7 @@ class RecorderNode(Node):
     Raises
     ------
     ParameterError
-        If a parameter is refused, there cannot be a file at the path, or no server at the port.
+        If a parameter is refused, or there cannot be a file at the path.
     """
 
     def __init__(self, **kwargs: Any) -> None:

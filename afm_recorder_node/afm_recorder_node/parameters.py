@@ -22,10 +22,3 @@ class RecorderParameters(Group):
         description="keep one control tick and one sample of each channel in so many, for runs of hours; such a "
         "recording cannot be replayed. Events, parameters, scans and the score are whole",
     )
-    live_port: Annotated[int, Ge(0), Lt(65536)] = Field(
-        0,
-        description="port of a server for live viewers, started as `rerun --connect <port>`; 0: none",
-    )
-    live_address: str = Field(
-        "127.0.0.1", description="address on which viewers are accepted; 0.0.0.0: from anywhere, as out of a container"
-    )

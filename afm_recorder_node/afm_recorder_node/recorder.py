@@ -37,7 +37,7 @@ class Recorder:
     Raises
     ------
     ParameterError
-        If there cannot be a file at the path, or no server at the port.
+        If there cannot be a file at the path.
     """
 
     def __init__(self, parameters: RecorderParameters, log: Log) -> None:

@@ -56,15 +56,15 @@ class RecordingFiles:
         Raises
         ------
         ParameterError
-            If there cannot be a file at the path, or no server at the port.
+            If there cannot be a file at the path.
         """
         try:
-            return self._open(self._parameters.live_port, patient=False)
+            return self._open(patient=False)
         except OSError as error:
             raise ParameterError(f"cannot record to {self._path}: {error}") from None
 
     def open_next(self) -> RecordingWriter:
-        """The recording of the next run, under the next name that is possible, if need be without a server.
+        """The recording of the next run, under the next name that is possible.
 
         Raises
         ------
@@ -72,13 +72,12 @@ class RecordingFiles:
             If there is none.
         """
         # During a run nobody can choose another name.
-        for port in (self._parameters.live_port, 0):
-            for _ in range(_NAMES_TRIED):
-                try:
-                    return self._open(port, patient=True)
-                except OSError as error:
-                    self._log.error(f"cannot record under the next name of {self._path}: {error}")
-                    self._number += 1
+        for _ in range(_NAMES_TRIED):
+            try:
+                return self._open(patient=True)
+            except OSError as error:
+                self._log.error(f"cannot record under the next name of {self._path}: {error}")
+                self._number += 1
         raise ParameterError(f"cannot record to {self._path}, nor under {_NAMES_TRIED} names after it")
 
     def watch(self, writer: RecordingWriter) -> None:
@@ -92,11 +91,9 @@ class RecordingFiles:
             self._log.info(f"{writer.partial} can be written again; an event describes the missing data")
         self._problem = problem
 
-    def _open(self, port: int, *, patient: bool) -> RecordingWriter:
+    def _open(self, *, patient: bool) -> RecordingWriter:
         writer = RecordingWriter(
             self._path,
-            live_port=port or None,
-            live_address=self._parameters.live_address,
             patient=patient,
             number=self._number + 1,
             every=self._parameters.every,

@@ -1,6 +1,5 @@
 """The file of one recording while it grows: rerun encodes what is sent, `Partial` writes it. Needs no ROS."""
 
-import socket
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,8 +17,6 @@ from .partial import Partial
 
 _COPIED_UP_TO = 2_000_000_000
 """Larger files are finished in place [bytes]: a copy takes half a second for each minute of a run at 1 kHz."""
-_LIVE_MEMORY = "256MiB"
-"""What the live server keeps for viewers that connect late; it drops the oldest first."""
 _TICKS = {signal.entity for signal in layout.TICKS}
 
 
@@ -65,9 +62,7 @@ class Sink:
     Parameters are those of `afm_recorder_node.writer.RecordingWriter`.
     """
 
-    def __init__(self, path: Path, number: int, live_port: int | None, live_address: str, patient: bool) -> None:
-        if live_port is not None:
-            _require_free(live_address, live_port)
+    def __init__(self, path: Path, number: int, patient: bool) -> None:
         self.sent: Counter[str] = Counter()
         """Rows by entity."""
         self.gaps = Gaps()
@@ -75,10 +70,7 @@ class Sink:
         self._stream = rr.RecordingStream(layout.APPLICATION)
         # rerun's own file sink only logs a line when a write fails, and remembers each chunk until the end.
         self._bytes = rr.binary_stream(self._stream)
-        sinks: list[rr.sinks.LogSinkLike] = [self._bytes]
-        if live_port is not None:
-            sinks.append(rr.GrpcServerSink(live_address, live_port, server_memory_limit=_LIVE_MEMORY))
-        self._stream.set_sinks(*sinks)
+        self._stream.set_sinks(self._bytes)
         first = self._bytes.read() or b""
         try:
             self.file = Partial(path, first[:HEADER], patient=patient, number=number)
@@ -162,13 +154,3 @@ class Sink:
         self._bytes.read(flush=False)  # read the index, or rerun logs its absence
         del self._stream, self._bytes
         streams.let_go()
-
-
-def _require_free(address: str, port: int) -> None:
-    """Raise if the port is taken: rerun would only log a line and record without a server."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((address, port))
-        except OSError as error:
-            raise OSError(f"live_port {port} on {address} is not available: {error.strerror}") from None

@@ -1,4 +1,4 @@
-"""Writes one recording: columns of numbers in, one rerun file out, and a live viewer if wanted. Needs no ROS."""
+"""Writes one recording: columns of numbers in, one rerun file out. Needs no ROS."""
 
 import os
 from collections.abc import Mapping
@@ -34,10 +34,6 @@ class RecordingWriter:
     path : path
         First name of the recording. No file is replaced: if it is taken, the recording gets the next one that is free,
         run-2.rrd, run-3.rrd, ...
-    live_port : int or None
-        Port of a gRPC server that rerun viewers can connect to while the recording grows; None: no server.
-    live_address : str
-        Address of that server.
     patient : bool
         If the file cannot be made now, try again while rows come, in place of raising.
     number : int
@@ -48,20 +44,18 @@ class RecordingWriter:
     Raises
     ------
     OSError
-        If the file cannot be written, another recorder writes it, or the port is taken.
+        If the file cannot be written, or another recorder writes it.
     """
 
     def __init__(
         self,
         path: str | os.PathLike[str],
         *,
-        live_port: int | None = None,
-        live_address: str = "127.0.0.1",
         patient: bool = False,
         number: int = 1,
         every: int = 1,
     ) -> None:
-        self._sink = Sink(Path(path).absolute(), number, live_port, live_address, patient)
+        self._sink = Sink(Path(path).absolute(), number, patient)
         self.path = self._sink.file.name
         """Name that it will have, or has; `close` takes another one if this one is taken meanwhile."""
         self.number = self._sink.file.number
@@ -197,7 +191,7 @@ class RecordingWriter:
             self._end_ns = max(self._end_ns, time_ns)
 
     def flush(self) -> None:
-        """Write all rows received so far to the file and to a live viewer; a kill does not lose them."""
+        """Write all rows received so far to the file; a kill does not lose them."""
         self._send_columns()
         self._sink.write()
 

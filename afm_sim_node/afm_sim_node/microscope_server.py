@@ -100,6 +100,8 @@ class MicroscopeServer:
     def verb_over(self, outcome: Outcome) -> None:
         """A verb has come to its end."""
         self._lines.end()
+        if self._run.instrument.parameters.onboard != self._declared.current.onboard:
+            self._on_setting()
         self._verbs.verb_over(outcome)
 
     def _begun(self, verb: Verb) -> None:
@@ -117,7 +119,7 @@ class MicroscopeServer:
         self._declared.exchange(made)
 
     def _on_setting(self) -> None:
-        """The loop inside was set by a service, or calibrations put in use."""
+        """The loop inside was set by a service or a verb, or calibrations put in use."""
         parameters = self._run.instrument.parameters
         news = {group: getattr(parameters, group) for group in ("onboard", "calibration")}
         self._declared.exchange(self._declared.current.model_copy(update=news))

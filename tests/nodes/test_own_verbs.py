@@ -23,6 +23,14 @@ from afm_model.microscope.verbs import ScanPath
 from afm_node_common.verb_codec import ANY, action_of, goal_of, parameters, verb_of
 from afm_sim_node.node import SimNode
 
+DRIVEN = INSTRUMENT | {
+    "onboard.kind": "dynamic",
+    "onboard.drive_amplitude": 1e-11,
+    "plant.gap": 200e-9,
+    "plant.Q": 10.0,
+    "plant.dt": 2e-7,
+    "detector.sample_period": 2e-6,
+}
 INTEGRAL = {name: value for name, value in INSTRUMENT.items() if not name.startswith("onboard.")} | {
     "onboard.kind": "integral:INTEGRAL"
 }
@@ -34,10 +42,10 @@ def examples(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def remote(values: dict[str, Any]) -> Iterator[Remote]:
-    """A client of a simulator in this thread."""
+def simulated(values: dict[str, Any]) -> Iterator[tuple[Remote, SimNode]]:
+    """A client of a simulator in this thread, and the simulator."""
     with Graph(ros_arguments(values | LAW)) as graph:
-        graph.add(SimNode())
+        graph.add(simulator := SimNode())
         limit = time.monotonic() + TIMEOUT
 
         def turn() -> None:
@@ -47,9 +55,16 @@ def remote(values: dict[str, Any]) -> Iterator[Remote]:
 
         client = Remote(check=turn)
         try:
-            yield client
+            yield client, simulator
         finally:
             client.close()
+
+
+@contextmanager
+def remote(values: dict[str, Any]) -> Iterator[Remote]:
+    """The client alone."""
+    with simulated(values) as (client, _):
+        yield client
 
 
 def in_process(values: dict[str, Any]) -> Local:
@@ -72,6 +87,22 @@ def test_verb_of_ones_own_brings_the_same_bytes_over_topics_as_in_process() -> N
     for name, (dims, values, attributes) in expected.variables.items():
         assert (found.variables[name].dims, dict(found.variables[name].attributes)) == (dims, attributes)
         assert found.variables[name].values.tobytes() == values.tobytes()
+
+
+def test_tune_brings_the_same_bytes_over_the_action_of_any_verb_and_the_drive_it_sets_is_told() -> None:
+    verb = find("tune").of({"points": 16, "average": 1e-4, "free_amplitude": 5e-9})
+    local = in_process(DRIVEN)
+    expected = local.execute(verb).result
+    with simulated(DRIVEN) as (client, simulator):
+        assert action_of(verb) == ANY
+        assert goal_of(verb).verb == "tune"
+        found = client.execute(verb).result
+        drive = simulator.get_parameter("onboard.drive_amplitude").value
+    assert {name: each.values.tobytes() for name, each in found.variables.items()} == {
+        name: each.values.tobytes() for name, each in expected.variables.items()
+    }
+    assert dict(found.attributes) == dict(expected.attributes)
+    assert drive == local.instrument.parameters.onboard.drive_amplitude == found.attributes["drive_amplitude_m"]
 
 
 def test_z_loop_of_ones_own_serves_verbs_over_topics_and_what_it_lacks_is_refused() -> None:

@@ -21,7 +21,7 @@ from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recorder import Recorder
 from afm_recorder_node.recording import IncompleteRecording
 from afm_recorder_node.scan_lines import ScanLine
-from afm_recorder_node.scan_writer import LARGEST, STAGES
+from afm_recorder_node.scan_writer import LARGEST, STAGES, drawings
 from afm_recorder_node.writer import RecordingWriter
 
 UNITS = {"height": "m", "lateral": "N"}
@@ -127,6 +127,19 @@ def test_image_grows_in_a_bounded_number_of_drawings_whose_last_is_the_whole(tmp
     # In nN, the largest y at the top.
     np.testing.assert_allclose(grown[-1], 1e9 * whole.friction()[::-1], rtol=1e-6)
     assert np.isnan(grown[0][0]).all() and np.isfinite(grown[0][-1]).all()
+
+
+def test_what_is_not_measured_yet_has_no_colour_and_takes_none_from_what_is() -> None:
+    image = Image.empty(SCAN, UNITS)
+    for line in lines_of()[:6]:
+        line.line.channels["height"] += 1e-6
+        image.put(line.line)
+    drawing = next(each for each in drawings(image) if each.entity == "/scan/height/trace")
+    low, high = drawing.span
+    measured = np.isfinite(drawing.values)
+    assert measured[-3:].all() and not measured[:-3].any()
+    # No number stands for it, which would have a colour, and the colours are those of the heights about 1000 nm.
+    assert 990.0 < low < high < 1010.0
 
 
 def test_drawing_of_a_large_image_is_thinned_and_its_lines_are_not(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """A recording holds what was put in: every number, at its exact time, in SI units again when it is read."""
 
 import itertools
-import socket
 import subprocess
 import sys
 from contextlib import closing
@@ -30,12 +29,6 @@ ROUND_OFF = 4 * np.finfo(np.float64).eps
 
 def close_enough(got: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(got, expected, rtol=ROUND_OFF, atol=0.0, equal_nan=True)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def record(path: Path, run: Run, edges: list[int]) -> Recording:
@@ -256,27 +249,10 @@ def test_wrong_shape_is_refused(tmp_path: Path) -> None:
             run.write(writer, 0, 10)
 
 
-def test_path_and_port_that_cannot_be_used_are_refused_at_once(tmp_path: Path) -> None:
+def test_path_that_cannot_be_used_is_refused_at_once(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="file"):
         RecordingWriter(tmp_path / "file" / "run.rrd")
-    port = free_port()
-    with (
-        closing(RecordingWriter(tmp_path / "one.rrd", live_port=port)),
-        pytest.raises(OSError, match=f"live_port {port}"),
-    ):
-        RecordingWriter(tmp_path / "two.rrd", live_port=port)
-
-
-def test_live_server_listens_while_the_recording_grows_and_does_not_change_it(tmp_path: Path) -> None:
-    port = free_port()
-    with closing(RecordingWriter(tmp_path / "run.rrd", live_port=port)) as writer:
-        socket.create_connection(("127.0.0.1", port), timeout=10).close()
-        Run(10).write(writer, 0, 10)
-        writer.flush()
-    assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 10
-    with pytest.raises(ConnectionRefusedError):
-        socket.create_connection(("127.0.0.1", port), timeout=10)
 
 
 WRITE_BEYOND_A_LIMIT = """

@@ -290,6 +290,8 @@ def test_verbs_are_told_as_events_and_what_counts_their_steps_is_no_topic(bench:
 
 def test_goals_say_what_verbs_say_in_every_field() -> None:
     for name, verb in all_verbs().items():
+        if name not in ACTIONS:  # asked for by the action `verb`
+            continue
         goal = ACTIONS[name].Goal()
         assert set(goal.get_fields_and_field_types()) == set(verb.model_fields), name
         assert verb_of(name, goal) == verb(), name

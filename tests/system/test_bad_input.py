@@ -61,8 +61,8 @@ NOT_ALLOWED = {
         ("law.kind = lqr is not allowed: there is no law lqr: it must be one of open_loop, sgn, tanh",),
     ),
     "parameter of the recorder": (
-        section("/**/afm_recorder_node", "live_port: 70000"),
-        ("live_port = 70000 is not allowed: it must be a whole number >= 0 and < 65536",),
+        section("/**/afm_recorder_node", "every: 0"),
+        ("every = 0 is not allowed: it must be a whole number >= 1 and < ",),
     ),
     "negative duration": (section(SIMULATOR, "run.duration: -1.0"), ("run.duration = -1.0 s is not allowed",)),
     "step that does not divide the period": (

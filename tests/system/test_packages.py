@@ -159,3 +159,13 @@ def test_build_tells_each_package_and_each_quarter_of_the_messages() -> None:
     told = subprocess.run(command, input=output, capture_output=True, text=True, check=True).stdout
     quarters = ["    messages: 25 %", "    messages: 100 %"]
     assert told.splitlines() == ["  package 1 of 8: afm_msgs", *quarters, "  package 2 of 8: afm_tests"]
+
+
+def test_build_tells_how_far_it_is() -> None:
+    script = (ROOT / "tools" / "build.sh").read_text()
+    show = script[script.index("show_progress() {") : script.index("\n}\n") + 3]
+    said = ["Starting >>> afm_msgs", "[  4%] one", "[ 26%] two", "[ 31%] three", "[100%] all", "Starting >>> afm_tests"]
+    command = ["bash", "-c", f"count=2\n{show}show_progress"]
+    told = subprocess.run(command, input="\n".join([*said, ""]), capture_output=True, text=True, check=True, timeout=60)
+    packages = ["  package 1 of 2: afm_msgs", "  package 2 of 2: afm_tests"]
+    assert told.stdout.splitlines() == [packages[0], "    messages: 25 %", "    messages: 100 %", packages[1]]

@@ -10,7 +10,9 @@ from .friction_load import FrictionLoadFit, friction_load_fit
 from .loops import FrictionLoop, dissipated, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
+from .resonance import ResonanceFit, resonance_fit
 from .step_heights import Edge, edges, step_height
+from .tapping import TappingEnergy, tapping_energy
 from .thermal import ThermalTune, spring_constant
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
 
@@ -22,7 +24,9 @@ __all__ = [
     "Estimate",
     "FrictionLoadFit",
     "FrictionLoop",
+    "ResonanceFit",
     "Roughness",
+    "TappingEnergy",
     "ThermalTune",
     "WedgeCalibration",
     "along_normal",
@@ -38,9 +42,11 @@ __all__ = [
     "friction_loop",
     "line_loop",
     "means",
+    "resonance_fit",
     "roughness",
     "spring_constant",
     "step_height",
+    "tapping_energy",
     "tilted_deflection",
     "tilted_stiffness",
     "two_levels",

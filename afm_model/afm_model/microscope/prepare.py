@@ -9,7 +9,7 @@ from ..parameters import InstrumentParameters, changed
 from .view import ERROR_CHANNEL, Z_CHANNEL
 
 P = TypeVar("P", bound=InstrumentParameters)
-CHANNELS = (Z_CHANNEL, ERROR_CHANNEL, "verb_number", "verb_step")
+CHANNELS = (Z_CHANNEL, ERROR_CHANNEL, "verb_number", "verb_step", "in_phase", "quadrature")
 """Sampled for the verbs, besides those of every run."""
 GAP = 500e-9
 """How far the tip is off the sample at the start where the parameters do not say it [m]."""

@@ -40,6 +40,7 @@ class Case(NamedTuple):
     true: Mapping[str, Value] = {}  # parameters of the instrument
     told: Mapping[str, float] = {}  # what the controller is told, over what is true, by parameter
     ticks: int = 0  # of delay that the law is told, less those of the plant
+    own: Mapping[str, Value] = {}  # parameters of the law, where it has them
 
 
 def _all_axes(name: str, factor: float) -> dict[str, float]:
@@ -83,6 +84,11 @@ CASES = (
     Case("told a tick of delay too few", ticks=-1),
     Case("told a tick of delay too many", ticks=1),
     Case("triangle", _sine(shape_x="triangle", shape_y="triangle")),
+    Case(
+        "triangle, corners told",
+        _sine(shape_x="triangle", shape_y="triangle"),
+        own={"law.corner_x": _AMPLITUDE, "law.corner_y": _AMPLITUDE},
+    ),
     Case("amplitude x 3", _sine(3.0)),
     Case("amplitude x 5", _sine(5.0)),
     Case("frequency x 3", _sine(1.0, 3.0)),
@@ -112,10 +118,11 @@ def parameters_of(case: Case, rate: Rate, law: Contender) -> tuple[SimParameters
         "score.start": (_PERIODS - 1) * cycle,
     }
     own = law.parameters
-    packets = rate.packet > 1 and "law.packet" in flatten(build(ControllerParameters, {"law.kind": law.kind}))
-    if packets:
+    has = flatten(build(ControllerParameters, {"law.kind": law.kind}))
+    if rate.packet > 1 and "law.packet" in has:
         news["piezo.dac_period"] = rate.period / rate.packet
         own |= {"law.packet": rate.packet, "law.spare": 1}
+    own |= {name: value for name, value in case.own.items() if name in has}
     sim = build(SimParameters, news | dict(case.true))
     own |= feedback_of(law, noisy=case.true.get("detector.noise", 0.0) != 0.0)
     timing = law_timing(own, sim)

@@ -70,6 +70,13 @@ def test_contact_of_a_curve_without_noise_is_recovered_within_a_thousandth(model
     assert found.pull_off.value == pytest.approx(most, rel=3e-3)
 
 
+def test_contact_does_not_depend_on_where_z_is_counted_from():
+    z, d = made_up("maugis")
+    here, there = fit(z, d), fit(z + 40e-6, d)
+    assert there.contact_point - 40e-6 == pytest.approx(here.contact_point, abs=1e-13)
+    assert there.modulus.value == pytest.approx(here.modulus.value, rel=1e-5)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.02e-9])
 def test_work_of_adhesion_of_a_soft_sample_is_recovered_though_its_pull_is_bent(rng, noise):
     work, radius = 0.05, 500e-9

@@ -104,6 +104,19 @@ def test_a_preset_or_a_parameter_that_does_not_exist_is_refused():
         Microscope("two_materials", sample=5)
 
 
+@pytest.mark.parametrize(
+    ("group", "told"),
+    [("plant", "plant has kind, "), ("sample", "sample has kind, "), ("qqqq", "known are contact.*, ")],
+)
+def test_a_name_like_no_other_is_told_the_names_of_its_group_not_all_of_them(group, told):
+    with pytest.raises(ParameterError) as refused:
+        Microscope("two_materials", **{group: {"qqqq": 1.0}})
+    sentence = str(refused.value)
+    assert sentence.startswith(f"unknown parameter {group}.qqqq: {told}")
+    assert sentence.count(",") < 50
+    assert len(sentence) < 500
+
+
 def test_ctrl_c_withdraws_the_tip_and_keeps_what_was_measured():
     with Microscope("two_materials") as microscope:
         microscope.approach(**FAST)

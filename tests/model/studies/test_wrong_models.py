@@ -27,6 +27,15 @@ def test_predictive_learns_what_it_was_told_wrong(title, rate, most):
     assert row["lost"] == ""
 
 
+@pytest.mark.parametrize(("rate", "most"), [("50 us + 1", 0.3), ("200 us + 1", 1.0), ("1 ms packets", 1.0)])
+def test_preview_of_its_corners_makes_a_triangle_as_good_as_a_held_drive_can(rate, most):
+    blind, foreseen = (
+        run_case(CASE[title], RATE[rate], contender("predictive surface=known"))["third"]
+        for title in ("triangle", "triangle, corners told")
+    )
+    assert foreseen < most and blind > 2.0 * foreseen
+
+
 @pytest.mark.parametrize("title", ["drift 1e-15 m/s", "position noise 1e-18 m", "along x alone", "along y alone"])
 def test_a_tip_that_never_quite_rests_or_moves_along_one_axis_starts_all_the_same(title):
     assert run_case(CASE[title], RATE["50 us + 1"], contender("predictive"))["third"] < 0.3

@@ -42,7 +42,10 @@ def take_reference(y: Measurement, p: Constants, s: State) -> None:
 
 @kernel
 def continue_reference(axis: int, first: float, n: int, p: Constants, s: State) -> None:
-    """Write the reference of x or y into the path: at n + 1 places, a fine interval apart, from time `first` on."""
+    """Write the reference of x or y into the path: at n + 1 places, a fine interval apart, from time `first` on.
+
+    Where its corners are known a line turns back there.
+    """
     w = s.omega[axis]
     sin, cos = sincos(w * first)
     sin_step, cos_step = sincos(w * p.tau)
@@ -51,6 +54,13 @@ def continue_reference(axis: int, first: float, n: int, p: Constants, s: State) 
         s.path[i, axis, 0] = s.p[axis] + a * sin + b * (1.0 - cos)
         s.path[i, axis, 1] = w * (a * cos + b * sin)
         cos, sin = cos * cos_step - sin * sin_step, sin * cos_step + cos * sin_step
+        if p.corner[axis] > 0.0:
+            # Of the way from corner to corner and back.
+            part = 0.25 * (s.path[i, axis, 0] / p.corner[axis] + 1.0)
+            part -= math.floor(part)
+            s.path[i, axis, 0] = p.corner[axis] * (1.0 - abs(4.0 * part - 2.0))
+            if part > 0.5:
+                s.path[i, axis, 1] = -s.path[i, axis, 1]
 
 
 @kernel

@@ -80,6 +80,7 @@ class Constants(Record):
     ripple: float  # of the strength, from that curvature
     measured: int
     bumps: float  # ripple of the ratio over the surface as it is known
+    corner: Vector  # where a straight reference turns back; 0: not known
     position_noise: float
     force_noise: float  # of friction measured along x
     uneven: float  # rms of the ratio over a known surface about its mean
@@ -223,6 +224,7 @@ def values(parameters: Tree) -> Numbers:
         "ripple": ripple,
         "measured": measured,
         "bumps": ripple if identified and not exact else 0.0,
+        "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
         "uneven": _UNEVEN if exact else ratio_noise,

@@ -57,6 +57,10 @@ class PredictiveLaw(SampledLaw):
     stiffness: Literal["nominal", "estimated"] = Field(
         "estimated", description="stiffness of x and y beyond that of the model"
     )
+    corner_x: Annotated[NonNegative, Unit("m")] = Field(
+        0.0, description="preview: places +-corner_x at which a reference straight along x turns back; 0: none is known"
+    )
+    corner_y: Annotated[NonNegative, Unit("m")] = Field(0.0, description="the same along y")
     response: Annotated[NonNegative, Unit("s")] = Field(
         0.0, description="time in which an error vanishes; 0: 1/w0, but neither below 1.6 control periods nor above two"
     )

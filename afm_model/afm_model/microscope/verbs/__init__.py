@@ -1,6 +1,7 @@
-"""What a microscope can be asked to do. Each is also an action of afm_msgs, with the same fields."""
+"""What a microscope can be asked to do; over topics each by an action of its name, or by the action `verb`."""
 
 from ...core.registry import register
+from .amplitude_curve import AmplitudeCurve
 from .calibrate_lateral import CalibrateLateral
 from .calibrate_sensitivity import CalibrateSensitivity
 from .force_curve import ForceCurve
@@ -9,11 +10,13 @@ from .going import Approach, MoveTo, Withdraw
 from .scan import Scan
 from .scan_path import ScanPath
 from .thermal_tune import ThermalTune
+from .tune import Tune
 
 register(Approach, Withdraw, MoveTo, ForceCurve, FrictionLoop, Scan, ScanPath)
-register(ThermalTune, CalibrateSensitivity, CalibrateLateral)
+register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve)
 
 __all__ = [
+    "AmplitudeCurve",
     "Approach",
     "CalibrateLateral",
     "CalibrateSensitivity",
@@ -23,5 +26,6 @@ __all__ = [
     "Scan",
     "ScanPath",
     "ThermalTune",
+    "Tune",
     "Withdraw",
 ]

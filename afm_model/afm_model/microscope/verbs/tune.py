@@ -1,0 +1,135 @@
+"""The verb Tune: the resonance of the driven cantilever, off the sample; docs/dynamic.md."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, ClassVar
+
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ...analysis import resonance_fit
+from ...core.errors import ParameterError, VerbError
+from ...core.schema import NonNegative, Unit, Value
+from ...parameters import InstrumentParameters, changed
+from ...program.orders import Order
+from ..arrays import Arrays, attributes, variable
+from ..execution import Execution, Task
+from ..results import MicroscopeState
+from ..verb import Verb
+from ..view import InstrumentView
+
+_WIDTHS = 8.0
+"""Span of a sweep over f0 / Q, where it is not given."""
+_DECAYS = 12.0
+"""Decay times of the cantilever to a settled response: 6e-6 of the last one is left."""
+_NAMES = ["in_phase", "quadrature"]
+_Hertz = Annotated[NonNegative, Unit("Hz")]
+
+
+class Tune(Verb):
+    """Sweep the frequency of the drive over a resonance; fit it; set the drive for a free amplitude."""
+
+    returns: ClassVar = Arrays
+
+    frequency: _Hertz = Field(0.0, description="middle of the sweep; 0: first resonance as plant.* gives it")
+    span: _Hertz = Field(0.0, description="width of the sweep; 0: 8 widths of the resonance as plant.* gives it")
+    points: Annotated[int, Ge(16), Le(10_000)] = Field(41, description="frequencies, evenly spaced")
+    average: Annotated[float, Ge(0), Le(100), Unit("s")] = Field(
+        0.0, description="mean at each frequency, once it is settled; 0: as long as settling takes"
+    )
+    drive_amplitude: Annotated[NonNegative, Unit("m")] = Field(
+        0.0, description="of the base in the sweep; 0: onboard.drive_amplitude"
+    )
+    free_amplitude: Annotated[NonNegative, Unit("m")] = Field(
+        0.0,
+        description="of the deflection at resonance, that the drive is set for at the end, at the frequency found; 0: "
+        "the drive is put back as it was",
+    )
+
+    def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
+        """See `Verb`."""
+        part, cantilever = view.parameters.onboard, view.parameters.plant.cantilever_numbers
+        if not hasattr(part, "drive_frequency"):
+            yield f"Tune is not allowed with onboard.kind = {part.kind}, which drives no cantilever: take dynamic"
+            return
+        if state.near:
+            yield "Tune is not allowed while the tip is on the sample: withdraw it first"
+        if part.harmonic != 1:
+            yield f"Tune is not allowed with onboard.harmonic = {part.harmonic}: it must be 1"
+        if self.drive_amplitude == 0.0 and part.drive_amplitude == 0.0:
+            yield "drive_amplitude = 0 m is not allowed where onboard.drive_amplitude is 0 too: it must be > 0 m"
+        middle, span = self._sweep(cantilever)
+        if not middle > 0.5 * span > 0.0:
+            yield f"span = {span:g} Hz is not allowed: it must be > 0 and < {2.0 * middle:g} Hz, twice the middle"
+            return
+        try:
+            self._driven(view, middle + 0.5 * span)
+        except ParameterError as error:
+            yield str(error)
+
+    def _sweep(self, cantilever: object) -> tuple[float, float]:
+        """Middle and width [Hz]."""
+        middle = self.frequency or getattr(cantilever, "f0", 0.0)
+        return middle, self.span or _WIDTHS * middle / getattr(cantilever, "Q", math.inf)
+
+    def _driven(self, view: InstrumentView, frequency: float) -> InstrumentParameters:
+        """Parameters with the drive of the sweep at a frequency [Hz]."""
+        drive = self.drive_amplitude or view.parameters.onboard.drive_amplitude
+        news: dict[str, Value] = {"onboard.drive_frequency": frequency, "onboard.drive_amplitude": drive}
+        parameters: InstrumentParameters = view.parameters
+        return changed(parameters, news)
+
+    def tasks(self, run: Execution) -> Iterator[Task]:
+        """See `Verb`."""
+        view, before = run.view, run.view.parameters.onboard
+        middle, span = self._sweep(view.parameters.plant.cantilever_numbers)
+        # The narrowest resonance that a sweep of this width is made for.
+        settle = _DECAYS * _WIDTHS / (math.pi * span) + (12.0 + 2.0 * before.filter_order) * before.time_constant
+        average = self.average or settle
+        run.total = self.points * (settle + average)
+        rate = 1.0 / (view.ticks(average) * view.control_period)
+        frequencies, found = np.linspace(middle - 0.5 * span, middle + 0.5 * span, self.points), list[complex]()
+        drive = self.drive_amplitude or before.drive_amplitude
+        run.result = lambda: self._found(frequencies, found, drive) if len(found) == self.points else None
+        after = {"onboard.drive_frequency": before.drive_frequency, "onboard.drive_amplitude": before.drive_amplitude}
+        try:
+            for number, f in enumerate(frequencies.tolist()):
+                view.instrument.set_onboard(self._driven(view, f))
+                detail, recorder = f"frequency {number + 1} of {self.points}", run.recorder(_NAMES, rate)
+                yield Task(Order(view.stay(settle)), settle, detail)
+                yield Task(Order(view.stay(average)), average, detail, recorder)
+                x, y = (recorder.record().channels[name][0] for name in _NAMES)
+                found.append(complex(x, -y))
+            told = self._found(frequencies, found, drive).attributes
+            if self.free_amplitude > 0.0:
+                after = {"onboard.drive_frequency": told["f0_Hz"], "onboard.drive_amplitude": told["drive_amplitude_m"]}
+        finally:
+            view.instrument.set_onboard(changed(view.parameters, after))
+
+    def _found(self, frequencies: NDArray[np.float64], found: list[complex], drive: float) -> Arrays:
+        """The curve, its fit, and the drive for the free amplitude."""
+        response = np.array(found)
+        try:
+            fit = resonance_fit(frequencies, response)
+        except ValueError as error:
+            raise VerbError(f"no resonance comes out of the sweep: {error}") from None
+        late = -np.angle(response)
+        over = ("frequency",)
+        columns = {
+            "amplitude": (np.abs(response), "m"),
+            "phase": (np.where(late < -0.5 * math.pi, late + 2.0 * math.pi, late), "rad"),
+            "in_phase": (response.real, "m"),
+            "quadrature": (-response.imag, "m"),
+            "fitted_amplitude": (np.abs(fit.response), "m"),
+        }
+        told: dict[str, float] = {}
+        for name, each in (("f0_Hz", fit.f0), ("Q", fit.Q), ("amplitude_m", fit.amplitude), ("phase_rad", fit.phase)):
+            told |= {name: each.value, f"{name}_uncertainty": each.uncertainty}
+        told["drive_amplitude_m"] = drive * (self.free_amplitude or fit.amplitude.value) / fit.amplitude.value
+        return Arrays(
+            {name: variable(over, values, name, unit) for name, (values, unit) in columns.items()},
+            {"frequency": variable(over, frequencies, "frequency", "Hz")},
+            attributes(self, told),
+        )

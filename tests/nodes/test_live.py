@@ -1,0 +1,154 @@
+"""The live page: what viewers get of a growing recording, and that none of them reaches the recorder or the loop."""
+
+import json
+import os
+import re
+import signal
+import socket
+import urllib.request
+import warnings
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+from support import TIMEOUT, Command, assert_nothing_left, executable, processes, session, write_scenario
+
+from afm_model import ControllerParameters, SimParameters, build, simulate
+from afm_recorder_node import layout
+from afm_recorder_node.frames import HEADER, split
+from afm_recorder_node.live import RERUN
+from afm_recorder_node.writer import RecordingWriter
+
+ROWS = 1000
+SIMULATOR = {"run.duration": 0.02, "plant.control_period": 2e-6}
+
+
+def write(writer: RecordingWriter, block: int) -> None:
+    """A block of rows of one channel."""
+    writer.channel(layout.DEFLECTION, block * ROWS, 1e-3, np.zeros(ROWS))
+    writer.flush()
+
+
+@contextmanager
+def live(path: Path) -> Iterator[Command]:
+    """The live page of a recording, when its link is there."""
+    with Command(executable("afm_recorder_node", "live"), path, folder=path.parent) as page:
+        page.wait_until(lambda: "/proxy" in page.text)
+        yield page
+
+
+@contextmanager
+def viewer(told: str, folder: Path) -> Iterator[Command]:
+    """A client of rerun's own, which saves what it gets in got.rrd."""
+    address = re.search(r"rerun\+http://127\.0\.0\.1:\d+/proxy", told)
+    assert address, told
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    own = ("--bind", "127.0.0.1", "--port", str(port), "--save", folder / "got.rrd")
+    with Command(RERUN, address[0], *own, folder=folder) as client:
+        yield client
+
+
+def got(folder: Path) -> list[int]:
+    """Rows of the channel that the client has saved, of each recording."""
+    found = []
+    with warnings.catch_warnings(), suppress(RuntimeError, ValueError, OSError):
+        warnings.simplefilter("ignore", rr.error_utils.RerunWarning)
+        reader = RrdReader(folder / "got.rrd")
+        for store in reader.recordings():
+            found.append(0)
+            for chunk in reader.stream(store=store):
+                found[-1] += chunk.num_rows * (chunk.entity_path == layout.DEFLECTION.entity and not chunk.is_static)
+    return sorted(found)
+
+
+def server() -> int:
+    """Process of rerun's server."""
+    (pid,) = (pid for pid, line in processes().items() if line.startswith(RERUN) and "--serve-web" in line)
+    return pid
+
+
+def test_viewer_gets_the_recording_as_it_grows_and_that_of_the_next_run(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    with closing(RecordingWriter(path)) as first, live(path) as page:
+        write(first, 0)
+        assert b"<html" in urllib.request.urlopen(page.text.partition("?")[0].strip()).read().lower()
+        with viewer(page.text, tmp_path) as client:
+            # What was there before it came, what comes, and what comes behind a reset.
+            client.wait_until(lambda: got(tmp_path) == [ROWS])
+            write(first, 1)
+            client.wait_until(lambda: got(tmp_path) == [2 * ROWS])
+            first.close()
+            with closing(RecordingWriter(path)) as second:
+                write(second, 0)
+                client.wait_until(lambda: got(tmp_path) == [ROWS, 2 * ROWS])
+                # A server that is killed takes the page with it, and nothing else.
+                os.kill(server(), signal.SIGKILL)
+                write(second, 1)
+                assert page.wait() == 1, page.told
+                assert not second.problem
+
+
+def test_live_page_ends_in_order_and_leaves_no_server(tmp_path: Path) -> None:
+    with closing(RecordingWriter(tmp_path / "run.rrd")), live(tmp_path / "run.rrd") as page:
+        page.interrupt()
+        assert page.wait() == 0, page.told
+    assert_nothing_left()
+    with closing(RecordingWriter(tmp_path / "run.rrd")), live(tmp_path / "run.rrd") as page:
+        page.process.kill()
+        page.wait()
+    assert_nothing_left()
+
+
+def test_session_ends_with_the_same_bits_behind_a_viewer_and_a_server_that_stand_still(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path / "short.yaml", afm_sim_node=SIMULATOR)
+    with session(scenario, tmp_path / "out", "--live", "--composed", folder=tmp_path) as command:
+        command.wait_until(lambda: "/proxy" in command.text)
+        with viewer(command.text, tmp_path) as client:
+            client.wait_until(lambda: got(tmp_path))
+            client.process.send_signal(signal.SIGSTOP)
+            os.kill(server(), signal.SIGSTOP)
+            assert command.wait() == 0, command.told
+    card = json.loads((tmp_path / "out" / "scorecard.json").read_text())
+    expected = simulate(build(SimParameters, SIMULATOR), ControllerParameters())
+    assert card["trajectory_sha256"] == expected.trajectory_sha256
+    assert_nothing_left()
+
+
+@pytest.mark.long
+def test_memory_is_bounded_while_a_viewer_reads_nothing_of_1500_megabytes(tmp_path: Path) -> None:
+    stream = rr.RecordingStream(layout.APPLICATION)
+    encoded = rr.binary_stream(stream)
+    head = encoded.read() or b""
+    rows = np.random.default_rng(0).random(32_768)
+    times = [rr.TimeColumn("t", sequence=np.arange(len(rows)))]
+    stream.send_columns("/other", times, rr.Scalars.columns(scalars=rows))
+    block = b"".join(split(encoded.read() or b""))
+    stream.send_columns(layout.DEFLECTION.entity, times, rr.Scalars.columns(scalars=rows))
+    last = b"".join(split(encoded.read() or b""))
+    growing = tmp_path / "run.partial.rrd"
+    growing.write_bytes(head[:HEADER] + b"".join(split(head)) + block)
+    later = tmp_path / "later"
+    later.mkdir()
+    with live(tmp_path / "run.rrd") as page, viewer(page.text, tmp_path) as client:
+        client.wait_until(lambda: got(tmp_path))
+        client.process.send_signal(signal.SIGSTOP)
+        with growing.open("ab") as file:
+            for _ in range(1_500_000_000 // len(block)):
+                file.write(block)
+            file.write(last)
+        with viewer(page.text, later) as second:
+            # What comes last has come: all has gone through the server.
+            second.wait_until(lambda: got(later) == [len(rows)], timeout=5 * TIMEOUT)
+        assert most(server()) < 1e9
+        assert most(page.process.pid) < 3e8
+
+
+def most(pid: int) -> int:
+    """Largest resident memory that a process has had [bytes]."""
+    return 1024 * int(Path(f"/proc/{pid}/status").read_text().partition("VmHWM:")[2].split(maxsplit=1)[0])
