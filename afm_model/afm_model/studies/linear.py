@@ -101,7 +101,8 @@ class LinearLoop:
         """Frequency response of the loop cut between drive and piezo of `axis`, at omega [rad/s]."""
         cut = self.cuts[axis]
         matrices = np.tile(-cut.A.astype(np.complex128), (len(omega), 1, 1))
-        matrices[:, *np.diag_indices(len(cut.A))] += np.exp(1j * omega * self.period)[:, None]
+        i = np.arange(len(cut.A))
+        matrices[:, i, i] += np.exp(1j * omega * self.period)[:, None]
         found = cut.C @ np.linalg.solve(matrices, cut.B) + cut.D
         return np.asarray(found, np.complex128).reshape(-1)
 
