@@ -211,4 +211,6 @@ def test_pull_along_a_straight_line_is_taken_to_the_middle_of_the_step_in_which_
     z, d = made_up(rng, 0.0)
     z, d = z[::8], d[::8]  # 0.4 nm a sample
     last = z[z.size // 2 :][d[z.size // 2 :].argmin()] - 0.2e-9
-    assert force_curve(z, d, 2.0).adhesion.value == pytest.approx(2.0 * (101e-9 - last), rel=1e-6)
+    found = force_curve(z, d, 2.0)
+    assert found.adhesion.value == pytest.approx(2.0 * (101e-9 - last), rel=1e-6)
+    assert found.contact_point == pytest.approx(101e-9, abs=1e-15)  # half way between two samples

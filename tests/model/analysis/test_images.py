@@ -170,8 +170,9 @@ def test_loop_of_a_line_that_is_closed_is_refused():
         line_loop(X, np.zeros(400), np.ones(400))
     with pytest.raises(ValueError, match="lists of the same length"):
         line_loop(X, np.zeros(10), np.zeros(400))
-    with pytest.raises(ValueError, match="sliding = 0 is not allowed"):
-        line_loop(X, np.ones(400), np.zeros(400), sliding=0.0)
+    for sliding in (0.0, 1.5):
+        with pytest.raises(ValueError, match=f"sliding = {sliding:g} is not allowed"):
+            line_loop(X, np.ones(400), np.zeros(400), sliding=sliding)
 
 
 def test_roughness_is_that_of_a_sine_on_a_plane():

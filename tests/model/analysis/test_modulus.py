@@ -64,6 +64,8 @@ def test_contact_of_a_curve_without_noise_is_recovered_within_a_thousandth(model
     assert found.modulus.value == pytest.approx(E, rel=1e-3)
     assert found.work_of_adhesion.value == pytest.approx(WORK, rel=2e-3)
     assert found.contact_point == pytest.approx(0.0, abs=1e-12)
+    # Way of the scanner, less what the cantilever bends.
+    assert found.indentation == pytest.approx(made_up(model)[0].max() - made_up(model)[1].max() + ZERO, rel=1e-3)
     tabor = (RADIUS * WORK**2 / (E**2 * REACH**3)) ** (1.0 / 3.0)
     assert found.tabor.value == pytest.approx(tabor, rel=3e-3)
     most = pull_off(model, 1.157 * tabor) * math.pi * WORK * RADIUS

@@ -66,7 +66,8 @@ def test_picture_has_title_unit_and_scale_bar():
     assert bar.get_title() == "nm"
     (drawn,) = axes.patches
     assert drawn.get_width() == pytest.approx(50e-9 / 200e-9)
-    assert "50 nm" in [each.get_text() for each in axes.texts]
+    (length,) = (each for each in axes.texts if each.get_text() == "50 nm")
+    assert length.get_position()[1] == pytest.approx(drawn.get_y() + 0.5 * drawn.get_height())
     assert figure.get_suptitle() == "200 nm x 200 nm, 64 x 64 pixels, 0.998 Hz"
     (shown,) = axes.images
     np.testing.assert_allclose(shown.get_array(), 1e9 * levelled(layer(scans.scanned(), "height_trace"))[0])
