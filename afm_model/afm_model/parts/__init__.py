@@ -17,7 +17,7 @@ from .groups import (
     SampleParameters,
 )
 from .loop import Onboard
-from .part import Channel, Corrugation, Detector, Estimate, Fault, Law, Part, Piezo, Plant, Program, Sample
+from .part import Channel, Corrugation, Detector, LawEstimate, Fault, Law, Part, Piezo, Plant, Program, Sample
 
 __all__ = [
     "Array",
@@ -25,7 +25,7 @@ __all__ = [
     "Corrugation",
     "Detector",
     "DetectorParameters",
-    "Estimate",
+    "LawEstimate",
     "Fault",
     "FaultParameters",
     "Field",
