@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 
-from afm_model.core.prefix import prefixed
-
-from .describe import quantity
+from afm_model.core.prefix import prefixed, text
 
 _VECTORS = {"rms": "m", "max": "m", "max_percent": "%", "drive_total_variation": "V/s", "extent": "m"}
 """Vectors of a score, and their units."""
@@ -43,7 +41,9 @@ def facts(score: Mapping[str, object]) -> list[str]:
     told += [f"{name.replace('_', ' ')} {value}" for name, value in score.items() if type(value) is int and value]
     trip = score.get("round_trip")
     if isinstance(trip, dict):
-        told.append("round trip " + ", ".join(f"{name} {quantity(value, 's')}" for name, value in trip.items()))
+        told.append(
+            "round trip " + ", ".join(f"{name} {text(value, 's', unknown='-')}" for name, value in trip.items())
+        )
     return told
 
 
