@@ -1,4 +1,4 @@
-"""A case of the examiner: calibrations by verbs, of a simulated microscope whose numbers are hidden from them."""
+"""A case of the examiner: calibrations and loops that verbs record, of a microscope whose numbers are hidden."""
 
 import sys
 from collections.abc import Iterator
@@ -13,10 +13,11 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 from quick_lever import KNOWN, LAW, OVER_THE_WEDGE, WEDGE
 
 from afm_model import ControllerParameters, SimParameters, build
-from afm_model.analysis import Estimate
+from afm_model.analysis import Estimate, friction_loop
+from afm_model.analysis.loops import FrictionLoop as FrictionLoopFit
 from afm_model.core.tilted import tilted_deflection
 from afm_model.microscope import Local
-from afm_model.microscope.verbs import Approach, CalibrateLateral, CalibrateSensitivity, ThermalTune
+from afm_model.microscope.verbs import Approach, CalibrateLateral, CalibrateSensitivity, FrictionLoop, ThermalTune
 
 _MICROSCOPE = {
     "plant.kind": "lever",
@@ -62,3 +63,17 @@ def calibrations(rng: np.random.Generator) -> Iterator[tuple[str, float, Estimat
     c = microscope.instrument.parameters.plant.cantilever_numbers
     shown = tilted_deflection(tilt, c.tip_height + 0.5 * c.thickness, c.length)
     yield "deflection, m/V", detector.deflection_sensitivity / gain / shown, sensitivity
+
+    def recorded(**values: Any) -> FrictionLoopFit:
+        changes = {name.replace("__", "."): value for name, value in values.items()}
+        parameters = build(SimParameters, _MICROSCOPE | common | {"sample.kind": "flat", "plant.gap": 20e-9} | changes)
+        microscope = Local(parameters, build(ControllerParameters, LAW | KNOWN))
+        microscope.execute(Approach(rate=10e-6, range=200e-9, settle=10e-3))
+        loop = microscope.execute(FrictionLoop(length=60e-9, line_rate=20.0, count=4)).result
+        return friction_loop(loop.position, loop.lateral)
+
+    # Without heat, which slows friction itself; the truth is what is recorded without noise.
+    loop, truth = recorded(plant__temperature=0.0), recorded(plant__temperature=0.0, detector__noise_density=0.0)
+    yield "recorded loop, N", truth.half_width.value, loop.half_width
+    yield "recorded loop, offset", truth.offset.value, loop.offset
+    yield "recorded loop, N/m", truth.stick_slope.value, loop.stick_slope

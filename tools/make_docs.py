@@ -9,7 +9,8 @@ from pathlib import Path
 
 from afm_bringup.exam.rules import RULES
 from afm_controller_node.node import TUNABLE as LAW_TUNABLE
-from afm_model.core.ranges import RANGES
+from afm_model.core.ranges import LARGEST_INTEGER, RANGES, WIDEST
+from afm_model.core.schema import Specification
 from afm_model.fault import KINDS
 from afm_model.fault.entry import DRIVES, SENSORS
 from afm_model.parameters import Group, SetupSection, specifications
@@ -26,8 +27,20 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("afm_recorder_node", RecorderParameters, ()),
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
-CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py", "cpp_controller/src/cpp_controller.cpp")
-EXAMPLES = ("kalman", "patches", "height_map", "creep", "lock_in", "viscous", "bursts", "approach", "lift", "integral")
+CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
+EXAMPLES = ("kalman", "patches", "bursts")
+
+
+def allowed(spec: Specification) -> str:
+    """What values are allowed, in fewer words where the bounds are those of the unit."""
+    if spec.kind not in (float, int) or spec.choices or spec.family:
+        return spec.allowed.partition(", or module:")[0]
+    least, most = RANGES.get(spec.unit, WIDEST) if spec.kind is float else (1, LARGEST_INTEGER)
+    low, high = spec.lower, spec.upper
+    text = f"{'>' if spec.lower_open else '>='} {low:g}, {'<' if spec.upper_open else '<='} {high:g}"
+    if high == most and not (spec.lower_open or spec.upper_open):
+        text = {least: "> 0", 0.0: ">= 0", -most: "any"}.get(low, f">= {low:g}")
+    return text if spec.kind is float else f"whole, {text}"
 
 
 def parameters() -> str:
@@ -37,20 +50,29 @@ def parameters() -> str:
         "",
         "Made by `python tools/make_docs.py` from the declarations in the code; the same text is behind `--help` and",
         "with a full ROS 2 `ros2 param describe`. What is marked * may change while the node runs; the rest is fixed",
-        "at start.",
+        "at start. Every number is finite. A `kind` may also be `module:NAME`, a [part of your own](extending.md).",
         "",
-        "A bound that a declaration does not give is that of the unit, and a number other than 0 has a least size:",
+        "A bound that is not given is that of the unit. A number other than 0 has at least the least size:",
         "",
         "| unit | least size | largest |",
         "|---|---|---|",
         *(f"| {unit} | {least:g} | {most:g} |" for unit, (least, most) in RANGES.items()),
     ]
+    written = dict[str, str]()
     for node, model, tunable in NODES:
-        lines += ["", f"## {node}", "", "| name | default | unit | allowed | what |", "|---|---|---|---|---|"]
+        rows, same = list[str](), list[str]()
         for spec in specifications(model):
             mark = "*" if any(spec.name == name or spec.name.startswith(name) for name in tunable) else ""
             default = f"`{str(spec.default).lower() if spec.kind is bool else spec.default}`"
-            lines.append(f"| `{spec.name}`{mark} | {default} | {spec.unit} | {spec.allowed} | {spec.description} |")
+            row = f" | {default} | {spec.unit} | {allowed(spec)} | {spec.description} |"
+            if written.get(spec.name) == row:
+                same.append(f"`{spec.name}`{mark}")
+            else:
+                rows.append(f"| `{spec.name}`{mark}{row}")
+            written.setdefault(spec.name, row)
+        lines += ["", f"## {node}", "", "| name | default | unit | allowed | what |", "|---|---|---|---|---|", *rows]
+        if same:
+            lines += ["", f"As above: {', '.join(same)}."]
     return "\n".join(lines) + "\n"
 
 
@@ -147,8 +169,7 @@ def pages() -> dict[Path, str]:
     controllers = (DOCS / "controllers.md").read_text()
     for name in CONTROLLERS:
         path = ROOT / "examples" / name
-        language = {".py": "python", ".cpp": "cpp"}[path.suffix]
-        controllers = between_marks(controllers, path.stem, f"```{language}\n{path.read_text().rstrip()}\n```")
+        controllers = between_marks(controllers, path.stem, f"```python\n{path.read_text().rstrip()}\n```")
     safe_states = between_marks((DOCS / "safe_states.md").read_text(), "life", life())
     return {
         DOCS / "controllers.md": between_marks(controllers, "rules", rules()),

@@ -124,8 +124,6 @@ class Codec:
         self._pack_head = partial(struct.Struct(f"<4siI{len(self._frame)}sQ").pack, LITTLE_ENDIAN_CDR + b"\0\0")
         # Another middleware may use another layout: the fast way is used only if it agrees.
         self.fast = fast and self._agrees()
-        if not self.fast:
-            self._frame_in = b""
 
     def _agrees(self) -> bool:
         """Whether the fast encoding and rclpy's serializer give the same bytes, and the same values back."""

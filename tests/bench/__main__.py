@@ -79,6 +79,14 @@ def bench_lanes(report: Report, folder: Path) -> None:
                 f"{figures[name]:.0f}",
                 figures["lanes"] / figures[name],
             )
+    for law, times in lanes.measure_loops().items():
+        figures[law] = times
+        report.add(
+            f"closed loop with {law} at 50 us in lanes, ns a step (floor: one by one)",
+            f"{times['lanes']:.0f}",
+            f"{times['scalar']:.0f}",
+            times["lanes"] / times["scalar"],
+        )
 
 
 def bench_lever(report: Report) -> None:

@@ -10,14 +10,20 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from afm_model import ControllerParameters, SimParameters, build
 from afm_model.core.lanes import LANES
 from afm_model.core.records import record_at, size
 from afm_model.instrument import lanes as together
 from afm_model.parts.header import BlockHeader
 from afm_model.plant import Constants, State, compliant
+from afm_model.run.together import run_together
 from afm_model.sample import paper
 
 _Array = NDArray[np.float64]
+PERIOD = 50e-6
+"""Control period of the closed loops [s]."""
+DURATION = 0.2
+"""Of each of their runs [s]."""
 
 
 @numba.njit(error_model="numpy")
@@ -93,3 +99,36 @@ def measure(folder: Path, repeats: int = 7) -> dict[str, Any]:
             raise RuntimeError("lanes and instruments one by one do not end in the same state")
     steps = len(u) * kernel.HOLD * LANES
     return {name: float(times.sum()) / steps for name, times in best.items()}
+
+
+def measure_loops(repeats: int = 2) -> dict[str, dict[str, float]]:
+    """Processor time of a step of one instrument in a closed loop at 50 us [ns], by law: `lanes` and `scalar`, in turn.
+
+    One sample of the ADC in a control period, as in sweeps. The time to make the instruments is in both.
+
+    Raises
+    ------
+    RuntimeError
+        If trajectories differ.
+    """
+    times: dict[str, dict[str, float]] = {}
+    for kind in ("tanh", "pid"):
+        period = {"law.period": PERIOD} if kind == "pid" else {}
+        law = build(ControllerParameters, {"law.kind": kind, **period})
+        values = {"plant.control_period": PERIOD, "detector.sample_period": PERIOD, "run.duration": DURATION}
+        sets = [(build(SimParameters, {**values, "plant.seed": i, "score.start": 0.0}), law) for i in range(LANES)]
+        best = times[kind] = {"lanes": np.inf, "scalar": np.inf}
+        for repeat in range(repeats + 1):  # The first compiles.
+            ends: list[list[str]] = []
+            for name in best:
+                begin = time.thread_time()
+                found = run_together(sets, lanes=name == "lanes", block_ticks=512)
+                taken = time.thread_time() - begin
+                ends.append([str(each) if isinstance(each, Exception) else each.trajectory_sha256() for each in found])
+                if repeat > 0:
+                    best[name] = min(
+                        best[name], 1e9 * taken / sum(sim.total_ticks * sim.plant.substeps for sim, _ in sets)
+                    )
+            if ends[0] != ends[1]:
+                raise RuntimeError(f"with {kind}, lanes and instruments one by one differ")
+    return times

@@ -133,6 +133,17 @@ def test_message_of_a_big_endian_machine_is_understood(kind: type, size: int, ma
     assert same(got[2], values)
 
 
+@pytest.mark.parametrize(("kind", "size", "make"), KINDS)
+@pytest.mark.parametrize("frame", ["scanner", "elsewhere"])
+def test_messages_are_read_in_place_whatever_the_frame(monkeypatch, kind, size, make, frame) -> None:
+    reader, message = make.__wrapped__(), kind()
+    fill(message, 7, 11, np.arange(1.0, size + 1.0))
+    message.header.frame_id = frame
+    data = serialize_message(message)
+    monkeypatch.setattr("afm_node_common.codec.deserialize_message", None)
+    assert same(reader.decode(data)[2], np.arange(1.0, size + 1.0))
+
+
 @pytest.mark.parametrize("fast", [True, False])
 @pytest.mark.parametrize(("kind", "size", "make"), KINDS)
 def test_message_that_breaks_off_is_an_error_and_never_numbers(kind: type, size: int, make: Make, fast: bool) -> None:

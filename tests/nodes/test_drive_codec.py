@@ -40,6 +40,15 @@ def test_codecs_read_a_horizon_that_rclpy_writes(horizon, frame) -> None:
         assert drive.horizon.tolist() == [list(each) for each in horizon]
 
 
+def test_horizon_is_read_and_written_in_place(monkeypatch) -> None:
+    data = serialize_message(message([(4.0, 5.0, 6.0)]))
+    monkeypatch.setattr("afm_node_common.codec.deserialize_message", None)
+    monkeypatch.setattr("afm_node_common.drive_codec.serialize_message", None)
+    drive = FAST.decode(data)[2]
+    assert deserialize_message(FAST.encode(7, 3 * 10**9 + 21, drive), PiezoDrive) == message([(4.0, 5.0, 6.0)])
+    assert FAST.decode(data)[2].horizon.tolist() == [[4.0, 5.0, 6.0]]
+
+
 @given(horizon=horizons)
 def test_rclpy_reads_a_horizon_that_the_codecs_write(horizon) -> None:
     for codec in (FAST, SLOW):

@@ -12,6 +12,7 @@ from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
 from .resonance import ResonanceFit, resonance_fit
 from .step_heights import Edge, edges, step_height
+from .tapping import TappingEnergy, tapping_energy
 from .thermal import ThermalTune, spring_constant
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
 
@@ -25,6 +26,7 @@ __all__ = [
     "FrictionLoop",
     "ResonanceFit",
     "Roughness",
+    "TappingEnergy",
     "ThermalTune",
     "WedgeCalibration",
     "along_normal",
@@ -44,6 +46,7 @@ __all__ = [
     "roughness",
     "spring_constant",
     "step_height",
+    "tapping_energy",
     "tilted_deflection",
     "tilted_stiffness",
     "two_levels",

@@ -130,10 +130,10 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     after = int(np.flatnonzero(d_in <= 0.0)[-1])
     contact = _crossing(z_in, d_in, after)
     # The deepest place before the contact is after the snap-in, whose motion counts from half its depth.
-    deepest = int(np.argmin(d_in[: after + 1]))
+    deepest = int(np.argmin(d_in))
     # Round-off is no snap-in where there is no noise.
     snapped = d_in[deepest] < -max(5.0 * noise, 1e-9 * d_in[-1])
-    fall = int(np.flatnonzero(d_in[: deepest + 1] > 0.5 * d_in[deepest])[-1]) if snapped else 0
+    fall = int(np.flatnonzero(d_in[:deepest] > 0.5 * d_in[deepest])[-1]) if snapped else 0
     lowest = int(np.argmin(d_out))
     return CurveAnalysis(
         baseline=base,

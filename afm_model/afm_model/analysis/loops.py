@@ -180,11 +180,11 @@ def _stick_slope(ways: list[tuple[_Array, _Array]], offset: float, reach: float,
     for x, signal in ways:
         forth = 1.0 if x[-1] > x[0] else -1.0
         way, y = forth * (x - x[0]), forth * (signal - offset)
-        chosen = _sticking(way, y, reach)
+        chosen, counted = _sticking(way, y, reach)
         # A scanner that rests while the tip sticks gives no slope.
         if chosen.size >= 3 and np.ptp(way[chosen]) > 0.0:
-            part = way[chosen] - way[chosen].mean()
-            weights = part / float(part @ part)
+            part = way[chosen] - np.average(way[chosen], weights=counted)
+            weights = counted * part / float(counted @ part**2)
             slopes.append(float(weights @ y[chosen]))
             sums.append((weights, y[way >= (1.0 - sliding) * way[-1]]))
     if not slopes:
@@ -192,18 +192,23 @@ def _stick_slope(ways: list[tuple[_Array, _Array]], offset: float, reach: float,
     return Estimate(float(np.mean(slopes)), noise_of(sums) / math.sqrt(len(slopes)))
 
 
-def _sticking(way: _Array, y: _Array, reach: float) -> NDArray[np.intp]:
-    """Samples behind a turn while a straight line through them is within reach: noise must not choose them one by one,
-    which would make the slope too small."""
+def _sticking(way: _Array, y: _Array, reach: float) -> tuple[NDArray[np.intp], _Array]:
+    """Samples behind a turn while a straight line through them is within reach, and how much each counts.
+
+    Noise must not choose them one by one, which would make the slope too small; one more at an end must not change it.
+    """
     crossed = np.flatnonzero(y > reach)
     end = int(crossed[0]) if crossed.size else y.size
     chosen = np.flatnonzero(y[:end] >= -reach)
+    counted = np.ones(chosen.size)
     for _ in range(_PASSES):
         if chosen.size < 3 or not np.ptp(way[chosen]) > 0.0:
             break
-        slope, height = np.polyfit(way[chosen], y[chosen], 1)
-        chosen = np.flatnonzero(np.abs(slope * way[: 2 * end] + height) <= reach)
-    return chosen
+        slope, height = np.polyfit(way[chosen], y[chosen], 1, w=np.sqrt(counted))
+        weights = 1.0 - ((slope * way[: 2 * end] + height) / reach) ** 2
+        chosen = np.flatnonzero(weights > 0.0)
+        counted = weights[chosen]
+    return chosen, counted
 
 
 def _turns(position: _Array) -> list[int]:

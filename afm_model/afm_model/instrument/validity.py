@@ -1,6 +1,7 @@
 """What makes a score doubtful: the run went where the equations, or their integration, do not hold."""
 
 import math
+from functools import lru_cache
 from typing import Any
 
 from ..contact.jkr import effective_radius_ratio
@@ -77,6 +78,7 @@ def doubts(
     return found
 
 
+@lru_cache(maxsize=64)  # Many laws run on one instrument.
 def valid_forces(parameters: InstrumentParameters) -> tuple[float, float]:
     """Least and largest normal force [N] between which the plant, or its integration, holds; infinite: any.
 

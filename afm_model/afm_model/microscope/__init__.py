@@ -15,6 +15,7 @@ from .prepare import with_verbs
 from .results import Calibration, MicroscopeState, Outcome, Progress, Standing, TimeSeries
 from .verb import Verb, all_verbs
 from .verbs import (
+    AmplitudeCurve,
     Approach,
     CalibrateLateral,
     CalibrateSensitivity,
@@ -33,6 +34,7 @@ from .verbs.scan_path import PathRecord
 from .view import InstrumentView
 
 __all__ = [
+    "AmplitudeCurve",
     "Approach",
     "Arrays",
     "Backend",

@@ -3,11 +3,12 @@
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
+from ..parameters import SimParameters
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
 from .contender import CONDITIONS, Common, Contender, contenders, instrument_under, law_under
@@ -78,6 +79,11 @@ def compare(
         raise ParameterError(
             f"cycles = {cycles:g} is not allowed: it must be > 0.5, the first half period is not scored"
         )
+
+    @cache
+    def instrument(*values: Any) -> SimParameters:
+        return instrument_under(common, dict(zip(CONDITIONS, values, strict=True)))
+
     grid = list(itertools.product(periods, delay_ticks, noise, friction, references))
     rows: list[Row] = []
     sets: list[Trial | str] = []
@@ -88,15 +94,15 @@ def compare(
             conditions = dict(zip(CONDITIONS, values, strict=True))
             rows.append({"law": law.label, **conditions})
             # The instrument must allow what is asked of it; a law may refuse its rate, which is a result.
-            sim = instrument_under(common, conditions)
+            sim = instrument(*values)
             # The margin is that of the nominal instrument, without noise. It is computed once.
-            told = instrument_under(common, conditions | {"noise": 0.0, "friction": 1.0})
+            told = instrument(*values[:2], 0.0, 1.0, values[4])
             if law.start is not None:
                 alone.append(len(sets))
                 sets.append(Trial(sim, None, law.kind, None, partial(law.start, told)))
                 continue
             try:
-                controller = law_under(common, law, conditions) if law.is_part else None
+                controller = law_under(common, law, conditions, sim) if law.is_part else None
             except ParameterError as error:
                 sets.append(str(error))
                 continue

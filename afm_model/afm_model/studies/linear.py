@@ -100,8 +100,10 @@ class LinearLoop:
     def response(self, axis: str, omega: _Array) -> NDArray[np.complex128]:
         """Frequency response of the loop cut between drive and piezo of `axis`, at omega [rad/s]."""
         cut = self.cuts[axis]
-        z = np.exp(1j * omega * self.period)[:, None, None]
-        found = cut.C @ np.linalg.solve(z * np.eye(len(cut.A)) - cut.A, cut.B) + cut.D
+        matrices = np.tile(-cut.A.astype(np.complex128), (len(omega), 1, 1))
+        i = np.arange(len(cut.A))
+        matrices[:, i, i] += np.exp(1j * omega * self.period)[:, None]
+        found = cut.C @ np.linalg.solve(matrices, cut.B) + cut.D
         return np.asarray(found, np.complex128).reshape(-1)
 
 

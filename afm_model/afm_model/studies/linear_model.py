@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..contact.friction import bound_of_load
 from ..contact.jkr import stiffness_of_u, u_of_load
-from ..core.jit import plain
-from ..core.records import Record, place, record_at, size
+from ..core.jit import plain, routine
+from ..core.records import Block, Record, place, record_at, size
 from ..core.registry import find
 from ..instrument import Instrument
 from ..instrument.controller import Controller, answer
@@ -27,6 +27,7 @@ _NOISES = {
     f"detector.{name}"
     for name in ("noise", "noise_density", "deflection_noise_density", "position_noise", "position_noise_density")
 }
+_VOLTAGE = place(PiezoDrive, "voltage")
 _SMALL = 1e-5
 """Change by which the law is probed, in the paper's units."""
 _TICKS = 200
@@ -123,7 +124,7 @@ def _ask(law: Controller, y: _Array) -> _Array:
     command = np.zeros(size(PiezoDrive))
     answer(law.block, 0.0, y, command)
     law.raise_errors()
-    return command[place(PiezoDrive, "voltage") :][:3]
+    return command[_VOLTAGE:][:3]
 
 
 def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Array:
@@ -139,18 +140,52 @@ def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Arra
     force = record_at(y := at_rest.copy(), 0, Measurement)
     force.lateral_force = nominal_friction(sim)[0] * sim.units.lateral_force
     force.lateral_voltage = force.lateral_force / sim.detector.lateral_sensitivity
-    start = record_at(at_rest, 0, Measurement).drive.copy()
-    flight = [start] * (delay + 1)
-    x, last = np.zeros(STATES + 3), np.zeros(STATES)
+    flight = np.tile(record_at(at_rest, 0, Measurement).drive, (delay + 1, 1))
     law.reset()
-    for _ in range(_SETTLING):
-        flight.append(_ask(law, y + C @ x).copy())
-        due = flight.pop(0) if delay else flight.pop()
-        last, x[:STATES] = x[:STATES].copy(), A @ x[:STATES] + B @ (due - start) + load
-        x[STATES:] = due - start
-        if not np.max(np.abs(x[:STATES])) < _FAR:
-            return at_rest
-    return y + C @ x if np.max(np.abs(x[:STATES] - last)) < _SMALL else at_rest
+    x, command = np.zeros(STATES + 3), np.zeros(size(PiezoDrive))
+    settled = _settle(
+        law.block, command, y, C, np.ascontiguousarray(A), np.ascontiguousarray(B), load, flight, delay, x
+    )
+    law.raise_errors()
+    return y + C @ x if settled else at_rest
+
+
+@routine
+def _settle(
+    law: Block,
+    command: _Array,
+    y: _Array,
+    C: _Array,
+    A: _Array,
+    B: _Array,
+    load: _Array,
+    flight: _Array,
+    delay: int,
+    x: _Array,
+) -> bool:
+    """Let the loop run for _SETTLING control periods; x: states and drive at the end. Whether they move no more."""
+    start, last, moved, due = flight[0].copy(), np.zeros(STATES), np.zeros(STATES), np.zeros(3)
+    n, seen = len(flight), np.zeros(len(y))
+    for k in range(_SETTLING):
+        np.dot(C, x, seen)
+        for i in range(len(y)):
+            seen[i] += y[i]
+        answer(law, 0.0, seen, command)
+        for axis in range(3):
+            given = command[_VOLTAGE + axis]
+            due[axis] = (flight[k % n, axis] if delay else given) - start[axis]
+            flight[k % n, axis] = given
+        last[:] = x[:STATES]
+        np.dot(A, last, moved)
+        np.dot(B, due, x[:STATES])
+        far = 0.0
+        for i in range(STATES):
+            x[i] = moved[i] + x[i] + load[i]
+            far = max(far, abs(x[i])) if x[i] == x[i] else _FAR
+        x[STATES:] = due
+        if not far < _FAR:
+            return False
+    return bool(np.max(np.abs(x[:STATES] - last)) < _SMALL)
 
 
 def law_scales(law: Controller, sliding: _Array, C: _Array) -> tuple[_Array, _Array]:

@@ -52,7 +52,9 @@ def wrong(off: np.ndarray, larger: bool) -> str:
 @pytest.mark.parametrize("case", examine.CASES)
 def test_truth_is_within_the_uncertainty_as_often_as_it_says(case):
     draws = DRAWS.get(case, 400)
-    for row in examine.examine(case, draws, COLOURS):
+    rows = examine.examine(case, draws, COLOURS)
+    assert rows
+    for row in rows:
         assert row.off.size > 0.9 * draws, row.name
         larger = row.name in SYSTEMATIC
         assert wrong(row.off, larger) == "", row.name

@@ -180,6 +180,8 @@ def test_a_retract_that_ends_while_the_tip_is_pulled_is_refused_and_noise_is_no_
     cut = 3001 + int(np.sum(z[3001:] > 97e-9))  # pulled by 4 nm of 5
     with pytest.raises(ValueError, match="the retract ends before the tip comes off"):
         in_contact(z[:cut], d[:cut])
+    _, pressed, pulled = in_contact(z, made_up(rng, 0.0)[1])
+    assert (z[pressed][0], z[pressed][-1]) == (pytest.approx(101e-9, abs=0.06e-9), 150e-9)
     *_, pulled = in_contact(z, d)
     assert z[pulled][-1] == pytest.approx(96e-9, abs=0.2e-9)
     # Without adhesion the last sample is the lowest by chance, within 5 deviations.
@@ -203,3 +205,12 @@ def test_pull_of_few_samples_has_the_adhesion_of_the_lowest_one(rng):
     z, d = made_up(rng, 0.0)
     z, d = z[::40], d[::40]  # 2 nm a sample, in a pull of 5 nm
     assert force_curve(z, d, 2.0).adhesion.value == pytest.approx(2.0 * (2e-9 - d[z.size // 2 :].min()), rel=1e-12)
+
+
+def test_pull_along_a_straight_line_is_taken_to_the_middle_of_the_step_in_which_the_tip_comes_off(rng):
+    z, d = made_up(rng, 0.0)
+    z, d = z[::8], d[::8]  # 0.4 nm a sample
+    last = z[z.size // 2 :][d[z.size // 2 :].argmin()] - 0.2e-9
+    found = force_curve(z, d, 2.0)
+    assert found.adhesion.value == pytest.approx(2.0 * (101e-9 - last), rel=1e-6)
+    assert found.contact_point == pytest.approx(101e-9, abs=1e-15)  # half way between two samples

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from afm_model.analysis import (
+    Estimate,
     contrast,
     correlation_length,
     edges,
@@ -14,6 +15,7 @@ from afm_model.analysis import (
     line_loop,
     roughness,
     step_height,
+    step_heights,
     two_levels,
 )
 
@@ -44,6 +46,14 @@ def test_contrast_of_two_materials_is_found(rng):
     found = contrast(image, high, low)
     assert found.ratio.value == pytest.approx(0.5, abs=0.015)
     assert found.lines == 40
+
+
+def test_what_a_whole_line_has_too_much_is_not_in_the_uncertainty_of_the_ratio(rng):
+    image = stripes(0.5) * (1.0 + 0.1 * rng.standard_normal((40, 1)))
+    found = contrast(image, stripes(0.5) == 1.0, stripes(0.5) == 0.5)
+    assert found.ratio.value == pytest.approx(0.5, rel=1e-12)
+    assert found.ratio.uncertainty < 1e-12
+    assert found.first.uncertainty > 0.01
 
 
 def test_split_leaves_out_the_border_and_lines_that_were_not_measured():
@@ -111,6 +121,25 @@ def test_edges_have_their_places_widths_and_directions():
     assert [each.rising for each in found] == [bool(grating()[np.searchsorted(X, p) + 8] > 10e-9) for p in expected]
 
 
+def test_edge_at_the_first_sample_has_a_width():
+    x = np.arange(20.0)
+    (only,) = edges(x, np.minimum(x, 1.0))  # 10 % to 90 % of a slope from the first sample to the second one
+    assert (only.place, only.width, only.rising) == (0.5, pytest.approx(0.8), True)
+
+
+def test_heights_of_neighbours_are_as_uncertain_as_the_plateaus_that_they_share():
+    for count in (2, 3, 7):
+        # Height n is level n + 1 less half of both levels beside it, of the other sign for every second one.
+        of_levels = np.zeros((count, count + 2))
+        for n in range(count):
+            of_levels[n, n : n + 3] = np.array([-0.5, 1.0, -0.5]) * (-1.0) ** n
+        shared = of_levels @ of_levels.T
+        of_mean = shared.sum() / count**2
+        scatter = (np.trace(shared) - shared.sum() / count) / (count - 1)
+        found = step_heights._of_neighbours(Estimate(0.0, math.sqrt(scatter / count)), count)
+        assert found.uncertainty == pytest.approx(math.sqrt(of_mean), rel=1e-12)
+
+
 def test_noise_at_half_the_height_makes_no_edges(rng):
     line = grating() + 1e-9 * rng.standard_normal(400)
     assert len(edges(X, line)) == len(edges(X, grating()))
@@ -141,8 +170,9 @@ def test_loop_of_a_line_that_is_closed_is_refused():
         line_loop(X, np.zeros(400), np.ones(400))
     with pytest.raises(ValueError, match="lists of the same length"):
         line_loop(X, np.zeros(10), np.zeros(400))
-    with pytest.raises(ValueError, match="sliding = 0 is not allowed"):
-        line_loop(X, np.ones(400), np.zeros(400), sliding=0.0)
+    for sliding in (0.0, 1.5):
+        with pytest.raises(ValueError, match=f"sliding = {sliding:g} is not allowed"):
+            line_loop(X, np.ones(400), np.zeros(400), sliding=sliding)
 
 
 def test_roughness_is_that_of_a_sine_on_a_plane():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from afm_model.analysis import friction_loop, means
+from afm_model.analysis.estimate import mean
 from afm_model.contact.maugis import branch
 
 from .bench import K, grating_line, run
@@ -78,6 +79,12 @@ def test_loop_of_a_play_operator_is_recovered(rng):
     assert found.half_width.value == pytest.approx(4e-9, rel=1e-12)
     assert found.offset.value == pytest.approx(1e-9, rel=1e-12)
     assert found.stick_slope.value == pytest.approx(20.0, rel=1e-9)
+
+
+def test_means_of_few_values_have_the_factor_of_student_for_95_percent():
+    # Two values 2 apart: 1, times half of Student's 13.97 for 95.45 % with one degree of freedom; with two 4.53.
+    assert mean([1.0, 3.0]).uncertainty == pytest.approx(0.5 * 13.97, rel=1e-3)
+    assert mean([1.0, 2.0, 3.0]).uncertainty == pytest.approx(0.5 * 4.527 / math.sqrt(3.0), rel=1e-3)
 
 
 def test_what_is_no_loop_is_refused_in_a_sentence():

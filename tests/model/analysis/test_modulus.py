@@ -64,10 +64,19 @@ def test_contact_of_a_curve_without_noise_is_recovered_within_a_thousandth(model
     assert found.modulus.value == pytest.approx(E, rel=1e-3)
     assert found.work_of_adhesion.value == pytest.approx(WORK, rel=2e-3)
     assert found.contact_point == pytest.approx(0.0, abs=1e-12)
+    # Way of the scanner, less what the cantilever bends.
+    assert found.indentation == pytest.approx(made_up(model)[0].max() - made_up(model)[1].max() + ZERO, rel=1e-3)
     tabor = (RADIUS * WORK**2 / (E**2 * REACH**3)) ** (1.0 / 3.0)
     assert found.tabor.value == pytest.approx(tabor, rel=3e-3)
     most = pull_off(model, 1.157 * tabor) * math.pi * WORK * RADIUS
     assert found.pull_off.value == pytest.approx(most, rel=3e-3)
+
+
+def test_contact_does_not_depend_on_where_z_is_counted_from():
+    z, d = made_up("maugis")
+    here, there = fit(z, d), fit(z + 40e-6, d)
+    assert there.contact_point - 40e-6 == pytest.approx(here.contact_point, abs=1e-13)
+    assert there.modulus.value == pytest.approx(here.modulus.value, rel=1e-5)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02e-9])

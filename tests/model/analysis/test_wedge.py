@@ -73,6 +73,19 @@ def test_uncertainty_of_the_load_comes_through():
     assert 0.005 < one.sensitivity.uncertainty / TRUE < 0.03
 
 
+def test_uncertainty_of_a_wedge_by_flat_is_the_scatter_of_its_result(rng):
+    up, down = forces(LOADS, STEEP, lambda N: 3e-9)
+    flat = np.geomspace(2e-9, 200e-9, 12)
+    found = []
+    for _ in range(8):
+        of_flat, of_up, of_down = (2e-6 * rng.standard_normal(n) for n in (flat.size, LOADS.size, LOADS.size))
+        widths = 3e-9 / TRUE + of_flat
+        found.append(wedge_by_flat(flat, widths, LOADS, up / TRUE + of_up, LOADS, down / TRUE + of_down, STEEP))
+    S = np.array([each.sensitivity for each in found])
+    # Eight repetitions know a standard deviation to 27 %; Student's factor of 7 numbers is 1.2.
+    assert 0.5 < np.median(S[:, 1]) / S[:, 0].std(ddof=1) < 3.0
+
+
 def signals(angle: float, loads: tuple[float, ...]) -> dict[str, np.ndarray]:
     """Means over flat, uphill and downhill of a line of the grating at each load, as a user takes them."""
     rows = []

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from afm_model.contact import jkr
 from afm_model.contact.contact_table import NODES, REACH, ROW, attraction, end_of_contact, look_up, table, transitions
-from afm_model.contact.maugis import branch, pull_off
+from afm_model.contact.maugis import along, branch, pull_off
 from afm_model.core.jit import plain
 
 LAMBDAS = (0.05, 0.2, 0.6, 1.0, 1.62, 3.0, 10.0)
@@ -57,6 +57,16 @@ def test_branch_solves_the_implicit_equations_of_maugis(lam, force):
     assert borne[0] == pytest.approx(force, abs=1e-8)
 
 
+def test_a_narrow_adhesive_zone_is_that_of_the_equations_before_their_terms_cancel():
+    lam, t = 1.3, np.array([0.0199])  # so wide that they cancel to 1e-12 only
+    mu, m = math.tan(t[0]), 1.0 / math.cos(t[0])
+    first, second = mu + (m * m - 2.0) * t[0], mu * t[0] - m + 1.0
+    a, force, d = (float(each[0]) for each in along(lam)(t))
+    assert lam * a * a / 2.0 * first + 4.0 * lam * lam * a / 3.0 * second == pytest.approx(1.0, rel=1e-9)
+    assert force == pytest.approx(a**3 - lam * a * a * (mu + m * m * t[0]), rel=1e-12)
+    assert d == pytest.approx(a * a - 4.0 / 3.0 * lam * a * mu, rel=1e-12)
+
+
 def test_pull_off_goes_from_2_of_dmt_to_3_2_of_jkr():
     forces = [pull_off("maugis", lam) for lam in (0.01, *LAMBDAS, 100.0)]
     assert forces == sorted(forces, reverse=True)
@@ -90,17 +100,20 @@ def test_table_is_exact_to_1e_4_over_the_whole_branch(case):
     model, lam = case
     exact = branch(model, lam)
     values = table(model, np.array([lam])).ravel()
-    # Between the nodes, where interpolation is worst, and beyond the table.
-    s = np.concatenate([(np.arange(NODES - 1) + 0.5) * REACH / (NODES - 1), [1.1 * REACH, 2.0 * REACH]])
+    # Between the nodes, in the middle, where interpolation is worst, and beside it; and beyond the table.
+    nodes, beyond = np.arange(NODES - 1), [1.1 * REACH, 2.0 * REACH]
+    s = np.concatenate([(nodes + 0.5) * REACH / (NODES - 1), (nodes[::8] + 0.2) * REACH / (NODES - 1), beyond])
     d = exact.least_indentation + s * s
     a, force = exact.solve(d)
     found = np.array([look_up(each, 0.0, values, 0, 1) for each in d])
     assert np.abs((found[:, 0] - force) / np.maximum(1.0, np.abs(force))).max() < 1e-4
     assert np.abs((found[:, 2] - a) / np.maximum(1.0, a)).max() < 1e-4
     # The slopes are those of the values.
-    near = np.array([look_up(each + 1e-7, 0.0, values, 0, 1) for each in d])
-    assert (near[:, 0] - found[:, 0]) / 1e-7 == pytest.approx(found[:, 1], rel=1e-3, abs=1e-3)
-    assert (near[:, 2] - found[:, 2]) / 1e-7 == pytest.approx(found[:, 3], rel=1e-2, abs=1e-3)
+    step = 1e-5 * s * s
+    above, below = (np.array([look_up(x, 0.0, values, 0, 1) for x in d + way * step]) for way in (1.0, -1.0))
+    slopes = (above - below) / (2.0 * step)[:, None]
+    assert slopes[:, 0] == pytest.approx(found[:, 1], rel=1e-5, abs=1e-5)
+    assert slopes[:, 2] == pytest.approx(found[:, 3], rel=1e-5, abs=1e-5)
 
 
 @pytest.mark.parametrize(("lam", "of_force", "of_radius"), [(0.6, 1e-6, 1e-6), (0.94, 5e-4, 5e-3), (1.62, 1e-6, 1e-8)])
@@ -125,9 +138,13 @@ def test_table_between_two_transition_parameters_is_exact_to_1e_4():
         row = (lam - rows[0]) / (rows[1] - rows[0])
         assert end_of_contact(row, values, 0, len(rows)) == pytest.approx(exact.least_indentation, abs=1e-4)
         d = exact.least_indentation + np.linspace(0.05, 6.0, 40) ** 2
-        force = exact.solve(d)[1]
-        found = np.array([look_up(each, row, values, 0, len(rows))[0] for each in d])
-        worst = max(worst, float(np.abs((found - force) / np.maximum(1.0, np.abs(force))).max()))
+        a, force = exact.solve(d)
+        found, above, below = (
+            np.array([look_up(each + step, row, values, 0, len(rows)) for each in d]) for step in (0.0, 1e-7, -1e-7)
+        )
+        worst = max(worst, float(np.abs((found[:, 0] - force) / np.maximum(1.0, np.abs(force))).max()))
+        assert found[:, 2] == pytest.approx(a, rel=1e-4)
+        assert found[:, 1::2] == pytest.approx((above - below)[:, ::2] / 2e-7, rel=1e-5, abs=1e-5)
     assert worst < 1e-4
 
 

@@ -20,6 +20,7 @@ from afm_model.files import (
     write_sheet,
     write_table,
 )
+from afm_model.files.result_files import Disk
 
 from . import scans
 
@@ -122,3 +123,12 @@ def test_folder_that_may_not_be_written_to_is_told(tmp_path):
         os.mkdir(folder, 0o500)
     with pytest.raises(ResultFileError, match=r"cannot be written: (Permission denied|No such file)"):
         write_gsf(f"{folder}/scan.gsf", IMAGE)
+
+
+def test_what_a_file_has_not_is_read_as_zeros(tmp_path):
+    with Disk(tmp_path / "short", overwrite=False) as disk:
+        disk.write(b"abc")
+        disk.seek(1)
+        read = bytearray(b"....")
+        assert (disk.readinto(read), bytes(read)) == (4, b"bc\0\0")
+        assert (disk.readinto(read), bytes(read)) == (4, bytes(4))

@@ -68,6 +68,12 @@ def test_curves_that_are_on_no_full_grid_are_no_map(tmp_path):
     assert all("grid shape x" not in each.metadata for each in afmformats.load_data(path))
 
 
+def test_curves_on_a_grid_of_uneven_steps_are_no_map(tmp_path):
+    places = [(x, y) for y in (0.0, 20e-9) for x in (0.0, 10e-9, 30e-9)]
+    path = write_curves(tmp_path / "uneven.h5", [scans.curve(x, y) for x, y in places])
+    assert all("grid shape x" not in each.metadata for each in afmformats.load_data(path))
+
+
 def test_curve_that_was_broken_off_has_its_approach_alone(tmp_path):
     curve = scans.curve()
     cut = curve.record.channels["phase"] == 2.0

@@ -66,7 +66,8 @@ def test_picture_has_title_unit_and_scale_bar():
     assert bar.get_title() == "nm"
     (drawn,) = axes.patches
     assert drawn.get_width() == pytest.approx(50e-9 / 200e-9)
-    assert "50 nm" in [each.get_text() for each in axes.texts]
+    (length,) = (each for each in axes.texts if each.get_text() == "50 nm")
+    assert length.get_position()[1] == pytest.approx(drawn.get_y() + 0.5 * drawn.get_height())
     assert figure.get_suptitle() == "200 nm x 200 nm, 64 x 64 pixels, 0.998 Hz"
     (shown,) = axes.images
     np.testing.assert_allclose(shown.get_array(), 1e9 * levelled(layer(scans.scanned(), "height_trace"))[0])
@@ -83,6 +84,7 @@ def test_sheet_shows_every_layer_traces_above_retraces():
         assert (above.rowspan.start, below.rowspan.start) == (0, 1)
         assert above.colspan == below.colspan
     assert places["Friction"].colspan == places["Crosstalk"].colspan
+    assert max(each.colspan.stop for each in places.values()) == places["Friction"].get_gridspec().ncols
     assert figure.get_suptitle() == "A sample, 200 nm x 200 nm, 64 x 64 pixels, 0.998 Hz, 28.65°, 20 lines measured"
 
 
@@ -158,6 +160,8 @@ def test_force_curves_are_drawn_from_their_turn_in_newton(tmp_path):
     assert axes.get_ylabel() == "force [nN]"
     lines = [line for line in axes.lines if line.get_label() in ("approach", "retract")]
     assert [line.get_label() for line in lines] == ["approach", "retract"]
+    (zero,) = (line for line in axes.lines if len(line.get_xdata()) == 2)
+    assert list(zero.get_ydata()) == [0.0, 0.0]
     read = curves[0].record.channels
     z, force = lines[0].get_data()
     assert len(z) == np.count_nonzero(read["phase"] == read["phase"][0])

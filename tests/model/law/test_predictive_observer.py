@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, build
+from afm_model.law.predictive.guard import begin_anew
 from afm_model.law.predictive.nominal_plant import look, nominal_bound
 from afm_model.law.predictive.observer import (
     AT_X,
@@ -37,6 +38,7 @@ def records(**law):
     told = {"law.kind": "predictive", "law.feedback": "measured", "law.period": 2e-4, "law.surface": "known"}
     made = build(ControllerParameters, told | {f"law.{k}": v for k, v in law.items()})
     p, s = record_of(Constants, **values(made)), record_of(State, **start(made))
+    begin_anew(p, s)
     begin_observer(p, s)
     s.V_X, s.v[0], s.fastest, s.ratio[VALUE] = 0.1, 0.1, 0.1, 0.75
     s.weights[RATIO] = 1.0

@@ -54,7 +54,8 @@ def continue_reference(axis: int, first: float, n: int, p: Constants, s: State) 
         s.path[i, axis, 0] = s.p[axis] + a * sin + b * (1.0 - cos)
         s.path[i, axis, 1] = w * (a * cos + b * sin)
         cos, sin = cos * cos_step - sin * sin_step, sin * cos_step + cos * sin_step
-        if p.corner[axis] > 0.0:
+    if p.corner[axis] > 0.0:
+        for i in range(n + 1):
             # Of the way from corner to corner and back.
             part = 0.25 * (s.path[i, axis, 0] / p.corner[axis] + 1.0)
             part -= math.floor(part)

@@ -99,10 +99,12 @@ def finite(count: int, s: State) -> bool:
 
 @kernel
 def begin_anew(p: Constants, s: State) -> None:
-    """Forget all that may be no number; observe() and take_height() begin with the next measurement."""
+    """At the first measurement, and at the next one after an answer that was no number: nothing is known.
+
+    A bound of friction that is to be found is approached from below.
+    """
     forget(p, s)
-    s.fallbacks += 1.0
-    s.started, s.distrust, s.calm_ticks, s.slips, s.reserve_end = 0.0, 1.0, 0.0, 0.0, -1
+    s.calm_ticks, s.slips, s.reserve_end = 0.0, 0.0, -1
     for i in range(10):
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
     for i in range(NODES):

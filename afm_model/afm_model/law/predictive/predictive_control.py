@@ -60,6 +60,8 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
 @kernel
 def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> None:
     """See `afm_model.parts.Law`."""
+    if s.started == 0.0:
+        begin_anew(p, s)
     take_reference(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)
     recall(k, y, p, s)
@@ -94,7 +96,8 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     s.started = 1.0
     if not finite(planned, s):
         # Nothing that led there counts: the law begins anew at the next measurement, with the drive that is in force.
-        begin_anew(p, s)
+        s.started, s.distrust = 0.0, 1.0
+        s.fallbacks += 1.0
         for i in range(planned):
             for axis in range(3):
                 s.plan[i, axis] = y.drive[axis] / p.volts[axis]

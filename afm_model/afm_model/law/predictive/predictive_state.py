@@ -8,8 +8,7 @@ from ...core.elementary import exp
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .map import LENGTH, NODES, SPACING
-from .predictive_constants import ANSWERS, INTERVALS, SLOTS, first_deviations, least_bound
-from .sample_estimate import MEAN, VALUE
+from .predictive_constants import ANSWERS, INTERVALS, SLOTS
 
 
 class State(Record):
@@ -113,16 +112,10 @@ class State(Record):
 
 
 def start(parameters: Tree) -> Numbers:
-    """Nothing is known; a bound of friction that is to be found is approached from below."""
+    """What does not change; the rest is begun at the first measurement (guard.py)."""
     first = np.zeros(1, State)[0]
-    law = parameters.law
-    first["ratio"][[VALUE, MEAN]] = least_bound(law)
-    first["gain_of"] = first["learned"][0] = 1.0
-    first["unsure"] = np.diag(np.square(first_deviations(law)))
     nodes = np.arange(NODES)
     apart = np.minimum(nodes, NODES - nodes) * SPACING / LENGTH
     first["prior"] = [exp(-0.5 * each * each) for each in apart]
-    first["covariance"] = [np.roll(first["prior"], node) for node in range(NODES)]
-    first["answered"] = first["reserve_end"] = -1
-    first["visited"] = np.inf
+    first["answered"] = -1
     return {name: first[name] for name in State.names}

@@ -1,6 +1,7 @@
 """What a microscope can be asked to do; over topics each by an action of its name, or by the action `verb`."""
 
 from ...core.registry import register
+from .amplitude_curve import AmplitudeCurve
 from .calibrate_lateral import CalibrateLateral
 from .calibrate_sensitivity import CalibrateSensitivity
 from .force_curve import ForceCurve
@@ -12,9 +13,10 @@ from .thermal_tune import ThermalTune
 from .tune import Tune
 
 register(Approach, Withdraw, MoveTo, ForceCurve, FrictionLoop, Scan, ScanPath)
-register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune)
+register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve)
 
 __all__ = [
+    "AmplitudeCurve",
     "Approach",
     "CalibrateLateral",
     "CalibrateSensitivity",

@@ -1,0 +1,100 @@
+"""The verb AmplitudeCurve: amplitude and phase of the driven cantilever over distance; docs/dynamic.md."""
+
+import math
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from ...onboard.dynamic import frequency
+from ...program import orders
+from ...program.orders import Order, Step
+from ..arrays import Arrays, Variable, attributes, variable
+from ..collect import RecordCollector
+from ..execution import Execution, Task
+from ..results import MicroscopeState
+from ..verb import Count, Length, Rest, Speed, Verb, too_fast, too_much
+from ..view import InstrumentView
+
+_NAMES = ["z", "in_phase", "quadrature", "deflection"]
+
+
+class AmplitudeCurve(Verb):
+    """Amplitude, phase and mean deflection on the way to the sample and back; the tip begins and ends off it."""
+
+    returns: ClassVar = Arrays
+
+    begin: Length = Field(1e-9, description="z first goes towards the sample by this")
+    ramp: Length = Field(100e-9, description="way of the curve from there, towards the sample and back")
+    rate: Speed = Field(1e-6, description="velocity of z in the curve")
+    begin_rate: Speed = Field(10e-6, description="velocity of z before and behind it")
+    settle: Rest = Field(20e-3, description="rest before the curve")
+    points: Count = Field(500, description="means in each direction, at most")
+
+    def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
+        """See `Verb`."""
+        part = view.parameters.onboard
+        if not hasattr(part, "drive_frequency"):
+            yield (f"AmplitudeCurve is not allowed with onboard.kind = {part.kind}, which has no drive: take dynamic")
+            return
+        if part.drive_amplitude == 0.0:
+            yield "AmplitudeCurve is not allowed with onboard.drive_amplitude = 0: it must be > 0 m; tune sets it"
+        if state.near:
+            yield "AmplitudeCurve is not allowed while the tip is on the sample: withdraw it first"
+        yield from too_fast("rate", self.rate, 0.0, self.ramp, view)
+        yield from too_fast("begin_rate", self.begin_rate, 0.0, self.begin, view)
+        left = view.reach[1] - view.offset
+        if self.begin + self.ramp > left:
+            yield f"ramp = {self.ramp:g} m is not allowed here: z has {left - self.begin:.4g} m left behind begin"
+        if self.samples(view) < 1.0:
+            yield f"points = {self.points} is not allowed: there are {self.points * self.samples(view):.4g} samples"
+        yield from too_much(2.0 * len(_NAMES) * self.points, f"points = {self.points}")
+
+    def samples(self, view: InstrumentView) -> float:
+        """In a point."""
+        return view.samples(self.ramp / self.rate) / self.points
+
+    def tasks(self, run: Execution) -> Iterator[Task]:
+        """See `Verb`."""
+        view, start = run.view, run.view.offset
+        run.state.near = True
+        per = math.ceil(self.samples(view) - 1e-9)
+        rate = 1.0 / (per * view.sample_period)
+        both = [run.recorder(_NAMES, rate, count=per * self.points) for _ in range(2)]
+        run.result = lambda: self._found(view, both)
+        way, there = self.ramp / self.rate, self.begin / self.begin_rate + self.settle
+        run.total = 2.0 * (way + there)
+
+        def move(target: float, rate: float, rest: float = 0.0) -> Order:
+            steps = Step(orders.RAMP, target=start + target, rate=rate, then=1), Step(orders.DWELL, duration=rest)
+            return Order(view.stay(), steps if rest else (steps[0]._replace(then=orders.END),))
+
+        yield Task(move(self.begin, self.begin_rate, self.settle), there, "on the way to the sample")
+        yield Task(move(self.begin + self.ramp, self.rate), way, "towards the sample", both[0])
+        yield Task(move(self.begin, self.rate), way, "back", both[1])
+        yield Task(move(0.0, self.begin_rate), there, "on the way back")
+        run.state.near = False
+
+    def _found(self, view: InstrumentView, both: list[RecordCollector]) -> Arrays:
+        """Both directions, from the far end on; what was not measured is NaN."""
+        columns: dict[str, list[NDArray[np.float64]]] = {name: [] for name in (*_NAMES, "amplitude", "phase")}
+        records = [recorder.record().channels for recorder in both]
+        longest = max(each["z"].size for each in records)
+        for back, record in enumerate(records):
+            read = {name: values[:: -1 if back else 1] for name, values in record.items()}
+            late = np.arctan2(read["quadrature"], read["in_phase"])
+            read["amplitude"] = np.hypot(read["in_phase"], read["quadrature"])
+            read["phase"] = np.where(late < -0.5 * np.pi, late + 2.0 * np.pi, late)
+            for name, values in read.items():
+                columns[name].append(np.pad(values, (0, longest - values.size), constant_values=np.nan))
+        part = view.parameters.onboard
+        told = {"drive_frequency_Hz": frequency(view.parameters), "drive_amplitude_m": part.drive_amplitude}
+        over, units = ("direction", "point"), {"phase": "rad"}
+        ways = Variable(("direction",), np.arange(2.0), {"units": "1", "flag_meanings": "approach retract"})
+        return Arrays(
+            {name: variable(over, np.stack(each), name, units.get(name, "m")) for name, each in columns.items()},
+            {"direction": ways},
+            attributes(self, told),
+        )
