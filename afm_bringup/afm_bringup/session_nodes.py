@@ -38,7 +38,7 @@ def commands(
     parameters = work / "parameters.yaml"
     own: dict[str, dict[str, object]] = {
         SIMULATOR: {"run.start_paused": True, "run.exit_when_finished": False},
-        RECORDER: {"path": str(work / RECORDING)},
+        RECORDER: {"path": str(work / RECORDING), "title": scenario.header.title or scenario.name},
     }
     if controller == INSIDE:
         own[SIMULATOR] |= {f"law.{name}": value for name, value in flatten(scenario.controller.law).items()}

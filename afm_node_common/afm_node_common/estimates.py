@@ -6,7 +6,7 @@ import numpy as np
 from afm_msgs.msg import Waveform
 from rclpy.node import Node
 
-from afm_model.parts import Estimate
+from afm_model.parts import LawEstimate
 
 from . import topics
 from .codec import BlockEncoder
@@ -28,7 +28,7 @@ class Estimates:
         `estimates` of the controller at present; which there are is decided at construction.
     """
 
-    def __init__(self, node: Node, believed: Callable[[], Iterable[Estimate]]) -> None:
+    def __init__(self, node: Node, believed: Callable[[], Iterable[LawEstimate]]) -> None:
         self._believed = believed
         self._encode = BlockEncoder(Waveform).encode
         self._publishers = {

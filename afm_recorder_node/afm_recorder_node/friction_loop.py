@@ -15,7 +15,7 @@ ROWS = 200_000
 """Rows of each signal that count, the last ones: a long run is not one drawing."""
 POINTS = 50_000
 """Points that are drawn at most."""
-_FRAME, _LOOP, _TEXT = (150, 150, 150), (160, 120, 220), 0.12
+_FRAME, _LOOP, _TEXT, _ASIDE = (150, 150, 150), (160, 120, 220), 0.12, 0.75
 
 
 class _Tail:
@@ -80,7 +80,8 @@ class FrictionLoop:
         stream.log(
             f"{layout.FRICTION_LOOP}/frame", rr.LineStrips2D([frame], colors=[_FRAME], radii=[-0.5]), static=True
         )
-        places = [[0, HEIGHT + _TEXT], [WIDTH, HEIGHT + _TEXT], [-_TEXT, HEIGHT], [-_TEXT, 0]]
+        # A label hangs from its place, some 1.2 wide and .5 high on a laptop: none covers another, or the loop.
+        places = [[0, HEIGHT + _TEXT], [WIDTH, HEIGHT + _TEXT], [-_ASIDE, HEIGHT - 5 * _TEXT], [-_ASIDE, -_TEXT]]
         ends = [f"{left:.3g} nm", f"{right:.3g} nm", f"{low:.3g} nN", f"{high:.3g} nN"]
         stream.log(
             f"{layout.FRICTION_LOOP}/ends",

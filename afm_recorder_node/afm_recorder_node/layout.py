@@ -27,6 +27,8 @@ PARAMETERS = "/parameters"
 
 SCORE = "/score"
 """Text of the score (YAML), when the run has one."""
+RUN = "/run"
+"""Title of the run, and its score as a table with units."""
 FRICTION_LOOP = "/friction_loop"
 """Drawing of lateral force against position, in a complete recording."""
 
@@ -138,7 +140,7 @@ def signal(name: str, si_unit: str) -> Signal:
 
 def further(entities: Iterable[str]) -> list[str]:
     """Which of these entities are channels beyond those of CHANNELS."""
-    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE, FRICTION_LOOP}
+    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE, RUN, FRICTION_LOOP}
     below = tuple(f"{entity}/" for entity in (PARAMETERS, FRICTION_LOOP, SCANS))
     return sorted(e for e in entities if e not in others and not e.startswith((*below, "/__")))
 
@@ -198,7 +200,7 @@ def _signals(further: Iterable[str]) -> rrb.Container:
             rrb.Tabs(
                 *_plots("Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip")
             ),
-            rrb.Vertical(*_plots("Tracking error", ERROR, z="Tracking error of the tip, z")),
+            rrb.Tabs(*_plots("Tracking error", ERROR, z="Tracking error of the tip, z")),
             rrb.Spatial2DView(
                 name="Friction loop: lateral force against position, x", origin=FRICTION_LOOP, contents="$origin/**"
             ),
@@ -208,7 +210,7 @@ def _signals(further: Iterable[str]) -> rrb.Container:
             grid_columns=3,
         ),
         rrb.Horizontal(
-            rrb.TextDocumentView(name="Score", origin=SCORE),
+            rrb.TextDocumentView(name="Run", origin=RUN),
             rrb.Tabs(
                 rrb.TextLogView(name="Events", origin=EVENTS),
                 rrb.TextDocumentView(name="Parameters", origin=PARAMETERS),

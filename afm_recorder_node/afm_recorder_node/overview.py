@@ -15,13 +15,11 @@ from . import layout
 from .describe import NODES, not_default, parts, quantity, scenario
 from .reader import read_about
 from .recording import About
+from .score_text import facts, vectors
 from .statistics import Gathered, Statistics
 
 _EVENTS = 12
 """Events that are shown; of more the first and the last ones."""
-_SCORED = {"rms": "m", "max": "m", "max_percent": "%", "drive_total_variation": "V/s", "extent": "m"}
-"""Vectors of a score, and their units."""
-_SHARES = {"stick_fraction": "stick", "contact_fraction": "in contact", "retracted_fraction": "retracted"}
 
 
 def overview(path: Path, console: Console) -> None:
@@ -30,19 +28,19 @@ def overview(path: Path, console: Console) -> None:
     about, signals = read_about(path, lambda entity, times, values: gathered[entity].put(times, values))
     kept = [each for entity, signal in signals.items() for each in gathered[entity].statistics(signal)]
     ticks = next((each for each in kept if each.name == layout.ROUND_TRIP.name), None)
-    facts = Table(show_header=False, box=None, title=escape(str(path)), title_justify="left", pad_edge=False)
+    about_run = Table(show_header=False, box=None, title=escape(str(path)), title_justify="left", pad_edge=False)
     named, law = parts(about)
-    facts.add_row("file", f"{_size(path) / 1e6:.4g} MB, {'complete' if about.complete else 'WITHOUT AN END'}")
-    facts.add_row("scenario", escape(scenario(about)))
-    facts.add_row("parts", escape(named))
-    facts.add_row("law", escape(law))
+    about_run.add_row("file", f"{_size(path) / 1e6:.4g} MB, {'complete' if about.complete else 'WITHOUT AN END'}")
+    about_run.add_row("scenario", escape(scenario(about)))
+    about_run.add_row("parts", escape(named))
+    about_run.add_row("law", escape(law))
     if ticks is not None:
-        facts.add_row(
+        about_run.add_row(
             "duration",
             f"{quantity(ticks.end - ticks.begin + ticks.period, 's')}, {ticks.rows} ticks of "
             f"{quantity(ticks.period, 's')} ({quantity(1.0 / ticks.period, 'Hz')})",
         )
-    console.print(facts)
+    console.print(about_run)
     _print_parameters(about, console)
     _print_events(about, console)
     _print_score(about, console)
@@ -88,24 +86,10 @@ def _print_score(about: About, console: Console) -> None:
         console.print("No score: the run has not come to one.")
         return
     table = Table("score", "x", "y", "z (tip)", box=None, pad_edge=False)
-    for name, unit in _SCORED.items():
-        vector = score.get(name)
-        if isinstance(vector, dict):
-            factor, unit = prefixed(unit, *vector.values())
-            table.add_row(escape(f"{name} [{unit}]"), *(f"{factor * vector[axis]:.4g}" for axis in "xyz"))
+    for row in vectors(score):
+        table.add_row(*map(escape, row))
     console.print(table)
-    told = [f"{what} {100.0 * float(share):.4g} %" for name, what in _SHARES.items()
-            if isinstance(share := score.get(name), float)]  # fmt: skip
-    for what in ("friction", "normal_force"):
-        low, high = score.get(f"{what}_min"), score.get(f"{what}_max")
-        if isinstance(low, float) and isinstance(high, float):
-            factor, unit = prefixed("N", low, high)
-            told.append(f"{what.replace('_', ' ')} {factor * low:.4g} to {factor * high:.4g} {unit}")
-    told += [f"{name} {value}" for name, value in score.items() if type(value) is int and value]
-    trip = score.get("round_trip")
-    if isinstance(trip, dict):
-        told.append("round trip " + ", ".join(f"{name} {quantity(value, 's')}" for name, value in trip.items()))
-    console.print(escape("; ".join(told)))
+    console.print(escape("; ".join(facts(score))))
     for name in ("reason", "warning", "trajectory_sha256"):
         if score.get(name):
             console.print(escape(f"{name}: {score[name]}"))

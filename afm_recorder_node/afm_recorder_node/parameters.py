@@ -22,3 +22,4 @@ class RecorderParameters(Group):
         description="keep one control tick and one sample of each channel in so many, for runs of hours; such a "
         "recording cannot be replayed. Events, parameters, scans and the score are whole",
     )
+    title: str = Field("", description="what the viewer calls the run; empty: by the name of the file")

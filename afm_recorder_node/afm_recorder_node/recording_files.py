@@ -97,6 +97,7 @@ class RecordingFiles:
             patient=patient,
             number=self._number + 1,
             every=self._parameters.every,
+            title=self._parameters.title,
         )
         if writer.number > self._number + 1:
             self._log.warning(

@@ -38,7 +38,9 @@ class Drawing:
 
     def columns(self) -> rr.ComponentColumnList:
         """As one row of the recording."""
-        tensor = rr.encodings.TensorData(array=self.values, dim_names=("row", "column"))
+        # The viewer draws NaN in the colour of the highest: what is not measured yet is as dark as the lowest.
+        drawn = np.where(np.isfinite(self.values), self.values, np.float32(self.span[0]))
+        tensor = rr.encodings.TensorData(array=drawn, dim_names=("row", "column"))
         return rr.Tensor.columns(data=[tensor], value_range=[self.span])
 
 

@@ -15,6 +15,7 @@ from .layout import Signal, instants
 from .parameter_writer import ParameterWriter
 from .scan_lines import ScanLine
 from .scan_writer import ScanWriter
+from .score_text import markdown
 from .sink import Sink
 
 _CHUNK_ROWS = 32_768
@@ -40,6 +41,8 @@ class RecordingWriter:
         First number to be tried.
     every : int
         Keep one row of the signals in so many.
+    title : str
+        What the viewer calls the run; empty: by the name of the file.
 
     Raises
     ------
@@ -54,6 +57,7 @@ class RecordingWriter:
         patient: bool = False,
         number: int = 1,
         every: int = 1,
+        title: str = "",
     ) -> None:
         self._sink = Sink(Path(path).absolute(), number, patient)
         self.path = self._sink.file.name
@@ -72,6 +76,8 @@ class RecordingWriter:
         self._every = every
         for signal in (*layout.CHANNELS, *layout.TICKS):
             self._declare(signal)
+        self._title = title or self.path.stem
+        self._describe()
         self._scans = ScanWriter(self._sink, self._arrange)
         self._arrange()
         if every > 1:
@@ -179,6 +185,7 @@ class RecordingWriter:
         """The score of the run, and when it came: simulated time [ns]."""
         self.scored = True
         self._sink.static(layout.SCORE, rr.TextDocument(yaml.safe_dump(dict(values), sort_keys=False)))
+        self._describe(values)
         self._sink.event(time_ns, "the score of the run is here")
 
     def parameters(self, node: str, values: Mapping[str, object]) -> None:
@@ -220,6 +227,11 @@ class RecordingWriter:
     def _kept(self, first: int) -> slice:
         """Rows that are kept of a block that begins with number `first`: those of the numbers 0, every, 2 every, ..."""
         return slice(-first % self._every, None, self._every)
+
+    def _describe(self, score: Mapping[str, object] | None = None) -> None:
+        """Title and score as they are read in the viewer."""
+        text = rr.TextDocument(markdown(self._title, score), media_type=rr.MediaType.MARKDOWN)
+        self._sink.static(layout.RUN, text)
 
     def _arrange(self) -> None:
         """Arrange the present signals and images in the viewer."""

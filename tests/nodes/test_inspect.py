@@ -65,7 +65,7 @@ def test_one_screen_tells_scenario_parts_law_events_score_and_signals(
     ):
         assert part in said, said
     lines = [line.split() for line in said.splitlines()]
-    for line in ("0 s 8 ms RUNNING", "rms [nm] 0.03318 2 0.7"):
+    for line in ("0 s 8 ms RUNNING", "tracking error, rms [nm] 0.03318 2 0.7"):
         assert line.split() in lines, said
     run = Run(TICKS)
     deflection = next(line.split() for line in said.splitlines() if line.startswith("deflection "))

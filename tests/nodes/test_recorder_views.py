@@ -83,7 +83,7 @@ def test_no_plot_of_the_arrangement_holds_two_axes_and_every_entity_is_shown() -
     entities = {entity for view in shown if isinstance(view.contents, list) for entity in view.contents}
     signals = (*layout.TICKS, *layout.CHANNELS)
     assert {signal.entity for signal in signals} | {"/truth/creep_x"} <= entities
-    assert {layout.SCORE, layout.EVENTS, layout.PARAMETERS, layout.FRICTION_LOOP} <= {view.origin for view in shown}
+    assert {layout.RUN, layout.EVENTS, layout.PARAMETERS, layout.FRICTION_LOOP} <= {view.origin for view in shown}
     for signal in signals:
         plots = [view for view in shown if isinstance(view.contents, list) and signal.entity in view.contents]
         lines = [view.visualizer_overrides[signal.entity].overrides for view in plots if view.visualizer_overrides]
@@ -103,3 +103,17 @@ def test_arrangement_has_the_same_names_in_every_recording(tmp_path: Path) -> No
         names.append({chunk.entity_path for chunk in reader.stream(store=reader.blueprints()[0])})
     assert names[0] == names[1]
     assert len(names[0]) > len(layout.TICKS)
+
+
+def test_run_has_its_title_and_its_score_with_units_and_few_digits(tmp_path: Path) -> None:
+    with closing(RecordingWriter(tmp_path / "run.rrd", title="Closed loop, tanh law")) as writer:
+        writer.channel(layout.DEFLECTION, 0, PERIOD, np.zeros(10))
+        writer.score(0, {"rms": {"x": 3.3181234567890123e-11, "y": 3.3e-11, "z": 7.037e-10}, "friction_min": 1.882e-07,
+                         "friction_max": 1.908e-07, "ticks": 62832})  # fmt: skip
+    found = (c.to_record_batch() for c in chunks(tmp_path / "run.rrd") if c.entity_path == layout.RUN)
+    *_, text = [row[0] for batch in found for row in batch.column("TextDocument:text").to_pylist()]
+    assert text.startswith("### Closed loop, tanh law")
+    assert "| tracking error, rms [pm] | 33.18 | 33 | 703.7 |" in text
+    assert "- friction 188.2 to 190.8 nN" in text and "- ticks 62832" in text
+    # In the file it is whole.
+    assert read_recording(tmp_path / "run.rrd").score["rms"]["x"] == 3.3181234567890123e-11

@@ -60,7 +60,8 @@ class VerbSoak:
         # A run that began before the recorder listened is none that it has to complete.
         limit = time.monotonic() + TIMEOUT
         while not self._client.spin_until(lambda: self._ticks > 0, 0.5):
-            assert time.monotonic() < limit, "the recorder records nothing"
+            if time.monotonic() > limit:
+                raise TimeoutError("the recorder records nothing")
             self._remote.execute(_APPROACH)
             self._remote.execute(Withdraw())
         return self

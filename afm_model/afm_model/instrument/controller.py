@@ -12,7 +12,7 @@ from ..parts.assembly import Assembled, assembled
 from ..parts.command import Command, CommandRecord
 from ..parts.dispatch import control
 from ..parts.header import LawHeader
-from ..parts.part import Estimate
+from ..parts.part import LawEstimate
 from ..parts.signals import Measurement, PiezoDrive
 
 _Array = NDArray[np.float64]
@@ -116,7 +116,7 @@ class Controller:
         return str(part.remark(self.state))
 
     @property
-    def estimates(self) -> tuple[Estimate, ...]:
+    def estimates(self) -> tuple[LawEstimate, ...]:
         """What the law believes of the microscope now; of most laws nothing."""
         part: Any = self._law.part if self._law is not None else None
         return tuple(part.estimates(record_at(self.block, size(LawHeader), part.constants), self.state))

@@ -17,7 +17,7 @@ from .groups import (
     SampleParameters,
 )
 from .loop import Onboard
-from .part import Channel, Corrugation, Detector, Estimate, Fault, Law, Part, Piezo, Plant, Program, Sample
+from .part import Channel, Corrugation, Detector, Fault, Law, LawEstimate, Part, Piezo, Plant, Program, Sample
 
 __all__ = [
     "Array",
@@ -25,12 +25,12 @@ __all__ = [
     "Corrugation",
     "Detector",
     "DetectorParameters",
-    "Estimate",
     "Fault",
     "FaultParameters",
     "Field",
     "Integers",
     "Law",
+    "LawEstimate",
     "LawParameters",
     "Onboard",
     "OnboardParameters",

@@ -73,7 +73,7 @@ class Channel:
     scale: Callable[[Tree], float] = _one
 
 
-class Estimate(NamedTuple):
+class LawEstimate(NamedTuple):
     """What a law believes of the microscope."""
 
     name: str  # of the topic, below law/
@@ -201,7 +201,7 @@ class Law(Part):
     """
     remark: Callable[[Any], str] = lambda state: ""
     """Record of its state -> what it has to say of itself, a sentence, such as that it distrusts its model."""
-    estimates: Callable[[Any, Any], Iterable[Estimate]] = lambda p, s: ()
+    estimates: Callable[[Any, Any], Iterable[LawEstimate]] = lambda p, s: ()
     """Records of its constants and of its state -> what it believes now: each time the same names and units."""
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""

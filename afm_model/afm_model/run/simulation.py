@@ -58,8 +58,8 @@ class Simulation:
     trajectory_sha256: str
     remark: str = ""  # what the law has to say of itself, such as that it has fallen back
     estimates: dict[str, _Array] = field(default_factory=dict)
-    """What the law believes of the microscope, by name (`afm_model.parts.Estimate`): some 200 times in the run, `time`
-    of the last tick before each [s]. Empty if the law estimates nothing.
+    """What the law believes of the microscope, by name (`afm_model.parts.LawEstimate`): some 200 times in the run, with
+    `time` of the last tick before each [s]. Empty if the law estimates nothing.
     """
 
     @property

@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from ...core.schema import NonNegative, Positive, Unit
-from ...parts.part import Estimate, Tree
+from ...parts.part import LawEstimate, Tree
 from ..sampled import SampledLaw
 from .gains import grid
 from .observer import RATIO
@@ -119,7 +119,7 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
     ]
 
 
-def estimates(p: Any, s: Any) -> Iterator[Estimate]:
+def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     """What it believes of the microscope, each with its standard deviation, and how far it distrusts its model."""
     for i, axis in enumerate("xy"):
         of_model = p.stiffness[i]
@@ -129,14 +129,16 @@ def estimates(p: Any, s: Any) -> Iterator[Estimate]:
             ("stiffness", "1", 1.0 + s.softer[i] / of_model, 1.0 / of_model),
         )
         for k, (name, unit, value, scale) in enumerate(told):
-            yield Estimate(f"{name}_{axis}", unit, float(value))
-            yield Estimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(s.unsure[i, k, k], 0.0))))
+            yield LawEstimate(f"{name}_{axis}", unit, float(value))
+            yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(s.unsure[i, k, k], 0.0))))
     # Over a known surface the ratio is a mean, and what one measurement of it is off is told.
-    variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if p.surface != KNOWN else p.ratio_noise**2
-    yield Estimate("friction_ratio", "1", float(s.ratio[VALUE]))
-    yield Estimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
-    yield Estimate("distrust", "1", float(s.distrust))
-    yield Estimate("fallbacks", "1", float(s.fallbacks))
+    variance = (
+        s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if p.surface != KNOWN else p.ratio_noise * p.ratio_noise
+    )
+    yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
+    yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
+    yield LawEstimate("distrust", "1", float(s.distrust))
+    yield LawEstimate("fallbacks", "1", float(s.fallbacks))
 
 
 def remark(state: Any) -> str:
