@@ -140,7 +140,7 @@ def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Arra
     force = record_at(y := at_rest.copy(), 0, Measurement)
     force.lateral_force = nominal_friction(sim)[0] * sim.units.lateral_force
     force.lateral_voltage = force.lateral_force / sim.detector.lateral_sensitivity
-    flight = np.tile(record_at(at_rest, 0, Measurement).drive, (delay + 1, 1))
+    flight = np.tile(record_at(at_rest, 0, Measurement).drive, (max(delay, 1), 1))
     law.reset()
     x, command = np.zeros(STATES + 3), np.zeros(size(PiezoDrive))
     settled = _settle(

@@ -9,7 +9,13 @@ import pytest
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
 from afm_model.parts import Law, LawParameters, Record, kernel
 from afm_model.studies.linear import at_timing, is_stable, largest, linearise
-from afm_model.studies.linear_model import LinearError, plant_matrices
+from afm_model.studies.linear_model import (
+    LinearError,
+    measurement_at_rest,
+    measurement_sliding,
+    plant_matrices,
+    sensors,
+)
 
 
 def timed(kind: str, period: float, delay: int = 0, sim: dict[str, object] | None = None, **law: object):
@@ -55,6 +61,15 @@ def test_delay_margin_is_the_delay_that_the_loop_bears(kind):
         delayed = build(SimParameters, {"plant.control_period": 2e-5, "plant.delay_ticks": delay})
         loop = linearise(delayed, controller)
         assert loop.stable == (delay * 2e-5 < margin) or loop.axis == "z"
+
+
+@pytest.mark.parametrize("delay", [0, 1, 2])
+def test_loop_that_bears_its_delay_settles_against_friction_with_it(delay):
+    # It would not with a tick more than two.
+    sim, controller = timed("implicit", 1e-5, delay)
+    assert linearise(sim, controller).stable
+    sliding = measurement_sliding(sim, Controller(controller), sensors(sim))
+    assert np.max(np.abs(sliding - measurement_at_rest(sim))) > 0.01  # the drive [V]
 
 
 def test_margins_are_those_of_python_control_for_its_own_system():
