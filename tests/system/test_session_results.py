@@ -221,9 +221,9 @@ def test_inspect_tells_of_a_session_what_its_scorecard_tells(first: Finished) ->
     said = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert said.returncode == 0, said.stderr
     card = first.card
-    rms = next(line.split() for line in said.stdout.splitlines() if line.startswith("rms ["))
-    unit = {"[pm]": 1e-12, "[nm]": 1e-9}[rms[1]]
-    assert [unit * float(each) for each in rms[2:]] == pytest.approx(
+    row = next(line for line in said.stdout.splitlines() if line.startswith("tracking error, rms ["))
+    unit, *rms = row.removeprefix("tracking error, rms ").split()
+    assert [{"[pm]": 1e-12, "[nm]": 1e-9}[unit] * float(each) for each in rms] == pytest.approx(
         [card["tracking"][axis]["rms_m"] for axis in "xyz"], rel=1e-3, abs=0.0
     )
     assert f"{TICKS} ticks of 2 µs" in said.stdout and card["trajectory_sha256"] in said.stdout
