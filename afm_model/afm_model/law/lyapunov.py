@@ -5,8 +5,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.elementary import hypot
-
 TANH_GAP = 0.278464542761074
 """sup over s >= 0 of s (1 - tanh s), docs/theory.md (33): |s| - s tanh(alpha s) never exceeds this over alpha."""
 
@@ -39,25 +37,22 @@ def lyapunov_matrix(c: float, cdot: float, Q: NDArray[np.float64] | None = None)
     if not (c > 0.0 and cdot > 0.0):
         raise ValueError(f"c = {c:g} and cdot = {cdot:g} must both be > 0 for the error dynamics to be stable")
     weight = np.eye(2) if Q is None else np.asarray(Q, float)
-    if weight.shape != (2, 2) or not np.array_equal(weight, weight.T) or _eigenvalues(weight)[0] <= 0.0:
+    if weight.shape != (2, 2) or not np.array_equal(weight, weight.T) or not _positive(weight):
         raise ValueError(f"Q = {weight.tolist()} must be symmetric and positive definite")
     # The three equations of the symmetric matrix, solved one after the other.
     p12 = 0.5 * weight[0, 0] / c
     p22 = (0.5 * weight[1, 1] + p12) / cdot
     P = np.array([[cdot * p12 + c * p22 - weight[0, 1], p12], [p12, p22]])
     # Gains of very different size leave no digits.
-    if not _eigenvalues(P)[0] > 0.0:
+    if not _positive(P):
         raise ValueError(f"c = {c:g} and cdot = {cdot:g} are too far from 1 to solve for P")
     return P
 
 
-def _eigenvalues(of: NDArray[np.float64]) -> tuple[float, float]:
-    """Of a symmetric matrix (2, 2), the smaller one first."""
-    mean, apart = 0.5 * (of[0, 0] + of[1, 1]), hypot(0.5 * (of[0, 0] - of[1, 1]), of[0, 1])
-    largest = mean + apart
-    return float((of[0, 0] * of[1, 1] - of[0, 1] * of[0, 1]) / largest if largest > 0.0 else mean - apart), float(
-        largest
-    )
+def _positive(symmetric: NDArray[np.float64]) -> bool:
+    """Whether a symmetric matrix (2, 2) is positive definite, by its leading minors."""
+    (a, b), (_, d) = symmetric
+    return bool(a > 0.0 and a * d > b * b)
 
 
 def ultimate_bound(P: NDArray[np.float64], alpha: float, M: float, lambda_min_Q: float = 1.0) -> float:

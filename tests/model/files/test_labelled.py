@@ -122,6 +122,8 @@ def test_something_else_is_refused_in_a_sentence(tmp_path):
     loop = to_xarray(results()["loop"])
     with pytest.raises(ValueError, match="this is no scan, neither an Image nor the labelled arrays of one: Dataset"):
         write_gwy(tmp_path / "loop.gwy", loop)
+    with pytest.raises(ValueError, match="these are no force curves, neither Curve nor their labelled arrays: list"):
+        write_curves(tmp_path / "curves.h5", [scans.curve(), 1.0])
     with pytest.raises(ValueError, match="these are no force curves, neither Curve nor their labelled arrays: Dataset"):
         write_curves(tmp_path / "loop.h5", loop)
     assert not list(tmp_path.iterdir())

@@ -57,7 +57,9 @@ def test_gains_that_leave_no_digits_are_refused():
         lyapunov_matrix(1e-20, 1.0)
 
 
-@pytest.mark.parametrize("Q", [np.diag([1.0, -1.0]), np.array([[1.0, 0.5], [0.0, 1.0]]), np.eye(3)])
+@pytest.mark.parametrize(
+    "Q", [np.diag([1.0, -1.0]), -np.eye(2), np.ones((2, 2)), np.array([[1.0, 0.5], [0.0, 1.0]]), np.eye(3)]
+)
 def test_weight_that_is_not_symmetric_positive_definite_is_refused(Q):
     with pytest.raises(ValueError, match="must be symmetric and positive definite"):
         lyapunov_matrix(1.0, 1.0, Q)

@@ -7,9 +7,12 @@ import pytest
 
 from afm_model import ControllerParameters, SimParameters, build
 from afm_model.core.registry import find
+from afm_model.law import observer
 from afm_model.law.pid import simc, tustin
 from afm_model.law.scanner import free_axes, place_poles
 from afm_model.law.super_twisting import K_1, K_2, sliding_row
+from afm_model.parts.signals import Measurement
+from afm_model.run.simulation import run
 from afm_model.studies.linear import at_timing, linearise
 
 from .loops import closed_loop
@@ -86,6 +89,34 @@ def test_loop_along_z_holds_the_tip_at_every_rate_and_hardly_any_damping():
     assert closed_loop("observer", 2e-4).z_rms < 1.5e-9
     lightly = closed_loop("super_twisting", 5e-5, sim={"contact.zeta_n": 0.01})
     assert lightly.contact == 1.0 and lightly.z_rms < 0.5e-9
+
+
+@pytest.mark.parametrize(("told", "least", "most"), [(1e-6, 0.0, 1e-12), (0.0, 1e-9, 1e-7)])
+def test_weight_of_the_cantilever_is_fed_forward_along_z(told, least, most):
+    # On a flat sample with the reference at rest nothing else moves the tip from its setpoint.
+    given = {"cantilever.W": 1e-6, "sample.beta": 0.0, "reference.amplitude_x": 0.0, "reference.amplitude_y": 0.0}
+    given |= {"run.duration": 0.05, "score.start": 0.025}
+    controller = build(ControllerParameters, {"law.kind": "observer", "cantilever.W": told})
+    score = run(*at_timing(build(SimParameters, given), controller, 5e-5, 0), hashed=False).score()
+    assert score.contact_fraction == 1.0
+    assert least <= score.rms[2] <= most
+
+
+def test_bound_of_friction_is_learned_from_the_load_along_the_motion():
+    p, s = (np.zeros(1, kind.dtype).view(np.recarray)[0] for kind in (observer.Constants, observer.State))
+    y = np.zeros(1, Measurement.dtype).view(np.recarray)[0]
+    p.length[:], p.w0, p.gain = 1.0, 1.0, 0.25
+    y.reference_velocity[:2] = y.velocity[:2] = s.before_2[:2] = 1.2, 1.6
+    s.load[:2], s.bound = (1.0, -1.0), 2.0
+    # Along (0.6, 0.8): 0.6 (3 - 1) + 0.8 (5 + 1) - 2 = 4, of which a quarter is learned.
+    assert observer.learn(y, p, s, 3.0, 5.0)
+    assert s.bound == pytest.approx(3.0)
+    # A scanner that stands tells only that the bound is not below the load.
+    y.velocity[:2] = 0.0
+    assert not observer.learn(y, p, s, 3.0, 5.0)
+    assert s.bound == pytest.approx(6.0)
+    assert not observer.learn(y, p, s, 0.0, 0.0)
+    assert s.bound == pytest.approx(6.0)
 
 
 @pytest.mark.parametrize("kind", LAWS)
