@@ -92,9 +92,8 @@ class Instrument:
             # What is left to write may take a while.
             self._add_node("afm_recorder_node", sigterm_timeout=_CLOSING, sigkill_timeout=_CLOSING)
         if value("viewer") == "web" and recording:
-            self._processes["viewer"] = Node(
-                package="afm_recorder_node", executable="live", arguments=[recording], output="screen"
-            )
+            command = [executable("afm_recorder_node", "live"), recording]
+            self._processes["viewer"] = ExecuteProcess(cmd=command, output="screen")
         elif _WORDS.get(value("viewer").lower()) is not False:
             raise RuntimeError(f"viewer:={value('viewer')} is not allowed: it must be false, or web with a recording")
         options = ["--out", scorecard] if scorecard else []

@@ -34,6 +34,8 @@ _PERIOD = 0.1
 _LAST = 0.5
 """Wall time after a signal for which viewers still get what has been recorded [s]."""
 _PR_SET_PDEATHSIG = 1
+_LISTENS = "0A"
+"""State of a socket in /proc/net/tcp."""
 RERUN = str(files("rerun_cli") / "rerun")
 """The program itself: `rerun` is a script that starts it."""
 
@@ -51,17 +53,14 @@ def follow(path: Path) -> Iterator[bytes]:
     bytes
         Together one stream, without an end, as rerun reads it.
     """
-    begun, done = False, set[tuple[int, int]]()
+    begun = False
     while True:
         for growing in _growing(path):
             with suppress(FileNotFoundError), growing.open("rb") as file:
-                about = os.fstat(file.fileno())
-                if (key := (about.st_dev, about.st_ino)) in done:
-                    continue
                 position, gone = HEADER, False
                 while not gone:
                     # Before it is read: what was written until it got its name is read.
-                    gone = not _is(growing, key)
+                    gone = not _is(growing, file.fileno())
                     for message in walk(file.fileno(), position):
                         if not begun:
                             begun = True
@@ -71,7 +70,6 @@ def follow(path: Path) -> Iterator[bytes]:
                         position = message.end
                     if not gone:
                         yield b""
-                done.add(key)
         yield b""
 
 
@@ -83,19 +81,25 @@ def _growing(path: Path) -> list[Path]:
     return sorted(found, key=lambda each: len(each.name))
 
 
-def _is(path: Path, key: tuple[int, int]) -> bool:
+def _is(path: Path, file: int) -> bool:
+    """Whether an open file still stands at a path."""
     try:
-        about = path.lstat()
+        return os.path.samestat(path.lstat(), os.fstat(file))
     except (FileNotFoundError, NotADirectoryError):
         return False
-    return (about.st_dev, about.st_ino) == key
 
 
 class Server:
-    """rerun's server of page and data, on this machine only. A context manager."""
+    """rerun's server of page and data, on this machine only. A context manager.
 
-    def __init__(self) -> None:
-        self._ports = page, data = _free(_PAGE), _free(_DATA)
+    Parameters
+    ----------
+    page, data : int
+        Ports, if they are free; 0: any.
+    """
+
+    def __init__(self, page: int = _PAGE, data: int = _DATA) -> None:
+        self._ports = page, data = _free(page), _free(data)
         self.link = f"http://{ADDRESS}:{page}?url=rerun%2Bhttp%3A%2F%2F{ADDRESS}%3A{data}%2Fproxy"
         """What a browser opens."""
         self.address = f"rerun+http://{ADDRESS}:{data}/proxy"
@@ -145,7 +149,7 @@ class Server:
     @property
     def ready(self) -> bool:
         """Whether viewers can connect; not before it has got the first message."""
-        return all(map(_listens, self._ports))
+        return all(_listens(self._process.pid, port) for port in self._ports)
 
 
 def _free(wanted: int) -> int:
@@ -159,9 +163,16 @@ def _free(wanted: int) -> int:
         return int(probe.getsockname()[1])
 
 
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex((ADDRESS, port)) == 0
+def _listens(pid: int, port: int) -> bool:
+    """Whether this process listens at a port, not another one that has taken it."""
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    sockets = {
+        f"socket:[{row[9]}]" for row in rows if row[3] == _LISTENS and int(row[1].rpartition(":")[2], 16) == port
+    }
+    try:
+        return any(os.readlink(file) in sockets for file in Path(f"/proc/{pid}/fd").iterdir())
+    except OSError:
+        return False
 
 
 def _end_with_parent() -> None:
@@ -182,21 +193,31 @@ def serve(path: Path) -> None:
         nonlocal limit
         limit = min(limit, time.monotonic() + _LAST)
 
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, stop)
-    with Server() as server:
+    def late() -> bool:
+        return time.monotonic() > limit
 
-        def late() -> bool:
-            return time.monotonic() > limit
-
+    def run(server: Server) -> None:
+        nonlocal told
         for messages in follow(path):
             if not server.put(messages, late) or late():
-                break
+                return
             if not told and server.ready:
                 told = True
                 print(f"{server.link}\nor: rerun {server.address}", flush=True)
             if not messages:
                 time.sleep(_PERIOD)
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, stop)
+    try:
+        with Server() as server:
+            run(server)
+    except OSError:
+        if told:
+            raise
+        # Somebody else has taken a port since it was found free.
+        with Server(0, 0) as server:
+            run(server)
 
 
 def main() -> int:

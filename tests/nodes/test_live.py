@@ -3,8 +3,10 @@
 import json
 import os
 import re
+import shlex
 import signal
 import socket
+import sys
 import urllib.request
 import warnings
 from collections.abc import Iterator
@@ -20,7 +22,7 @@ from support import TIMEOUT, Command, assert_nothing_left, executable, processes
 from afm_model import ControllerParameters, SimParameters, build, simulate
 from afm_recorder_node import layout
 from afm_recorder_node.frames import HEADER, split
-from afm_recorder_node.live import RERUN
+from afm_recorder_node.live import RERUN, follow
 from afm_recorder_node.writer import RecordingWriter
 
 ROWS = 1000
@@ -106,17 +108,51 @@ def test_live_page_ends_in_order_and_leaves_no_server(tmp_path: Path) -> None:
 
 
 def test_session_ends_with_the_same_bits_behind_a_viewer_and_a_server_that_stand_still(tmp_path: Path) -> None:
-    scenario = write_scenario(tmp_path / "short.yaml", afm_sim_node=SIMULATOR)
-    with session(scenario, tmp_path / "out", "--live", "--composed", folder=tmp_path) as command:
+    scenario, go = write_scenario(tmp_path / "short.yaml", afm_sim_node=SIMULATOR), tmp_path / "go"
+    # The run begins when both stand still: it has a controller from then on.
+    node = executable("afm_controller_node", "afm_controller_node")
+    later = shlex.join(["sh", "-c", f'until [ -e {go} ]; do sleep 0.05; done; exec {node} "$@"', "sh"])
+    with session(scenario, tmp_path / "out", "--live", "--controller", later, folder=tmp_path) as command:
         command.wait_until(lambda: "/proxy" in command.text)
         with viewer(command.text, tmp_path) as client:
             client.wait_until(lambda: got(tmp_path))
             client.process.send_signal(signal.SIGSTOP)
             os.kill(server(), signal.SIGSTOP)
+            go.touch()
             assert command.wait() == 0, command.told
     card = json.loads((tmp_path / "out" / "scorecard.json").read_text())
     expected = simulate(build(SimParameters, SIMULATOR), ControllerParameters())
     assert card["trajectory_sha256"] == expected.trajectory_sha256
+    assert_nothing_left()
+
+
+def test_run_whose_file_has_the_inode_of_the_one_before_is_followed_too(tmp_path: Path) -> None:
+    # A file system gives it again as soon as it is free.
+    growing, messages = tmp_path / "run.partial.rrd", follow(tmp_path / "run.rrd")
+    with closing(RecordingWriter(tmp_path / "other.rrd")) as writer:
+        write(writer, 0)
+        growing.write_bytes((tmp_path / "other.partial.rrd").read_bytes())
+    first = b"".join(iter(lambda: next(messages), b""))
+    assert len(first) > HEADER
+    growing.rename(tmp_path / "run-2.partial.rrd")
+    assert next(messages) == b""
+    assert b"".join(iter(lambda: next(messages), b"")) == first[HEADER:]
+
+
+def test_page_gets_other_ports_if_somebody_has_taken_those_that_were_free(tmp_path: Path) -> None:
+    with socket.socket() as taken, closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        write(writer, 0)
+        # As if it had been taken since it was looked at.
+        looks = f"free = live._free; live._free = lambda wanted: {port} if wanted else free(0)"
+        program = f"from afm_recorder_node import live; {looks}; raise SystemExit(live.main())"
+        with Command(sys.executable, "-c", program, tmp_path / "run.rrd", folder=tmp_path) as page:
+            page.wait_until(lambda: "/proxy" in page.text)
+            assert str(port) not in page.text.partition("http://")[2]
+            page.interrupt()
+            assert page.wait() == 0, page.told
     assert_nothing_left()
 
 

@@ -102,6 +102,15 @@ def test_launch_ends_when_the_run_is_finished_with_the_recording_closed_and_the_
 
 
 @needs_launch
+def test_live_page_of_a_launch_prints_its_link_and_ends_with_it(endless: str, tmp_path: Path) -> None:
+    with Launch(tmp_path, scenario=endless, viewer="web") as launch:
+        launch.wait_until(lambda: "/proxy" in launch.text)
+        launch.interrupt()
+        launch.wait()
+    assert_nothing_left()
+
+
+@needs_launch
 def test_two_instruments_in_one_launch_share_nothing_and_the_first_to_end_leaves_the_other_alone(
     scenario: str, tmp_path: Path
 ) -> None:
