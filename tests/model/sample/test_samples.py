@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from afm_model import InstrumentParameters, ParameterError, build
 from afm_model.core.records import record_at, size
@@ -164,6 +165,10 @@ def test_a_map_is_met_at_its_pixels_and_mirrored_or_repeated_beyond(tmp_path, rn
     for row, column in ((0, 0), (8, 12), (15, 23), (3, 20)):
         assert place((column - 12) * 1e-9, (row - 8) * 1e-9).height == pytest.approx(expected[row, column], abs=1e-22)
     assert place(12e-9, 0.0).height == pytest.approx(expected[8, 22], abs=1e-22)
+    # Between them by the cubic spline through them.
+    for v, u in rng.uniform((0.0, 0.0), (15.0, 23.0), (20, 2)):
+        spline = map_coordinates(expected, [[v], [u]], order=3, mode="mirror")[0]
+        assert place((u - 12) * 1e-9, (v - 8) * 1e-9).height == pytest.approx(spline, abs=1e-9 * np.ptp(expected))
     wrapped = Place(scaled | {"sample.border": "wrap"})
     assert wrapped(12e-9, 0.0).height == pytest.approx(expected[8, 0], abs=1e-22)
 
@@ -193,6 +198,8 @@ def test_a_map_sharper_than_the_tip_is_dilated_or_refused_with_the_place(tmp_pat
         way = np.abs(u - at) < 10e-9
         exact = (under[way] + np.sqrt(100e-18 - (u[way] - at) ** 2) - 10e-9).max()
         assert place(at).height + heights.mean() == pytest.approx(exact, abs=error)
+    # On a crest of 4 nm the apex goes on a circle of 14 nm along x, and straight along y.
+    assert 1.0 / (1.0 + place(-4e-9).curvature * 10e-9) == pytest.approx(1.0 - 0.5 * 10.0 / 14.0, rel=0.03)
     # R_e stays within its bounds.
     ratios = [1.0 / (1.0 + place(each).curvature * 10e-9) for each in np.linspace(-40e-9, 40e-9, 300)]
     assert 0.25 * (1.0 - 1e-9) <= min(ratios) < max(ratios) <= 4.0 * (1.0 + 1e-9)
@@ -232,6 +239,14 @@ def test_files_of_gwyddion_are_read_with_their_size_first_row_on_top(tmp_path, r
     field = read_field(str(path))
     assert (field.values == values).all()
     assert (field.width, field.height) == (90e-9, 45e-9)
+
+
+def test_a_simple_field_without_a_size_has_none(tmp_path):
+    path = tmp_path / "a.gsf"
+    head = b"Gwyddion Simple Field 1.0\nXRes = 4\nYRes = 4\n"
+    path.write_bytes(head + bytes(4 - len(head) % 4) + bytes(4 * 4 * 4))
+    field = read_field(str(path))
+    assert (field.width, field.height) == (0.0, 0.0)
 
 
 def test_an_image_is_read_as_grey_from_its_bottom_up(tmp_path):
