@@ -4,6 +4,7 @@ import os
 import random
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import yaml
@@ -83,7 +84,11 @@ class VerbSoak:
                 path.unlink()
                 self.recordings += 1
         folder = Path(f"/proc/{self._commands[RECORDER].process.pid}/fd")
-        files = [os.path.realpath(entry) for entry in folder.iterdir()]
+        files = []
+        for entry in folder.iterdir():
+            # It may be closed meanwhile.
+            with suppress(FileNotFoundError):
+                files.append(os.readlink(entry))
         return self.recordings == self.rounds and sum(".rrd" in file for file in files) == 1
 
     def round(self) -> dict[str, Sample]:
