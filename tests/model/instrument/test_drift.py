@@ -11,23 +11,19 @@ from afm_model.core.random_numbers import Stream
 from afm_model.parameters import SimParameters
 from afm_model.studies.start_checks import implausible
 
+from ..held import held
+
 CHANNELS = ", ".join(f"truth/{what}_{axis}" for what in ("drift", "position") for axis in "xyz")
 PAPER = {"sample.beta": 0.0}
 LEVER = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9, "onboard.kind": "pi"}
 PERIOD = 1e-4
 
 
-def held(values: dict[str, Any], ticks: int) -> tuple[dict[str, np.ndarray], Any, Instrument]:
+def drifting(values: dict[str, Any], ticks: int) -> tuple[dict[str, np.ndarray], Any, Instrument]:
     """Channels at the ticks in SI units and measurements, under the drive of the start."""
     given = {"plant.control_period": PERIOD, "detector.sample_period": PERIOD, "detector.channels": CHANNELS}
-    parameters = build(InstrumentParameters, given | values)
-    scope = Instrument(parameters, ticks)
-    drive = scope.drive
-    for _ in range(ticks):
-        scope.tick(drive)
-    block = scope.take_block()
-    named = zip(scope.channels, block.samples, strict=True)
-    return {each.name: each.scale(parameters) * row for each, row in named}, block.measurements, scope
+    scope, read, block = held(build(InstrumentParameters, given | values), ticks)
+    return read, block.measurements, scope
 
 
 @pytest.mark.parametrize("plant", [PAPER, LEVER])
@@ -37,7 +33,7 @@ def test_sample_moves_by_the_drift_and_the_sensors_do_not_see_it(plant, decay):
     rates = {"drift.rate_x": 2e-7, "drift.rate_z": -1e-7, "drift.decay_time": decay, "contact.tau": 1.0}
     if plant is LEVER:
         del rates["contact.tau"]
-    read, y, _ = held(plant | rates, 1000)
+    read, y, _ = drifting(plant | rates, 1000)
     # A channel holds what moved the sample in the period before.
     t = PERIOD * np.maximum(np.arange(1000) - 1, 0)
     way = decay * (1.0 - np.exp(-t / decay)) if decay else t
@@ -54,7 +50,7 @@ def test_sample_moves_by_the_drift_and_the_sensors_do_not_see_it(plant, decay):
 def test_z_loop_follows_the_drift_along_z_and_the_tip_is_dragged_until_it_slides():
     values = LEVER | {"drift.rate_x": 2e-7, "drift.rate_z": -1e-7}
     values["detector.channels"] = "z_loop, truth/stuck, truth/place_x, truth/drift_x, truth/drift_z"
-    read, y, _ = held(values, 2000)
+    read, y, _ = drifting(values, 2000)
     t = PERIOD * np.arange(2000)
     late = t > 0.05
     # 0.02 to 0.3 nm of stick at k_eff of 21 N/m, then it slides: the place under the tip moves with the sample.
@@ -67,7 +63,7 @@ def test_z_loop_follows_the_drift_along_z_and_the_tip_is_dragged_until_it_slides
 
 def test_random_part_is_an_ornstein_uhlenbeck_process_of_its_own_stream():
     rms, time, ticks = 3e-9, 2e-3, 600
-    read, _, _ = held(PAPER | {"drift.wander": rms, "drift.wander_time": time, "plant.seed": 5}, ticks)
+    read, _, _ = drifting(PAPER | {"drift.wander": rms, "drift.wander_time": time, "plant.seed": 5}, ticks)
     # Stream 4 of the seed, three numbers a tick.
     normal = Stream(5, 4).standard_normal((ticks, 3))
     keep = np.exp(-PERIOD / time)
@@ -80,7 +76,7 @@ def test_random_part_is_an_ornstein_uhlenbeck_process_of_its_own_stream():
 
 
 def test_drift_that_is_off_changes_no_bit():
-    hashes = {held(PAPER | values, 50)[2].trajectory_sha256() for values in ({}, {"drift.decay_time": 3.0})}
+    hashes = {drifting(PAPER | values, 50)[2].trajectory_sha256() for values in ({}, {"drift.decay_time": 3.0})}
     assert len(hashes) == 1
 
 

@@ -18,6 +18,8 @@ from afm_model.onboard.dynamic import DYNAMIC, late
 from afm_model.parameters import InstrumentParameters
 from afm_model.parts.signals import Actuation, Detection, Setpoint
 
+from ..held import held
+
 F0, Q, BASE, AHEAD, VOLT = 26e3, 30.0, 1e-11, 0.3, 10e-9
 FREE = {
     "plant.kind": "lever",
@@ -60,14 +62,8 @@ def shown(f: float) -> complex:
 def record(ticks: int, **values: Any) -> tuple[Instrument, dict[str, np.ndarray], np.ndarray]:
     """The instrument, its channels by name, and the states of its plant, tick by tick."""
     parameters = build(InstrumentParameters, FREE | {name.replace("__", "."): each for name, each in values.items()})
-    scope = Instrument(parameters, ticks)
-    drive = scope.drive
-    for _ in range(ticks):
-        scope.tick(drive)
-    block = scope.take_block()
-    named = zip(scope.channels, block.samples, strict=True)
-    of_plant = size(scope._layout.parts["plant"].part.state)
-    return scope, {each.name: each.scale(parameters) * row for each, row in named}, block.states[:, :of_plant]
+    scope, read, block = held(parameters, ticks)
+    return scope, read, block.states[:, : size(scope._layout.parts["plant"].part.state)]
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
