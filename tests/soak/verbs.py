@@ -58,6 +58,10 @@ class VerbSoak:
         self._ticks = message.ticks
 
     def __enter__(self) -> "VerbSoak":
+        return self
+
+    def begin(self) -> None:
+        """Wait until the recorder records."""
         # A run that began before the recorder listened is none that it has to complete.
         limit = time.monotonic() + TIMEOUT
         while not self._client.spin_until(lambda: self._ticks > 0, 0.5):
@@ -65,7 +69,6 @@ class VerbSoak:
                 raise TimeoutError("the recorder records nothing")
             self._remote.execute(_APPROACH)
             self._remote.execute(Withdraw())
-        return self
 
     def __exit__(self, *_: object) -> None:
         try:
@@ -125,6 +128,7 @@ def soak_verbs(
     """
     samples: dict[str, list[Sample]] = {name: [] for name in NAMES}
     with VerbSoak(out) as microscope:
+        microscope.begin()
         begin = told_at = now = time.monotonic()
         while now < begin + warm_up + seconds or len(samples[SIMULATOR]) < rounds:
             used, now = microscope.round(), time.monotonic()
