@@ -117,7 +117,8 @@ class Comparison:
         row = self.table.iloc[number]
         law = next(each for each in self.contenders if each.label == row["law"])
         conditions = {name: python_value(row[name]) for name in CONDITIONS}
-        plain, default = flatten(instrument_under(self.common, conditions)), flatten(SimParameters())
+        sim = instrument_under(self.common, conditions)
+        plain, default = flatten(sim), flatten(SimParameters())
         instrument = {name: value for name, value in plain.items() if value != default.get(name)}
         if law.start is not None:
             return {"/**/afm_sim_node": instrument}
@@ -125,7 +126,7 @@ class Comparison:
             raise ParameterError(
                 f"law {law.label} is an object and no part: a session starts it as --controller COMMAND"
             )
-        controller = law_under(self.common, law, conditions)
+        controller = law_under(self.common, law, conditions, sim)
         own, usual = flatten(controller), flatten(build(ControllerParameters, {"law.kind": law.kind}))
         given = {name: value for name, value in own.items() if name == "law.kind" or value != usual.get(name)}
         return {"/**/afm_sim_node": instrument, "/**/afm_controller_node": given}

@@ -199,10 +199,10 @@ def feedback_of(law: Contender, *, noisy: bool) -> dict[str, Value]:
 
 
 def law_under(
-    common: Common, law: Contender, conditions: Mapping[str, Any], sim: SimParameters | None = None
+    common: Common, law: Contender, conditions: Mapping[str, Any], sim: SimParameters
 ) -> ControllerParameters:
     """A law under some conditions: with period and delay if it has such parameters, without noise and true friction.
-    `sim`: the instrument under them, if it is known.
+    `sim`: the instrument under them.
 
     Raises
     ------
@@ -210,6 +210,6 @@ def law_under(
         If the law refuses its rate.
     """
     own = law.parameters | feedback_of(law, noisy=float(conditions["noise"]) != 0.0)
-    timing = law_timing(own, sim or instrument_under(common, conditions))
+    timing = law_timing(own, sim)
     same = common.scenario.controller.law.kind == law.kind
     return changed(common.scenario.controller, timing | own, anew=() if same else ("law",))

@@ -95,7 +95,7 @@ def sweep(
     pandas = require_scattering(scheduler, workers)
     index = None if isinstance(parameters, Mapping) else parameters.index
     columns = columns_of(scenario, parameters, grid)
-    total = len(next(iter(columns.values()))) if columns else 1
+    total = count_of(columns)
     others: list[str] = []
 
     def sets() -> Iterator[Set | str]:
@@ -170,6 +170,11 @@ def _groups(scenario: Scenario) -> dict[str, Group]:
     return {node: getattr(scenario, SECTIONS[node][0]) for node in (_SIM, _LAW)}
 
 
+def count_of(columns: Mapping[str, Sequence[Value]]) -> int:
+    """How many sets they are; without a column the scenario alone."""
+    return len(next(iter(columns.values()))) if columns else 1
+
+
 def sets_of(
     scenario: Scenario, columns: Mapping[str, Sequence[Value]]
 ) -> Iterator[tuple[SimParameters, ControllerParameters] | str]:
@@ -191,9 +196,8 @@ def sets_of(
                 made[key] = str(error)
         return made[key]
 
-    total = len(next(iter(columns.values()))) if columns else 1
     follows = not disagreements(scenario.controller.law, scenario.sim.plant)
-    for i in range(total):
+    for i in range(count_of(columns)):
         news: dict[str, dict[str, Value]] = {node: {} for node in base}
         for name, values in columns.items():
             node, _, parameter = name.partition(".")
