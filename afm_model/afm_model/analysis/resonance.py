@@ -11,6 +11,12 @@ from .estimate import Estimate, same_length, student
 _FEWEST = 8
 
 
+def lag(response: ArrayLike) -> NDArray[np.float64]:
+    """Phase phi of A exp(-i phi) [rad], from -pi/2 to 3 pi/2: what lags by 0 to pi has no jump."""
+    late = -np.angle(np.asarray(response))
+    return np.where(late < -0.5 * np.pi, late + 2.0 * np.pi, late)
+
+
 @dataclass(frozen=True)
 class ResonanceFit:
     """One resonance, as found."""
@@ -89,11 +95,10 @@ def resonance_fit(frequency: ArrayLike, response: ArrayLike) -> ResonanceFit:
     unit = at_f0.conjugate() / abs(at_f0)
     turned = np.array([[unit.real, -unit.imag], [unit.imag, unit.real]]) @ by
     along, across = np.sqrt(np.diag(turned @ covariance @ turned.T)).tolist()
-    late = -math.atan2(at_f0.imag, at_f0.real)
     return ResonanceFit(
         Estimate(f0, f0 * float(error[0])),
         Estimate(Q, Q * float(error[1])),
         Estimate(size * abs(at_f0), size * along),
-        Estimate(late + 2.0 * math.pi * (late < -0.5 * math.pi), across / abs(at_f0)),
+        Estimate(float(lag(at_f0)), across / abs(at_f0)),
         curve(found.x) * size,
     )

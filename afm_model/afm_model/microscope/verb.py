@@ -140,6 +140,12 @@ def outside(view: "InstrumentView", what: str, places: Iterable[tuple[float, flo
                 )
 
 
+def on_the_sample(verb: Verb, state: MicroscopeState) -> Iterator[str]:
+    """What is to be said of a verb that needs a free cantilever, while the tip is on the sample."""
+    if state.near:
+        yield f"{type(verb).__name__} is not allowed while the tip is on the sample: withdraw it first"
+
+
 def saturating(what: str, volts: float, view: "InstrumentView") -> Iterator[str]:
     """A deflection that the detector never shows: z would go on into the sample."""
     if abs(volts) >= view.most_deflection:

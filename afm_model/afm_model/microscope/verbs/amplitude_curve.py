@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ...analysis.resonance import lag
 from ...onboard.dynamic import frequency
 from ...program import orders
 from ...program.orders import Order, Step
@@ -15,7 +16,7 @@ from ..arrays import Arrays, Variable, attributes, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task
 from ..results import MicroscopeState
-from ..verb import Count, Length, Rest, Speed, Verb, too_fast, too_much
+from ..verb import Count, Length, Rest, Speed, Verb, on_the_sample, too_fast, too_much
 from ..view import InstrumentView
 
 _NAMES = ["z", "in_phase", "quadrature", "deflection"]
@@ -37,12 +38,11 @@ class AmplitudeCurve(Verb):
         """See `Verb`."""
         part = view.parameters.onboard
         if not hasattr(part, "drive_frequency"):
-            yield (f"AmplitudeCurve is not allowed with onboard.kind = {part.kind}, which has no drive: take dynamic")
+            yield f"AmplitudeCurve is not allowed with onboard.kind = {part.kind}, which has no drive: take dynamic"
             return
         if part.drive_amplitude == 0.0:
             yield "AmplitudeCurve is not allowed with onboard.drive_amplitude = 0: it must be > 0 m; tune sets it"
-        if state.near:
-            yield "AmplitudeCurve is not allowed while the tip is on the sample: withdraw it first"
+        yield from on_the_sample(self, state)
         yield from too_fast("rate", self.rate, 0.0, self.ramp, view)
         yield from too_fast("begin_rate", self.begin_rate, 0.0, self.begin, view)
         left = view.reach[1] - view.offset
@@ -84,9 +84,8 @@ class AmplitudeCurve(Verb):
         longest = max(each["z"].size for each in records)
         for back, record in enumerate(records):
             read = {name: values[:: -1 if back else 1] for name, values in record.items()}
-            late = np.arctan2(read["quadrature"], read["in_phase"])
-            read["amplitude"] = np.hypot(read["in_phase"], read["quadrature"])
-            read["phase"] = np.where(late < -0.5 * np.pi, late + 2.0 * np.pi, late)
+            response = read["in_phase"] - 1j * read["quadrature"]
+            read["amplitude"], read["phase"] = np.abs(response), lag(response)
             for name, values in read.items():
                 columns[name].append(np.pad(values, (0, longest - values.size), constant_values=np.nan))
         part = view.parameters.onboard

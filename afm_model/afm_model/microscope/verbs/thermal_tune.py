@@ -16,7 +16,7 @@ from ...program.orders import Order
 from ..collect import RecordCollector
 from ..execution import Execution, Task
 from ..results import Calibration, MicroscopeState
-from ..verb import Verb, too_much
+from ..verb import Verb, on_the_sample, too_much
 from ..view import InstrumentView
 
 
@@ -30,8 +30,7 @@ class ThermalTune(Verb):
 
     def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
         """See `Verb`."""
-        if state.near:
-            yield "ThermalTune is not allowed while the tip is on the sample: withdraw it first"
+        yield from on_the_sample(self, state)
         yield from too_much(view.samples(self.duration), f"duration = {self.duration:g} s")
         band = view.resonance_band
         if band is not None and band[1] <= band[0] * 1.4:

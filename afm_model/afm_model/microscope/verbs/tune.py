@@ -9,7 +9,7 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ...analysis import resonance_fit
+from ...analysis.resonance import lag, resonance_fit
 from ...core.errors import ParameterError, VerbError
 from ...core.schema import NonNegative, Unit, Value
 from ...parameters import InstrumentParameters, changed
@@ -17,7 +17,7 @@ from ...program.orders import Order
 from ..arrays import Arrays, attributes, variable
 from ..execution import Execution, Task
 from ..results import MicroscopeState
-from ..verb import Verb
+from ..verb import Verb, on_the_sample
 from ..view import InstrumentView
 
 _WIDTHS = 8.0
@@ -54,8 +54,7 @@ class Tune(Verb):
         if not hasattr(part, "drive_frequency"):
             yield f"Tune is not allowed with onboard.kind = {part.kind}, which drives no cantilever: take dynamic"
             return
-        if state.near:
-            yield "Tune is not allowed while the tip is on the sample: withdraw it first"
+        yield from on_the_sample(self, state)
         if part.harmonic != 1:
             yield f"Tune is not allowed with onboard.harmonic = {part.harmonic}: it must be 1"
         if self.drive_amplitude == 0.0 and part.drive_amplitude == 0.0:
@@ -91,8 +90,7 @@ class Tune(Verb):
         run.total = self.points * (settle + average)
         rate = 1.0 / (view.ticks(average) * view.control_period)
         frequencies, found = np.linspace(middle - 0.5 * span, middle + 0.5 * span, self.points), list[complex]()
-        drive = self.drive_amplitude or before.drive_amplitude
-        run.result = lambda: self._found(frequencies, found, drive) if len(found) == self.points else None
+        run.result = lambda: None
         after = {"onboard.drive_frequency": before.drive_frequency, "onboard.drive_amplitude": before.drive_amplitude}
         try:
             for number, f in enumerate(frequencies.tolist()):
@@ -102,7 +100,8 @@ class Tune(Verb):
                 yield Task(Order(view.stay(average)), average, detail, recorder)
                 x, y = (recorder.record().channels[name][0] for name in _NAMES)
                 found.append(complex(x, -y))
-            told = self._found(frequencies, found, drive).attributes
+            curve = self._found(frequencies, found, self.drive_amplitude or before.drive_amplitude)
+            run.result, told = lambda: curve, curve.attributes
             if self.free_amplitude > 0.0:
                 after = {"onboard.drive_frequency": told["f0_Hz"], "onboard.drive_amplitude": told["drive_amplitude_m"]}
         finally:
@@ -115,11 +114,10 @@ class Tune(Verb):
             fit = resonance_fit(frequencies, response)
         except ValueError as error:
             raise VerbError(f"no resonance comes out of the sweep: {error}") from None
-        late = -np.angle(response)
         over = ("frequency",)
         columns = {
             "amplitude": (np.abs(response), "m"),
-            "phase": (np.where(late < -0.5 * math.pi, late + 2.0 * math.pi, late), "rad"),
+            "phase": (lag(response), "rad"),
             "in_phase": (response.real, "m"),
             "quadrature": (-response.imag, "m"),
             "fitted_amplitude": (np.abs(fit.response), "m"),
