@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock as ClockMessage
 
 from afm_model import Block
 from afm_model.parameters.simulator_parameters import is_inside
@@ -21,6 +20,7 @@ from afm_node_common.memory import give_back
 from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.process import SimNodeParameters
 
+from .clock import Clock
 from .control import Control
 from .declared import block_ticks, declare, takes_verbs
 from .events import Events
@@ -32,7 +32,7 @@ from .peers import Peers
 from .recorder_watch import RecorderWatch
 from .reporter import Reporter
 from .standard import INSTALLED, Standard
-from .streams import Streams, clock_bytes
+from .streams import Streams
 from .telemetry import Telemetry
 
 if TYPE_CHECKING:
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 _STATUS_PERIOD = 0.2
 _DELIVERY_TIMEOUT = 5.0
 _DIAGNOSTICS_PERIOD = 1.0
-_CLOCK_PERIOD = 0.02  # a faster /clock costs every use_sim_time node a third of a core
 
 
 class SimNode(Node):
@@ -85,7 +84,7 @@ class SimNode(Node):
         self.estimates = Estimates(self, lambda: law.estimates if (law := self.run.pacing.law) is not None else ())
         """What a law inside believes, on topics."""
         self._reporter = Reporter(self, self.run, self._link, self._peers, self._streams, parameters)
-        self._clock_publisher = self.create_publisher(ClockMessage, topics.clock(self.get_namespace()), 1)
+        self._simulated_time = Clock(self, self.run)
         events = Events(self)
         self._faults = Faults(self, self.run, declared, events)
         self._control = Control(self, self.run, before_reset=self._faults.look)
@@ -94,7 +93,6 @@ class SimNode(Node):
             self._microscope = microscope_server.MicroscopeServer(
                 self, self.run, declared, events, before_reset=self._faults.look
             )
-        self._clock_at = 0.0
         looks = [self.run.blocks.end_block, self.estimates.publish, self._look_for_peers, self._faults.look]
         if parameters.safety.unrecorded:
             looks.append(RecorderWatch(self, self.run, self._streams).look)
@@ -116,9 +114,7 @@ class SimNode(Node):
     def serve_periodic(self) -> None:
         """Publish what is due: the clock, and one other thing at most, so that no tick waits for several."""
         now = time.monotonic()
-        if now >= self._clock_at:
-            self._clock_at = now + _CLOCK_PERIOD
-            self._publish_clock()
+        self._simulated_time.publish_at(now)
         # A few microseconds: it needs no turn of its own.
         if rate := self._declared.current.run.telemetry_rate:
             self._telemetry.publish_at(now, 1.0 / rate)
@@ -155,7 +151,7 @@ class SimNode(Node):
             # After a reset, or with another instrument: nothing moves yet.
             give_back()
         if state == State.FINISHED:
-            self._publish_clock()
+            self._simulated_time.publish()
         if state in OVER and self._declared.current.run.exit_when_finished:
             self.exit_code = int(state == State.FAULT)
             signal.raise_signal(signal.SIGINT)  # the one way in which a node ends
@@ -194,10 +190,6 @@ class SimNode(Node):
         self.run.tell_why_waiting(rivalry or self._peers.incompatible)
         if rivalry:
             self.run.fail(rivalry)
-
-    def _publish_clock(self) -> None:
-        # As bytes: rclpy's conversion of a message takes longer than a tick may.
-        self._clock_publisher.publish(clock_bytes(self.run.stamp_ns))
 
 
 def main() -> int:

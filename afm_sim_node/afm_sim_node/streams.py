@@ -1,6 +1,5 @@
 """Blocks of the instrument as Waveform and ControlTrace messages."""
 
-import struct
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -18,13 +17,6 @@ from afm_model.parts import Channel
 from afm_node_common import topics
 from afm_node_common.codec import BlockEncoder
 from afm_node_common.process import SimNodeParameters
-from afm_node_common.stamps import NANOSECONDS
-
-
-def clock_bytes(nanoseconds: int) -> bytes:
-    """Simulated time as a serialized rosgraph_msgs/Clock."""
-    return struct.pack("<4siI", b"\0\1\0\0", *divmod(nanoseconds, NANOSECONDS))
-
 
 _BOOKKEEPING = ("verb_number", "verb_step", "verb_done")
 """Channels by which a verb finds its samples: no signals. Verbs are told as events."""

@@ -5,7 +5,7 @@ from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
 from afm_node_common.stamps import nanoseconds, stamp
-from afm_sim_node.streams import clock_bytes
+from afm_sim_node.clock import clock_bytes
 
 
 @pytest.mark.parametrize("time", [0, 1, 999_999_999, 1_000_000_000, 2**31 * 10**9 - 1])
