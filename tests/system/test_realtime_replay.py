@@ -95,7 +95,8 @@ def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too
     scenario = shortened(
         tmp_path / "short.yaml",
         plant={"delay_ticks": 1, "seed": 5},
-        run={"watchdog_timeout": 0.05, "retract_time": 1e-4, "real_time_factor": 0.005},
+        # Back within the run also where the first drives came so late that it began with a retraction.
+        run={"watchdog_timeout": 0.05, "retract_time": 1e-4, "return_speed": 1e-3, "real_time_factor": 0.005},
         piezo={"dac_bits": 14, "limit": 15.0, "dac_period": UPDATE},
         detector={"noise": 1e-3, "channels": "drive_x,drive_y,drive_z"},
     )
