@@ -1,11 +1,16 @@
-"""Signals of a run that is recorded without an instrument."""
+"""Signals of a run, and lines of a scan, that are recorded without an instrument."""
 
 import numpy as np
 
+from afm_model.microscope.image import DIRECTIONS, RETRACE, Line
+from afm_model.microscope.verbs import Scan
 from afm_recorder_node import layout
+from afm_recorder_node.scan_lines import ScanLine
 from afm_recorder_node.writer import RecordingWriter
 
 PERIOD, CONTROL_PERIOD = 1e-6, 2e-6
+UNITS = {"height": "m", "lateral": "N"}
+SCAN = Scan(centre_x=1e-6, size_x=2e-6, angle=0.5, pixels=24, lines=40, line_rate=4.0, channels="height, lateral")
 
 
 class Run:
@@ -35,3 +40,23 @@ class Run:
             round_trip=self.round_trip[at],
             cantilever_height=3e-9,
         )
+
+
+def lines_of(scan: Scan = SCAN, number: int = 1, start: float = 1.0) -> list[ScanLine]:
+    """All lines of a scan, each pixel another number, in the order of measurement."""
+    rng = np.random.default_rng(number)
+    return [
+        ScanLine(
+            number,
+            scan,
+            Line(
+                index,
+                direction,
+                start + (index + 0.5 * (direction == RETRACE)) / 3.0,
+                {name: 1e-9 * rng.normal(size=scan.pixels) for name in UNITS},
+            ),
+            UNITS,
+        )
+        for index in range(scan.lines)
+        for direction in DIRECTIONS
+    ]

@@ -23,6 +23,7 @@ SCORE = "score"
 RECORDER_STATUS = "recorder_status"
 EVENTS = "events"
 SCAN_LINE = "scan_line"
+RESULTS = "results"
 IMAGE = "image"
 MICROSCOPE = "microscope"
 
@@ -74,6 +75,8 @@ EVENTS_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)
 """What has happened is kept for a recorder that joins late."""
 SCAN_LINE_QOS = _reliable(1024, DurabilityPolicy.TRANSIENT_LOCAL)
 """Lines of a scan: those of an image of 512 lines are kept for whoever joins late."""
+RESULTS_QOS = _reliable(100)
+"""Arrays of results of verbs, a message each; of one result some ten."""
 LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 """The last value is kept for whoever joins late."""
 EVERY_STATE_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)

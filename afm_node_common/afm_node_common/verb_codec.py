@@ -242,6 +242,12 @@ def line_of(message: ScanLine) -> Line:
 
 def _put_arrays(arrays: Arrays, result: Any) -> None:
     result.attributes = parameters(arrays.attributes)
+    result.arrays.extend(named_arrays(arrays))
+
+
+def named_arrays(arrays: Arrays) -> list[NamedArray]:
+    """Arrays as messages, one each."""
+    found = []
     for coordinate, group in ((False, arrays.variables), (True, arrays.coordinates)):
         for name, (dims, values, attributes) in group.items():
             message = NamedArray(name=name, coordinate=coordinate, dimensions=list(dims), shape=list(values.shape))
@@ -250,13 +256,26 @@ def _put_arrays(arrays: Arrays, result: Any) -> None:
                 message.words = values.ravel().tolist()
             else:
                 message.data = numbers(values.ravel())
-            result.arrays.append(message)
+            found.append(message)
+    return found
+
+
+def variable_of(message: NamedArray) -> Variable:
+    """The array that a message brings.
+
+    Raises
+    ------
+    ValueError
+        If it has not the shape that it says.
+    ParameterError
+        As `values_of` does.
+    """
+    values = np.array(message.words) if len(message.words) else np.array(message.data, np.float64)
+    return Variable(tuple(message.dimensions), values.reshape(tuple(message.shape)), values_of(message.attributes))
 
 
 def _arrays(result: Any) -> Arrays:
     groups: tuple[dict[str, Variable], dict[str, Variable]] = ({}, {})
     for each in result.arrays:
-        values = np.array(each.words) if len(each.words) else np.array(each.data, np.float64)
-        made = Variable(tuple(each.dimensions), values.reshape(tuple(each.shape)), values_of(each.attributes))
-        groups[each.coordinate][each.name] = made
+        groups[each.coordinate][each.name] = variable_of(each)
     return Arrays(*groups, values_of(result.attributes))

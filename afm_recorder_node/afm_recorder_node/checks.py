@@ -3,8 +3,9 @@
 import math
 import re
 from collections.abc import Sized
+from typing import Any
 
-from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, NamedArray, Score, Waveform
 from afm_msgs.msg import ScanLine as ScanLineMessage
 from std_msgs.msg import Header
 
@@ -14,13 +15,16 @@ from afm_model.microscope.image import DIRECTIONS
 from afm_model.microscope.verbs import Scan
 from afm_node_common.stamps import NANOSECONDS
 from afm_node_common.subscriptions import InvalidMessage
-from afm_node_common.verb_codec import FRAME, line_of
+from afm_node_common.verb_codec import FRAME, line_of, values_of, variable_of
 
+from .results import Part, Result, Shown, shown
 from .scan_lines import ScanLine
 
 _LAST = 2**63 - 1
 """Largest number of a sample, and largest time in nanoseconds, that a recording can hold."""
 _UNIT_LENGTH = 16
+_ARRAYS = 100
+"""Of a result at most."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}(/[A-Za-z][A-Za-z0-9_]{0,63})*")
 """Of a channel of a scan: as of a topic."""
 
@@ -88,6 +92,52 @@ def scan_line(message: ScanLineMessage) -> ScanLine:
     if len(message.data) != count * scan.pixels:
         raise InvalidMessage(f"{len(message.data)} numbers of {count} channels: it must be {count * scan.pixels}")
     return ScanLine(message.scan, scan, line_of(message), dict(zip(names, message.units, strict=True)))
+
+
+_ABOUT = {"verb": str, "number": int, "arrays": int, "time_ns": int, "status": str}
+"""What an array says of its result, in attributes `result.*`, and the types of that."""
+
+
+def result_part(message: NamedArray) -> Part:
+    """Check an array of a result of a verb; it, in words of the model."""
+    try:
+        told = values_of(message.attributes)
+        variable = variable_of(message)
+    except ValueError as error:
+        raise InvalidMessage(f"array {message.name[:40]!r}: {error}") from None
+    about: dict[str, Any] = {name: told.get(f"result.{name}") for name in _ABOUT}
+    for name, kind in _ABOUT.items():
+        if type(about[name]) is not kind:
+            raise InvalidMessage(f"result.{name} = {str(about[name])[:40]}: it must be of type {kind.__name__}")
+    if not (_NAME.fullmatch(about["verb"]) and about["status"].isalpha()):
+        raise InvalidMessage(f"result.verb {about['verb'][:40]!r}: it must be a name such as ForceCurve")
+    if not (0 <= about["time_ns"] <= _LAST and 0 < about["arrays"] <= _ARRAYS):
+        raise InvalidMessage(
+            f"result.time_ns {about['time_ns']}, result.arrays {about['arrays']}: it must be a time since the start, "
+            f"and 1 to {_ARRAYS} arrays"
+        )
+    whole = {name.removeprefix("about."): value for name, value in told.items() if name.startswith("about.")}
+    own = {name: value for name, value in told.items() if not name.startswith(("result.", "about."))}
+    return Part(
+        about["verb"],
+        about["number"],
+        about["arrays"],
+        about["time_ns"],
+        about["status"],
+        message.name,
+        message.coordinate,
+        variable._replace(attributes=own),
+        whole,
+    )
+
+
+def result(whole: Result) -> Shown:
+    """A result as it is recorded, if its arrays fit together."""
+    try:
+        return shown(whole)
+    # Arrays of any shape and name may come; what numpy says of them is of any kind.
+    except Exception as error:
+        raise InvalidMessage(f"a result of {whole.verb} that cannot be drawn: {error}") from None
 
 
 def _block(header: Header, name: str, first: int, period: float, count: int) -> None:

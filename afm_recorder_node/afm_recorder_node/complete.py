@@ -16,10 +16,11 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 
-from . import layout, pictures
+from . import layout, screens
 from .checksums import measure, seal_file
 from .friction_loop import FrictionLoop
 from .names import claim
+from .scene import Scene
 from .streams import give_up, let_go, send_blueprint, send_event, send_series
 
 _CHUNK_ROWS = 32_768
@@ -87,12 +88,12 @@ def complete(
         raise NoRoom(f"{target} needs {size / 1e6:.0f} MB, {free / 1e6:.0f} MB are free")
     file = os.open(closing, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:
-        written = _copy(source, file, note, whole=expected is not None)
+        written, added = _copy(source, file, note, whole=expected is not None)
         let_go()
         if expected is not None and written != Counter(expected):
             raise OSError(f"{source} does not contain the written data: {_difference(written, expected)}")
         seal_file(file)
-        verify(closing, written + Counter({layout.EVENTS: bool(note)}))
+        verify(closing, written + added)
         os.fsync(file)
         name = claim(closing, itertools.chain([target], names))
     except BaseException:
@@ -148,12 +149,13 @@ def series(batch: pa.RecordBatch) -> _Rows | None:
     return times, batch.column(layout.SCALARS).flatten().to_numpy()
 
 
-def _copy(source: Path, file: int, note: str, whole: bool) -> Counter[str]:
-    written: Counter[str] = Counter()
+def _copy(source: Path, file: int, note: str, whole: bool) -> tuple[Counter[str], Counter[str]]:
+    """Rows of each entity that the source holds, and those that were added."""
+    written, added = Counter[str](), Counter[str]()
     batches: dict[str, _Batch] = defaultdict(_Batch)
-    loop = FrictionLoop()
+    loop, scene, ranges = FrictionLoop(), Scene(), dict[tuple[str, int], screens.Range]()
     last = 0
-    with _ending(rr.RecordingStream(layout.APPLICATION, send_properties=False)) as stream:
+    with ending(rr.RecordingStream(layout.APPLICATION, send_properties=False)) as stream:
         # Through the open file: the name may now belong to another file.
         stream.set_sinks(rr.FileSink(f"/proc/self/fd/{file}"))
 
@@ -162,8 +164,11 @@ def _copy(source: Path, file: int, note: str, whole: bool) -> Counter[str]:
             send_series(stream, entity, np.concatenate(batch.times), np.concatenate(batch.values))
 
         for chunk in chunks(source, whole=whole):
+            if chunk.entity_path.startswith(f"{layout.SCENE}/"):  # of a damaged recording: it is drawn again
+                continue
             rows = None if chunk.is_static else series(chunk.to_record_batch())
             if rows is None or len(rows[0]) != chunk.num_rows or len(rows[1]) % max(chunk.num_rows, 1):
+                scene.see(chunk)
                 stream.send_chunks(chunk)
             else:
                 times, values = rows
@@ -172,6 +177,8 @@ def _copy(source: Path, file: int, note: str, whole: bool) -> Counter[str]:
                 batch.times.append(times)
                 batch.values.append(values.reshape(len(times), -1))
                 loop.put(chunk.entity_path, times, batch.values[-1])
+                scene.put(chunk.entity_path, times, batch.values[-1])
+                _widen(ranges, chunk.entity_path, batch.values[-1])
                 batch.rows += len(times)
                 if batch.rows >= _CHUNK_ROWS:
                     send(chunk.entity_path)
@@ -182,15 +189,25 @@ def _copy(source: Path, file: int, note: str, whole: bool) -> Counter[str]:
         for entity in list(batches):
             send(entity)
         loop.send(stream)
+        added += scene.send(stream)
         if note:
             send_event(stream, last, note, "ERROR")
-        send_blueprint(stream, layout.blueprint(layout.further(written), pictures.pictures(written)))
-    return +written
+            added[layout.EVENTS] += 1
+        send_blueprint(stream, screens.blueprint(written, ranges))
+    return +written, added
+
+
+def _widen(ranges: dict[tuple[str, int], screens.Range], entity: str, values: NDArray[np.float64]) -> None:
+    """Let the ranges of a signal hold these values (n, width) too; NaN is none."""
+    for axis, (low, high) in enumerate(zip(np.fmin.reduce(values), np.fmax.reduce(values), strict=True)):
+        if low <= high:
+            before = ranges.get((entity, axis), (low, high))
+            ranges[entity, axis] = min(float(low), before[0]), max(float(high), before[1])
 
 
 @contextmanager
-def _ending(stream: rr.RecordingStream) -> Iterator[rr.RecordingStream]:
-    """End the stream, and wait until its file is written."""
+def ending(stream: rr.RecordingStream) -> Iterator[rr.RecordingStream]:
+    """End the stream, and wait until its file is written; OSError if it could not be."""
     try:
         yield stream
         stream.flush(timeout_sec=_FLUSH_LIMIT)

@@ -1,4 +1,4 @@
-"""Layout of a recording: entities, units of the plots, and the arrangement of the viewer.
+"""Layout of a recording: entities and units of the plots.
 
 Recordings are made to be looked at, and rerun plots the numbers as they are logged. They are therefore logged in nm, nN
 and us, with the unit in the name of the series; `afm_recorder_node.reader` gives SI units back.
@@ -6,16 +6,13 @@ and us, with the unit in the name of the series; `afm_recorder_node.reader` give
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-import rerun as rr
-import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from afm_model.parts import Channel, channels
 
-from .pictures import SCANS, view
+from .pictures import SCANS
 
 APPLICATION = "afm"
 TIMELINE = "sim_time"
@@ -31,6 +28,10 @@ RUN = "/run"
 """Title of the run, and its score as a table with units."""
 FRICTION_LOOP = "/friction_loop"
 """Drawing of lateral force against position, in a complete recording."""
+RESULT = "/result"
+"""What the last verb has brought back, as a table; below it its diagrams."""
+SCENE = "/scene"
+"""Cantilever, tip and sample in space, in a complete recording."""
 
 _PLOTTED = {"m": ("nm", 1e9), "N": ("nN", 1e9), "s": ("us", 1e6)}
 
@@ -140,87 +141,6 @@ def signal(name: str, si_unit: str) -> Signal:
 
 def further(entities: Iterable[str]) -> list[str]:
     """Which of these entities are channels beyond those of CHANNELS."""
-    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE, RUN, FRICTION_LOOP}
-    below = tuple(f"{entity}/" for entity in (PARAMETERS, FRICTION_LOOP, SCANS))
+    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE, RUN, FRICTION_LOOP, RESULT}
+    below = tuple(f"{entity}/" for entity in (PARAMETERS, FRICTION_LOOP, RESULT, SCENE, SCANS))
     return sorted(e for e in entities if e not in others and not e.startswith((*below, "/__")))
-
-
-def _plot(name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
-    """A plot of signals, or of one axis of theirs. Its name describes it, because a legend would cover the curves."""
-    shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
-    return rrb.TimeSeriesView(
-        name=f"{name} [{signals[0].unit}]",
-        origin="/",
-        contents=[signal.entity for signal in signals],
-        # A visualizer has a random name: of bare lines rerun would make another one whenever they are sent.
-        overrides=None if axis is None else {signal.entity: shown.visualizer() for signal in signals},
-        plot_legend=rrb.PlotLegend(visible=False),
-    )
-
-
-def _plots(name: str, *signals: Signal, z: str | None = None) -> list[rrb.TimeSeriesView]:
-    """One plot for each axis; `z`: name of that of z."""
-    return [_plot((axis == "z" and z) or f"{name}, {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
-
-
-def blueprint(further: Iterable[str] = (), pictures: Iterable[str] = ()) -> rrb.Blueprint:
-    """The arrangement of `_blueprint`, the same object each time: rerun keeps the random names in it for ever."""
-    return _blueprint(tuple(sorted(further)), tuple(sorted(pictures)))
-
-
-@cache
-def _blueprint(further: tuple[str, ...], images: tuple[str, ...]) -> rrb.Blueprint:
-    """The arrangement of the viewer: signals in plots over simulated time; score, events and parameters below.
-
-    With images these come first, and the signals are behind them.
-
-    x and y follow the same reference and z is far smaller: each axis has a plot, so that none hides another.
-
-    Parameters
-    ----------
-    further : tuple of str
-        Entities of channels beyond those of CHANNELS.
-    images : tuple of str
-        Entities of images of scans.
-    """
-    signals = _signals(further)
-    return rrb.Blueprint(
-        rrb.Tabs(view(images), signals, active_tab=0) if images else signals,
-        # At the end of the recording, where an image is as complete as it will be.
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following" if images else None),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-        auto_views=False,
-    )
-
-
-def _signals(further: Iterable[str]) -> rrb.Container:
-    return rrb.Vertical(
-        rrb.Grid(
-            rrb.Tabs(
-                *_plots("Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip")
-            ),
-            rrb.Tabs(*_plots("Tracking error", ERROR, z="Tracking error of the tip, z")),
-            rrb.Spatial2DView(
-                name="Friction loop: lateral force against position, x", origin=FRICTION_LOOP, contents="$origin/**"
-            ),
-            rrb.Tabs(_plot("Lateral force, x", LATERAL_FORCE), _plot("Lateral force, y", LATERAL_FORCE_Y)),
-            rrb.Tabs(*_plots("Drive", DRIVE)),
-            rrb.Tabs(_plot("Deflection", DEFLECTION), _plot("Normal force", NORMAL_FORCE)),
-            grid_columns=3,
-        ),
-        rrb.Horizontal(
-            rrb.TextDocumentView(name="Run", origin=RUN),
-            rrb.Tabs(
-                rrb.TextLogView(name="Events", origin=EVENTS),
-                rrb.TextDocumentView(name="Parameters", origin=PARAMETERS),
-                rrb.TimeSeriesView(name="Changed parameters", origin="/", contents=[f"{PARAMETERS}/**"]),
-                _plot("Round trip", ROUND_TRIP),
-                *(rrb.TimeSeriesView(name=name[1:], origin="/", contents=[name]) for name in further),
-                active_tab="Events",
-            ),
-            column_shares=[1, 2],
-        ),
-        row_shares=[3, 1],
-        name="Signals",
-    )

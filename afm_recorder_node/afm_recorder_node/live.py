@@ -96,9 +96,11 @@ class Server:
     ----------
     page, data : int
         Ports, if they are free; 0: any.
+    source : path
+        A recording, in place of what is `put`.
     """
 
-    def __init__(self, page: int = _PAGE, data: int = _DATA) -> None:
+    def __init__(self, page: int = _PAGE, data: int = _DATA, source: Path | None = None) -> None:
         self._ports = page, data = _free(page), _free(data)
         self.link = f"http://{ADDRESS}:{page}?url=rerun%2Bhttp%3A%2F%2F{ADDRESS}%3A{data}%2Fproxy"
         """What a browser opens."""
@@ -106,7 +108,14 @@ class Server:
         """What the native viewer and rerun's own tools open."""
         options = ["--bind", ADDRESS, "--port", str(data), "--web-viewer-port", str(page)]
         self._process = subprocess.Popen(
-            [RERUN, "--serve-web", *options, "--server-memory-limit", _MEMORY, "-"],
+            [
+                RERUN,
+                "--serve-web",
+                *options,
+                "--server-memory-limit",
+                _MEMORY if source is None else "75%",
+                source or "-",
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             env=os.environ | {"RUST_LOG": "error"},
@@ -145,6 +154,19 @@ class Server:
         if self._process.poll() is not None:
             raise OSError("rerun's server has ended")
         return True
+
+    def wait(self) -> None:
+        """Wait until viewers can connect.
+
+        Raises
+        ------
+        OSError
+            If the server has ended.
+        """
+        while not self.ready:
+            if self._process.poll() is not None:
+                raise OSError("rerun's server has ended")
+            time.sleep(_PERIOD)
 
     @property
     def ready(self) -> bool:

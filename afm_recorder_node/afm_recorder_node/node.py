@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, ScanLine, Score, Waveform
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, NamedArray, ScanLine, Score, Waveform
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -24,6 +24,7 @@ from .health import Health, HealthPublisher
 from .layout import Signal
 from .parameters import RecorderParameters
 from .recorder import Recorder
+from .results import Gathering
 from .watch import ParameterWatch, full_name
 
 _PERIOD = 0.2
@@ -63,6 +64,8 @@ class RecorderNode(Node):
         self._inputs.subscribe(InstrumentStatus, topics.STATUS, self._on_status, topics.EVERY_STATE_QOS)
         self._inputs.subscribe(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
         self._inputs.subscribe(Event, topics.EVENTS, self._on_event, topics.EVENTS_QOS)
+        self._inputs.subscribe(NamedArray, topics.RESULTS, self._on_array, topics.RESULTS_QOS)
+        self._results = Gathering()
         self._score = self._inputs.subscribe(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         # A timer of the system's clock stops for as long as that is set back.
         self.create_timer(_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -98,6 +101,10 @@ class RecorderNode(Node):
 
     def _on_line(self, message: ScanLine) -> None:
         self.recorder.line(checks.scan_line(message))
+
+    def _on_array(self, message: NamedArray) -> None:
+        if (result := self._results.put(checks.result_part(message))) is not None:
+            self.recorder.result(checks.result(result))
 
     def _on_status(self, message: InstrumentStatus) -> None:
         checks.stamp(message)

@@ -28,16 +28,26 @@ def pictures(entities: Iterable[str]) -> list[str]:
     return sorted(entity for entity in entities if entity.startswith(f"{SCANS}/") and entity != LINES)
 
 
-def view(entities: Iterable[str]) -> rrb.Container:
-    """Arrangement of images: those of one signal behind one another, different signals side by side."""
+def view(entities: Iterable[str], name: str = "Scan", below: str = "") -> rrb.Container:
+    """Arrangement of images: those of one signal behind one another, different signals side by side.
+
+    Parameters
+    ----------
+    entities : iterable of str
+    name : str
+        Of the arrangement.
+    below : str
+        Entity below which they stand.
+    """
     places: dict[tuple[str, ...], list[str]] = {}
     for entity in entities:
-        name, _ = _channel(entity)
-        place = next((names for names in _TOGETHER if name in names), (name,))
+        channel, _ = _channel(entity)
+        place = next((names for names in _TOGETHER if channel in names), (channel,))
         places.setdefault(place, []).append(entity)
     known = [place for place in _TOGETHER if place in places]
     ordered = known + sorted(set(places) - set(known))
-    return rrb.Grid(*(rrb.Tabs(*map(_image, sorted(places[place], key=_rank))) for place in ordered), name="Scan")
+    tabs = ([_image(entity, below) for entity in sorted(places[place], key=_rank)] for place in ordered)
+    return rrb.Grid(*(rrb.Tabs(*images) for images in tabs), name=name)
 
 
 def _channel(entity: str) -> tuple[str, str]:
@@ -52,13 +62,13 @@ def _rank(entity: str) -> tuple[int, bool]:
     return order.index(name) if name in order else len(order), direction == RETRACE
 
 
-def _image(entity: str) -> rrb.TensorView:
+def _image(entity: str, below: str) -> rrb.TensorView:
     name, direction = _channel(entity)
     title = name.capitalize() + (f", {direction}" if direction else "")
     return rrb.TensorView(
         name=f"{title} [{_UNITS[name]}]" if name in _UNITS else title,
-        origin=entity,
-        contents=[entity],
+        origin=f"{below}{entity}",
+        contents=[f"{below}{entity}"],
         scalar_mapping=rrb.TensorScalarMapping(colormap=_COLORS, mag_filter="nearest"),
         view_fit="FillKeepAspectRatio",
     )

@@ -14,6 +14,7 @@ from .intake import Intake
 from .layout import Signal
 from .parameters import RecorderParameters
 from .recording_files import Log, RecordedCounts, RecordingFiles, report
+from .results import Shown
 from .scan_lines import ScanLine
 from .writer import Level
 
@@ -129,6 +130,11 @@ class Recorder:
         """Something that has happened in the run at a simulated time [ns], such as the begin of a fault."""
         if not self._resetting:
             self._writer.event(time_ns, text, "WARN")
+
+    def result(self, shown: Shown) -> None:
+        """What a verb has brought back."""
+        if not self._resetting:
+            self._writer.result(shown)
 
     def line(self, line: ScanLine) -> None:
         """One direction of one line of a scan."""

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from afm_model.microscope.image import DIRECTIONS, RETRACE, Image
 
-from .layout import plotted
+from .layout import RESULT, plotted
 from .pictures import LINES, picture_of
+from .results import document, of_image
 from .scan_lines import ScanLine, columns
 from .sink import Sink
 
@@ -75,6 +76,11 @@ class Growth:
         """Whether all that has come has been drawn."""
         return not self._changed
 
+    def words(self) -> str:
+        """What it has come to up to now, as a table."""
+        assert self._image is not None
+        return of_image(self._number, self._image)
+
     def draw(self) -> list[Drawing]:
         """All channels as far as they came."""
         assert self._image is not None
@@ -118,7 +124,7 @@ class ScanWriter:
 
     def __init__(self, sink: Sink, arrange: Callable[[], None]) -> None:
         self.shown: set[str] = set()
-        """Entities of the images that there are."""
+        """Entities of the images that there are, and of the table beside them."""
         self._sink = sink
         self._arrange = arrange
         self._growth = Growth()
@@ -149,7 +155,8 @@ class ScanWriter:
         drawings = self._growth.draw()
         for drawing in drawings:
             self._sink.columns(drawing.entity, np.array([self._time_ns]), drawing.columns())
-        new = {drawing.entity for drawing in drawings} - self.shown
+        self._sink.columns(RESULT, np.array([self._time_ns]), document(self._growth.words()))
+        new = {RESULT, *(drawing.entity for drawing in drawings)} - self.shown
         if new:
             self.shown |= new
             self._arrange()

@@ -38,9 +38,9 @@ def send_columns(
     stream.send_columns(entity, [index], columns, strict=True)
 
 
-def send_blueprint(stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> None:
+def send_blueprint(stream: rr.RecordingStream, blueprint: rrb.Blueprint, application: str = layout.APPLICATION) -> None:
     """Arrange the viewer. rerun's own function keeps two threads and 1 MB of each call until the process ends."""
-    native = rerun_bindings.new_blueprint(layout.APPLICATION, make_default=False, make_thread_default=False)
+    native = rerun_bindings.new_blueprint(application, make_default=False, make_thread_default=False)
     arranged = rr.RecordingStream._from_native(native)
     arranged.set_time("blueprint", sequence=0)
     blueprint._log_to_stream(arranged)

@@ -10,9 +10,10 @@ import rerun as rr
 import yaml
 from numpy.typing import ArrayLike, NDArray
 
-from . import layout, pictures
+from . import layout, pictures, screens
 from .layout import Signal, instants
 from .parameter_writer import ParameterWriter
+from .results import Shown, document
 from .scan_lines import ScanLine
 from .scan_writer import ScanWriter
 from .score_text import markdown
@@ -79,6 +80,7 @@ class RecordingWriter:
         self._title = title or self.path.stem
         self._describe()
         self._scans = ScanWriter(self._sink, self._arrange)
+        self._results: set[str] = set()  # entities of what verbs have brought back
         self._arrange()
         if every > 1:
             self.event(0, f"one tick and one sample of each channel in {every} are recorded")
@@ -177,6 +179,19 @@ class RecordingWriter:
         else:
             self._scans.put(line)
 
+    def result(self, shown: Shown) -> None:
+        """What a verb has brought back: its table, and its diagrams; those of another verb stay, as they were."""
+        if self.problem:
+            return
+        time = np.array([shown.time_ns])
+        drawn = {layout.RESULT: document(shown.words)}
+        drawn |= {f"{entity}/{name}": part for entity, parts in shown.drawings.items() for name, part in parts.items()}
+        for entity, columns in drawn.items():
+            self._sink.columns(entity, time, columns)
+        if new := drawn.keys() - self._results:
+            self._results |= new
+            self._arrange()
+
     def event(self, time_ns: int, text: str, level: Level = "INFO") -> None:
         """A line of text at a simulated time [ns]."""
         self._sink.event(time_ns, text, level)
@@ -235,7 +250,7 @@ class RecordingWriter:
 
     def _arrange(self) -> None:
         """Arrange the present signals and images in the viewer."""
-        self._sink.arrange(layout.blueprint(layout.further(self._columns), pictures.pictures(self._scans.shown)))
+        self._sink.arrange(screens.blueprint({*self._columns, *self._scans.shown, *self._results}))
 
     def _declare(self, signal: Signal) -> None:
         self._columns[signal.entity] = []

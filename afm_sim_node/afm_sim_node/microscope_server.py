@@ -20,6 +20,7 @@ from afm_node_common.process import SimNodeParameters
 from afm_node_common.stamps import stamp
 
 from .events import Events
+from .results import Results
 from .scan_lines import ScanLines
 from .settings import Settings, setpoint
 from .verb_server import VerbServer
@@ -60,7 +61,7 @@ class MicroscopeServer:
         before_reset: Callable[[], None],
     ) -> None:
         self._run, self._declared, self._before_reset = run, declared, before_reset
-        self._lines = ScanLines(node)
+        self._lines, results = ScanLines(node), Results(node)
         self._status = node.create_publisher(MicroscopeStatus, topics.MICROSCOPE, topics.LATCHED_QOS)
         self._told: Any = None
 
@@ -68,7 +69,10 @@ class MicroscopeServer:
             events.publish(run.snapshot().ticks, run.stamp_ns, event)
             self.publish()
 
-        self._verbs = VerbServer(node, run, self._begun, changed)
+        def brought(verb: str, outcome: Outcome) -> None:
+            results.publish(verb, outcome, run.stamp_ns)
+
+        self._verbs = VerbServer(node, run, self._begun, changed, brought)
         Settings(node, run, self._exchange, self._on_setting)
         self.publish()
 

@@ -99,10 +99,19 @@ class VerbServer:
         begun(verb): a verb is about to begin.
     changed : callable
         changed(event): a verb has begun or ended, in a sentence.
+    brought : callable
+        brought(title, outcome): a verb has ended.
     """
 
-    def __init__(self, node: Node, run: Run, begun: Callable[[Verb], object], changed: Callable[[str], object]) -> None:
-        self._run, self._begun, self._changed = run, begun, changed
+    def __init__(
+        self,
+        node: Node,
+        run: Run,
+        begun: Callable[[Verb], object],
+        changed: Callable[[str], object],
+        brought: Callable[[str, Outcome], object],
+    ) -> None:
+        self._run, self._begun, self._changed, self._brought = run, begun, changed, brought
         self._log = node.get_logger()
         self._clients = Clients(node)
         self._going: Going | None = None
@@ -152,6 +161,7 @@ class VerbServer:
         if going is not None:
             self.last = outcome.message or f"{going.title} was done"
             going.over(outcome)
+            self._brought(going.title, outcome)
             self._changed(self.last)
 
     def _cancel(self, goal: ServerGoalHandle) -> CancelResponse:

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
+from recorded import SCAN, UNITS, lines_of
 
-from afm_model.microscope.image import DIRECTIONS, RETRACE, Image, Line
-from afm_model.microscope.verbs import Scan
-from afm_recorder_node import layout
+from afm_model.core.prefix import text
+from afm_model.microscope.image import Image
+from afm_recorder_node import layout, screens
 from afm_recorder_node.complete import chunks
 from afm_recorder_node.parameters import RecorderParameters
 from afm_recorder_node.pictures import LINES
@@ -24,29 +25,8 @@ from afm_recorder_node.scan_lines import ScanLine
 from afm_recorder_node.scan_writer import LARGEST, STAGES, drawings
 from afm_recorder_node.writer import RecordingWriter
 
-UNITS = {"height": "m", "lateral": "N"}
-SCAN = Scan(centre_x=1e-6, size_x=2e-6, angle=0.5, pixels=24, lines=40, line_rate=4.0, channels="height, lateral")
 PERIOD = 1e-3
-
-
-def lines_of(scan: Scan = SCAN, number: int = 1, start: float = 1.0) -> list[ScanLine]:
-    """All lines of a scan, each pixel another number, in the order of measurement."""
-    rng = np.random.default_rng(number)
-    return [
-        ScanLine(
-            number,
-            scan,
-            Line(
-                index,
-                direction,
-                start + (index + 0.5 * (direction == RETRACE)) / 3.0,
-                {name: 1e-9 * rng.normal(size=scan.pixels) for name in UNITS},
-            ),
-            UNITS,
-        )
-        for index in range(scan.lines)
-        for direction in DIRECTIONS
-    ]
+HERE = Path(__file__).parent
 
 
 def tick(writer: RecordingWriter) -> None:
@@ -152,7 +132,7 @@ def test_drawing_of_a_large_image_is_thinned_and_its_lines_are_not(tmp_path: Pat
 
 def test_killed_recorder_leaves_the_image_so_far(tmp_path: Path) -> None:
     code = (
-        "import os, signal, sys; from pathlib import Path; sys.path.insert(0, sys.argv[2])\n"
+        "import os, signal, sys; from pathlib import Path; sys.path += sys.argv[2:]\n"
         "from test_recorder_scans import RecordingWriter, lines_of, tick\n"
         "writer = RecordingWriter(Path(sys.argv[1]))\n"
         "tick(writer)\n"
@@ -160,7 +140,7 @@ def test_killed_recorder_leaves_the_image_so_far(tmp_path: Path) -> None:
         "writer.flush()\n"
         "os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    program = [sys.executable, "-c", code, tmp_path / "run.rrd", Path(__file__).parent]
+    program = [sys.executable, "-c", code, tmp_path / "run.rrd", HERE, HERE.parent]
     assert subprocess.run(program, timeout=60, check=False).returncode == -signal.SIGKILL
     partial = tmp_path / "run.partial.rrd"
     with pytest.warns(IncompleteRecording):
@@ -223,9 +203,9 @@ def test_every_image_has_a_view_with_its_unit_and_the_signals_stay(tmp_path: Pat
         "/scan/height/trace",
         "/scan/truth/z/trace",
     ]
-    tabs = layout.blueprint(pictures=entities).root_container
+    tabs = screens.blueprint(entities).root_container
     assert [part.name for part in tabs.contents] == ["Scan", "Signals"]
-    shown = {view.origin: view.name for view in views(tabs.contents[0])}
+    shown = {view.origin: view.name for view in views(tabs.contents[0]) if isinstance(view, rrb.TensorView)}
     assert set(shown) == set(entities)
     # The trace of the height comes first.
     assert next(iter(shown)) == "/scan/height/trace"
@@ -235,3 +215,18 @@ def test_every_image_has_a_view_with_its_unit_and_the_signals_stay(tmp_path: Pat
     signals = {view.origin for view in views(tabs.contents[1])}
     assert {layout.EVENTS, layout.RUN} <= signals
     assert LINES not in shown
+
+
+def test_what_a_scan_has_come_to_is_told_beside_its_images(tmp_path: Path) -> None:
+    lines = lines_of()
+    path = record(tmp_path / "run.rrd", lines[:40])
+    batches = [c.to_record_batch() for c in chunks(path) if c.entity_path == layout.RESULT]
+    rows = [row[0] for batch in batches for row in batch.column("TextDocument:text").to_pylist()]
+    assert len(rows) == STAGES // 2
+    words = max(rows, key=lambda each: int(each.split(" of 40 lines")[0].rsplit("\n", 1)[-1]))
+    assert "### Scan 1" in words and "20 of 40 lines of 24 pixels, 2 µm x 3.333 µm, 4 Hz" in words
+    values = expected(lines[:40]).data["height", "trace"]
+    values = values[np.isfinite(values)] * 1e9
+    shown = " | ".join(text(number * 1e-9, "m", 3) for number in (values.mean(), values.std(), values.min()))
+    assert f"| height, trace | {shown} |" in words
+    assert "| friction |" in words

@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from recorded import Run
 from rerun.chunk import RrdReader
 
-from afm_recorder_node import layout
+from afm_recorder_node import layout, screens
 from afm_recorder_node.complete import chunks
 from afm_recorder_node.friction_loop import HEIGHT, POINTS, ROWS, WIDTH, FrictionLoop
 from afm_recorder_node.reader import read_recording
@@ -79,11 +79,13 @@ def views(part: object) -> list[rrb.View]:
 
 
 def test_no_plot_of_the_arrangement_holds_two_axes_and_every_entity_is_shown() -> None:
-    shown = views(layout.blueprint(["/truth/creep_x"]).root_container)
+    shown = views(screens.blueprint(["/truth/creep_x"]).root_container)
     entities = {entity for view in shown if isinstance(view.contents, list) for entity in view.contents}
     signals = (*layout.TICKS, *layout.CHANNELS)
     assert {signal.entity for signal in signals} | {"/truth/creep_x"} <= entities
-    assert {layout.RUN, layout.EVENTS, layout.PARAMETERS, layout.FRICTION_LOOP} <= {view.origin for view in shown}
+    assert {layout.RUN, layout.EVENTS, layout.PARAMETERS, layout.FRICTION_LOOP, layout.SCENE} <= {
+        view.origin for view in shown
+    }
     for signal in signals:
         plots = [view for view in shown if isinstance(view.contents, list) and signal.entity in view.contents]
         lines = [view.visualizer_overrides[signal.entity].overrides for view in plots if view.visualizer_overrides]

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from afm_msgs.msg import NamedArray
 from quick_lever import INSTRUMENT, LAW, OVER_THE_WEDGE, WEDGE
 from support import Graph, ros_arguments
 from verbs_bench import APPROACH, Bench
@@ -13,6 +14,7 @@ from verbs_bench import APPROACH, Bench
 from afm_bringup.remote import Remote
 from afm_model import SimParameters, build
 from afm_model.microscope import Microscope
+from afm_model.microscope.arrays import arrays_of
 from afm_model.microscope.local import Local
 from afm_model.microscope.results import Calibration, Outcome, Standing
 from afm_model.microscope.verb import Verb
@@ -29,7 +31,10 @@ from afm_model.microscope.verbs import (
 )
 from afm_model.microscope.verbs.friction_loop import Loop
 from afm_model.microscope.verbs.scan_path import PathRecord
+from afm_node_common import topics
 from afm_node_common.verb_codec import outcome_of
+from afm_recorder_node import checks
+from afm_recorder_node.results import Gathering
 
 PARAMETERS = {name: value for name, value in INSTRUMENT.items() if not name.startswith("sample.")} | LAW
 PARAMETERS |= {f"sample.{name}": value for name, value in WEDGE.items()}
@@ -175,6 +180,33 @@ def test_cancel_at_once_leaves_the_tip_withdrawn_and_is_answered(bench: Bench, v
     result = cancelled(bench, verb, bench.begin(verb)).result
     if isinstance(verb, ForceCurve | FrictionLoop | ScanPath):
         assert samples(result) >= 0
+
+
+def test_results_are_published_for_a_recorder_as_the_client_gets_them(bench: Bench) -> None:
+    heard: list[Any] = []
+    subscription = bench.client.create_subscription(NamedArray, topics.RESULTS, heard.append, topics.RESULTS_QOS)
+    bench.graph.spin_until(
+        lambda: bench.simulator.count_subscribers(topics.RESULTS) and subscription.get_publisher_count()
+    )
+    for verb in (CURVES, LOOP, SENSITIVITY):
+        bench.approach()
+        heard.clear()
+        expected = arrays_of(outcome_of(verb, bench.do(verb), cancelled=False).result)
+        assert expected is not None
+        count = len(expected.variables) + len(expected.coordinates)
+        bench.graph.spin_until(lambda count=count: len(heard) == count)
+        gathering = Gathering()
+        (result,) = filter(None, [gathering.put(checks.result_part(message)) for message in heard])
+        assert (result.verb, result.status) == (named(verb), "complete")
+        assert dict(result.arrays.attributes) == dict(expected.attributes)
+        for group in ("variables", "coordinates"):
+            there, here = getattr(result.arrays, group), getattr(expected, group)
+            assert list(there) == list(here)
+            for name, each in here.items():
+                assert there[name].values.tobytes() == np.asarray(each.values, np.float64).tobytes(), name
+                assert dict(there[name].attributes) == dict(each.attributes)
+        assert checks.result(result).words.startswith(f"### {named(verb)}")
+    bench.client.destroy_subscription(subscription)
 
 
 def test_move_to_where_the_scanner_stands_is_done_at_once(bench: Bench) -> None:

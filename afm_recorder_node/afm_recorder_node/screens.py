@@ -1,0 +1,226 @@
+"""How the viewer arranges a recording: a screen for each kind of run. Needs no ROS."""
+
+import math
+import uuid
+from collections.abc import Iterable, Mapping, Sequence
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from . import layout, pictures, results, scene
+from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE, POSITION, REFERENCE, Signal
+
+Range = tuple[float, float]
+Ranges = Mapping[tuple[str, int], Range]
+"""Least and largest number of a signal, by entity and axis (0 for one number), as they stand in the recording."""
+
+_IDS = uuid.UUID("5b1d7a2e-7a70-4a8c-9b0e-0b1c53a3c2f4")
+_PLOT = 270.0
+"""Height of a plot on a laptop, in points."""
+_LABEL = 22.0
+"""Points between two numbers at an axis, below which the viewer does not show them."""
+
+
+def kind(entities: Iterable[str]) -> str:
+    """control, scan, force curve or calibration: what kind of run a recording with these entities is."""
+    there = list(entities)
+    if pictures.pictures(there):
+        return "scan"
+    if results.FORCE_CURVE in results.titles(there):
+        return "force curve"
+    return "calibration" if layout.RESULT in there else "control"
+
+
+def blueprint(entities: Iterable[str], ranges: Ranges | None = None) -> rrb.Blueprint:
+    """The screen of a recording by its kind; behind it, in a second tab, all signals.
+
+    Parameters
+    ----------
+    entities : iterable of str
+        Those of the recording that have a time; signals that there always are need not be among them.
+    ranges : mapping, optional
+        Of complete recordings: then each axis has two numbers at least.
+    """
+    there, plots = set(entities), _Plots(ranges or {})
+    signals = _signals(plots, layout.further(there))
+    found = kind(there)
+    shown: list[rrb.Container] = []
+    if found == "scan":
+        shown.append(_scan(plots, pictures.pictures(there)))
+    diagrams = results.titles(there)
+    if diagrams or found == "calibration":
+        shown.append(_result(plots, diagrams, "Force curve" if results.FORCE_CURVE in diagrams else "Result"))
+    root = rrb.Tabs(*shown, signals, active_tab=0) if shown else signals
+    fixed(root, found)
+    return rrb.Blueprint(
+        root,
+        # At the end of the recording, where an image is as complete as it will be.
+        rrb.TimePanel(state="collapsed", timeline=layout.TIMELINE, play_state="following" if shown else None),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+        auto_views=False,
+    )
+
+
+def fixed(part: rrb.Container | rrb.View, place: str) -> None:
+    """Give a part of an arrangement, and what is in it, names by its place.
+
+    rerun keeps each name until the process ends: with its random ones a recorder would grow for ever.
+    """
+    part.id = uuid.uuid5(_IDS, place)
+    if isinstance(part, rrb.View):
+        for entity, lines in part.visualizer_overrides.items():
+            lines.id = uuid.uuid5(_IDS, f"{place} {entity}")  # type: ignore[union-attr]
+    else:
+        for number, inner in enumerate(part.contents):
+            fixed(inner, f"{place}/{number}")
+
+
+def readable(low: float, high: float, height: float = _PLOT) -> Range | None:
+    """Range of an axis in which two numbers at least are shown; None if the viewer's own is one.
+
+    The viewer writes powers of ten and their multiples at an axis, of the least power at which they do not crowd: a
+    signal between -84 and 84 gets nothing but a 0.
+
+    Parameters
+    ----------
+    low, high : float
+        Of the signal.
+    height : float
+        Of the plot, in points.
+    """
+    if not (math.isfinite(low) and math.isfinite(high) and high > low):
+        return None
+    margin = 0.05 * (high - low)
+    step = 10.0 ** math.ceil(math.log10((high - low + 2.0 * margin) * _LABEL / height))  # no part of a run
+    first, last = math.ceil(low / step), math.floor(high / step)
+    if last > first:
+        return None
+    low, high = low - margin, high + margin
+    # To the nearer side, until there are two.
+    while math.floor(high / step) - math.ceil(low / step) < 1:
+        below, above = step * (math.ceil(low / step) - 1), step * (math.floor(high / step) + 1)
+        if low - below < above - high:
+            low = below - margin
+        else:
+            high = above + margin
+    return low, high
+
+
+class _Plots:
+    """Makes plots over time whose axes can be read."""
+
+    def __init__(self, ranges: Ranges) -> None:
+        self._ranges = ranges
+
+    def one(self, name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
+        """A plot of signals, or of one axis of theirs. Its name describes it: a legend would cover the curves."""
+        shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
+        known = [self._ranges[key] for signal in signals if (key := (signal.entity, axis or 0)) in self._ranges]
+        span = readable(min(low for low, _ in known), max(high for _, high in known)) if known else None
+        return rrb.TimeSeriesView(
+            name=f"{name} [{signals[0].unit}]",
+            origin="/",
+            contents=[signal.entity for signal in signals],
+            overrides=None if axis is None else {signal.entity: shown.visualizer() for signal in signals},
+            plot_legend=rrb.PlotLegend(visible=False),
+            axis_y=None if span is None else rrb.ScalarAxis(range=span),
+        )
+
+    def three(self, name: str, *signals: Signal, z: str | None = None) -> list[rrb.TimeSeriesView]:
+        """One plot for each axis; `z`: name of that of z. x and y follow the same reference, and z is far smaller."""
+        return [self.one((axis == "z" and z) or f"{name}, {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
+
+
+def _signals(plots: _Plots, further: Sequence[str]) -> rrb.Container:
+    """The screen of a control run: signals in plots over simulated time; score, events and parameters below."""
+    return rrb.Vertical(
+        rrb.Grid(
+            rrb.Tabs(
+                *plots.three("Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip")
+            ),
+            rrb.Tabs(*plots.three("Tracking error", ERROR, z="Tracking error of the tip, z")),
+            rrb.Tabs(
+                rrb.Spatial2DView(
+                    name="Friction loop: lateral force over x",
+                    origin=layout.FRICTION_LOOP,
+                    contents="$origin/**",
+                ),
+                _scene(),
+            ),
+            rrb.Tabs(plots.one("Lateral force, x", LATERAL_FORCE), plots.one("Lateral force, y", LATERAL_FORCE_Y)),
+            rrb.Tabs(*plots.three("Drive", DRIVE)),
+            rrb.Tabs(plots.one("Deflection", DEFLECTION), plots.one("Normal force", NORMAL_FORCE)),
+            grid_columns=3,
+        ),
+        rrb.Horizontal(
+            rrb.TextDocumentView(name="Run", origin=layout.RUN),
+            rrb.Tabs(
+                _events(),
+                rrb.TextDocumentView(name="Parameters", origin=layout.PARAMETERS),
+                rrb.TimeSeriesView(name="Changed parameters", origin="/", contents=[f"{layout.PARAMETERS}/**"]),
+                plots.one("Round trip", layout.ROUND_TRIP),
+                *(rrb.TimeSeriesView(name=name[1:], origin="/", contents=[name]) for name in further),
+                active_tab="Events",
+            ),
+            column_shares=[1, 2],
+        ),
+        row_shares=[3, 1],
+        name="Signals",
+    )
+
+
+def _scan(plots: _Plots, images: Sequence[str]) -> rrb.Container:
+    """Images as they grow; what they have come to, the signals and the events below."""
+    return rrb.Vertical(
+        pictures.view(images),
+        rrb.Horizontal(
+            rrb.TextDocumentView(name="Result", origin=layout.RESULT),
+            rrb.Tabs(*_measured(plots), _scene(), active_tab=0),
+            _events(),
+            column_shares=[4, 4, 3],
+        ),
+        row_shares=[5, 3],
+        name="Scan",
+    )
+
+
+def _result(plots: _Plots, diagrams: Mapping[str, str], name: str) -> rrb.Container:
+    """Curves of a result over what they depend on, and its numbers as a table; signals and events beside them."""
+    table = rrb.TextDocumentView(name="Result", origin=layout.RESULT)
+    drawn = [rrb.Spatial2DView(name=title, origin=entity, contents="$origin/**") for entity, title in diagrams.items()]
+    signals, events = rrb.Tabs(*_measured(plots), _scene(), active_tab=0), _events()
+    if not drawn:
+        return rrb.Vertical(rrb.Horizontal(table, events), signals, row_shares=[1, 1], name=name)
+    beside: list[rrb.Container | rrb.View] = [signals, events]
+    one = len(drawn) == 1
+    return rrb.Vertical(
+        rrb.Horizontal(*drawn, *([rrb.Vertical(*beside)] if one else [])),
+        rrb.Horizontal(table, *([] if one else beside)),
+        row_shares=[5, 2],
+        name=name,
+    )
+
+
+def _measured(plots: _Plots) -> list[rrb.View]:
+    """What a microscope measures, over time."""
+    return [
+        plots.one("Deflection", DEFLECTION),
+        plots.one("Sample z", POSITION, axis=2),
+        plots.one("Lateral force, x", LATERAL_FORCE),
+        plots.one("Normal force", NORMAL_FORCE),
+    ]
+
+
+def _events() -> rrb.View:
+    return rrb.TextLogView(name="Events", origin=layout.EVENTS)
+
+
+def _scene() -> rrb.View:
+    return rrb.Spatial3DView(
+        name="Scene",
+        origin=layout.SCENE,
+        contents="$origin/**",
+        line_grid=rrb.LineGrid3D(visible=False),
+        eye_controls=rrb.EyeControls3D(position=scene.EYE, look_target=scene.TARGET, eye_up=(0.0, 0.0, 1.0)),
+    )
