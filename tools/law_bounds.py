@@ -11,6 +11,9 @@ surface is the largest that the law assumes; a flatter one leaves less.
 Surface: of friction over a surface that is seen under the tip only, once a period, the part is left that those
 measurements do not determine, whoever computes the drive.
 
+Edge: friction that falls by a tenth at once throws the tip, until a drive comes that answers the first measurement
+behind the edge.
+
 Stability: spectral radius of position, rate and drives on their way, for the gains of the law.
 """
 
@@ -36,6 +39,8 @@ SPEED = 0.1 * math.sqrt(2.0)
 """Of the reference, sine of 5 nm and 50 rad/s on x and y, where it is fastest [x0 w0]."""
 AMPLITUDE = 20.0
 """[x0]"""
+WIDTH = 8.0
+"""Of the patches of the row `patches x .9` [x0]."""
 
 
 def constants(period: float, delay: int = 0, **law: Any) -> Any:
@@ -112,6 +117,48 @@ def of_surface(period: float, delay: int) -> tuple[float, float]:
     return friction, 100.0 * math.sqrt(response @ left @ response) / (AMPLITUDE * math.sqrt(2.0))
 
 
+def thrown(time: float) -> float:
+    """How far an axis is thrown in a time [1/w0] in which friction has fallen by a tenth [% of the amplitude].
+
+    The patch of less friction is WIDTH long; the drive is that for friction as it was before.
+    """
+    p = constants(5e-5)
+    Phi, Gamma = transition(p["stiffness"][:2].mean(), p["damping"][:2].mean(), time / 2000)
+    e, most = np.zeros(2), 0.0
+    for i in range(2000):
+        weak = SPEED * i * time / 2000 + e[0] < WIDTH * math.sqrt(2.0)
+        e = Phi @ e + Gamma * (0.1 * p["f_0"] * weak)
+        most = max(most, float(e[0]))
+    return 100.0 * most / (AMPLITUDE * math.sqrt(2.0))
+
+
+def of_edges(period: float, delay: int) -> tuple[float, float, float]:
+    """What a fall of friction by a tenth leaves where nothing foretells it, whoever computes the drive.
+
+    The tip follows the reference up to the edge. The first measurement behind the edge shows it, and the drive that
+    answers acts a delay later.
+
+    Parameters
+    ----------
+    period : float [s]
+    delay : int
+        Control periods.
+
+    Returns
+    -------
+    (least, most, row) : floats
+        Largest error of an axis up to that drive [% of the amplitude]: of an edge just before a measurement, just
+        behind one; the largest of the edges in the third period of the row `patches x .9`.
+    """
+    hold, omega = 1e4 * period, 0.005
+    # Places where friction falls, on the way there and back.
+    there = [math.asin(x / AMPLITUDE) for x in (-WIDTH, WIDTH)]
+    back = [math.pi - math.asin(x / AMPLITUDE) for x in (2.0 * WIDTH, 0.0, -2.0 * WIDTH)]
+    times = [(4.0 * math.pi + angle) / omega for angle in there + back]
+    row = max(math.ceil(t / hold) * hold - t for t in times)
+    return thrown(delay * hold), thrown((delay + 1) * hold), thrown(row + delay * hold)
+
+
 def radius(period: float, late: int, packet: int = 1) -> float:
     """Largest spectral radius of the loops of x, y, z whose drives come `late` slots after the law expects them."""
     p = constants(period, packet=packet)
@@ -137,8 +184,9 @@ def tables() -> dict[str, str]:
     """Each table by its mark in the page."""
     noise = ["| period + delay | estimate, rms [%] | at the end of the drive, rms [%] | 3 deviations [%] |"]
     surface = ["| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations [%] |"]
+    edge = ["| period + delay | edge just before a measurement [%] | just behind one [%] | in the row of patches [%] |"]
     stable = ["| period | drives as expected | one period later | two |"]
-    for rows, columns in ((noise, 4), (surface, 4), (stable, 4)):
+    for rows, columns in ((noise, 4), (surface, 4), (edge, 4), (stable, 4)):
         rows.append("| " + " | ".join(["---"] * columns) + " |")
     for name, period in RATES[1:4]:
         now, later = uncertainties(period, 1)
@@ -146,8 +194,10 @@ def tables() -> dict[str, str]:
     for name, period in RATES:
         friction, error = of_surface(period, 1)
         surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {3.0 * error:.2g} |")
+        edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
-    return {"bound noise": "\n".join(noise), "bound surface": "\n".join(surface), "bound stability": "\n".join(stable)}
+    found = {"noise": noise, "surface": surface, "edge": edge, "stability": stable}
+    return {f"bound {name}": "\n".join(rows) for name, rows in found.items()}
 
 
 def main() -> int:

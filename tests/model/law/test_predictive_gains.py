@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
-from law_bounds import PAGE, constants, of_surface, radius, tables
+from law_bounds import PAGE, constants, of_edges, of_surface, radius, tables
 from make_docs import between_marks
 
 from afm_model.law.predictive.gains import Grid, gains, grid, observer_gains, transition
@@ -104,6 +104,24 @@ def test_what_a_surface_leaves_falls_with_the_period():
     assert friction < 0.1 < of_surface(1e-3, 1)[0] < 1.0
     # Nothing that the law has found out is below what can be known: 0.2 % is its largest error.
     assert error < 0.2
+
+
+def test_what_an_edge_leaves_is_the_way_of_the_scanner_until_a_drive_can_answer_it():
+    force, far = 0.1 * constants(2e-4)["f_0"], 8.0 * math.sqrt(2.0)
+    stiffness, damping = np.mean([AXES[0], AXES[1]], axis=0)
+
+    def rate(t, q):
+        weak = 0.1 * math.sqrt(2.0) * t + q[0] < far
+        return [q[1], force * weak - stiffness * q[0] - damping * q[1]]
+
+    for period in (5e-5, 2e-4, 1e-3):
+        hold = 1e4 * period
+        way = solve_ivp(rate, (0.0, 2.0 * hold), [0.0, 0.0], max_step=0.05, dense_output=True).sol
+        least, most = (way(np.linspace(0.0, end, 2001))[0].max() for end in (hold, 2.0 * hold))
+        found = of_edges(period, 1)
+        # Of 20 x0, along the diagonal.
+        assert found[:2] == pytest.approx([5.0 * each / math.sqrt(2.0) for each in (least, most)], rel=0.01)
+        assert 0.999 * found[0] <= found[2] <= 1.001 * found[1]
 
 
 def test_tables_of_the_page_are_those_of_the_tool():
