@@ -106,6 +106,19 @@ def test_notices_name_every_locked_package_in_its_version() -> None:
         assert not [package for package, version in locked.items() if f" {package} {version}" not in notices]
 
 
+def test_audit_has_a_date_for_every_locked_package_in_its_version() -> None:
+    rows = [line.split("\t") for line in (ROOT / "requirements" / "audit.tsv").read_text().splitlines()[1:]]
+    locked = [
+        (*found, name)
+        for name in ("ros-jazzy", "extras", "test")
+        for found in re.findall(
+            r"^([A-Za-z0-9_.-]+)==([^\s;]+)", (ROOT / "requirements" / f"{name}.lock").read_text(), re.MULTILINE
+        )
+    ]
+    assert [tuple(row[:3]) for row in rows] == locked
+    assert not [row[0] for row in rows if not re.fullmatch(r"20\d\d-\d\d-\d\d", row[3])]
+
+
 def test_nothing_under_the_gpl_is_installed_to_run_the_instrument() -> None:
     for name in ("base.txt", "ros-jazzy.lock", "extras.txt", "extras.lock"):
         assert "gwyddionpy" not in (ROOT / "requirements" / name).read_text()
