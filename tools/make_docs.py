@@ -4,7 +4,9 @@
 """
 
 import ast
+import re
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 from afm_bringup.exam.rules import RULES
@@ -28,7 +30,8 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
-EXAMPLES = ("kalman", "patches", "bursts")
+EXAMPLES = ("kalman", "patches")
+AXIS = re.compile(r"\b[xyz]\b")
 
 
 def allowed(spec: Specification) -> str:
@@ -41,6 +44,24 @@ def allowed(spec: Specification) -> str:
     if high == most and not (spec.lower_open or spec.upper_open):
         text = {least: "> 0", 0.0: ">= 0", -most: "any"}.get(low, f">= {low:g}")
     return text if spec.kind is float else f"whole, {text}"
+
+
+def grouped(found: Iterable[Specification]) -> list[list[Specification]]:
+    """Parameters one by one; those of x, y and z together where nothing but axis and default differs."""
+    groups: list[list[Specification]] = []
+    for spec in found:
+        group = groups[-1] if groups else []
+        if (
+            0 < len(group) < 3
+            and group[0].name.endswith("_x")
+            and spec.name == f"{group[0].name[:-1]}{'xyz'[len(group)]}"
+            and (spec.unit, allowed(spec)) == (group[0].unit, allowed(group[0]))
+            and AXIS.sub("", spec.description) == AXIS.sub("", group[0].description)
+        ):
+            group.append(spec)
+        else:
+            groups.append([spec])
+    return groups
 
 
 def parameters() -> str:
@@ -61,15 +82,19 @@ def parameters() -> str:
     written = dict[str, str]()
     for node, model, tunable in NODES:
         rows, same = list[str](), list[str]()
-        for spec in specifications(model):
-            mark = "*" if any(spec.name == name or spec.name.startswith(name) for name in tunable) else ""
-            default = f"`{str(spec.default).lower() if spec.kind is bool else spec.default}`"
-            row = f" | {default} | {spec.unit} | {allowed(spec)} | {spec.description} |"
-            if written.get(spec.name) == row:
-                same.append(f"`{spec.name}`{mark}")
+        for group in grouped(specifications(model)):
+            first, axes = group[0], ", ".join("xyz"[: len(group)])
+            mark = "*" if any(first.name == name or first.name.startswith(name) for name in tunable) else ""
+            name = ", ".join(f"`{spec.name}`" for spec in group)
+            values = dict.fromkeys(str(spec.default).lower() if spec.kind is bool else spec.default for spec in group)
+            default = ", ".join(f"`{value}`" for value in values)
+            what = first.description if len(group) == 1 else AXIS.sub(axes, first.description)
+            row = f" | {default} | {first.unit} | {allowed(first)} | {what} |"
+            if written.get(name) == row:
+                same.append(f"{name}{mark}")
             else:
-                rows.append(f"| `{spec.name}`{mark}{row}")
-            written.setdefault(spec.name, row)
+                rows.append(f"| {name}{mark}{row}")
+            written.setdefault(name, row)
         lines += ["", f"## {node}", "", "| name | default | unit | allowed | what |", "|---|---|---|---|---|", *rows]
         if same:
             lines += ["", f"As above: {', '.join(same)}."]
@@ -123,22 +148,6 @@ def rooms() -> str:
     return "\n".join(["```mermaid", "flowchart TD", *arrows, "```"])
 
 
-_ON_REQUEST = (Cause.PAUSE, Cause.PLAY, Cause.BACK_WITHDRAWN, Cause.BACK_APPROACHING, Cause.ERROR, Cause.RESET)
-"""What leads from many states to one, or back: in the table, not in the picture."""
-_FROM_MANY = (Cause.UNANSWERED, Cause.UNRECORDED, Cause.END)
-"""What leads from many states to one: in the picture from RUNNING only."""
-
-
-def life() -> str:
-    """The states of a run and what leads from one to the next, as a diagram."""
-    arrows: dict[tuple[State, State], list[str]] = {}
-    for (state, cause), target in TRANSITIONS.items():
-        if cause not in _ON_REQUEST and (state == State.RUNNING or cause not in _FROM_MANY):
-            arrows.setdefault((state, target), []).append(cause.value)
-    lines = [f"  {a.name} --> {b.name}: {'<br>'.join(causes)}" for (a, b), causes in arrows.items()]
-    return "\n".join(["```mermaid", "stateDiagram-v2", "  [*] --> WAITING", *lines, "```"])
-
-
 def transitions() -> str:
     """Every change of state there is, as a table."""
     lines = ["| cause | from | to |", "|---|---|---|"]
@@ -170,11 +179,10 @@ def pages() -> dict[Path, str]:
     for name in CONTROLLERS:
         path = ROOT / "examples" / name
         controllers = between_marks(controllers, path.stem, f"```python\n{path.read_text().rstrip()}\n```")
-    safe_states = between_marks((DOCS / "safe_states.md").read_text(), "life", life())
     return {
         DOCS / "controllers.md": between_marks(controllers, "rules", rules()),
         DOCS / "faults.md": between_marks((DOCS / "faults.md").read_text(), "kinds", kinds()),
-        DOCS / "safe_states.md": between_marks(safe_states, "transitions", transitions()),
+        DOCS / "safe_states.md": between_marks((DOCS / "safe_states.md").read_text(), "transitions", transitions()),
         DOCS / "parameters.md": parameters(),
         DOCS / "extending.md": extending,
         DOCS / "architecture.md": between_marks((DOCS / "architecture.md").read_text(), "rooms", rooms()),
