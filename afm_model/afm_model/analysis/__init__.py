@@ -6,6 +6,7 @@ Nothing here knows the simulated instrument: the functions take arrays from any 
 from ..core.tilted import along_normal, tilted_deflection, tilted_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
 from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve
+from .frequency_modulation import ShiftForce, force_from_shift, frequency_shift
 from .friction_load import FrictionLoadFit, friction_load_fit
 from .loops import FrictionLoop, dissipated, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
@@ -26,6 +27,7 @@ __all__ = [
     "FrictionLoop",
     "ResonanceFit",
     "Roughness",
+    "ShiftForce",
     "TappingEnergy",
     "ThermalTune",
     "WedgeCalibration",
@@ -38,6 +40,8 @@ __all__ = [
     "dissipated",
     "edges",
     "force_curve",
+    "force_from_shift",
+    "frequency_shift",
     "friction_load_fit",
     "friction_loop",
     "line_loop",

@@ -32,6 +32,13 @@ def same_length(**lists: ArrayLike) -> tuple[_Array, ...]:
     return x, y
 
 
+def positive(**numbers: float) -> None:
+    """ValueError for one of these, given by their names, that is not a positive number."""
+    for name, value in numbers.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} = {value:g} is not allowed: it must be a positive number")
+
+
 class StraightLine(NamedTuple):
     """A straight line y = slope x + intercept, as found."""
 

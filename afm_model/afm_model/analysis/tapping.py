@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .estimate import positive
+
 
 class TappingEnergy(NamedTuple):
     """Per cycle, by the motion at the frequency of the drive."""
@@ -49,9 +51,7 @@ def tapping_energy(
     ValueError
         If frequency, f0, Q or k is not a positive number.
     """
-    for name, value in (("frequency", frequency), ("f0", f0), ("Q", Q), ("k", k)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} = {value:g} is not allowed: it must be a positive number")
+    positive(frequency=frequency, f0=f0, Q=Q, k=k)
     r = frequency / f0
     moved = np.asarray(response, np.complex128)
     force = k * (1.0 - r * r + 1j * r / Q) * (moved - np.asarray(free, np.complex128))
