@@ -21,7 +21,7 @@ from . import layout, pictures, streams
 
 POSES = 600
 """At most, over the whole recording."""
-EYE, TARGET = (1.9, -2.9, 1.5), (-0.35, 0.0, 0.05)
+EYE, TARGET = (1.45, -2.3, 1.25), (-0.3, 0.0, 0.0)
 """Where the viewer stands, and what it looks at: the sample goes from -1 to 1, the tip is near the middle."""
 SAMPLE, CANTILEVER = f"{layout.SCENE}/sample", f"{layout.SCENE}/cantilever"
 _HEIGHT = f"{pictures.SCANS}/height/trace"
@@ -101,13 +101,12 @@ class Scene:
         contact = over <= low + _NEAR * (high - low) if self._far(over) else np.full(len(over), True)
         level = float(np.median(over[contact]))
         path = np.column_stack([position[contact, :2], over[contact]])
-        surface = self._image(level)
-        if surface is None:
-            surface = _along(path)
+        image, line = self._image(level), _along(path)
+        surface = line if image is None else image
         found = path if surface is None else surface.reshape(-1, 3)
         middle = 0.5 * (found[:, :2].min(axis=0) + found[:, :2].max(axis=0))
         half = float(np.ptp(found[:, :2], axis=0).max()) / 2.0
-        heights = float(np.ptp(found[:, 2]))
+        heights = max(float(np.ptp(found[:, 2])), 0.5 * float(np.ptp(tip)))
         if surface is None:
             # A force curve goes nowhere: its place moves by the noise of the sensors.
             half = max(half, 2.0 * heights)
@@ -127,14 +126,12 @@ class Scene:
         up = larger * (tip - np.median(tip)) / half
         distance = np.minimum(larger * (over - level) / half, _AWAY)
         _mesh(stream, f"{SAMPLE}/surface", *_sheet(placed(surface)), _SAND)
-        track = placed(path) + np.array([0.0, 0.0, 0.01])
-        stream.log(f"{SAMPLE}/path", rr.LineStrips3D([track], colors=[_DARK], radii=[-0.6]), static=True)
+        if image is None and line is not None:
+            track = placed(path) + np.array([0.0, 0.0, 0.01])
+            stream.log(f"{SAMPLE}/path", rr.LineStrips3D([track], colors=[_DARK], radii=[-0.6]), static=True)
         _mesh(stream, f"{CANTILEVER}/beam", *_beam(), _STEEL)
         _mesh(stream, f"{CANTILEVER}/tip", *_cone(), _DARK)
-        told = (
-            f"sample {text(2e-9 * half, 'm', 3)} wide, heights and deflection {larger:g} times enlarged; "
-            f"a tip further away than {text(1e-9 * _AWAY * half / larger, 'm', 2)} is drawn there"
-        )
+        told = f"{text(2e-9 * half, 'm', 3)} wide, heights and deflection x {larger:g}"
         words = rr.Points3D([[0.0, -1.15, -0.35]], labels=[told], colors=[_WORDS], radii=[-0.1], show_labels=True)
         stream.log(f"{layout.SCENE}/words", words, static=True)
         moved = np.column_stack([(middle - position[:, :2]) / half, up - distance])

@@ -67,9 +67,9 @@ def test_tip_and_sample_stand_where_the_signals_put_them(tmp_path: Path, ticks: 
     # However long the run is, and evenly over it.
     assert 0.4 * POSES < len(at) <= POSES and np.ptp(np.diff(at)) == 0
     assert at[-1] > 0.99 * (ticks - 1) * PERIOD * 1e9
-    larger = float(re.search(r"([\d.]+) times enlarged", words(path))[1])
+    larger = float(re.search(r"deflection x ([\d.]+)", words(path))[1])
     # A tenth to a third of a half width.
-    assert larger == 1.0 and "sample 10 nm wide" in words(path)
+    assert larger == 1.0 and "10 nm wide" in words(path)
     phase = 2.0 * np.pi * at / 1e9 / PERIOD / (ticks - 1)
     moved = rows(path, SAMPLE, "Transform3D:translation")
     bent = rows(path, CANTILEVER, "Transform3D:mat3x3").reshape(-1, 3, 3)  # columns
