@@ -22,6 +22,8 @@ _SEGMENTS, _SHORTEST = 16, 64
 """Stretches that a spectrum is the mean of, at least (they overlap by half), and samples of the shortest one."""
 _LINE = 20.0
 """Times the median level that a line stands out."""
+_STRETCH = 1 << 18
+"""Rows that are looked at together."""
 _CLOSED = 0.02
 """Part of its range by which the end of a loop may miss its begin."""
 
@@ -103,13 +105,15 @@ def spectrum(signal: Channel) -> Spectrum:
     """
     from scipy.signal import periodogram
 
-    steps = np.diff(signal.time)
-    period = float(np.median(steps[:10_000])) if len(steps) else math.nan
-    bad = np.isnan(signal.values[1:]) | np.isnan(signal.values[:-1]) | (steps > 1.5 * period)
-    cuts = np.concatenate([[-1], np.flatnonzero(bad), [len(steps)]])
+    last = max(len(signal.time) - 1, 0)
+    period = float(np.median(np.diff(signal.time[:10_001]))) if last else math.nan
+    bad = np.isnan(signal.values[1:]) | np.isnan(signal.values[:-1])
+    for first in range(0, last, _STRETCH):  # all steps would be as long as the signal
+        here = slice(first, first + _STRETCH)
+        bad[here] |= np.diff(signal.time[first : first + _STRETCH + 1]) > 1.5 * period
+    cuts = np.concatenate([[-1], np.flatnonzero(bad), [last]])
     k = int(np.argmax(np.diff(cuts)))
     values = signal.values[cuts[k] + 1 : cuts[k + 1] + 1]
-    del steps, bad  # as long as the signal, each
     if len(values) < _SHORTEST:
         raise RecordingError(f"{len(values)} samples without a gap have no spectrum: {_SHORTEST} are the least")
     # Time in a recording is in whole nanoseconds: the mean of many periods is exact.

@@ -240,7 +240,7 @@ def _joined(stretches: list[_Rows], signal: Signal) -> _Rows:
         v = v.reshape(-1, signal.width)
     if len(t) != len(v):
         raise RecordingError(f"{signal.entity} has rows that do not hold {signal.width} numbers")
-    if np.any(np.diff(t) < 0):
+    if np.any(t[1:] < t[:-1]):
         order = np.argsort(t, kind="stable")
         t, v = t[order], v[order]
     return t, v
