@@ -190,6 +190,7 @@ def sample(m: Block, i: int) -> None:
             w.voltage[axis] = convert(w.voltage[axis], c.drive_lsb, c.drive_limit)
     actuate(now, w, v, m)
     v.amplitude, v.angular_frequency, v.phase, v.since = w.amplitude, w.angular_frequency, w.phase, w.since
+    v.excited = w.excited
     if drifting.on != 0.0:
         drift(now, late, v, drifting, drifted)
 

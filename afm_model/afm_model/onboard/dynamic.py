@@ -1,17 +1,17 @@
-"""Dynamic modes: a shaker under the cantilever, a lock-in amplifier, and the z loop of contact mode; docs/dynamic.md.
+"""Dynamic modes: an excited cantilever, a lock-in amplifier, and the z loop of contact mode; docs/dynamic.md.
 
-The base moves by drive_amplitude cos(theta + drive_phase), theta' = 2 pi drive_frequency, without a jump of theta where
-the frequency changes. The deflection, sampled by the ADC, is multiplied with cosine and sine of harmonic n of the same
-theta and low-passed: a deflection A cos(n theta - phi) gives the amplitude A and the phase phi, by which it is late.
+It is excited by drive_amplitude cos(theta + drive_phase), theta' = 2 pi drive_frequency, without a jump of theta where
+the frequency changes. The signal, sampled by the ADC, is multiplied with cosine and sine of harmonic n of the same
+theta and low-passed: a signal A cos(n theta - phi) gives the amplitude A and the phase phi, by which it is late.
 """
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from ..core.elementary import expm1, sincos
+from ..core.elementary import expm1, sincos, square
 from ..core.jit import kernel
 from ..core.records import Array
 from ..core.schema import NonNegative, Positive, Unit
@@ -26,22 +26,33 @@ RESOLVED = 0.075
 """Angle [rad] by which the drive may turn in an integration step: resonances are narrower by its square over six."""
 FEWEST = 4
 """Samples of the ADC in a period of the harmonic that is measured."""
+_Drive = Literal["base", "tip", "lateral", "torsion"]
+DRIVES = get_args(_Drive)
+"""Names of BASE, TIP, LATERAL and TORSION in afm_model.parts.signals."""
 _STAGES = 8
 _TURN = 2.0 * math.pi
 
 
 class DynamicParameters(PiParameters):
-    """The z loop of the deflection, a drive of the cantilever's base, and a lock-in amplifier."""
+    """The z loop of the deflection, a drive of the cantilever, and a lock-in amplifier."""
 
     kind: str = Field("dynamic", description="loop inside the instrument")
+    drive: _Drive = Field(
+        "base",
+        description="what is driven: the base across the cantilever; the tip, by a force across it; the base sideways; "
+        "the base, rocking about the cantilever's axis",
+    )
     drive_frequency: Annotated[NonNegative, Unit("Hz")] = Field(
-        0.0, description="of the base of the cantilever; 0: first resonance of the cantilever, as plant.* gives it"
+        0.0, description="0: first resonance of the cantilever, with torsion that of torsion, as plant.* gives it"
     )
     drive_amplitude: Annotated[NonNegative, Unit("m")] = Field(
-        0.0, description="of the base, across the cantilever; 0: it rests"
+        0.0, description="way of the base; tip: force over plant.k; torsion: way of the tip with the base; 0: no drive"
     )
     drive_phase: Annotated[float, Ge(-_TURN), Le(_TURN), Unit("rad")] = Field(
-        0.0, description="by which the base is ahead of the reference of the lock-in"
+        0.0, description="by which the drive is ahead of the reference of the lock-in"
+    )
+    lock_in: Literal["deflection", "lateral"] = Field(
+        "deflection", description="signal that the lock-in measures; lateral: as way of the tip by twist"
     )
     harmonic: Annotated[int, Ge(1), Le(20)] = Field(1, description="of the drive, that the lock-in measures")
     time_constant: Annotated[Positive, Unit("s")] = Field(
@@ -52,6 +63,8 @@ class DynamicParameters(PiParameters):
 
 class Constants(PiConstants):
     angular_frequency: float
+    drive: float
+    lateral: float
     drive_amplitude: float
     drive_phase: float
     harmonic: float
@@ -73,8 +86,9 @@ class State(PiState):
 
 def frequency(parameters: Tree) -> float:
     """Of the drive [Hz]; 0 where the plant has no cantilever of its own."""
-    cantilever = parameters.plant.cantilever_numbers
-    return float(parameters.onboard.drive_frequency or (0.0 if cantilever is None else cantilever.f0))
+    part, cantilever = parameters.onboard, parameters.plant.cantilever_numbers
+    name = "f_torsion" if part.drive == "torsion" else "f0"
+    return float(part.drive_frequency or (0.0 if cantilever is None else getattr(cantilever, name)))
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -85,6 +99,8 @@ def _values(parameters: Tree) -> Numbers:
         "share": -expm1(-T / part.time_constant),
         "harmonic": float(part.harmonic),
         "filter_order": float(part.filter_order),
+        "drive": float(DRIVES.index(part.drive)),
+        "lateral": float(part.lock_in == "lateral"),
         "drive_amplitude": part.drive_amplitude,
         "drive_phase": part.drive_phase,
     }
@@ -99,6 +115,11 @@ def _check(parameters: Tree) -> None:
         raise ValueError(
             f"plant.dt = {parameters.plant.dt:g} s is not allowed with a drive of {f:.6g} Hz, which it does not "
             f"resolve: take plant.dt <= {most:.3g} s"
+        )
+    if part.drive == "torsion" and getattr(parameters.plant, "torsion", "moving") != "moving":
+        raise ValueError(
+            f"onboard.drive = torsion is not allowed with plant.torsion = {parameters.plant.torsion}, which has no "
+            f"resonance: take plant.torsion = moving"
         )
     if FEWEST * n * f * T > 1.0 + 1e-9 and part.drive_amplitude > 0.0:
         raise ValueError(
@@ -147,9 +168,10 @@ def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Cons
         s.turned = (s.turned + s.angular_frequency * (t - s.since)) % _TURN
         s.since, s.angular_frequency = t, p.angular_frequency
     u.amplitude, u.angular_frequency = p.drive_amplitude, s.angular_frequency
-    u.phase, u.since = s.turned + p.drive_phase, s.since
+    u.phase, u.since, u.excited = s.turned + p.drive_phase, s.since, p.drive
     sin, cos = sincos((p.harmonic * (s.turned + s.angular_frequency * (t - s.since))) % _TURN)
-    x, y = 2.0 * d.deflection_voltage * cos, 2.0 * d.deflection_voltage * sin
+    signal = d.lateral_voltage if p.lateral != 0.0 else d.deflection_voltage
+    x, y = 2.0 * signal * cos, 2.0 * signal * sin
     for i in range(int(p.filter_order)):
         s.in_phase[i] += p.share * (x - s.in_phase[i])
         s.quadrature[i] += p.share * (y - s.quadrature[i])
@@ -159,7 +181,11 @@ def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Cons
 
 
 def _sensitivity(parameters: Tree) -> float:
-    return float(parameters.detector.deflection_sensitivity)
+    """Of the signal that the lock-in measures [m/V]."""
+    detector, c = parameters.detector, parameters.plant.cantilever_numbers
+    if parameters.onboard.lock_in == "deflection":
+        return float(detector.deflection_sensitivity)
+    return float(detector.lateral_sensitivity * square(c.tip_height + 0.5 * c.thickness) / c.k_torsion)
 
 
 DYNAMIC = Onboard(

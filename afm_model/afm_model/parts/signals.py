@@ -31,15 +31,23 @@ class Drive(Record):
     voltage: Vector
 
 
+BASE, TIP, LATERAL, TORSION = range(4)
+"""How a cantilever is excited: its base moves across it; a force acts on its tip, across it; its base moves sideways,
+along x; its base rocks about the axis of the cantilever.
+"""
+
+
 class Actuation(Drive):
-    """What reaches the plant: a drive, and how a dither piezo moves the base of the cantilever, across it:
+    """What reaches the plant: a drive, and an excitation of the cantilever,
     amplitude cos(phase + angular_frequency (t - since)).
     """
 
+    # Of the base; TIP: force over the spring constant; TORSION: way of the tip with a base that rocks, without twist.
     amplitude: Annotated[float, "m"]
     angular_frequency: Annotated[float, "rad/s"]
     phase: Annotated[float, "rad"]
     since: Annotated[float, "s"]
+    excited: float  # BASE, TIP, LATERAL or TORSION
 
 
 LONGEST_HORIZON = 512

@@ -72,6 +72,9 @@ def rest(modes: int) -> Rest:
 TWIST_COMPLIANCE = 8.0 / square(math.pi)
 """Static twist of the end in the first mode of torsion, over that of the cantilever."""
 
+TWIST_BASE = 4.0 / math.pi
+"""Mean of that mode over its mean square, with the twist 1 at the end: how it feels a base that rocks."""
+
 
 def mass(k: float, f0: float) -> float:
     """Of a cantilever of spring constant k [N/m] whose first resonance is f0 [Hz], in kg: x_1^4 k / 3 (2 pi f0)^2."""

@@ -42,13 +42,19 @@ class Constants(Record):
     kick: Annotated[_OfModes, "m/s"]  # rms change of the rate by the thermal force of a step
     mode_y: Annotated[_OfModes, "1"]  # how the tip moves with a mode, which is counted by the deflection of the end
     mode_z: Annotated[_OfModes, "1"]
-    base_y: float  # how the base moves when it is excited
+    k: Annotated[float, "N/m"]  # spring constant of the cantilever
+    base_y: float  # how the base moves when it is excited across
     base_z: float
+    pushed_y: float  # way of the tip that follows an exciting force over k without delay
+    pushed_z: float
+    pushed_shown: float  # and what the photodiode shows of it
     mode_shown: Annotated[_OfModes, "1"]  # deflection that the photodiode shows per deflection of the end in a mode
     twist_w2: float  # as mode_w2, ..., of torsion, which is counted by the twist of the end
     twist_inverse: float
     twist_push: Annotated[float, "rad/s/N"]  # by a force on the tip along x
     twist_kick: Annotated[float, "rad/s"]
+    twist_base: Annotated[float, "rad s/m"]  # change of the rate per acceleration of the tip by a base that rocks
+    base_twist: Annotated[float, "rad/m"]  # angle of the base per way of the tip
     thermal: float  # 1.0 if there is thermal noise
     thermal_key: int  # of its random numbers
     arm: Annotated[float, "m"]  # from the neutral axis down to the tip
@@ -191,8 +197,10 @@ def lever_constants(parameters: Tree, parts: int = 1) -> Numbers:
         modes["mode_y"][i], modes["mode_z"][i] = lab(arm * mode.slope / L, 1.0)
         modes["mode_shown"][i] = 2.0 / 3.0 * mode.slope
     base_y, base_z = lab(0.0, 1.0)
+    rest = beam.rest(plant.modes)
+    pushed_y, pushed_z = lab(arm / L * rest.turn_by_force, rest.end_by_force)
     # Of torsion the first mode moves, or nothing; bending sideways never does.
-    twist = dict.fromkeys(("twist_w2", "twist_inverse", "twist_push", "twist_kick"), 0.0)
+    twist = dict.fromkeys(("twist_w2", "twist_inverse", "twist_push", "twist_kick", "twist_base"), 0.0)
     share = 0.0
     if plant.torsion == "moving":
         share = beam.TWIST_COMPLIANCE
@@ -203,9 +211,9 @@ def lever_constants(parameters: Tree, parts: int = 1) -> Numbers:
             "twist_inverse": inverse,
             "twist_push": half * w2 * inverse * compliance * arm,
             "twist_kick": kick(w2, inverse, compliance, plant.temperature, h),
+            "twist_base": half * inverse * beam.TWIST_BASE / arm,
         }
     # What follows without delay, along the cantilever (1) and across it (2); then in the laboratory's y and z.
-    rest = beam.rest(plant.modes)
     r11, r12, r22 = (
         square(arm / L) * rest.turn_by_couple / c.k,
         arm / L * rest.turn_by_force / c.k,
@@ -250,8 +258,13 @@ def lever_constants(parameters: Tree, parts: int = 1) -> Numbers:
         "thermal": float(plant.temperature > 0.0),
         "thermal_key": key_of(plant.seed, THERMAL),
         "arm": arm,
+        "k": c.k,
         "base_y": base_y,
         "base_z": base_z,
+        "pushed_y": pushed_y,
+        "pushed_z": pushed_z,
+        "pushed_shown": 2.0 / 3.0 * rest.turn_by_force,
+        "base_twist": 1.0 / arm,
         "force_per_twist": c.k_torsion / arm,
         "a": parameters.cantilever.a,
         "R": c.tip_radius,

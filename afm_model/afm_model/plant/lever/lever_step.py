@@ -14,7 +14,7 @@ from ...core.jit import kernel
 from ...core.random_numbers import normal
 from ...core.records import Block, record_at
 from ...parts.header import BlockHeader
-from ...parts.signals import Actuation, Truth
+from ...parts.signals import BASE, LATERAL, TIP, Actuation, Truth
 from ..beam import MODES
 from .lever_constants import PARTS, Constants
 from .lever_friction import on_surface
@@ -23,13 +23,13 @@ from .lever_state import State
 
 
 @kernel
-def mode_rate(i: int, base: float, p: Constants, s: State) -> float:
-    """Rate of bending mode i at mid-step without a force at the tip, docs/lever.md (14); `base` is the acceleration of
-    the base.
+def mode_rate(i: int, base: float, force: float, p: Constants, s: State) -> float:
+    """Rate of bending mode i at mid-step without the sample, docs/lever.md (14), as an acceleration of the base and a
+    force on the tip excite it.
     """
     rate = (s.v[i] - p.half * p.mode_w2[i] * s.q[i]) * p.mode_inverse[i]
-    if base != 0.0:
-        rate -= p.mode_base[i] * base
+    if base != 0.0 or force != 0.0:
+        rate += p.mode_push[i] * force - p.mode_base[i] * base
     if p.thermal != 0.0:
         rate += p.kick[i] * normal(p.thermal_key, 4 * int(p.counts * s.steps) + i)
     return float(rate)
@@ -83,28 +83,38 @@ def rescale(ways: float, p: Constants, to: Constants, s: State) -> None:
 def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -> None:
     """Advance the state by the step h of these constants; the table of the contact begins at m[at]."""
     half = p.half
-    moved = acceleration = end = 0.0
+    moved = end = acceleration = force = rocking = 0.0
+    # Way of the tip, slope and twist that are shown, per that of the excitation.
+    by_x = by_y = by_z = by_shown = by_twist = 0.0
     if v.amplitude != 0.0:
-        # At mid-step as the scheme sees a base that stands at each step where it should, docs/lever.md (39).
+        # At mid-step as the scheme sees what stands at each step where it should, docs/lever.md (39).
         angle, turn = v.phase + v.angular_frequency * (t + half - v.since), v.angular_frequency * half
         moved = v.amplitude * cos(turn) * cos(angle)
-        acceleration = -moved * square(tan(turn) / half)
+        inertia = -moved * square(tan(turn) / half)
         end = v.amplitude * cos(angle + turn)
+        if v.excited == BASE:
+            acceleration, by_y, by_z = inertia, p.base_y, p.base_z
+        elif v.excited == TIP:
+            force, by_y, by_z, by_shown = p.k * moved, p.pushed_y, p.pushed_z, p.pushed_shown
+        elif v.excited == LATERAL:
+            by_x = 1.0
+        else:
+            rocking, by_x, by_twist = inertia, 1.0, p.base_twist
 
     # Rates at mid-step if the tip felt no force, docs/lever.md (15); positions there.
     r_x = (s.V_X + half * p.w2[0] * (p.metres[0] * v.voltage[0] - s.X)) * p.inverse[0]
     r_y = (s.V_Y + half * p.w2[1] * (p.metres[1] * v.voltage[1] - s.Y)) * p.inverse[1]
     r_z = (s.V_Z + half * p.w2[2] * (p.metres[2] * v.voltage[2] - s.Z)) * p.inverse[2]
     rates = (
-        mode_rate(0, acceleration, p, s),
-        mode_rate(1, acceleration, p, s),
-        mode_rate(2, acceleration, p, s),
+        mode_rate(0, acceleration, force, p, s),
+        mode_rate(1, acceleration, force, p, s),
+        mode_rate(2, acceleration, force, p, s),
     )
-    v_phi = (s.v_phi - half * p.twist_w2 * s.phi) * p.twist_inverse
+    v_phi = (s.v_phi - half * p.twist_w2 * s.phi) * p.twist_inverse - p.twist_base * rocking
     if p.thermal != 0.0:
         v_phi += p.twist_kick * normal(p.thermal_key, 4 * int(p.counts * s.steps) + 3)
-    tip_x = p.arm * (s.phi + half * v_phi)
-    tip_y, tip_z = p.base_y * moved, p.base_z * moved
+    tip_x = p.arm * (s.phi + half * v_phi) + by_x * moved
+    tip_y, tip_z = by_y * moved, by_z * moved
     for i in range(MODES):
         q = s.q[i] + half * rates[i]
         tip_y += p.mode_y[i] * q
@@ -113,7 +123,7 @@ def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -
     # Force of the sample on the tip, from where the tip would be on the sample without it.
     P_x, P_y, P_z = s.X + half * r_x - tip_x, s.Y + half * r_y - tip_y, s.Z + half * r_z
     D_x, D_y, D_z = half * (r_x - p.arm * v_phi), half * r_y, half * r_z
-    D_y, D_z = D_y - p.base_y * (end - moved), D_z - p.base_z * (end - moved)
+    D_x, D_y, D_z = D_x - by_x * (end - moved), D_y - by_y * (end - moved), D_z - by_z * (end - moved)
     for i in range(MODES):
         D_y -= half * p.mode_y[i] * rates[i]
         D_z -= half * p.mode_z[i] * rates[i]
@@ -139,15 +149,14 @@ def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -
     s.phi += h * v_phi
     s.v_phi = 2.0 * v_phi - s.v_phi
     s.steps += 1.0 / p.counts
-    show(p.base_z * end, p, s, h)
+    show(by_z * end, by_shown * end, by_twist * end, p, s, h)
 
 
 @kernel
-def show(base: float, p: Constants, s: State, h: float) -> None:
-    """What follows without delay: where the tip is, with its base moved by `base`, what the photodiode shows; rates
-    over a step of length h.
+def show(tip: float, shown: float, twist: float, p: Constants, s: State, h: float) -> None:
+    """What follows without delay: where the tip is and what the photodiode shows, from what the excitation alone makes
+    of them; rates over a step of length h.
     """
-    tip, shown = base, 0.0
     for i in range(MODES):
         tip += p.mode_z[i] * s.q[i]
         shown += p.mode_shown[i] * s.q[i]
@@ -156,7 +165,7 @@ def show(base: float, p: Constants, s: State, h: float) -> None:
     s.tip_rate = (tip - s.tip) / h
     s.tip = tip
     s.shown = shown + (p.shown_y * s.F_y + p.shown_z * s.F_z)
-    s.twist = s.phi + p.twist_x * s.F_x
+    s.twist = twist + (s.phi + p.twist_x * s.F_x)
 
 
 @kernel
@@ -171,6 +180,6 @@ def observe(p: Constants, s: State, o: Truth) -> None:
     o.normal_force = s.N
     o.contact = 1.0 if s.a > 0.0 else 0.0
     o.stuck = s.stuck
-    # The photodiode moves with the base: it shows the deflection alone.
+    # The photodiode shows the slope: none of what the base moves by.
     o.deflection_excess = s.shown - s.tip
     o.lateral_excess = p.force_per_twist * s.twist - s.T_x
