@@ -178,7 +178,7 @@ def _copy(source: Path, file: int, note: str, whole: bool) -> tuple[Counter[str]
                 batch.values.append(values.reshape(len(times), -1))
                 loop.put(chunk.entity_path, times, batch.values[-1])
                 scene.put(chunk.entity_path, times, batch.values[-1])
-                _widen(ranges, chunk.entity_path, batch.values[-1])
+                widen(ranges, chunk.entity_path, batch.values[-1])
                 batch.rows += len(times)
                 if batch.rows >= _CHUNK_ROWS:
                     send(chunk.entity_path)
@@ -197,7 +197,7 @@ def _copy(source: Path, file: int, note: str, whole: bool) -> tuple[Counter[str]
     return +written, added
 
 
-def _widen(ranges: dict[tuple[str, int], screens.Range], entity: str, values: NDArray[np.float64]) -> None:
+def widen(ranges: dict[tuple[str, int], screens.Range], entity: str, values: NDArray[np.float64]) -> None:
     """Let the ranges of a signal hold these values (n, width) too; NaN is none."""
     for axis, (low, high) in enumerate(zip(np.fmin.reduce(values), np.fmax.reduce(values), strict=True)):
         if low <= high:

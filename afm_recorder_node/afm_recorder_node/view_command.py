@@ -18,12 +18,13 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from . import layout, pictures, results
-from .complete import chunks, ending
+from .complete import chunks, ending, series, widen
 from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, NORMAL_FORCE, POSITION, Signal
 from .live import Server
 from .readable import readable
 from .recording import RecordingError
-from .screens import fixed
+from .screens import Range, Ranges, fixed
+from .screens import readable as readable_range
 from .streams import send_blueprint
 
 APPLICATION = "afm_together"
@@ -65,19 +66,22 @@ def together(paths: Sequence[Path], target: Path) -> None:
     if target.exists():
         raise FileExistsError(f"{target} exists: give another name, nothing is overwritten")
     entities: dict[str, set[str]] = {}
+    ranges: dict[tuple[str, int], Range] = {}
     with ExitStack() as files:
         there = [files.enter_context(readable(path)) for path in paths]
         stream = files.enter_context(ending(rr.RecordingStream(APPLICATION, send_properties=False)))
         stream.set_sinks(rr.FileSink(str(target)))
         for (file, extent), name, (_, rgb) in zip(there, names(paths), COLORS, strict=False):
-            entities[name] = _put(stream, file, name, whole=extent.complete)
+            entities[name] = _put(stream, file, name, ranges, whole=extent.complete)
             for each in (*layout.TICKS, *layout.CHANNELS):
                 series = rr.SeriesLines(names=[f"{name}: {title}" for title in each.names], colors=[rgb] * each.width)
                 stream.log(f"/{name}{each.entity}", series, static=True)
-        send_blueprint(stream, arrangement(entities), APPLICATION)
+        send_blueprint(stream, arrangement(entities, ranges), APPLICATION)
 
 
-def _put(stream: rr.RecordingStream, file: Path, name: str, *, whole: bool) -> set[str]:
+def _put(
+    stream: rr.RecordingStream, file: Path, name: str, ranges: dict[tuple[str, int], Range], *, whole: bool
+) -> set[str]:
     """All that the viewer shows of a recording; its entities."""
     found = set()
     try:
@@ -87,18 +91,23 @@ def _put(stream: rr.RecordingStream, file: Path, name: str, *, whole: bool) -> s
                 continue
             stream.send_chunks(chunk.with_entity_path(f"/{name}{entity}"))
             found.add(entity)
+            rows = None if chunk.is_static else series(chunk.to_record_batch())
+            if rows is not None and len(rows[0]):
+                widen(ranges, entity, rows[1].reshape(len(rows[0]), -1))
     except (RuntimeError, ValueError) as error:
         raise RecordingError(f"{name} is no readable recording: {error}") from error
     return found
 
 
-def arrangement(entities: dict[str, set[str]]) -> rrb.Blueprint:
+def arrangement(entities: dict[str, set[str]], ranges: Ranges | None = None) -> rrb.Blueprint:
     """The same signal of all recordings in one plot; loops, images, results and scores side by side.
 
     Parameters
     ----------
     entities : dict of str to set of str
         Entities of each recording, by the name below which they stand.
+    ranges : mapping, optional
+        Of all of them together.
     """
     told = ", ".join(f"{name} {color}" for name, (color, _) in zip(entities, COLORS, strict=False))
     pictured = {name: found for name, each in entities.items() if (found := pictures.pictures(each))}
@@ -107,12 +116,15 @@ def arrangement(entities: dict[str, set[str]]) -> rrb.Blueprint:
     def plot(name: str, each: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
         shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
         contents = [f"/{recording}{each.entity}" for recording in entities]
+        known = (ranges or {}).get((each.entity, axis or 0))
+        span = readable_range(*known) if known else None
         return rrb.TimeSeriesView(
             name=f"{name} [{each.unit}]",
             origin="/",
             contents=contents,
             overrides=None if axis is None else {entity: shown.visualizer() for entity in contents},
             plot_legend=rrb.PlotLegend(visible=False),
+            axis_y=rrb.ScalarAxis(range=span) if span else None,
         )
 
     def three(name: str, each: Signal) -> rrb.Container:
