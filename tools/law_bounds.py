@@ -14,7 +14,8 @@ measurements do not determine, whoever computes the drive.
 Edge: friction that falls by a tenth at once throws the tip, until a drive comes that answers the first measurement
 behind the edge.
 
-Stability: spectral radius of position, rate and drives on their way, for the gains of the law.
+Stability: spectral radius of position, rate and drives on their way, for the gains of the law. Of the loop with its
+filter over a period of the reference: law_loop.py.
 """
 
 import math
@@ -31,6 +32,7 @@ from afm_model.law.predictive.gains import transition
 from afm_model.law.predictive.predictive_constants import values
 
 sys.path.insert(0, str(Path(__file__).parent))
+from law_loop import table as of_loop
 from make_docs import between_marks
 
 PAGE = Path(__file__).parent.parent / "docs" / "laws.md"
@@ -197,7 +199,7 @@ def tables() -> dict[str, str]:
         edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
     found = {"noise": noise, "surface": surface, "edge": edge, "stability": stable}
-    return {f"bound {name}": "\n".join(rows) for name, rows in found.items()}
+    return {f"bound {name}": "\n".join(rows) for name, rows in found.items()} | {"bound loop": of_loop()}
 
 
 def main() -> int:

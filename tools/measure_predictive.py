@@ -8,6 +8,7 @@ import argparse
 import math
 import sys
 import time
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,60 +84,72 @@ def smoothness(result: Simulation) -> float:
     return float(max(np.abs(np.diff(result.drive[scored, :2], axis=0)).sum(axis=0) / least))
 
 
-def figures(score: Any) -> list[str]:
-    """Largest and rms error of x and y, the worse one [%], and rms error of z [nm]."""
+def figures(score: Any) -> str:
+    """Largest and rms error of x and y, the worse one [%], rms error of z [nm]."""
     percent = 100.0 * max(score.rms[:2]) / 5e-9
     lost = "" if score.contact_fraction == 1.0 else " (contact lost)"
-    return [f"{max(score.max_percent[:2]):.2g}", f"{percent:.2g}", f"{1e9 * score.rms[2]:.2g}{lost}"]
+    return f"{max(score.max_percent[:2]):.2g}/{percent:.2g}/{1e9 * score.rms[2]:.2g}{lost}"
 
 
-def table(head: list[str], rows: list[list[str]]) -> list[str]:
+def cell(result: Simulation) -> str:
+    """Those, and the variation of the drive where it is not that of the drive without error."""
+    variation = smoothness(result)
+    return figures(result.score) + (f", TV {variation:.1f}" if variation > 1.05 else "")
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """In Markdown."""
     return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
 
 
-def knowledge() -> list[str]:
-    """Every rate with every knowledge, everything measured without noise."""
+def knowledge(told: Iterable[str] = (), rates: Iterable[str] = ()) -> list[str]:
+    """Every rate with every knowledge, or some of both, everything measured without noise."""
+    kept = [rate for rate in RATES if not rates or rate[0] in rates]
     rows = []
-    for rate, period, delay, law in RATES:
-        for told, known, first in KNOWLEDGE:
-            if delay == 0 and "learned" in told:
-                continue
-            result = simulate(*parameters(period, delay, law | known, {}, first))
-            rows.append([rate, told, *figures(result.score), f"{smoothness(result):.2f}"])
-    return table(["period + delay", "knowledge", "max [%]", "rms [%]", "z rms [nm]", "TV"], rows)
+    for title, known, first in KNOWLEDGE:
+        if told and title not in told:
+            continue
+        cells = [
+            ""
+            if delay == 0 and "learned" in title
+            else cell(simulate(*parameters(period, delay, law | known, {}, first)))
+            for _, period, delay, law in kept
+        ]
+        rows.append([title, *cells])
+    return table(["", *(rate[0] for rate in kept)], rows)
 
 
 def noise() -> list[str]:
     """Positions, deflection and lateral force alone, with noise and converters."""
-    rows = []
-    for rate, period, delay, law in (RATES[1], RATES[3], RATES[5]):
+    rates, rows = (RATES[1], RATES[3], RATES[5]), []
+
+    def measured(rate: tuple[str, float, int, dict[str, Any]], known: dict[str, Any], first: float) -> str:
+        _, period, delay, law = rate
+        return cell(simulate(*parameters(period, delay, {"law.feedback": "measured"} | law | known, NOISE, first)))
+
+    for told, known, _ in KNOWLEDGE[:4]:
         # Of packets the law must know the surface.
-        for told, known, _ in KNOWLEDGE[: 3 if law else 4]:
-            for first in (0.5, 2.0):
-                measured = {"law.feedback": "measured"} | law | known
-                result = simulate(*parameters(period, delay, measured, NOISE, first))
-                rows.append([rate, told, f"{first:g}", *figures(result.score), f"{smoothness(result):.2f}"])
-    rate, period, delay, law = RATES[3]
-    _, known, _ = KNOWLEDGE[4]
-    for first in (2.0, 3.0, 5.0):
-        result = simulate(*parameters(period, delay, {"law.feedback": "measured"} | law | known, NOISE, first))
-        rows.append([rate, "learned", f"{first:g}", *figures(result.score), f"{smoothness(result):.2f}"])
-    return table(["period + delay", "knowledge", "from period", "max [%]", "rms [%]", "z rms [nm]", "TV"], rows)
+        asked = [rate for rate in rates if not (rate[3] and told == "no knowledge")]
+        cells = [" → ".join(measured(rate, known, first) for first in (0.5, 2.0)) for rate in asked]
+        rows.append([told, *cells, *[""] * (len(rates) - len(cells))])
+    learned = " → ".join(measured(RATES[3], KNOWLEDGE[4][1], first) for first in (2.0, 3.0, 5.0))
+    rows.append(["learned, from period 2 → 3 → 5", "", learned, ""])
+    return table(["", *(rate[0] for rate in rates)], rows)
 
 
 def late() -> list[str]:
     """A fifth of the drives comes a period late."""
     rows = []
     for rate, period, _, law in RATES[1], RATES[3], RATES[5]:
+        cells = []
         for spare in (0, 1):
             told = {**KNOWN, "contact.tau": 0.8 * TAU, **law, "law.spare": spare}
             sim, _ = parameters(period, 0, told, {}, 0.5)
             _, controller = parameters(period, 1, told, {}, 0.5)
             latency = Latency(kind="normal", median=0.8 * period, spread=0.297, seed=2)
-            result = simulate_realtime(sim, Controller(controller), latency)
-            rows.append([rate, str(spare), *figures(result.score)])
-    return table(["period + delay", "spare periods", "max [%]", "rms [%]", "z rms [nm]"], rows)
+            cells.append(figures(simulate_realtime(sim, Controller(controller), latency).score))
+        rows.append([rate, *cells])
+    return table(["", "no spare period", "one spare period"], rows)
 
 
 def cost() -> list[str]:
@@ -164,12 +177,15 @@ def cost() -> list[str]:
     return table(["", "us an answer"], rows)
 
 
+TABLES = {"knowledge": knowledge, "noise": noise, "late": late, "cost": cost}
+
+
 def main() -> int:
     """Print or write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true", help="put the tables into docs/laws.md")
     write = parser.parse_args().write
-    for mark, measured in (("knowledge", knowledge), ("noise", noise), ("late", late), ("cost", cost)):
+    for mark, measured in TABLES.items():
         text = "\n".join(measured())
         print(text, flush=True)
         if write:

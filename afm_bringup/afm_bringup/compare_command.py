@@ -9,7 +9,7 @@ from afm_model.core.registry import names
 from afm_model.studies import Contender, contender, wrong_models
 
 from .compare_page import page
-from .compare_robust import robust_picture, robust_summary, robust_table
+from .compare_robust import robust_laws, robust_line, robust_picture, robust_summary, robust_table
 from .domain import end
 from .node_law import node_contender
 from .scenario_input import read_scenario
@@ -60,7 +60,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--robust",
         action="store_true",
-        help="run the laws over the table of wrong models instead, docs/laws.md; the other conditions do not count",
+        help="run the laws over the table of wrong models instead, docs/laws.md; of the other conditions one level of "
+        "noise counts",
     )
     parser.add_argument("--workers", type=int, help="processes; as many as there are processors if not given")
     return parser.parse_args()
@@ -77,7 +78,7 @@ def main() -> int:
             laws = [name for name in names("law") if name not in ("open_loop", "chirp", "external", "pid")]
             laws += ["observer friction=learned", "pid" if arguments.robust else TUNED_PID]
         if arguments.robust:
-            return _robust([contender(each) for each in laws], arguments.out)
+            return _robust([contender(each) for each in laws], arguments.noise, arguments.out)
         comparison = compare(
             [*laws, *nodes],
             scenario,
@@ -105,16 +106,20 @@ def main() -> int:
     return 0
 
 
-def _robust(laws: list[Contender], folder: Path) -> int:
-    """Print the table of wrong models law by law; write it as CSV, as the table of docs/laws.md, and as a picture."""
+def _robust(laws: list[Contender], noise: list[float], folder: Path) -> int:
+    """Print the table of wrong models law by law; write it as CSV, as the tables of docs/laws.md, and as a picture."""
+    if len(noise) != 1:
+        raise ParameterError(
+            f"noise = {' '.join(f'{level:g}' for level in noise)} is not allowed with --robust: give one level"
+        )
     rows = []
     for law in laws:
         if not law.is_part:
             raise ParameterError(f"law {law.label} is no part: it is told nothing that could be wrong")
         own = []
-        for row in wrong_models(law):
+        for row in wrong_models(law, noise=noise[0]):
             own.append(row)
-            print(f"{row['law']}: {row['rate']}, {row['case']}: {row['third']:.3g} % {row['lost']}", flush=True)
+            print(robust_line(row), flush=True)
         print(robust_summary(own))
         rows += own
     try:
@@ -123,7 +128,7 @@ def _robust(laws: list[Contender], folder: Path) -> int:
             table = csv.DictWriter(file, rows[0])
             table.writeheader()
             table.writerows(rows)
-        (folder / ROBUST_TABLE).write_text(robust_table(rows))
+        (folder / ROBUST_TABLE).write_text(f"{robust_laws(rows)}\n{robust_table(rows)}")
         robust_picture(rows).savefig(folder / ROBUST_PICTURE, dpi=80)
     except OSError as error:
         return end(f"error: {folder} cannot be written: {error.strerror}", 1)

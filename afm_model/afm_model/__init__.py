@@ -5,6 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 from .core.errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
 from .instrument import Block, Instrument, ScoreSummary
 from .instrument.controller import Controller
+from .instrument.preview import Preview, preview_reference
 from .parameters import (
     ControllerParameters,
     InstrumentParameters,
@@ -40,6 +41,7 @@ __all__ = [
     "InstrumentParameters",
     "ParameterError",
     "PartError",
+    "Preview",
     "Scenario",
     "ScenarioError",
     "ScoreSummary",
@@ -52,6 +54,7 @@ __all__ = [
     "compare",
     "flatten",
     "load_scenario",
+    "preview_reference",
     "scenario_names",
     "simulate",
     "simulate_many",

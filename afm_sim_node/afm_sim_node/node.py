@@ -18,6 +18,7 @@ from afm_node_common import runner, topics
 from afm_node_common.estimates import Estimates
 from afm_node_common.memory import give_back
 from afm_node_common.periodic import PeriodicTask, PeriodicTasks
+from afm_node_common.preview import PreviewServer
 from afm_node_common.process import SimNodeParameters
 
 from .clock import Clock
@@ -88,6 +89,7 @@ class SimNode(Node):
         events = Events(self)
         self._faults = Faults(self, self.run, declared, events)
         self._control = Control(self, self.run, before_reset=self._faults.look)
+        PreviewServer(self, parameters)
         self._standard = Standard(self, self.run, self._control) if INSTALLED else None
         if operate is not None:
             self._microscope = microscope_server.MicroscopeServer(

@@ -15,7 +15,7 @@ import pytest
 
 from afm_bringup import compare_command
 from afm_bringup.compare_page import page
-from afm_bringup.compare_robust import robust_picture, robust_summary, robust_table
+from afm_bringup.compare_robust import robust_laws, robust_line, robust_picture, robust_summary, robust_table
 from afm_model import Comparison, compare
 
 LAWS = ["pid", "tanh alpha=0.4", "sgn"]
@@ -116,15 +116,25 @@ def test_command_refuses_in_a_sentence(monkeypatch, capsys, tmp_path: Path):
 
 def test_table_of_wrong_models_is_a_picture_and_a_table_with_the_worst_the_median_and_what_is_lost():
     row = {"law": "mine", "rate": "50 us", "first": 3.0, "contact": 1.0, "load": 1e-9, "lost": ""}
-    rows = [row | {"case": f"case {third:g}", "third": third} for third in (0.5, 20.0)]
-    rows.append(row | {"case": "bad", "first": math.inf, "third": math.inf, "lost": "the motion diverged"})
+    rows = [row | {"case": f"case {third:g}", "third": third, "worst": third} for third in (0.5, 20.0)]
+    rows[0]["worst"] = 0.7  # of several runs
+    infinite = dict.fromkeys(("first", "third", "worst"), math.inf)
+    rows.append(row | {"case": "bad", "lost": "the motion diverged"} | infinite)
     assert robust_summary(rows) == "mine: median 20 %, worst diverged (bad, 50 us), 1 of 3 lost"
-    both = rows + [each | {"law": "other", "third": 0.1, "first": 0.2, "lost": ""} for each in rows]
+    both = rows + [each | {"law": "other", "third": 0.1, "worst": 0.1, "first": 0.2, "lost": ""} for each in rows]
     assert robust_table(both).splitlines()[2:] == [
-        "| case 0.5 | 3 → 0.5 ; 0.2 → 0.1 |",
-        "| case 20 | 3 → 20 ; 0.2 → 0.1 |",
-        "| bad | - ; 0.2 → 0.1 |",
+        "| case 0.5 | 3→0.5 (0.7); 0.2→0.1 |",
+        "| case 20 | 3→20; 0.2→0.1 |",
+        "| bad | -; 0.2→0.1 |",
     ]
+    assert robust_laws(both).splitlines()[2:] == [
+        "| `mine` | 3 → 20 | diverged (bad, 50 us) | 1 of 3 |",
+        "| `other` | 0.2 → 0.1 | 0.1 (case 0.5, 50 us) | 0 of 3 |",
+    ]
+    assert robust_line(rows[0]) == "mine: 50 us, case 0.5: 3 % in the first period, 0.5 % in the third, at worst 0.7 %"
+    assert robust_line(rows[2]).endswith(
+        "bad: diverged in the first period, diverged in the third; lost: the motion diverged"
+    )
     mine, other = robust_picture(both).axes
     crosses = [line for line in mine.lines if line.get_marker() == "x"]
     assert sum(len(line.get_xdata()) for line in crosses) == 1

@@ -19,6 +19,7 @@ from afm_node_common import topics
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import Drive, drive_codec
+from afm_node_common.preview import PreviewServer
 from afm_node_common.shared_memory import shared_memory_cleanup
 
 from ..processes import Processes
@@ -48,6 +49,7 @@ class TopicConnection:
     def __init__(self, namespace: str, parameters: SimParameters, processes: Processes) -> None:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._namespace = namespace
+        self._parameters = parameters
         self._period_ns = parameters.plant.control_period * 1e9
         self._mode = parameters.run.mode
         self._processes = processes
@@ -72,6 +74,7 @@ class TopicConnection:
         self._inbox = Inbox(self._node, PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
         self._outbox = Outbox(self._node, Measurement, topics.MEASUREMENT, topics.MEASUREMENT_QOS)
         self._status = self._node.create_publisher(InstrumentStatus, topics.STATUS, topics.LATCHED_QOS)
+        PreviewServer(self._node, self._parameters)
         self._status_at = 0.0
 
     def _close(self) -> None:

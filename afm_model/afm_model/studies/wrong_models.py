@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from statistics import median
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,8 @@ _OMEGA = 50.0
 _AMPLITUDE = 5e-9
 _PERIODS = 3
 """Of the reference in a run; the last one is scored."""
+SEEDS = 5
+"""Runs of a case in which something is drawn."""
 LOST = 100.0
 """Error [% of the amplitude] beyond which a law has lost the reference: an instrument that stands still has no more."""
 
@@ -100,8 +103,18 @@ CASES = (
 """Wrong models, and references other than the usual one."""
 
 
-def parameters_of(case: Case, rate: Rate, law: Contender) -> tuple[SimParameters, ControllerParameters]:
-    """Of one run of the table.
+def _true(case: Case, noise: float) -> dict[str, Value]:
+    """Parameters of the instrument in a case, with noise of a level."""
+    if noise == 0.0:
+        return dict(case.true)
+    drawn: dict[str, Value] = {name: noise * value for name, value in NOISE.items()}
+    return drawn | {"detector.adc_bits": 16} | dict(case.true)
+
+
+def parameters_of(
+    case: Case, rate: Rate, law: Contender, noise: float = 0.0, seed: int = 0
+) -> tuple[SimParameters, ControllerParameters]:
+    """Of one run of the table, the noise of the instrument of this level (`contender.NOISE`) in addition.
 
     Raises
     ------
@@ -123,8 +136,9 @@ def parameters_of(case: Case, rate: Rate, law: Contender) -> tuple[SimParameters
         news["piezo.dac_period"] = rate.period / rate.packet
         own |= {"law.packet": rate.packet, "law.spare": 1}
     own |= {name: value for name, value in case.own.items() if name in has}
-    sim = build(SimParameters, news | dict(case.true))
-    own |= feedback_of(law, noisy=case.true.get("detector.noise", 0.0) != 0.0)
+    true = _true(case, noise)
+    sim = build(SimParameters, news | true | {"plant.seed": seed})
+    own |= feedback_of(law, noisy=true.get("detector.noise", 0.0) != 0.0)
     timing = law_timing(own, sim)
     if "law.delay_ticks" in timing:
         timing["law.delay_ticks"] = max(0, rate.delay_ticks + case.ticks)
@@ -133,22 +147,42 @@ def parameters_of(case: Case, rate: Rate, law: Contender) -> tuple[SimParameters
     return sim, changed(controller, {name: float(plain[name]) * factor for name, factor in case.told.items()})
 
 
-def run_case(case: Case, rate: Rate, law: Contender) -> dict[str, Any]:
-    """Numbers of one run.
+def seeds(case: Case, noise: float = 0.0) -> int:
+    """How often a case is run."""
+    true = _true(case, noise)
+    return SEEDS if any(float(true.get(name, 0.0)) != 0.0 for name in NOISE) else 1
+
+
+def run_case(case: Case, rate: Rate, law: Contender, noise: float = 0.0) -> dict[str, Any]:
+    """Numbers of one case; where something is drawn of SEEDS runs.
 
     The law is a part; one that is an object is told nothing and has no model that could be wrong.
 
     Returns
     -------
     dict
-        `first`, `third`: largest error of x and y in these periods of the reference [% of the amplitude]; `contact`:
-        part of the time; `load`: largest force on the tip [N]; `lost`: why the run counts as lost, "" if it does not.
+        `first`, `third`: largest error of x and y in these periods of the reference [% of the amplitude], the median of
+        the runs; `worst`: the largest of `third`; `contact`: part of the time, the least; `load`: largest force on the
+        tip [N]; `lost`: why the first run that is lost counts as that, "" if none is.
     """
+    runs = [_run(case, rate, law, noise, seed) for seed in range(seeds(case, noise))]
+    return {
+        "first": median(run["first"] for run in runs),
+        "third": median(run["third"] for run in runs),
+        "worst": max(run["third"] for run in runs),
+        "contact": float(np.min([run["contact"] for run in runs])),
+        "load": float(np.max([run["load"] for run in runs])),
+        "lost": next((run["lost"] for run in runs if run["lost"]), ""),
+    }
+
+
+def _run(case: Case, rate: Rate, law: Contender, noise: float, seed: int) -> dict[str, Any]:
+    """One run of a case."""
     row: dict[str, Any] = {"first": math.inf, "third": math.inf, "contact": math.nan, "load": math.nan}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            result = simulate(*parameters_of(case, rate, law))
+            result = simulate(*parameters_of(case, rate, law, noise, seed))
     except FAILURES as error:
         return row | {"lost": str(error)}
     score, size = result.score, max(abs(each) for each in result.parameters.reference.amplitude)
@@ -166,9 +200,9 @@ def run_case(case: Case, rate: Rate, law: Contender) -> dict[str, Any]:
 
 
 def wrong_models(
-    law: Contender, rates: Sequence[Rate] = RATES, cases: Sequence[Case] = CASES
+    law: Contender, rates: Sequence[Rate] = RATES, cases: Sequence[Case] = CASES, noise: float = 0.0
 ) -> Iterator[dict[str, Any]]:
     """Rows of a law, one by one as they are run: every case at every rate, see `run_case`."""
     for case in cases:
         for rate in rates:
-            yield {"law": law.label, "case": case.title, "rate": rate.title, **run_case(case, rate, law)}
+            yield {"law": law.label, "case": case.title, "rate": rate.title, **run_case(case, rate, law, noise)}

@@ -86,3 +86,29 @@ def test_what_is_told_wrong_is_told_to_the_controller_alone():
     assert controller.scanner.f_x == pytest.approx(1.02 * sim.scanner.f_x)
     late = parameters_of(CASE["told a tick of delay too few"], RATE["50 us + 1"], contender("predictive"))
     assert (late[0].plant.delay_ticks, late[1].law.delay_ticks) == (1, 0)
+
+
+def test_case_with_noise_is_the_median_and_the_worst_of_five_seeds():
+    from statistics import median
+
+    from afm_model import simulate
+    from afm_model.studies.wrong_models import SEEDS, parameters_of
+
+    law, rate = contender("predictive surface=known"), RATE["200 us + 1"]
+    row = run_case(CASE["noise"], rate, law)
+    errors = []
+    for seed in range(SEEDS):
+        score = simulate(*parameters_of(CASE["noise"], rate, law, seed=seed)).score
+        errors.append(100.0 * max(score.max[:2]) / 5e-9)
+    assert len(set(errors)) == SEEDS == 5
+    assert (row["third"], row["worst"]) == pytest.approx((median(errors), max(errors)), rel=1e-12)
+
+
+def test_noise_is_added_to_any_case_and_the_law_is_told_by_its_feedback():
+    from afm_model.studies.wrong_models import SEEDS, parameters_of, seeds
+
+    case = CASE["lateral gain 1.1"]
+    sim, controller = parameters_of(case, RATE["50 us + 1"], contender("predictive"), noise=2.0)
+    assert (sim.detector.noise, sim.detector.position_noise, sim.detector.adc_bits) == (2e-3, 1e-10, 16)
+    assert sim.detector.lateral_gain == 1.1 and controller.law.feedback == "measured"
+    assert (seeds(case), seeds(case, 2.0), seeds(CASE["noise"])) == (1, SEEDS, SEEDS)
