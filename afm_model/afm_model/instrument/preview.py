@@ -84,7 +84,7 @@ class Previewer:
         _write(first, count, self._period, rows.ravel(), self._block)
         self._program.raise_errors()
         found = rows.view(Setpoint.dtype)[:, 0]
-        time: _Array = (first + np.arange(count)) * self._period
+        time = np.arange(first, first + count, dtype=np.float64) * self._period
         return Preview(time, found["position"].copy(), found["velocity"].copy(), found["acceleration"].copy())
 
 
