@@ -56,9 +56,7 @@ class Previewer:
         self._program = program = assembled("program", kind)
         part: Any = program.part
         if part.order is not None:
-            raise ParameterError(
-                f"reference.kind = {kind} is not known ahead: it does what is ordered, as what is measured lets it"
-            )
+            raise ParameterError(f"reference.kind = {kind} is not known ahead: it does what is ordered during the run")
         self._period = parameters.plant.control_period
         self._block = np.zeros(size(BlockHeader) + size(part.constants))
         header = record_at(self._block, 0, BlockHeader)
