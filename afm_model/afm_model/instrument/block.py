@@ -91,6 +91,9 @@ class Layout:
         If a part cannot be compiled.
     """
 
+    kept: NDArray[np.float64] | None = None
+    """A block as it was made, for further instruments."""
+
     def __init__(self, parameters: InstrumentParameters) -> None:
         self.parts: dict[str, Assembled] = {
             family: assembled(family, getattr(parameters, GROUPS[family]).kind) for family in FAMILIES
@@ -195,6 +198,8 @@ class Layout:
 
     def make(self, parameters: InstrumentParameters) -> NDArray[np.float64]:
         """A block with header, constants and map; everything else is zero."""
+        if self.kept is not None:
+            return self.kept.copy()
         block = np.zeros(self.size)
         header = record_at(block, 0, BlockHeader)
         for name in BlockHeader.names:
@@ -219,6 +224,25 @@ class Layout:
         """The numbers of a record."""
         start, record = self._records[name]
         return block[start : start + size(record)]
+
+
+Layouts = dict[int, tuple[InstrumentParameters, Layout]]
+"""By the identity of the parameters."""
+
+
+def layout_of(parameters: InstrumentParameters, layouts: Layouts | None) -> Layout:
+    """Layout of an instrument: the one that is kept for the very same parameters, or a new one, which is kept then."""
+    if layouts is None:
+        return Layout(parameters)
+    known = layouts.get(id(parameters))
+    if known is None:
+        layout = Layout(parameters)
+        # A part in Python keeps what it has raised.
+        if not any(each.in_python for each in layout.parts.values()):
+            layout.kept = layout.make(parameters)
+            layouts[id(parameters)] = parameters, layout
+        return layout
+    return known[1]
 
 
 def fill_loop(c: LoopState, parameters: InstrumentParameters) -> None:

@@ -29,6 +29,23 @@ def external_law() -> Block:
     return np.zeros(size(LawHeader))
 
 
+_KEPT = 64
+"""Laws whose constants are kept: many runs are made with the same one."""
+_MADE: dict[int, tuple[ControllerParameters, Any, _Array]] = {}
+
+
+def _constants_of(chosen: Assembled, parameters: ControllerParameters) -> _Array:
+    """Constants of a law, made once for the very same parameters."""
+    known = _MADE.get(id(parameters))
+    if known is None or known[0] is not parameters or known[1] is not chosen.part:
+        numbers = np.zeros(size(chosen.part.constants))
+        chosen.fill_constants(numbers, 0, parameters)
+        if len(_MADE) >= _KEPT:
+            del _MADE[next(iter(_MADE))]
+        known = _MADE[id(parameters)] = parameters, chosen.part, numbers
+    return known[2]
+
+
 class Controller:
     """A law with its parameters and its state.
 
@@ -82,7 +99,7 @@ class Controller:
         header = record_at(block, 0, LawHeader)
         for name, value in {**chosen.places, "law_constants": constants, "law_state": state}.items():
             header[name] = value
-        chosen.fill_constants(block, constants, parameters)
+        block[constants:state] = _constants_of(chosen, parameters)
         kept: Any = chosen.part
         memory = 0 if kept.memory is None else kept.memory[1](parameters)
         goes_on = self._law is not None and self._law.part is chosen.part and memory == len(self._memory)

@@ -14,7 +14,7 @@ from ..parts.command import Command, CommandRecord, problem
 from ..parts.header import BlockHeader
 from ..parts.part import Channel
 from ..parts.signals import PiezoDrive
-from .block import Layout, LoopState, fill_loop, line_slots
+from .block import Layouts, LoopState, fill_loop, layout_of, line_slots
 from .controller import Controller, external_law
 from .draws import Draws
 from .faults import Faults
@@ -51,6 +51,8 @@ class Instrument(Readings):
     sampled : bool
         False: nobody looks at the samples between two ticks, nor at their count beyond the range. They are not made
         where nothing else needs them: what is measured at a tick, and moves, has the same bits.
+    layouts : dict, optional
+        Where the layouts of instruments with the very same parameters are kept.
 
     Raises
     ------
@@ -59,11 +61,17 @@ class Instrument(Readings):
     """
 
     def __init__(
-        self, parameters: InstrumentParameters, block_ticks: int = 500, *, hashed: bool = True, sampled: bool = True
+        self,
+        parameters: InstrumentParameters,
+        block_ticks: int = 500,
+        *,
+        hashed: bool = True,
+        sampled: bool = True,
+        layouts: Layouts | None = None,
     ) -> None:
         self.parameters = parameters
         try:
-            self._layout = layout = Layout(parameters)
+            self._layout = layout = layout_of(parameters, layouts)
             self._block = layout.make(parameters)
         except ArithmeticError as error:
             raise ParameterError(f"some parameter is too large or too small to compute with ({error})") from None

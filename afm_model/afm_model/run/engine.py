@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 from ..core.errors import DivergenceError, DriveError, PartError, VerbError
 from ..instrument import Block, Instrument
+from ..instrument.block import Layouts
 from ..parameters import InstrumentParameters
 from .blocks import Blocks
 from .counts import Counts
@@ -66,7 +67,7 @@ class Engine:
     operate : callable, optional
         Makes who orders verbs of an instrument that is at its start. Simulated time then stands still while none is
         done, unless it goes by the clock.
-    in_pieces, hashed, sampled : bool
+    in_pieces, hashed, sampled, layouts
         As of `Blocks` and `Instrument`.
 
     Raises
@@ -89,6 +90,7 @@ class Engine:
         in_pieces: bool = False,
         hashed: bool = True,
         sampled: bool = True,
+        layouts: Layouts | None = None,
     ) -> None:
         self.link = link or Link()
         self.clock = clock or VirtualClock()
@@ -110,7 +112,7 @@ class Engine:
         self._operate, self._total_ticks = operate, total_ticks
         self.watch = Stopwatch(self.clock)
         self.life = Life(self._on_change)
-        self.instrument = Instrument(parameters, block_ticks, hashed=hashed, sampled=sampled)
+        self.instrument = Instrument(parameters, block_ticks, hashed=hashed, sampled=sampled, layouts=layouts)
         """To read from; it is ticked here. Another one after `exchange`."""
         heard = operate is not None or self._listeners.block is not None
         self.blocks = Blocks(self.instrument, self._on_block if heard else None, in_pieces=in_pieces)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..instrument import Block, Instrument, ScoreSummary
+from ..instrument.block import Layouts
 from ..instrument.controller import Controller
 from ..instrument.validity import doubts
 from ..law import TimingWarning, disagreements, require_plant
@@ -253,8 +254,9 @@ def engine_of(
     block_ticks: int | None = None,
     hashed: bool = True,
     sampled: bool = True,
+    layouts: Layouts | None = None,
 ) -> Engine:
-    """What `run` steps until it is over; `sampled` as of `Instrument`."""
+    """What `run` steps until it is over; `sampled` and `layouts` as of `Instrument`."""
     total = ticks_to_simulate(parameters)
     if isinstance(controller, Replay):
         parameters = replayed(parameters)
@@ -288,6 +290,7 @@ def engine_of(
         block_ticks=block_ticks or ticks_of_a_block(parameters),
         hashed=hashed,
         sampled=sampled,
+        layouts=layouts,
     )
     return engine
 

@@ -1,6 +1,7 @@
 """Many runs in one process: those of one composition in lanes, the others one by one, each with the bits of `run`."""
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 from ..core.errors import DivergenceError, DriveError, ParameterError, PartError
 from ..core.lanes import LANES
 from ..instrument import Block, Instrument
+from ..instrument.block import Layouts
 from ..instrument.lanes import LEAST, Together, composition
 from ..parameters import ControllerParameters, SimParameters
 from .engine import Engine
@@ -45,6 +47,9 @@ def run_together(
     """
     found: list[Engine | Exception] = []
     groups: dict[Hashable, list[Engine]] = {}
+    # Of instruments that are needed more than once, with one law after the other.
+    times = Counter(id(parameters) for parameters, _ in sets)
+    layouts: Layouts = {}
     for number, (parameters, law) in enumerate(sets):
         try:
             engine = engine_of(
@@ -55,6 +60,7 @@ def run_together(
                 block_ticks=block_ticks,
                 hashed=hashed,
                 sampled=sampled,
+                layouts=layouts if times[id(parameters)] > 1 else None,
             )
         except REFUSALS as error:
             found.append(error)

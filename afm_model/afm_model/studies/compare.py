@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
-from ..parameters import SimParameters
+from ..parameters import ControllerParameters, SimParameters
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
 from .contender import CONDITIONS, Common, Contender, contenders, instrument_under, law_under
@@ -88,6 +88,8 @@ def compare(
     rows: list[Row] = []
     sets: list[Trial | str] = []
     alone: list[int] = []
+    # A law is told period, delay and whether there is noise.
+    controllers: dict[Any, ControllerParameters] = {}
     for law in every:
         linearised = set()
         for values in grid:
@@ -101,12 +103,14 @@ def compare(
                 alone.append(len(sets))
                 sets.append(Trial(sim, None, law.kind, None, partial(law.start, told)))
                 continue
+            key = law.label, *values[:2], float(values[2]) != 0.0
             try:
-                controller = law_under(common, law, conditions, sim) if law.is_part else None
+                if law.is_part and key not in controllers:
+                    controllers[key] = law_under(common, law, conditions, sim)
             except ParameterError as error:
                 sets.append(str(error))
                 continue
-            sets.append(Trial(sim, controller, law.kind, None if values[:2] in linearised else told))
+            sets.append(Trial(sim, controllers.get(key), law.kind, None if values[:2] in linearised else told))
             linearised.add(values[:2])
     run_all = partial(run_trials, lanes=lanes)
     results = run_sets(

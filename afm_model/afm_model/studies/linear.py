@@ -22,6 +22,8 @@ from .linear_model import AXES, STATES, LinearError, jacobian, law_scales, measu
 _Array = NDArray[np.float64]
 _NOTHING = 1e-9
 _FREQUENCIES = 2000
+_NEAR = 1e-3
+"""ln of a distance from -1: so near to the smallest one it is computed exactly."""
 STABLE = 1.0 + 1e-7
 """Spectral radius up to which a loop counts as stable: a law may hold a number for ever."""
 
@@ -97,6 +99,25 @@ class LinearLoop:
             distance=float(np.min(np.abs(1.0 + response))),
         )
 
+    def distance(self, omega: _Array) -> float:
+        """Smallest distance of the open loop from -1 at omega [rad/s], over all axes.
+
+        1 + L is det(z - closed loop) over det(z - loop cut): their roots tell where it is small, and there alone the
+        response is asked for.
+        """
+        z = np.exp(1j * omega * self.period)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            closed = _logarithm(self.matrix, z)
+            found = {axis: closed - _logarithm(cut.A, z) for axis, cut in self.cuts.items()}
+            least = min(np.min(each) for each in found.values())
+            places = {axis: np.flatnonzero(~(each > least + _NEAR)) for axis, each in found.items()}
+        near = {axis: np.abs(1.0 + self.response(axis, omega[at])) for axis, at in places.items() if len(at)}
+        off = max(np.max(np.abs(np.log(each) - found[axis][places[axis]])) for axis, each in near.items())
+        if not off < 0.5 * _NEAR:
+            # Roots of loops with many equal ones are not exact.
+            near = {axis: np.abs(1.0 + self.response(axis, omega)) for axis in self.cuts}
+        return float(min(np.min(each) for each in near.values()))
+
     def response(self, axis: str, omega: _Array) -> NDArray[np.complex128]:
         """Frequency response of the loop cut between drive and piezo of `axis`, at omega [rad/s]."""
         cut = self.cuts[axis]
@@ -105,6 +126,12 @@ class LinearLoop:
         matrices[:, i, i] += np.exp(1j * omega * self.period)[:, None]
         found = cut.C @ np.linalg.solve(matrices, cut.B) + cut.D
         return np.asarray(found, np.complex128).reshape(-1)
+
+
+def _logarithm(matrix: _Array, z: NDArray[np.complex128]) -> _Array:
+    """ln |det(z - matrix)| at each z."""
+    roots = np.linalg.eigvals(matrix)
+    return np.asarray(np.sum(np.log(np.abs(z[:, None] - roots)), axis=1))
 
 
 def inside_drives_z(sim: SimParameters) -> bool:
@@ -136,13 +163,13 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     ParameterError, PartError
         If law or instrument cannot be made.
     """
-    law, C = Controller(controller), sensors(sim)
     own = size(find("law", controller.law.kind).state)
     if own + 3 * sim.plant.delay_ticks > LARGEST:
         raise LinearError(
             f"law {controller.law.kind} with {own} numbers of state and plant.delay_ticks = {sim.plant.delay_ticks} "
             f"has no linear model that can be handled: {LARGEST} numbers are the most"
         )
+    law, C = Controller(controller), sensors(sim)
     A, B, _ = plant_matrices(sim, sim.plant.control_period)
     sliding = measurement_sliding(sim, law, C)
     states, inputs = law_scales(law, sliding, C)
@@ -151,31 +178,36 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     total = STATES + 3 + 3 * d + n
     in_force = np.array([1.0, 1.0, 0.0 if inside_drives_z(sim) else 1.0])
     line, own = STATES + 3, STATES + 3 + 3 * d
+    # What the law answers, and which drive is due, per number of the state.
+    reply = np.zeros((n + 3, total))
+    for column in range(line):
+        reply[:, column] = from_input @ C[:, column].copy()
+    reply[:, own:] = from_state
+    u = reply[n:] * in_force[:, None]
+    due = np.eye(3, total, line) if d else u
 
-    def tick(x: _Array, cut: int = -1, given: float = 0.0) -> tuple[_Array, float]:
-        """One control tick; the plant feels `given` along the axis `cut` in place of the drive, which is returned."""
-        reply = from_state @ x[own:] + from_input @ (C @ x[:line])
-        u = reply[n:] * in_force
-        due = x[line : line + 3] if d else u
-        felt, answered = due.copy(), 0.0
+    def tick(cut: int = -1) -> _Array:
+        """A control tick; the plant feels nothing along the axis `cut`."""
+        after = np.zeros((total, total))
+        felt = due.copy()
         if cut >= 0:
-            answered, felt[cut] = float(due[cut]), given
-        after = np.empty(total)
-        after[:STATES] = A @ x[:STATES] + B @ felt
+            felt[cut] = 0.0
+        for column in range(total):
+            after[:STATES, column] = B @ felt[:, column].copy()
+        after[:STATES, :STATES] += A
         after[STATES:line] = due
         if d:
-            after[line:own] = np.concatenate([x[line + 3 : own], u])
+            after[line : own - 3, line + 3 : own] = np.eye(3 * d - 3)
+            after[own - 3 : own] = u
         after[own:] = reply[:n]
-        return after, answered
+        return after
 
-    identity = np.eye(total)
-    matrix = np.column_stack([tick(column)[0] for column in identity])
+    matrix = tick()
     cuts = {}
     for i, axis in enumerate(AXES):
-        columns = [tick(column, i) for column in identity]
-        into = tick(np.zeros(total), i, 1.0)[0]
-        out = np.array([[-answered for _, answered in columns]])
-        cuts[axis] = LoopCut(np.column_stack([after for after, _ in columns]), into[:, None], out, np.zeros((1, 1)))
+        into = np.zeros((total, 1))
+        into[:STATES, 0] = B[:, i]
+        cuts[axis] = LoopCut(tick(i), into, -due[i : i + 1], np.zeros((1, 1)))
     values, vectors = np.linalg.eig(matrix)
     # What a law remembers and does not use moves nothing.
     moving = np.max(np.abs(vectors[:STATES]), axis=0) > _NOTHING

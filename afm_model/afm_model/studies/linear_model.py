@@ -3,6 +3,7 @@ changes of what it has measured and of what it remembers.
 """
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -36,8 +37,11 @@ _SETTLING = 4000
 """Control periods in which a stable loop comes to rest against friction."""
 _FAR = 1e6
 """Beyond this [x0, z0] a loop has diverged."""
+_INSTRUMENTS = 32
+"""Whose numbers are kept, which nobody changes: a comparison linearises many laws on one instrument."""
 
 
+@lru_cache(maxsize=_INSTRUMENTS)
 def nominal_friction(sim: SimParameters) -> _Array:
     """Friction of a flat sample at the setpoint, (3,) [w0^2 x0], against a motion along the reference."""
     p = plant_constants(sim)
@@ -51,6 +55,7 @@ def _static_load(sim: SimParameters, p: Any) -> float:
     return float(p["eta_c"] ** 2 * (sim.reference.z_r / sim.scales.z0 - p["a"]) + p["w"])
 
 
+@lru_cache(maxsize=_INSTRUMENTS)
 def plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, _Array]:
     """Exact step over a control period: nondimensional states from states, from volts, and from friction (8,)."""
     from scipy.linalg import expm  # here: a tenth of a second for nothing in a node
@@ -81,6 +86,7 @@ def plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, _
     return E[:STATES, :STATES], E[:STATES, STATES : STATES + 3], E[:STATES, STATES + 3]
 
 
+@lru_cache(maxsize=_INSTRUMENTS)
 def sensors(sim: SimParameters) -> _Array:
     """Measurement [SI] from the plant's states and the drive in force [V]."""
     C = np.zeros((size(Measurement), STATES + 3))
@@ -103,6 +109,7 @@ def sensors(sim: SimParameters) -> _Array:
     return C
 
 
+@lru_cache(maxsize=_INSTRUMENTS)
 def measurement_at_rest(sim: SimParameters) -> _Array:
     """What is measured with the tip at its setpoint, the reference standing still, without noise."""
     quiet: dict[str, Value] = dict.fromkeys(_NOISES & flatten(sim).keys(), 0.0)
@@ -147,7 +154,7 @@ def measurement_sliding(sim: SimParameters, law: Controller, C: _Array) -> _Arra
         law.block, command, y, C, np.ascontiguousarray(A), np.ascontiguousarray(B), load, flight, delay, x
     )
     law.raise_errors()
-    return y + C @ x if settled else at_rest
+    return y + C @ x if settled else at_rest.copy()
 
 
 @routine
@@ -192,24 +199,47 @@ def law_scales(law: Controller, sliding: _Array, C: _Array) -> tuple[_Array, _Ar
     """How far each number of the law's state and each measured one is changed; leaves the law settled."""
     inputs = _SMALL * np.max(np.abs(C), axis=1)
     width = size(find("law", law.parameters.law.kind).state)
-    tail = law.block[len(law.block) - width :]
+    at = len(law.block) - width
+    tail = law.block[at:]
     integers = _integers(law)
     random = np.random.default_rng(0)
     # An integral goes on while the loop is open: it keeps what it came to.
     begin = tail.copy()
-    for _ in range(_TICKS):
-        _ask(law, sliding)
-    settled = tail.copy()
+    shown = np.vstack([np.tile(sliding, (_TICKS, 1)), sliding + inputs * random.uniform(-1.0, 1.0, (_TICKS, len(C)))])
     largest = np.zeros(width)
-    for _ in range(_TICKS):
-        _ask(law, sliding + inputs * random.uniform(-1.0, 1.0, len(inputs)))
-        largest = np.maximum(largest, np.abs(np.where(integers, 0.0, tail - np.where(integers, 0.0, settled))))
+    _shake(law.block, at, np.zeros(size(PiezoDrive)), shown, _TICKS, integers, largest)
+    law.raise_errors()
     tail[:] = begin
     before = tail.copy()
     _ask(law, sliding)
     if np.any(before.view(np.int64)[integers] != tail.view(np.int64)[integers]):
         raise LinearError(f"law {law.parameters.law.kind} counts its ticks: it has no linear model that stays the same")
     return np.where(np.isfinite(largest), largest, 0.0), inputs
+
+
+@routine
+def _shake(
+    law: Block,
+    at: int,
+    command: _Array,
+    shown: _Array,
+    settling: int,
+    integers: NDArray[np.bool_],
+    largest: _Array,
+) -> None:
+    """Show measurements to a law; `largest`: how far the numbers of its state, from law[at] on, go after the first
+    `settling` of them, whole numbers left out.
+    """
+    settled = law[at:].copy()
+    for k in range(len(shown)):
+        answer(law, 0.0, shown[k], command)
+        if k < settling:
+            settled[:] = law[at:]
+            continue
+        for i in range(len(largest)):
+            way = abs(law[at + i] - settled[i])
+            if not integers[i] and (way > largest[i] or math.isnan(way)):
+                largest[i] = way
 
 
 def _integers(law: Controller) -> NDArray[np.bool_]:
@@ -222,33 +252,18 @@ def _integers(law: Controller) -> NDArray[np.bool_]:
 def jacobian(law: Controller, sliding: _Array, states: _Array, inputs: _Array) -> tuple[_Array, _Array]:
     """(state after, drive [V]) per change of the state before, and per change of the measurement."""
     n = len(states)
-    tail = law.block[len(law.block) - n :]
-    settled = tail.copy()
-
-    def reply(change: _Array, y: _Array) -> _Array:
-        tail[:] = settled
-        moved = change != 0.0
-        tail[moved] += change[moved]
-        drive = _ask(law, y)
-        after = np.where(_integers(law), 0.0, tail)
-        return np.concatenate([after, drive])
+    at = len(law.block) - n
+    command, integers = np.zeros(size(PiezoDrive)), _integers(law)
+    weights = np.concatenate([states, inputs])
 
     def slopes(factor: float) -> _Array:
-        columns = []
-        for i, step in enumerate(factor * np.concatenate([states, inputs])):
-            change, y = np.zeros(n), np.zeros(len(inputs))
-            (change if i < n else y)[i if i < n else i - n] = step
-            columns.append(
-                (reply(change, sliding + y) - reply(-change, sliding - y)) / (2.0 * step)
-                if step > 0.0
-                else np.zeros(n + 3)
-            )
-        return np.column_stack(columns)
+        found = np.zeros((n + 3, len(weights)))
+        _slopes(law.block, at, command, sliding, factor * weights, integers, found)
+        law.raise_errors()
+        return found
 
     one, other = slopes(1.0), slopes(0.3)
-    tail[:] = settled
     # In units of the changes, so that all rows and columns compare.
-    weights = np.concatenate([states, inputs])
     difference, whole = np.abs(one - other) * weights, np.abs(one) * weights
     rows = np.max(whole, axis=1, keepdims=True)
     if np.any(difference > 0.02 * np.where(rows > 0.0, rows, 1.0)):
@@ -256,3 +271,32 @@ def jacobian(law: Controller, sliding: _Array, states: _Array, inputs: _Array) -
             f"law {law.parameters.law.kind} switches: its answer to a small change is not proportional to it"
         )
     return one[:, :n], one[:, n:]
+
+
+@routine
+def _slopes(
+    law: Block, at: int, command: _Array, y: _Array, steps: _Array, integers: NDArray[np.bool_], found: _Array
+) -> None:
+    """State from law[at] on, and drive, behind a measurement y, per change by `steps` of the state before and of y:
+    central differences, (state and drive, steps). Leaves the law as it was.
+    """
+    n = len(integers)
+    settled, seen = law[at:].copy(), y.copy()
+    for i in range(len(steps)):
+        if not steps[i] > 0.0:
+            continue
+        for turn in range(2):
+            step = -steps[i] if turn else steps[i]
+            law[at:] = settled
+            command[_VOLTAGE : _VOLTAGE + 3] = 0.0
+            if i < n:
+                law[at + i] += step
+            else:
+                seen[i - n] = y[i - n] + step
+            answer(law, 0.0, seen, command)
+            if i >= n:
+                seen[i - n] = y[i - n]
+            for row in range(n + 3):
+                after = command[_VOLTAGE + row - n] if row >= n else 0.0 if integers[row] else law[at + row]
+                found[row, i] = (found[row, i] - after) / (2.0 * steps[i]) if turn else after
+    law[at:] = settled

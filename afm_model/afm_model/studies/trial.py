@@ -161,4 +161,4 @@ def margin(sim: SimParameters, controller: ControllerParameters) -> float:
     if not loop.stable:
         return 0.0
     omega = np.pi / loop.period * np.geomspace(1e-4, 0.999, _FREQUENCIES)
-    return float(min(np.min(np.abs(1.0 + loop.response(axis, omega))) for axis in loop.cuts))
+    return loop.distance(omega)

@@ -86,6 +86,15 @@ def test_margins_are_those_of_python_control_for_its_own_system():
     )
 
 
+@pytest.mark.parametrize(
+    ("kind", "period", "delay"), [("pid", 5e-5, 0), ("observer", 2e-5, 2), ("super_twisting", 5e-5, 1), ("tanh", 2e-6, 3)]
+)
+def test_smallest_distance_is_that_of_the_response_at_all_frequencies(kind, period, delay):
+    loop = linearise(*timed(kind, period, delay))
+    omega = np.pi / period * np.geomspace(1e-4, 0.999, 400)
+    assert loop.distance(omega) == min(np.min(np.abs(1.0 + loop.response(axis, omega))) for axis in loop.cuts)
+
+
 def test_law_that_switches_has_no_linear_model():
     with pytest.raises(LinearError, match=r"^law sgn switches"):
         linearise(*timed("sgn", 2e-6))
