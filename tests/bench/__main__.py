@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import comparison
 import kernel
 import lanes
 import lever
@@ -27,7 +28,10 @@ from rich.markup import escape
 from rich.table import Table
 
 PERIODS = (2e-6, 1e-5, 2e-5, 5e-5)
-PARTS = ("kernel", "lanes", "lever", "composed", "processes", "recorder", "realtime", "startup", "sweep", "verbs")
+PARTS = (
+    *("kernel", "lanes", "lever", "composed", "processes", "recorder", "realtime", "startup"),
+    *("sweep", "comparison", "verbs"),
+)
 
 
 class Report:
@@ -209,6 +213,15 @@ def bench_sweep(report: Report) -> None:
         report.add(f"sweep, {name} (floor: the kernel alone)", row["measured"], row["floor"], row["ratio"])
 
 
+def bench_comparison(report: Report) -> None:
+    """Laws side by side."""
+    report.begin("a comparison")
+    figures = report.data["comparison"] = comparison.measure()
+    runs, seconds, linear = figures["runs"], figures["cpu_s"], figures["linear_s"]
+    report.add(f"a comparison, {runs} runs: processor time [s]", f"{seconds:.1f}")
+    report.add("  of it linear models", f"{linear:.1f}")
+
+
 def bench_verbs(report: Report, folder: Path) -> None:
     """A scan over topics."""
     report.begin("a scan over topics")
@@ -248,6 +261,7 @@ def main() -> int:
             "realtime": lambda: bench_realtime(report, folder, arguments.seconds),
             "startup": lambda: bench_startup(report, folder),
             "sweep": lambda: bench_sweep(report),
+            "comparison": lambda: bench_comparison(report),
             "verbs": lambda: bench_verbs(report, folder),
         }
         for part in arguments.parts or PARTS:
