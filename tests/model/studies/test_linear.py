@@ -11,6 +11,8 @@ from afm_model.parts import Law, LawParameters, Record, kernel
 from afm_model.studies.linear import at_timing, is_stable, largest, linearise
 from afm_model.studies.linear_model import (
     LinearError,
+    jacobian,
+    law_scales,
     measurement_at_rest,
     measurement_sliding,
     plant_matrices,
@@ -87,12 +89,29 @@ def test_margins_are_those_of_python_control_for_its_own_system():
 
 
 @pytest.mark.parametrize(
-    ("kind", "period", "delay"), [("pid", 5e-5, 0), ("observer", 2e-5, 2), ("super_twisting", 5e-5, 1), ("tanh", 2e-6, 3)]
+    ("kind", "period", "delay"),
+    [("pid", 5e-5, 0), ("observer", 2e-5, 2), ("super_twisting", 5e-5, 1), ("tanh", 2e-6, 3)],
 )
 def test_smallest_distance_is_that_of_the_response_at_all_frequencies(kind, period, delay):
     loop = linearise(*timed(kind, period, delay))
     omega = np.pi / period * np.geomspace(1e-4, 0.999, 400)
     assert loop.distance(omega) == min(np.min(np.abs(1.0 + loop.response(axis, omega))) for axis in loop.cuts)
+
+
+def test_slopes_of_a_law_are_those_of_its_answers():
+    sim, controller = timed("pid", 5e-5)
+    law, C = Controller(controller), sensors(sim)
+    y = measurement_sliding(sim, law, C)
+    states, inputs = law_scales(law, y, C)
+    _, from_input = jacobian(law, y, states, inputs)
+    settled = law.block.copy()
+    for i in np.flatnonzero(inputs):
+        change, answers = np.zeros(len(y)), []
+        change[i] = 3.0 * inputs[i]
+        for shown in (y + change, y - change):
+            law.block[:] = settled
+            answers.append(np.array(law.answer(shown)))
+        np.testing.assert_allclose(6.0 * inputs[i] * from_input[-3:, i], answers[0] - answers[1], rtol=1e-4, atol=1e-10)
 
 
 def test_law_that_switches_has_no_linear_model():

@@ -1,5 +1,6 @@
 """State of the friction-predicting law."""
 
+from functools import cache
 from typing import Annotated
 
 import numpy as np
@@ -111,11 +112,17 @@ class State(Record):
     direction: Annotated[Array, (INTERVALS, 2)]  # and its direction
 
 
+@cache
+def _prior() -> tuple[float, ...]:
+    """Covariance of the map at nodes so many apart, before anything is measured."""
+    nodes = np.arange(NODES)
+    apart = np.minimum(nodes, NODES - nodes) * SPACING / LENGTH
+    return tuple(exp(-0.5 * each * each) for each in apart)
+
+
 def start(parameters: Tree) -> Numbers:
     """What does not change; the rest is begun at the first measurement (guard.py)."""
     first = np.zeros(1, State)[0]
-    nodes = np.arange(NODES)
-    apart = np.minimum(nodes, NODES - nodes) * SPACING / LENGTH
-    first["prior"] = [exp(-0.5 * each * each) for each in apart]
+    first["prior"] = _prior()
     first["answered"] = -1
     return {name: first[name] for name in State.names}
