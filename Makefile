@@ -12,7 +12,7 @@ BUILT := ros2_ws/install/.built
 
 help:
 	@echo "make demo    close the paper's loop over ROS 2 topics; results in out/demo"
-	@echo "make scan    approach, scan an image, withdraw; picture, .gwy, recording, table in out/scan"
+	@echo "make scan    approach, scan an image, withdraw; picture, .gwy, recording, table in out/scan; ARGS="--mode tapping""
 	@echo "make test    run all tests; what fails first is kept in out/first_failures.txt"
 	@echo "make test-long many more examples at random, and the long tests (SEED=...: the same again)"
 	@echo "make bits    compare every bit of some 70 short runs with those kept (python tests/bits.py --write: keep these)"
@@ -47,7 +47,7 @@ demo: run-only
 	@. ./env.sh && ros2 run afm_bringup session closed_loop_tanh --out out/demo
 
 scan: build
-	@. ./env.sh && ros2 run afm_bringup scan --out out/scan
+	@. ./env.sh && ros2 run afm_bringup scan --out out/scan $(ARGS)
 
 test: with-tests
 	@. ./env.sh && tools/test.sh

@@ -19,7 +19,8 @@ from afm_node_common.verb_codec import ACTIONS, action_of, goal_of, line_of
 from afm_sim_node.node import SimNode
 
 APPROACH = Approach(rate=10e-6, range=2e-6, settle=2e-3)
-SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=2, line_rate=20.0, overscan=0.2, speed=5e-6)
+CHANNELS = "height, error, lateral"
+SCAN = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=2, line_rate=20.0, overscan=0.2, speed=5e-6, channels=CHANNELS)
 ENDLESS = Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=8000, line_rate=20.0)
 
 

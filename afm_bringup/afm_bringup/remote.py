@@ -217,9 +217,10 @@ class Remote(Backend):
     def set_loop(self, **settings: Any) -> None:
         """See `Backend`. Limits of z cannot be set over topics."""
         call = self._remote.call
-        given = [settings.pop(name, None) for name in ("setpoint_force", "setpoint_voltage")]
-        if given != [None, None]:
-            call(SetSetpoint, topics.SET_SETPOINT, force=given[0] or 0.0, voltage=given[1] or 0.0)
+        kinds = ("force", "voltage", "amplitude", "share")
+        given = {name: settings.pop(f"setpoint_{name}") or 0.0 for name in kinds if f"setpoint_{name}" in settings}
+        if given:
+            call(SetSetpoint, topics.SET_SETPOINT, **given)
         gains = {name: settings.pop(f"{name}_gain", None) for name in ("proportional", "integral")}
         for name, value in gains.items():
             # The service takes negative ones for none given.

@@ -37,9 +37,12 @@ _EDGE, _BORDER = 10e-9, 5e-9
 """Standard deviations of the filters that round the edges of the letter and the border of the materials [m]."""
 _BARS = ((-300e-9, -180e-9, -350e-9, 350e-9), (-180e-9, 300e-9, 230e-9, 350e-9), (-180e-9, 120e-9, -60e-9, 60e-9))
 """The letter F: left, right, bottom, top of its bars [m]."""
-_FIRST = "first_image"
-_FRAME = {"size_x": 1e-6, "line_rate": 5.0}
-"""Of the first image; what is not here is the verb's default."""
+_FIRST = {"contact": "first_image", "tapping": "first_tapping"}
+_FRAMES: dict[str, dict[str, int | float]] = {
+    "contact": {"size_x": 1e-6, "line_rate": 5.0},
+    "tapping": {"size_x": 1e-6, "line_rate": 2.0, "pixels": 64, "lines": 64},
+}
+"""Of the first image in each mode; what is not here is the verb's default."""
 _OPTIONS = {
     "size_x": "width of the frame [m]",
     "size_y": "height of the frame [m]; 0: square pixels",
@@ -71,16 +74,25 @@ def _arguments() -> argparse.Namespace:
         default=topics.NAMESPACE,
         help=f"namespace of the instrument, in place of {topics.NAMESPACE}",
     )
+    parser.add_argument(
+        "--mode",
+        choices=tuple(_FIRST),
+        help="mode of the first image (default contact); with a scenario it is the scenario's",
+    )
     add_live(parser)
     for name, told in _OPTIONS.items():
-        default = _FRAME.get(name, Scan.model_fields[name].default)
+        usual = Scan.model_fields[name].default
+        default = _FRAMES["contact"].get(name, usual)
+        tapping = _FRAMES["tapping"].get(name, default)
+        shown = f"default {default}" if default != "" else "default by mode"
+        if tapping != default:
+            shown += f", tapping {tapping}"
         parser.add_argument(
             f"--{name.replace('_', '-')}",
             dest=name,
-            type=type(Scan.model_fields[name].default),
-            default=default,
+            type=type(usual),
             metavar="VALUE",
-            help=f"{told} (default %(default)s)",
+            help=f"{told} ({shown})",
         )
     return parser.parse_args()
 
@@ -89,12 +101,16 @@ def main() -> int:
     """Entry point of `ros2 run afm_bringup scan`."""
     arguments = _arguments()
     try:
-        verb = build(Scan, {name: getattr(arguments, name) for name in _OPTIONS})
+        if arguments.scenario and arguments.mode:
+            raise ValueError(f"--mode {arguments.mode} is not allowed with {arguments.scenario}: the scenario says it")
+        mode = arguments.mode or "contact"
+        given = {name: value for name in _OPTIONS if (value := getattr(arguments, name)) is not None}
+        verb = build(Scan, _FRAMES[mode] | given)
         with tempfile.TemporaryDirectory() as folder:
             if arguments.scenario:
                 scenario = read_scenario(arguments.scenario, arguments.overrides)
             else:
-                scenario = read_scenario(str(_first(arguments.out, Path(folder))), arguments.overrides)
+                scenario = read_scenario(str(_first(mode, arguments.out, Path(folder))), arguments.overrides)
         if scenario.sim.reference.kind != "verbs":
             raise ValueError(
                 f"{scenario.path}: reference.kind = {scenario.sim.reference.kind} is not allowed in a scan: it must be "
@@ -114,12 +130,12 @@ def main() -> int:
     return 0
 
 
-def _first(out: Path, folder: Path) -> Path:
+def _first(mode: str, out: Path, folder: Path) -> Path:
     """The scenario of the first image; its sample is kept beside the results."""
     sample = write_sample(out / "sample")
-    content = yaml.safe_load(config(f"{_FIRST}.yaml").read_text())
+    content = yaml.safe_load(config(f"{_FIRST[mode]}.yaml").read_text())
     content["/**/afm_sim_node"]["ros__parameters"]["sample"] = sample
-    path = folder / f"{_FIRST}.yaml"
+    path = folder / f"{_FIRST[mode]}.yaml"
     path.write_text(yaml.safe_dump(content))
     return path
 

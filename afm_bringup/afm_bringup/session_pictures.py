@@ -31,7 +31,7 @@ def draw_overview(recording: Recording, title: str, path: Path) -> None:
 
 
 def write_scan_picture(path: Path, image: Image, title: str) -> None:
-    """Draw height and friction, or the first two layers of a scan that lacks them, into a PNG file.
+    """Draw height and friction or phase, or the first two layers of a scan that lacks them, into a PNG file.
 
     A height counts from the lowest place of the scan; nothing else is taken off.
 
@@ -41,7 +41,8 @@ def write_scan_picture(path: Path, image: Image, title: str) -> None:
         If it cannot be written.
     """
     every = {each.name: each for each in layers(image)}
-    chosen = [every[name] for name in ("height_trace", "friction") if name in every] or list(every.values())[:2]
+    known = ("height_trace", "friction", "phase_trace")
+    chosen = [every[name] for name in known if name in every][:2] or list(every.values())[:2]
     figure = Figure(figsize=_SIZE, layout="constrained")
     for axes, found in zip(figure.subplots(1, len(chosen), squeeze=False)[0], chosen, strict=True):
         if found.name == "height_trace" and found.measured.any():

@@ -9,11 +9,13 @@ from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
 from rclpy.node import Node
 
 from afm_model.core.errors import ParameterError, VerbError
+from afm_model.onboard.by_amplitude import taps
 from afm_model.run import Run
 from afm_node_common import topics
 from afm_node_common.barrier import sentence
 from afm_node_common.verb_codec import values_of
 
+_SETPOINTS = ("force", "voltage", "amplitude", "share")
 Exchanging = Callable[[str, dict[str, Any]], None]
 """exchange(group, changes): another sample or plant; raises ParameterError or VerbError."""
 
@@ -54,9 +56,8 @@ class Settings:
         return response
 
     def _set_setpoint(self, request: Any, response: Any) -> Any:
-        volts = request.voltage or None
-        force = request.force if volts is None or request.force else None
-        self._try(partial(self._run.operator.set_setpoint, force=force, voltage=volts), response)
+        given = {name: each for name in _SETPOINTS if (each := getattr(request, name)) != 0.0} or {"force": 0.0}
+        self._try(partial(self._run.operator.set_setpoint, **given), response)
         response.voltage, response.force = setpoint(self._run)
         return response
 
@@ -81,5 +82,5 @@ def setpoint(run: Run) -> tuple[float, float]:
     """In force now: [V], and as vertical force [N]; NaN: not known."""
     volts = float(run.operator.state.setpoint)
     parameters = run.instrument.parameters
-    known = parameters.plant.spring_constant(parameters) != 0.0
+    known = parameters.plant.spring_constant(parameters) != 0.0 and not taps(parameters)
     return volts, volts / parameters.plant.deflection_voltage(parameters, 1.0) if known else float("nan")

@@ -12,14 +12,14 @@ import pytest
 from quick_lever import INSTRUMENT, LAW
 from rcl_interfaces.msg import Parameter, ParameterValue
 from support import TIMEOUT, Graph, ros_arguments
-from verbs_bench import APPROACH, SCAN
+from verbs_bench import APPROACH, SCAN, assert_same
 
 from afm_bringup.remote import Remote
 from afm_model import SimParameters, build
 from afm_model.core.errors import ParameterError
 from afm_model.microscope import Local, MoveTo, Standing
 from afm_model.microscope.verb import find
-from afm_model.microscope.verbs import ScanPath
+from afm_model.microscope.verbs import Scan, ScanPath
 from afm_node_common.verb_codec import ANY, action_of, goal_of, parameters, verb_of
 from afm_sim_node.node import SimNode
 
@@ -103,6 +103,38 @@ def test_tune_brings_the_same_bytes_over_the_action_of_any_verb_and_the_drive_it
     }
     assert dict(found.attributes) == dict(expected.attributes)
     assert drive == local.instrument.parameters.onboard.drive_amplitude == found.attributes["drive_amplitude_m"]
+
+
+TAPPING = DRIVEN | {
+    "onboard.regulate": "amplitude",
+    "onboard.setpoint_force": 0.0,
+    "onboard.drive_amplitude": 2e-9,
+    "plant.k": 2.0,
+    "plant.gap": 80e-9,
+}
+
+
+def test_image_by_tapping_is_the_same_over_actions_as_in_process_and_its_setpoint_is_set_over_topics() -> None:
+    scan = Scan(size_x=40e-9, size_y=10e-9, pixels=4, lines=2, line_rate=40.0, overscan=0.6)
+    local = in_process(TAPPING)
+    local.set_setpoint(share=0.7)
+    assert local.execute(APPROACH).message == ""
+    expected = local.execute(scan)
+    with simulated(TAPPING) as (client, simulator):
+        client.set_setpoint(share=0.7)
+        with pytest.raises(ParameterError, match=r"onboard\.setpoint_force = 1e-09 is not allowed with"):
+            client.set_setpoint(force=1e-9)
+        client.execute(APPROACH)
+        found = client.execute(scan)
+        free = simulator.get_parameter("onboard.free_amplitude").value
+        setpoint = client.state.setpoint
+    assert (found.status, found.message) == (expected.status, expected.message) == ("complete", "")
+    assert list(expected.result.units.items()) == [("height", "m"), ("amplitude_error", "m"), ("phase", "rad")]
+    assert (found.result.scan, found.result.units) == (expected.result.scan, expected.result.units)
+    assert found.result.metadata == expected.result.metadata
+    assert_same(found.result, expected.result)
+    assert free == local.instrument.parameters.onboard.free_amplitude > 0.0
+    assert setpoint == local.state.setpoint == pytest.approx(0.7 * free / 10e-9)
 
 
 def test_z_loop_of_ones_own_serves_verbs_over_topics_and_what_it_lacks_is_refused() -> None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _Array = NDArray[np.float64]
 TITLES = {"height": "Height", "error": "Deflection Error", "lateral": "Lateral Force", "x": "X", "y": "Y"}
+TITLES |= {"amplitude_error": "Amplitude Error", "amplitude": "Amplitude", "phase": "Phase"}
 """Of channels, as programs show them; that of another channel is its name."""
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _FORMAT = "afm_model scan 1"
 _UNITS = {"height": "m", "error": "V", "lateral": "N", "x": "m", "y": "m"}
+_UNITS |= {"amplitude_error": "m", "amplitude": "m", "phase": "rad"}
 
 
 class ScanFile:
@@ -46,7 +47,7 @@ class ScanFile:
     scan : Scan
     units : Mapping of str to str, optional
         SI unit of each channel, in order. Without, those of `scan.channels`, which are known of height, error, lateral,
-        x and y.
+        amplitude_error, amplitude, phase, x and y.
     metadata : Mapping of str to str, optional
         The scan's notes.
     start : float

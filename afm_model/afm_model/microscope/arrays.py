@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 LONG_NAMES = {
     "height": "height of the sample, as z was driven",
-    "error": "deflection less its setpoint",
+    "error": "what the z loop regulates, less its setpoint",
+    "amplitude": "amplitude of the deflection, by the lock-in",
+    "amplitude_error": "amplitude less its setpoint",
     "lateral": "lateral force of the sample on the tip",
     "friction": "half the difference of trace and retrace of the lateral force",
     "crosstalk": "half the sum of trace and retrace of the lateral force",
@@ -34,6 +36,8 @@ LONG_NAMES = {
     "y": "y as asked for",
 }
 
+_LAG = "lag of the deflection behind the reference of the lock-in"
+
 
 class Variable(NamedTuple):
     """One array; a tuple as xarray takes it."""
@@ -45,7 +49,9 @@ class Variable(NamedTuple):
 
 def variable(dims: Sequence[str], values: ArrayLike, name: str, unit: str) -> Variable:
     """An array with its unit (SI) and, by its name, a long name."""
-    return Variable(tuple(dims), np.asarray(values), {"units": unit, "long_name": LONG_NAMES.get(name, name)})
+    # Of a force curve, a phase is something else.
+    told = _LAG if (name, unit) == ("phase", "rad") else LONG_NAMES.get(name, name)
+    return Variable(tuple(dims), np.asarray(values), {"units": unit, "long_name": told})
 
 
 @dataclass(frozen=True)

@@ -47,11 +47,29 @@ class LoopSettings(ABC):
             raise ParameterError(f"{unknown[0]} is no calibration: there are {', '.join(CALIBRATIONS)}")
         self.set_loop(**numbers)
 
-    def set_setpoint(self, *, force: float | None = None, voltage: float | None = None) -> None:
-        """Setpoint of the deflection, as vertical force [N] or as voltage [V]: one of both."""
-        if (force is None) == (voltage is None):
-            raise ParameterError(f"force = {force} N with voltage = {voltage} V is not allowed: give one of them")
-        self.set_loop(setpoint_force=force or 0.0, setpoint_voltage=voltage or (0.0 if force else NO_DEFLECTION))
+    def set_setpoint(
+        self,
+        *,
+        force: float | None = None,
+        voltage: float | None = None,
+        amplitude: float | None = None,
+        share: float | None = None,
+    ) -> None:
+        """Setpoint of the deflection, as vertical force [N] or as voltage [V]; of a tip that taps, of the amplitude [m]
+        or as its share of the free amplitude. One of them.
+        """
+        told = {"force": force, "voltage": voltage, "amplitude": amplitude, "share": share}
+        given = {name: value for name, value in told.items() if value is not None}
+        if len(given) != 1:
+            every = " with ".join(f"{name} = {value}" for name, value in given.items()) or "no setpoint"
+            raise ParameterError(f"{every} is not allowed: give one of them, {', '.join(told)}")
+        if force is None and voltage is None:
+            ((name, value),) = given.items()
+            if not value > 0.0:
+                raise ParameterError(f"{name} = {value:g} is not allowed: it must be > 0")
+            self.set_loop(setpoint_amplitude=amplitude or 0.0, setpoint_share=share or 0.0)
+        else:
+            self.set_loop(setpoint_force=force or 0.0, setpoint_voltage=voltage or (0.0 if force else NO_DEFLECTION))
 
     def set_gains(self, proportional: float | None = None, integral: float | None = None) -> None:
         """Gains of the z loop, P [m/V] and I [m/(V s)]; None: as it is."""

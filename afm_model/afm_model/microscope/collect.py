@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..core.jit import kernel
 from ..instrument import Block, Instrument
+from ..onboard.by_amplitude import taps
 from .image import RETRACE, TRACE, Line
 from .plan import LinePlan
 from .results import TimeSeries
@@ -37,9 +38,12 @@ def _known(instrument: Instrument) -> dict[str, Signal]:
     short = {
         "height": ("z_loop", "m", -1.0),
         "z": ("z_loop", "m", 1.0),
-        "error": ("z_loop_error", "V", -1.0),
+        # What is regulated less its setpoint: z goes to the sample with a deflection too low, an amplitude too large.
+        "error": ("z_loop_error", "V", 1.0 if taps(parameters) else -1.0),
         "step": ("verb_step", "1", 1.0),
     }
+    if taps(parameters):
+        short["amplitude_error"] = ("z_loop_error", "m", parameters.detector.deflection_sensitivity)
     for name, (channel, unit, factor) in short.items():
         if channel in own:
             found[name] = own[channel]._replace(unit=unit, factor=factor)
@@ -55,8 +59,8 @@ def _known(instrument: Instrument) -> dict[str, Signal]:
 
 
 def signals(instrument: Instrument, names: Sequence[str]) -> dict[str, Signal]:
-    """What is measured, by name: height [m], error (deflection less setpoint) [V], lateral [N], x, y (of the sensors)
-    [m], z [m], and every channel that is sampled.
+    """What is measured, by name: height [m], error (deflection less setpoint, or amplitude) [V], lateral [N], x, y (of
+    the sensors) [m], z [m], of a tip that taps amplitude_error [m], and every channel that is sampled.
 
     Raises
     ------

@@ -101,8 +101,11 @@ def landing(view: InstrumentView, target: float, rate: float, settle: float, res
     """Steps that go to the sample until the deflection has risen to the setpoint, and close the loop there.
 
     Without a sample on the way to `target` (an offset of z) the loop stays open. `rest` is the deflection that there
-    is before it already [V].
+    is before it already [V]. Of a tip that taps, until the amplitude has fallen to the setpoint.
     """
+    if view.taps:
+        to = Step(orders.RAMP, target=target, rate=rate, trigger=view.setpoint, watched=orders.AMPLITUDE, triggered=1)
+        return to, Step(orders.FOLLOW, duration=settle)
     trigger = max(view.setpoint - rest, TOUCH * view.setpoint)
     return (
         Step(orders.REST, duration=settle, then=1),

@@ -26,6 +26,8 @@ from .view import CALIBRATIONS, ERROR_CHANNEL, InstrumentView
 
 _LOOSE, _LEAST = 0.3, 0.1
 """An rms error of the z loop beyond this part of the setpoint, and this [V], is told."""
+_FLYING = 0.5
+"""The same of a tip that taps, over what the amplitude can rise by; that is the error of one that flies."""
 
 
 def ignore(line: Line) -> None:
@@ -90,7 +92,7 @@ class Operator(LoopSettings):
         """A tip off the sample that its loop will not bring back there is approached no more."""
         state, view = self._state, self._view
         stays = state.feedback in ("hold", "off") or (state.feedback == "on" and view.z >= view.z_range[1])
-        if state.approached and not state.doing and stays and not self.instrument.in_contact:
+        if state.approached and not state.doing and stays and not view.touching:
             state.approached = False
 
     @property
@@ -252,10 +254,23 @@ class Operator(LoopSettings):
         if sentence := saturated(self.instrument.samples_saturated - self._saturated):
             yield sentence
         error = math.sqrt(self._errors / max(self._error_samples, 1))
-        if self._slides and self._state.feedback == "on" and error > _LOOSE * abs(view.setpoint) + _LEAST:
+        follows = self._slides and self._state.feedback == "on"
+        if follows and view.taps:
+            yield from self._flying(error)
+        elif follows and error > _LOOSE * abs(view.setpoint) + _LEAST:
             yield (
                 f"the z loop did not hold the setpoint of {view.setpoint:.4g} V: its error was {error:.3g} V rms; it "
                 f"oscillates, or is too slow: change its gains, or scan slower"
+            )
+
+    def _flying(self, error: float) -> Iterator[str]:
+        """What is to be said of a tip that does not tap as it should; error: rms of the z loop [V]."""
+        view, metres = self._view, self._view.parameters.detector.deflection_sensitivity
+        if error > _FLYING * (view.free_amplitude - view.setpoint):
+            yield (
+                f"the z loop did not hold the setpoint of {metres * view.setpoint:.4g} m, the free amplitude is "
+                f"{metres * view.free_amplitude:.4g} m: its error was {error * metres:.3g} m rms; the tip flies over "
+                f"the sample, or the loop oscillates: scan slower, take a lower setpoint, or change its gains"
             )
 
     def set_loop(self, **settings: Any) -> None:

@@ -9,7 +9,8 @@ from ..parameters import InstrumentParameters, changed
 from .view import ERROR_CHANNEL, Z_CHANNEL
 
 P = TypeVar("P", bound=InstrumentParameters)
-CHANNELS = (Z_CHANNEL, ERROR_CHANNEL, "verb_number", "verb_step", "in_phase", "quadrature")
+_LOCK_IN = ("in_phase", "quadrature", "amplitude", "phase")
+CHANNELS = (Z_CHANNEL, ERROR_CHANNEL, "verb_number", "verb_step", *_LOCK_IN)
 """Sampled for the verbs, besides those of every run."""
 GAP = 500e-9
 """How far the tip is off the sample at the start where the parameters do not say it [m]."""

@@ -52,6 +52,8 @@ class Verb(Group):
     """Whether it needs an approached tip."""
     slides: ClassVar[bool] = False
     """Whether it needs a z loop that is not switched off."""
+    presses: ClassVar[bool] = False
+    """Whether it needs a tip that is pressed on the sample, or would be: not one that taps."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
@@ -119,6 +121,11 @@ def objection(verb: Verb, view: "InstrumentView", state: MicroscopeState) -> str
             yield f"{title} is not allowed while the tip is withdrawn: it must be approached first"
         if verb.slides and state.feedback == "off":
             yield f"{title} is not allowed with feedback = off: it must be on, hold or external"
+        if verb.presses and view.taps:
+            yield (
+                f"{title} is not allowed with onboard.regulate = amplitude: it needs a tip that is pressed on the "
+                f"sample, not one that taps; take deflection"
+            )
         yield from verb.refusals(view, state)
 
     try:

@@ -6,6 +6,7 @@ from typing import Any
 from ..core import registry
 from ..core.errors import ParameterError
 from ..instrument import Instrument
+from ..onboard.by_amplitude import lag, taps
 from ..parameters import changed
 from ..parts.loop import Onboard
 from ..parts.timing import ticks_of
@@ -107,8 +108,31 @@ class InstrumentView:
 
     @property
     def setpoint(self) -> float:
-        """Of the deflection [V]; NaN: the loop tells none."""
+        """Of the deflection, or of the amplitude of a tip that taps [V]; NaN: the loop tells none."""
         return self.loop.setpoint(self.parameters) if self.loop.setpoint is not None else math.nan
+
+    @property
+    def taps(self) -> bool:
+        """Whether the z loop regulates the amplitude of a driven cantilever."""
+        return taps(self.parameters)
+
+    @property
+    def amplitude_lag(self) -> float:
+        """Time by which the amplitude follows the distance late [s]; of a tip that taps."""
+        return lag(self.parameters)
+
+    @property
+    def free_amplitude(self) -> float:
+        """Of a tip that taps, off the sample, as it was measured last [V]; 0: it was not."""
+        parameters = self.parameters
+        return float(parameters.onboard.free_amplitude / parameters.detector.deflection_sensitivity)
+
+    @property
+    def touching(self) -> bool:
+        """Whether the tip is on the sample; of one that taps, whether its amplitude is nearer to setpoint than free."""
+        if not self.taps:
+            return self.instrument.in_contact
+        return bool(self.instrument.orders.onboard.amplitude < 0.5 * (self.setpoint + self.free_amplitude))
 
     def setting(self, name: str, default: Any = math.nan) -> Any:
         """A setting of the loop, see `Onboard.setting`."""

@@ -1,24 +1,29 @@
-"""Dynamic modes: an excited cantilever, a lock-in amplifier, and the z loop of contact mode; docs/dynamic.md.
+"""Dynamic modes: an excited cantilever, a lock-in amplifier, and a z loop; docs/dynamic.md.
 
 It is excited by drive_amplitude cos(theta + drive_phase), theta' = 2 pi drive_frequency, without a jump of theta where
 the frequency changes. The signal, sampled by the ADC, is multiplied with cosine and sine of harmonic n of the same
 theta and low-passed: a signal A cos(n theta - phi) gives the amplitude A and the phase phi, by which it is late.
+
+The z loop is that of contact mode (pi.py). Its error [V] is setpoint less deflection, or amplitude less setpoint: the
+sample comes nearer as long as the amplitude is above it.
 """
 
 import math
 from typing import Annotated, Literal, get_args
 
-from annotated_types import Ge, Le
-from pydantic import Field
+from annotated_types import Ge, Le, Lt
+from pydantic import Field, model_validator
 
 from ..core.elementary import expm1, sincos, square
 from ..core.jit import kernel
 from ..core.records import Array
 from ..core.schema import NonNegative, Positive, Unit
-from ..parts.loop import ONBOARD_SETTINGS, Onboard
+from ..parts.loop import ONBOARD_SETTINGS, TAPPING_SETTINGS, Onboard
 from ..parts.part import Channel, Numbers, Tree
 from ..parts.signals import Actuation, Detection, Setpoint
-from .pi import PI, PiParameters, regulate
+from . import by_amplitude
+from .by_amplitude import setpoint, taps
+from .pi import PI, PiParameters, move_z, regulate
 from .pi import Constants as PiConstants
 from .pi import State as PiState
 
@@ -34,7 +39,7 @@ _TURN = 2.0 * math.pi
 
 
 class DynamicParameters(PiParameters):
-    """The z loop of the deflection, a drive of the cantilever, and a lock-in amplifier."""
+    """A z loop of deflection or amplitude, a drive of the cantilever, and a lock-in amplifier."""
 
     kind: str = Field("dynamic", description="loop inside the instrument")
     drive: _Drive = Field(
@@ -59,6 +64,32 @@ class DynamicParameters(PiParameters):
         100e-6, description="of each of the first-order low-passes of the lock-in"
     )
     filter_order: Annotated[int, Ge(1), Le(_STAGES)] = Field(4, description="how many low-passes there are, in a row")
+    regulate: Literal["deflection", "amplitude"] = Field(
+        "deflection", description="what the z loop keeps at its setpoint: contact mode, or tapping"
+    )
+    setpoint_amplitude: Annotated[NonNegative, Unit("m")] = Field(
+        0.0, description="setpoint of the amplitude (regulate: amplitude); 0: by setpoint_share"
+    )
+    setpoint_share: Annotated[float, Ge(0), Lt(1)] = Field(
+        0.0, description="the same over free_amplitude; 0: by setpoint_amplitude, or 0.8 of it"
+    )
+    free_amplitude: Annotated[NonNegative, Unit("m")] = Field(
+        0.0,
+        description="amplitude off the sample, that setpoint_share is of; approach and tune write it. 0: not known, z "
+        "rests without a setpoint_amplitude",
+    )
+
+    @model_validator(mode="after")
+    def _setpoint_is_of_what_is_regulated(self) -> "DynamicParameters":
+        kinds = {"deflection": ("setpoint_voltage", "setpoint_force"), "amplitude": TAPPING_SETTINGS}
+        own = " or ".join(f"onboard.{name}" for name in kinds[self.regulate])
+        for kind, names in kinds.items():
+            given = [f"onboard.{name} = {getattr(self, name):g}" for name in names if getattr(self, name)]
+            if given and kind != self.regulate:
+                raise ValueError(f"{given[0]} is not allowed with onboard.regulate = {self.regulate}: give {own}")
+            if len(given) > 1:
+                raise ValueError(f"{' and '.join(given)} are not allowed together: give one")
+        return self
 
 
 class Constants(PiConstants):
@@ -70,6 +101,7 @@ class Constants(PiConstants):
     harmonic: float
     share: float
     filter_order: float
+    by_amplitude: float
 
 
 class State(PiState):
@@ -95,6 +127,8 @@ def _values(parameters: Tree) -> Numbers:
     part, T = parameters.onboard, parameters.detector.sample_period
     return {
         **PI.values(parameters),
+        "setpoint": setpoint(parameters),
+        "by_amplitude": float(taps(parameters)),
         "angular_frequency": _TURN * frequency(parameters),
         "share": -expm1(-T / part.time_constant),
         "harmonic": float(part.harmonic),
@@ -126,10 +160,13 @@ def _check(parameters: Tree) -> None:
             f"detector.sample_period = {T:g} s is not allowed with onboard.harmonic = {n} of a drive of {f:.6g} Hz: "
             f"the lock-in needs {FEWEST} samples a period; take <= {1.0 / (FEWEST * n * f):.3g} s"
         )
+    if taps(parameters):
+        by_amplitude.check(parameters)
 
 
 def _warnings(parameters: Tree) -> list[str]:
-    found, part = list(PI.warnings(parameters)), parameters.onboard
+    part = parameters.onboard
+    found = by_amplitude.warnings(parameters) if taps(parameters) else list(PI.warnings(parameters))
     turn = _TURN * part.harmonic * frequency(parameters) * part.time_constant
     if part.drive_amplitude > 0.0 and turn < 3.0:
         found.append(
@@ -163,7 +200,6 @@ def late(x: float, y: float) -> float:
 @kernel
 def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Constants, s: State) -> None:
     """See `afm_model.parts.Onboard`."""
-    regulate(t, d, r, u, p, s)
     if s.angular_frequency != p.angular_frequency:
         s.turned = (s.turned + s.angular_frequency * (t - s.since)) % _TURN
         s.since, s.angular_frequency = t, p.angular_frequency
@@ -178,6 +214,12 @@ def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Cons
         x, y = s.in_phase[i], s.quadrature[i]
     s.x, s.y = x, y
     s.amplitude, s.phase = math.sqrt(x * x + y * y), late(x, y)
+    d.amplitude_voltage = s.amplitude
+    if p.by_amplitude != 0.0:
+        s.error = s.amplitude - p.setpoint if p.setpoint > 0.0 else 0.0
+        move_z(r, u, p, s)
+    else:
+        regulate(t, d, r, u, p, s)
 
 
 def _sensitivity(parameters: Tree) -> float:
@@ -200,8 +242,8 @@ DYNAMIC = Onboard(
     regulate=drive_and_measure,
     begin=PI.begin,
     warnings=_warnings,
-    setpoint=PI.setpoint,
-    settings={name: name for name in ONBOARD_SETTINGS},
+    setpoint=setpoint,
+    settings={name: name for name in (*ONBOARD_SETTINGS, *TAPPING_SETTINGS)},
     channels=(
         *PI.channels,
         Channel("amplitude", "m", "amplitude", _sensitivity),

@@ -148,10 +148,8 @@ def _warnings(parameters: Tree) -> list[str]:
 
 
 @kernel
-def regulate(t: float, d: Detection, r: Setpoint, u: Drive, p: Constants, s: State) -> None:
-    """See `afm_model.parts.Onboard`."""
-    setpoint = (r.position[2] - p.a) * p.volts if p.by_reference != 0.0 else p.setpoint
-    s.error = setpoint - d.deflection_voltage
+def move_z(r: Setpoint, u: Drive, p: Constants, s: State) -> None:
+    """z by the error [V], positive where the sample is to come nearer, or as it is asked for."""
     mode = r.z_mode
     # Who holds z holds it whatever the program asks for; the instrument itself goes before both.
     if mode != GIVEN and p.hold != 0.0:
@@ -174,6 +172,14 @@ def regulate(t: float, d: Detection, r: Setpoint, u: Drive, p: Constants, s: Sta
     elif mode != HOLD:
         s.z = min(max(s.origin + r.z_offset, p.low), p.high)
     u.voltage[2] = s.z / p.metres
+
+
+@kernel
+def regulate(t: float, d: Detection, r: Setpoint, u: Drive, p: Constants, s: State) -> None:
+    """See `afm_model.parts.Onboard`."""
+    setpoint = (r.position[2] - p.a) * p.volts if p.by_reference != 0.0 else p.setpoint
+    s.error = setpoint - d.deflection_voltage
+    move_z(r, u, p, s)
 
 
 PI = Onboard(

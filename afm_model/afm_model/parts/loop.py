@@ -78,5 +78,7 @@ ONBOARD_SETTINGS = (
     *("low", "high"),  # limits of z [m]
 )
 """What can be set of a loop inside the instrument that moves z, see `Onboard.settings`."""
+TAPPING_SETTINGS = ("setpoint_amplitude", "setpoint_share")
+"""Besides, of one that may regulate an amplitude: [m], part of the free one; 0: by the other one."""
 NO_DEFLECTION = 1e-12
 """The setpoint 0 V as a setting, the least that a parameter may be [V]: one of 0 is not given."""

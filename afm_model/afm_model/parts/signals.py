@@ -151,3 +151,4 @@ class Detection(Record):
 
     deflection_voltage: float
     lateral_voltage: float
+    amplitude_voltage: float  # of a lock-in inside the instrument, with the samples before this one; 0 without one

@@ -22,6 +22,7 @@ from ..parts.signals import FOLLOW as FOLLOWED
 from ..parts.signals import OPEN, Detection, Setpoint
 from ..parts.timing import ticks_of
 from .orders import (
+    AMPLITUDE,
     DEGREES,
     END,
     FOLLOW,
@@ -213,7 +214,9 @@ def watch(t: float, d: Detection, r: Setpoint, p: Constants, s: State) -> None:
             way, whole = step.rate * (t - s.since), step.target - s.origin
             over = way >= abs(whole)
             s.offset = step.target if over else s.origin + math.copysign(way, whole)
-            if step.trigger > 0.0 and s.samples > 0.0:
+            if step.trigger > 0.0 and step.watched == AMPLITUDE:
+                fired = d.amplitude_voltage <= step.trigger
+            elif step.trigger > 0.0 and s.samples > 0.0:
                 fired = d.deflection_voltage - s.total / s.samples >= step.trigger
         elif kind == FOLLOW:
             s.mode, s.offset = FOLLOWED, 0.0

@@ -25,6 +25,8 @@ move by a profile.
 """
 END = -1
 """Next step that is none."""
+DEFLECTION, AMPLITUDE = range(2)
+"""What a trigger looks at: the rise of the deflection; the amplitude of the lock-in, which falls."""
 
 
 class Step(NamedTuple):
@@ -37,11 +39,12 @@ class Step(NamedTuple):
     duration: float = 0.0  # of FOLLOW, DWELL and REST [s]
     target: float = 0.0  # of RAMP: offset [m]
     rate: float = 0.0  # of RAMP: |dz/dt| [m/s]
-    trigger: float = 0.0  # of RAMP: rise of the deflection over its mean in the last REST [V]; 0: none
+    trigger: float = 0.0  # of RAMP: rise of the deflection over its mean in the last REST, or amplitude [V]; 0: none
     then: int = END  # step behind its end
     triggered: int = END  # step behind its trigger
     profile: ArrayLike = ()  # of PROFILE: offsets over time, linear between, one at least (n,) [m]
     period: float = 1.0  # of PROFILE: from one to the next [s]
+    watched: int = DEFLECTION  # of RAMP: what its trigger looks at, DEFLECTION or AMPLITUDE
 
 
 class StepRecord(Record):
@@ -55,6 +58,7 @@ class StepRecord(Record):
     then: float
     triggered: float
     period: float
+    watched: float
     begin: float
     count: float
 
@@ -130,6 +134,8 @@ def _problem(step: Step, count: int) -> str:
             return f"{name} = {value:g} is not allowed: it must be {'>' if name == positive else '>='} 0 and finite"
     if not math.isfinite(step.target):
         return f"target = {step.target:g} m is not allowed: it must be finite"
+    if step.watched not in (DEFLECTION, AMPLITUDE):
+        return f"watched = {step.watched} is not allowed: it must be {DEFLECTION} (deflection), {AMPLITUDE} (amplitude)"
     if step.kind == PROFILE and not (np.size(step.profile) and np.isfinite(step.profile).all()):
         return "its profile is not allowed: it must be one finite number at least"
     return ""

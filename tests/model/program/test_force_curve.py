@@ -7,7 +7,7 @@ import pytest
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.instrument import Block
-from afm_model.parts.signals import FOLLOW, HOLD, OPEN
+from afm_model.parts.signals import FOLLOW, HOLD, OPEN, Detection, Drive, Setpoint
 from afm_model.program import force_curve
 
 LEVER = {
@@ -127,11 +127,8 @@ def regulated(modes: list[tuple[int, float]], values: dict[str, Any]) -> np.ndar
         p[name] = number
     pi.PI.begin(parameters, s, (0.0, 0.0, 1.0))
 
-    class Record:
-        """Fields of what the loop is given."""
-
-    d, r, u = Record(), Record(), Record()
-    d.deflection_voltage, r.position, u.voltage = -0.5, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
+    d, r, u = (np.zeros(1, kind).view(np.recarray)[0] for kind in (Detection, Setpoint, Drive))
+    d.deflection_voltage = -0.5
     told = []
     for mode, offset in modes:
         r.z_mode, r.z_offset = mode, offset

@@ -38,6 +38,7 @@ class CalibrateLateral(Verb):
 
     returns: ClassVar = Calibration
     on_sample: ClassVar = True
+    presses: ClassVar = True
 
     slope_from: Metre = Field(0.0, description="where the slope begins, along x")
     slope_to: Metre = Field(100e-9, description="where the slope ends")

@@ -22,6 +22,7 @@ class CalibrateSensitivity(Verb):
 
     returns: ClassVar = Calibration
     on_sample: ClassVar = True
+    presses: ClassVar = True
 
     count: Count = Field(3, description="force curves")
     ramp: Length = Field(400e-9, description="way of an approach at most")

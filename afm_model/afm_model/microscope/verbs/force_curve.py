@@ -131,6 +131,7 @@ class ForceCurve(Verb):
 
     returns: ClassVar = list[Curve]
     on_sample: ClassVar = True
+    presses: ClassVar = True
 
     lift: Length = Field(200e-9, description="z is first withdrawn by this from where it stands")
     ramp: Length = Field(400e-9, description="way of an approach at most")

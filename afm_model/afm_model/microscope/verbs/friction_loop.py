@@ -48,6 +48,7 @@ class FrictionLoop(Verb):
 
     returns: ClassVar = Loop
     on_sample: ClassVar = True
+    presses: ClassVar = True
     slides: ClassVar = True
 
     length: Length = Field(10e-9, description="of the line, whose middle is where the scanner stands")

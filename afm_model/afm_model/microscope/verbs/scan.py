@@ -9,6 +9,8 @@ from pydantic import Field
 
 from ...core.prefix import text
 from ...core.schema import NonNegative, Unit
+from ...onboard.by_amplitude import setpoint, taps
+from ...onboard.dynamic import frequency
 from ...program.orders import Order
 from ..collect import LineCollector, signals
 from ..execution import Execution, Task
@@ -18,6 +20,8 @@ from ..results import MicroscopeState
 from ..verb import Angle, Length, LineCount, Metre, Rate, Speed, Verb, outside, too_much
 from ..view import CALIBRATIONS, InstrumentView, sensitivities, z_loop
 
+PRESSED, TAPPED = ("height", "error", "lateral"), ("height", "amplitude_error", "phase")
+"""Channels of a scan that names none."""
 OVERSCAN = 0.1
 """Of lines that are no image."""
 _AT_THE_END = 1e-12
@@ -48,7 +52,9 @@ class Scan(Verb):
     slow_axis: bool = Field(True, description="false: every line at the same place, the middle of the frame")
     speed: Speed = Field(10e-6, description="velocity on the way to the first line")
     channels: str = Field(
-        "height, error, lateral", description="what is measured: of height, error, lateral, x, y, and any signal's name"
+        "",
+        description="what is measured: of height, error, lateral, amplitude_error, phase, x, y, and any signal's name; "
+        "empty: height, error, lateral, of a tip that taps height, amplitude_error, phase",
     )
 
     @property
@@ -56,14 +62,21 @@ class Scan(Verb):
         """Height of the frame [m]."""
         return self.size_y or self.size_x * self.lines / self.pixels
 
+    def spelled(self, view: InstrumentView) -> "Scan":
+        """The same with all channels by their names."""
+        names = TAPPED if view.taps else PRESSED
+        return self if self.channels else self.model_copy(update={"channels": ", ".join(names)})
+
     @property
     def channel_names(self) -> list[str]:
-        """What is measured, each name once."""
+        """What is measured, each name once; where none is given, what is of a tip that is pressed."""
+        if not self.channels:
+            return list(PRESSED)
         return list(dict.fromkeys(name.strip() for name in self.channels.split(",") if name.strip()))
 
     def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
         """See `Verb`."""
-        names = self.channel_names
+        names = self.spelled(view).channel_names
         if not names:
             yield "channels is empty: it must name one at least, such as height"
         try:
@@ -84,8 +97,9 @@ class Scan(Verb):
 
     def empty(self, view: InstrumentView) -> Image:
         """The image before its first line."""
-        units = {name: signal.unit for name, signal in signals(view.instrument, self.channel_names).items()}
-        return Image.empty(self, units)
+        scan = self.spelled(view)
+        units = {name: signal.unit for name, signal in signals(view.instrument, scan.channel_names).items()}
+        return Image.empty(scan, units)
 
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`."""
@@ -113,7 +127,7 @@ class Scan(Verb):
         run.total = view.move(*plan.begin, self.speed).ticks * view.control_period + duration
         yield from run.going(*plan.begin, self.speed)
         image.start = (view.next_sample + plan.motion.turn) * view.sample_period
-        collector = LineCollector(view.instrument, self.channel_names, plan, put)
+        collector = LineCollector(view.instrument, image.scan.channel_names, plan, put)
         yield Task(Order(plan.motion), duration, lambda: f"line {collector.line + 1} of {self.lines}", collector)
 
 
@@ -156,7 +170,9 @@ def notes(parameters: Any) -> dict[str, str]:
         )
     words["Cantilever axis"] = "y; the lateral force is that along x of the scanner"
     force, voltage = (loop.setting(parameters, f"setpoint_{name}", 0.0) for name in ("force", "voltage"))
-    if force or voltage:
+    if taps(parameters):
+        words |= _tapping(parameters)
+    elif force or voltage:
         words["Setpoint"] = text(force or voltage, "N" if force else "V", 6)
     else:
         words["Setpoint"] = f"deflection of {text(parameters.reference.z_r, 'm', 6)}"
@@ -174,3 +190,16 @@ def notes(parameters: Any) -> dict[str, str]:
         words["Calibrated"] = ", ".join(used)
     words["Sample"] = parameters.sample.kind
     return words
+
+
+def _tapping(parameters: Any) -> dict[str, str]:
+    """Notes of a tip that taps: setpoint, drive, lock-in."""
+    part, metres = parameters.onboard, parameters.detector.deflection_sensitivity
+    share = metres * setpoint(parameters) / part.free_amplitude if part.free_amplitude else 0.0
+    of_free = f", {share:.4g} of the free amplitude of {text(part.free_amplitude, 'm')}" if share else ""
+    drive = f"{text(frequency(parameters), 'Hz', 6)}, {text(part.drive_amplitude, 'm')} of the base"
+    return {
+        "Setpoint": f"amplitude of {text(metres * setpoint(parameters), 'm', 6)}{of_free}",
+        "Drive": drive,
+        "Lock-in": f"{part.filter_order} low-passes of {text(part.time_constant, 's')}",
+    }

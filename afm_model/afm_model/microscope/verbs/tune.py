@@ -65,6 +65,7 @@ class Tune(Verb):
             return
         try:
             self._driven(view, middle + 0.5 * span)
+            changed(view.parameters, {"onboard.free_amplitude": self.free_amplitude})
         except ParameterError as error:
             yield str(error)
 
@@ -103,7 +104,11 @@ class Tune(Verb):
             curve = self._found(frequencies, found, self.drive_amplitude or before.drive_amplitude)
             run.result, told = lambda: curve, curve.attributes
             if self.free_amplitude > 0.0:
-                after = {"onboard.drive_frequency": told["f0_Hz"], "onboard.drive_amplitude": told["drive_amplitude_m"]}
+                after = {
+                    "onboard.drive_frequency": told["f0_Hz"],
+                    "onboard.drive_amplitude": told["drive_amplitude_m"],
+                    "onboard.free_amplitude": self.free_amplitude,
+                }
         finally:
             view.instrument.set_onboard(changed(view.parameters, after))
 
