@@ -197,7 +197,7 @@ def _tapping(parameters: Any) -> dict[str, str]:
     part, metres = parameters.onboard, parameters.detector.deflection_sensitivity
     share = metres * setpoint(parameters) / part.free_amplitude if part.free_amplitude else 0.0
     of_free = f", {share:.4g} of the free amplitude of {text(part.free_amplitude, 'm')}" if share else ""
-    drive = f"{text(frequency(parameters), 'Hz', 6)}, {text(part.drive_amplitude, 'm')} of the base"
+    drive = f"{text(frequency(parameters), 'Hz', 6)}, {text(part.drive_amplitude, 'm')} ({part.drive})"
     return {
         "Setpoint": f"amplitude of {text(metres * setpoint(parameters), 'm', 6)}{of_free}",
         "Drive": drive,
