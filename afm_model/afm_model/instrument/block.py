@@ -2,7 +2,7 @@
 
 In order: the header, which tells where everything else stands; the loop's own record; constants of the parts; what is
 recorded of a tick (states of the parts, measurement, applied drive); what travels inside a tick; sums of the score;
-places of the channels; the line of drives on their way; the maps of sample and plant.
+places of the channels; the line of drives on their way; the maps of sample and plant, and its ledger.
 """
 
 from typing import Annotated, Any
@@ -145,6 +145,7 @@ class Layout:
         self.places["sample_map"] = self._reserve(self._map.size)
         self._plant_map = _map_of(self.parts["plant"], parameters)
         self.places["plant_map"] = self._reserve(self._plant_map.size)
+        self._add("plant_ledger", plant.ledger)
         for family, each in self.parts.items():
             if not each.part.recorded:
                 self._add(f"{family}_state", each.part.state)
@@ -177,7 +178,7 @@ class Layout:
         known = {channel.name: channel for channel in OPTIONAL}
         for family, each in self.parts.items():
             known |= {
-                channel.name: Channel(channel.name, channel.unit, f"{family}_state.{channel.field}", channel.scale)
+                channel.name: Channel(channel.name, channel.unit, _field(family, each.part, channel), channel.scale)
                 for channel in each.part.channels
             }
         wanted = [name.strip() for name in parameters.detector.channels.split(",") if name.strip()]
@@ -269,6 +270,12 @@ def line_slots(parameters: InstrumentParameters) -> int:
     """Places in the line of commands on their way: one for each, and one for the newest."""
     delay = parameters.plant.delay_ticks
     return delay + 1 if delay else 0
+
+
+def _field(family: str, part: Any, channel: Channel) -> str:
+    """A channel of a part, as `Layout.place` finds it: of its state, or of the ledger of a plant."""
+    of_ledger = family == "plant" and channel.field in part.ledger.names
+    return f"{family}_{'ledger' if of_ledger else 'state'}.{channel.field}"
 
 
 def _map_of(each: Assembled, parameters: InstrumentParameters) -> NDArray[np.float64]:

@@ -30,6 +30,7 @@ _Array = NDArray[np.float64]
 _ZERO_AT_START = (
     *("measurement", "applied", "commanded", "regulated", "effective"),
     *("truth", "detection", "displacement", "score", "asked", "asked_next", "delivery", "read", "drifted"),
+    "plant_ledger",
 )
 """Records that are empty when a run begins."""
 _K, _ROW, _DRAW, _DONE, _RANDOM = (LoopState.names.index(name) for name in ("k", "row", "draw", "done", "random"))

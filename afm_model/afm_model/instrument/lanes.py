@@ -82,7 +82,7 @@ def _surface_of_lane(x, y, m):  # type: ignore[no-untyped-def]  # as above
 
     def surface(x, y, m):  # type: ignore[no-untyped-def]
         h = m.surface
-        h.adhesion = h.modulus = 1.0
+        h.adhesion = h.modulus = h.viscosity = 1.0
         look(x, y, h, m.sample, m)
         return h
 

@@ -50,6 +50,7 @@ class BlockHeader(Record):
     delivery: int  # and to a measurement
     sample_map: int
     plant_map: int
+    plant_ledger: int
     score: int  # its sums
     hashed: int  # states of the parts, as recorded and hashed
     hashed_end: int

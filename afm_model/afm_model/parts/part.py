@@ -287,6 +287,9 @@ class Plant(Part):
         It moves the base of its cantilever as v tells.
     choices : tuple of str
         Constants by which `step` chooses between ways of computing: the same in all `lanes`.
+    ledger : type[Record]
+        What it keeps beside its state, at m[plant_ledger of BlockHeader], such as energies: zeros at the start, neither
+        recorded nor in the hash. A channel may name a field of it as one of the state.
     """
 
     family = "plant"
@@ -303,6 +306,7 @@ class Plant(Part):
     takes_lattice: bool = False
     takes_excitation: bool = False
     choices: tuple[str, ...] = ()
+    ledger: type[Record] = Record
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,6 +28,9 @@ class Patches(SampleParameters):
     modulus: Annotated[float, Ge(1e-3), Le(1e3)] = Field(
         1.0, description="elastic modulus of the second material over that of the first (plant lever)"
     )
+    viscosity: Annotated[float, Ge(0.0), Le(1e3)] = Field(
+        1.0, description="viscosity of the contact on the second material over that on the first (plant lever)"
+    )
 
 
 class Constants(Record):
@@ -36,6 +39,7 @@ class Constants(Record):
     strength: float
     adhesion: float
     modulus: float
+    viscosity: float
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -55,6 +59,7 @@ def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None
     h.strength = p.strength if second else 1.0
     h.adhesion = p.adhesion if second else 1.0
     h.modulus = p.modulus if second else 1.0
+    h.viscosity = p.viscosity if second else 1.0
 
 
 def _contrast(parameters: Tree) -> tuple[float, float]:

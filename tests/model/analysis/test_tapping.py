@@ -49,21 +49,23 @@ def test_energy_and_virial_are_those_of_an_integrated_oscillator_within_half_a_p
     assert (lost > 1e-3, virial < 0.0) == (True, True)
 
 
-@pytest.mark.parametrize("contact", ["dmt", "jkr", "maugis"])
-def test_attraction_over_the_sample_takes_no_energy_and_its_virial_is_that_of_the_force(contact):
-    """Of the instrument: from its lock-in, against the true force and height of its tip."""
+def tapped(ticks: int = 500, **more: Any) -> tuple[Any, dict[str, Any], float, float]:
+    """The instrument's tip taps in its lock-in: energy by amplitude and phase, the last ten periods of its true force
+    and height, step by step, and energy of the drive in a period and mean of force times motion in these.
+    """
     steps, quality, gain = 128, 60.0, 1.5660
     dt = 1.0 / (77e3 * steps)
     base = 10e-9 / (gain * quality)
     values = {"plant.kind": "lever", "plant.lever": "ppp_fmr", "plant.f0": 1.0 / (steps * dt), "plant.Q": quality}
-    values |= {"plant.modes": 1, "plant.tilt": 0.0, "plant.gap": 10.2e-9, "plant.dt": dt, "plant.contact": contact}
+    values |= {"plant.modes": 1, "plant.tilt": 0.0, "plant.dt": dt}
     values |= {"plant.control_period": steps * dt, "plant.scanner": "stack_13um", "sample.kind": "flat"}
     values |= {"detector.sample_period": dt, "onboard.kind": "dynamic", "onboard.feedback": "external"}
     values |= {"onboard.drive_amplitude": base, "onboard.time_constant": 50e-6}
-    values |= {"detector.channels": "in_phase, quadrature, truth/tip_height"}
-    parameters = build(InstrumentParameters, values)
-    scope = Instrument(parameters, 500)
-    for _ in range(500):
+    lost = [f"truth/lost_by_{what}" for what in ("viscosity", "bridge", "friction")]
+    values |= {"detector.channels": ", ".join(["in_phase, quadrature, truth/tip_height, truth/contact", *lost])}
+    parameters = build(InstrumentParameters, values | {name.replace("__", "."): value for name, value in more.items()})
+    scope = Instrument(parameters, ticks)
+    for _ in range(ticks):
         scope.tick(scope.drive)
     last = scope.take_block().samples[:, -10 * steps - 1 :]
     read = {each.name: each.scale(parameters) * row for each, row in zip(scope.channels, last, strict=True)}
@@ -73,11 +75,44 @@ def test_attraction_over_the_sample_takes_no_energy_and_its_virial_is_that_of_th
     found = tapping_energy(
         response, -1j * gain * quality * base, frequency=77e3, f0=77e3, Q=quality, k=1.0302 * 2.8, base=base
     )
-    assert found.virial == pytest.approx(np.mean(force * middle) - force.mean() * middle.mean(), rel=5e-3)
-    assert found.virial > 0.0
     driven = math.pi * 1.0302 * 2.8 * abs(response) ** 2 / quality
+    return found, read, driven, float(np.mean(force * middle) - force.mean() * middle.mean())
+
+
+@pytest.mark.parametrize("contact", ["dmt", "jkr", "maugis"])
+def test_attraction_over_the_sample_takes_no_energy_and_its_virial_is_that_of_the_force(contact):
+    """Of the instrument: from its lock-in, against the true force and height of its tip."""
+    found, read, driven, virial = tapped(plant__gap=10.2e-9, plant__contact=contact)
+    assert found.virial == pytest.approx(virial, rel=5e-3)
+    assert found.virial > 0.0
     assert abs(found.dissipated) < 1e-3 * driven
-    assert abs(np.sum(force * np.diff(height)) / 10) < 1e-3 * driven
+    work = np.sum(read["truth/normal_force"][1:] * np.diff(read["truth/tip_height"]))
+    assert abs(work / 10) < 1e-3 * driven
+    assert not read["truth/contact"].any()
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"plant__contact": "dmt", "plant__viscosity": 300.0},
+        {"plant__contact": "jkr", "plant__viscosity": 100.0},
+        {"plant__contact": "maugis", "plant__viscosity": 300.0},
+        {"plant__contact": "dmt", "plant__bridge_volume": 2e-27},
+        {"plant__contact": "dmt", "plant__viscosity": 300.0, "plant__bridge_volume": 2e-27},
+    ],
+    ids=["dmt", "jkr", "maugis", "bridge", "both"],
+)
+def test_energy_by_amplitude_and_phase_is_that_of_the_account_of_the_contact(values):
+    # Softer than silicon, with a weak adhesion.
+    found, read, driven, virial = tapped(
+        plant__gap=8e-9, plant__K=3e9, plant__work_of_adhesion=0.02, plant__hamaker=1e-20, **values
+    )
+    lost = sum(np.ptp(read[f"truth/lost_by_{what}"]) for what in ("viscosity", "bridge", "friction")) / 10
+    assert lost > 0.02 * driven
+    assert found.dissipated == pytest.approx(lost, rel=5e-3)
+    assert found.virial == pytest.approx(virial, rel=5e-3)
+    assert 0.005 < read["truth/contact"].mean() < 0.5
+    assert all(np.diff(read[f"truth/lost_by_{what}"]).min() >= 0.0 for what in ("viscosity", "bridge", "friction"))
 
 
 def test_at_resonance_it_is_the_formula_of_cleveland():

@@ -8,7 +8,7 @@ from .lever_check import check, warnings
 from .lever_constants import Constants, fine_constants, lever_constants, rows
 from .lever_parameters import LeverGroup
 from .lever_start import rest
-from .lever_state import State
+from .lever_state import Ledger, State
 from .lever_step import observe, step
 
 LEVER = Plant(
@@ -16,6 +16,7 @@ LEVER = Plant(
     parameters=LeverGroup,
     constants=Constants,
     state=State,
+    ledger=Ledger,
     values=lever_constants,
     check=check,
     rest=rest,
@@ -35,7 +36,11 @@ LEVER = Plant(
         Channel("truth/apex_y", "m", "A_y"),
         Channel("truth/indentation", "m", "delta"),
         Channel("truth/contact_radius", "m", "a"),
+        Channel("truth/lost_by_viscosity", "J", "viscous"),
+        Channel("truth/lost_by_bridge", "J", "bridged"),
+        Channel("truth/lost_by_friction", "J", "rubbed"),
+        Channel("truth/bridge", "1", "bridge"),
     ),
 )
 
-__all__ = ["LEVER", "Constants", "LeverGroup", "State"]
+__all__ = ["LEVER", "Constants", "Ledger", "LeverGroup", "State"]

@@ -11,6 +11,7 @@ from .. import beam
 from ..physics import Cantilever, Contact, Scanner
 from .lever_apex import apex_warnings, check_apex
 from .lever_constants import sample_curvature
+from .lever_loss import check_losses, loss_warnings
 
 RESOLVED = (0.75, 1.5, 1.5)
 """Angle [rad] by which the fastest mode of bending may turn in a step, with 1, 2, 3 of them; docs/lever.md section 3.
@@ -32,6 +33,7 @@ def check(parameters: Tree) -> None:
     plant = parameters.plant
     _refuse_of_other_plants(parameters)
     check_apex(parameters)
+    check_losses(parameters)
     c, s = plant.cantilever_numbers, plant.scanner_numbers
     if c.thickness >= c.width or c.width >= c.length:
         raise ValueError(
@@ -138,7 +140,7 @@ def warnings(parameters: Tree) -> list[str]:
                 f"plant.k_{axis} = {k:g} N/m and plant.f_{axis} = {f:g} Hz make the moving mass {moved:.3g} kg: "
                 f"scanners move 1e-4 to 1 kg"
             )
-    return found + _jumps_off(parameters) + apex_warnings(parameters)
+    return found + _jumps_off(parameters) + apex_warnings(parameters) + loss_warnings(parameters)
 
 
 def _jumps_off(parameters: Tree) -> list[str]:

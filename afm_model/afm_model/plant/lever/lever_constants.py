@@ -13,6 +13,7 @@ from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from .. import beam
 from .lever_apex import BOLTZMANN, apex_constants
+from .lever_loss import loss_constants
 
 _MODES = ("mode_w2", "mode_inverse", "mode_push", "mode_base", "kick", "mode_y", "mode_z", "mode_shown")
 _OfModes = Annotated[Array, (beam.MODES,)]
@@ -95,6 +96,15 @@ class Constants(Record):
     apex_carry: Annotated[float, "N s/m"]  # and per rate there
     apex_noise: Annotated[float, "N"]  # rms thermal force in a step
     apex_key: int
+    viscosity: Annotated[float, "Pa s"]  # of the contact
+    relaxation: Annotated[float, "s"]  # of its force
+    viscous_noise: Annotated[float, "N m/s"]  # mean square of its thermal force in a step, over force per rate
+    viscous_key: int
+    bridge: float  # 1.0 if there can be a liquid bridge
+    bridge_pull: Annotated[float, "N"]  # its force as tip and sample touch
+    bridge_spread2: Annotated[float, "m^2"]  # its volume over pi R
+    bridge_begin: Annotated[float, "m"]  # distance at which it forms, and breaks
+    bridge_end: Annotated[float, "m"]
 
 
 def rows(parameters: Tree) -> Any:
@@ -281,4 +291,5 @@ def lever_constants(parameters: Tree, parts: int = 1) -> Numbers:
         "row_step": table[1] - table[0] if len(table) > 1 else 1.0,
         "transition": plant.transition,
     }
-    return numbers | scanner | modes | twist | static | total | dict(apex_constants(parameters, h))
+    others = {**apex_constants(parameters, h), **loss_constants(parameters, h)}
+    return numbers | scanner | modes | twist | static | total | others

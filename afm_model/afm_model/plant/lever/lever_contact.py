@@ -1,7 +1,7 @@
 """The contact of the plant `lever`: force of the sample on the tip at mid-step, normal and tangential.
 
 Unknown are the indentation and, where the tip slides, how far. Everything elastic behind the tip is one compliance W,
-so that they are found by Newton's method in one unknown. Equations: docs/lever.md (16) to (23).
+so that they are found by Newton's method in one unknown. Equations: docs/lever.md (16) to (23), (44) to (46).
 """
 
 import math
@@ -9,13 +9,20 @@ import math
 from ...contact.contact_table import attraction, end_of_contact, look_up
 from ...core.elementary import cbrt, exp, log
 from ...core.jit import kernel
-from ...core.records import Block
+from ...core.records import Block, record_at
+from ...parts.header import BlockHeader
 from ...parts.signals import Surface
 from .lever_constants import Constants
-from .lever_state import State
+from .lever_state import Ledger, State
 
 _CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""
+
+
+@kernel
+def ledger_of(m: Block) -> Ledger:
+    """The record of the instrument's block in which the contact keeps its account."""
+    return record_at(m, record_at(m, 0, BlockHeader).plant_ledger, Ledger)
 
 
 @kernel
@@ -33,27 +40,87 @@ def place_frame(H: Surface, p: Constants, f: State, m: Block, at: int) -> None:
     f.row = (p.transition * root - p.row_first) / p.row_step
     f.tau = p.friction_per_area * H.strength
     f.end = f.unit_indentation * end_of_contact(f.row, m, at, p.rows)
+    if p.viscosity != 0.0 or p.bridge != 0.0:
+        own = ledger_of(m)
+        own.eta = p.viscosity * H.viscosity
+        own.pull = p.bridge_pull * rho
+        own.spread2 = p.bridge_spread2 / rho
+
+
+@kernel
+def bridge_force(gap: float, pull: float, spread2: float) -> tuple[float, float]:
+    """Force of a liquid bridge of constant volume at a distance [m], and its slope over the approach, docs/lever.md
+    (46).
+
+    Parameters
+    ----------
+    gap : float [m]
+        >= 0; as they touch it pulls by `pull`.
+    pull : float [N]
+    spread2 : float [m^2]
+        V / (pi R_e).
+    """
+    if gap <= 0.0:
+        return -pull, 0.0
+    s2 = gap * gap + spread2
+    s = math.sqrt(s2)
+    return -pull * (1.0 - gap / s), -pull * spread2 / (s2 * s)
+
+
+@kernel
+def _contact(
+    delta: float, f: State, p: Constants, m: Block, at: int
+) -> tuple[float, float, float, float, float, float]:
+    """As `normal`, and the slope of the contact radius."""
+    F, S, a, b = look_up(delta / f.unit_indentation, f.row, m, at, p.rows)
+    bound = growth = 0.0
+    if a == 0.0:
+        # The distance at which the attraction is that of the end of the contact; from there on it grows.
+        D = math.sqrt(-f.hamaker_radius / (6.0 * F * f.unit_force)) + max(f.end - delta, 0.0)
+        N, stiffness = attraction(D, f.hamaker_radius)
+        b = 0.0
+    else:
+        a *= f.unit_radius
+        b *= f.unit_radius / f.unit_indentation
+        area = math.pi * f.tau * a
+        N, stiffness = F * f.unit_force, S * f.unit_force / f.unit_indentation
+        bound, growth = area * a, 2.0 * area * b
+    if p.bridge != 0.0:
+        own = ledger_of(m)
+        if own.bridge != 0.0:
+            pull, change = bridge_force(f.end - delta, own.pull, own.spread2)
+            N += pull
+            stiffness += change
+    return N, stiffness, bound, growth, a, b
 
 
 @kernel
 def normal(delta: float, f: State, p: Constants, m: Block, at: int) -> tuple[float, float, float, float, float]:
     """Normal force [N] and friction bound [N] at indentation delta [m], each with its slope [N/m], and contact radius.
 
+    Without viscosity: of a contact at rest.
+
     Parameters
     ----------
     f, p : records of State and Constants
     m, at : the table begins at m[at]
     """
-    F, S, a, b = look_up(delta / f.unit_indentation, f.row, m, at, p.rows)
-    if a == 0.0:
-        # The distance at which the attraction is that of the end of the contact; from there on it grows.
-        D = math.sqrt(-f.hamaker_radius / (6.0 * F * f.unit_force)) + max(f.end - delta, 0.0)
-        F, S = attraction(D, f.hamaker_radius)
-        return F, S, 0.0, 0.0, 0.0
-    a *= f.unit_radius
-    b *= f.unit_radius / f.unit_indentation
-    area = math.pi * f.tau * a
-    return F * f.unit_force, S * f.unit_force / f.unit_indentation, area * a, 2.0 * area * b, a
+    N, stiffness, bound, growth, a, _ = _contact(delta, f, p, m, at)
+    return N, stiffness, bound, growth, a
+
+
+@kernel
+def pressed(delta: float, f: State, p: Constants, m: Block, at: int) -> tuple[float, float, float, float, float]:
+    """The same with the force of the viscosity at the rate that this indentation at mid-step makes, docs/lever.md
+    (45). Friction stays that of the area.
+    """
+    N, stiffness, bound, growth, a, b = _contact(delta, f, p, m, at)
+    if p.viscosity != 0.0 and a > 0.0:
+        own = ledger_of(m)
+        rate = own.per * (delta - own.origin)
+        N += own.drag * a * rate + own.push
+        stiffness += own.drag * (b * rate + a * own.per)
+    return N, stiffness, bound, growth, a
 
 
 @kernel
@@ -71,7 +138,7 @@ def indent(
     unit = f.unit_indentation
     x = delta
     for _ in range(8):
-        N, stiffness, bound, growth, a = normal(x, f, p, m, at)
+        N, stiffness, bound, growth, a = pressed(x, f, p, m, at)
         slope = 1.0 + w_n * stiffness + w_f * growth
         if slope < 0.1:
             break
@@ -90,26 +157,26 @@ def _march(
     delta: float, target: float, w_n: float, w_f: float, f: State, p: Constants, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """The same by steps until the balance changes sign, then by bisection: through folds and jumps."""
-    N, _, bound, _, a = normal(delta, f, p, m, at)
+    N, _, bound, _, a = pressed(delta, f, p, m, at)
     balance = target - delta - w_n * N - w_f * bound
     step = math.copysign(1e-3 * f.unit_indentation, balance)
     low = high = delta
     for _ in range(300):
         high = low + step
-        N, _, bound, _, a = normal(high, f, p, m, at)
+        N, _, bound, _, a = pressed(high, f, p, m, at)
         if (target - high - w_n * N - w_f * bound) * balance <= 0.0:
             break
         low = high
         step *= 1.1
     for _ in range(60):
         middle = 0.5 * (low + high)
-        N, _, bound, _, a = normal(middle, f, p, m, at)
+        N, _, bound, _, a = pressed(middle, f, p, m, at)
         if (target - middle - w_n * N - w_f * bound) * balance > 0.0:
             low = middle
         else:
             high = middle
     middle = 0.5 * (low + high)
-    N, _, bound, _, a = normal(middle, f, p, m, at)
+    N, _, bound, _, a = pressed(middle, f, p, m, at)
     return middle, N, bound, a
 
 
@@ -180,7 +247,7 @@ def slide(
     """
     x = delta
     for _ in range(12):
-        N, stiffness, bound, growth, a = normal(x, f, p, m, at)
+        N, stiffness, bound, growth, a = pressed(x, f, p, m, at)
         along, across = w_n1 * d_1 + w_n2 * d_2, w_n2 * d_1 - w_n1 * d_2
         g_1, g_2 = e_1 - w_n1 * N, e_2 - w_n2 * N
         if p.strengthening != 0.0 and a > 0.0:
@@ -208,7 +275,7 @@ def slide(
         if abs(step) < _CLOSE * f.unit_indentation and abs(angle) < _CLOSE:
             return x, N + stiffness * step, bound + growth * step, a, d_1, d_2
     # In turn: direction, then indentation.
-    N, _, bound, _, a = normal(delta, f, p, m, at)
+    N, _, bound, _, a = pressed(delta, f, p, m, at)
     x = delta
     mean = 0.5 * (w_11 + w_22)
     for _ in range(8):

@@ -1,17 +1,18 @@
 """The tip of the plant `lever` on a smooth sample: it sticks, or slides with friction at its bound.
 
-Equations: docs/lever.md (16) to (23).
+Equations: docs/lever.md (16) to (23), (44) to (47).
 """
 
 import math
 
 from ...core.jit import kernel
+from ...core.random_numbers import normal as standard_normal
 from ...core.records import Block
 from ...parts.dispatch import surface
 from .lever_constants import Constants
-from .lever_contact import hold, indent, place_frame, slide
+from .lever_contact import hold, indent, ledger_of, place_frame, slide
 from .lever_end import show_end
-from .lever_state import State
+from .lever_state import Ledger, State
 
 _SAME = 1e-3
 """Relative change of the contact's stiffness that is none."""
@@ -86,6 +87,9 @@ def on_surface(
         e_1 = t_x * b_x + t_z * b_z
         e_2 = o_x * b_x + o_y * b_y + o_z * b_z
 
+    if p.viscosity != 0.0:
+        at_rate(n_x, n_y, n_z, target, w_nn, D_x, D_y, D_z, p, s, m)
+
     # The tip holds on if friction can take what that needs; else it slides, friction being at its bound. First what it
     # did in the last step.
     delta, N, bound, a = s.delta, s.N, s.F_max, s.a
@@ -143,11 +147,105 @@ def on_surface(
         if in_contact:
             s.A_x -= s.T_x / (shear * a)
             s.A_y -= s.T_y / (shear * a)
+    if in_contact and s.stuck == 0.0:
+        # How far it slid, force times that.
+        way = d_1 * (e_1 - w_n1 * N - w_11 * T_1 - w_12 * T_2) + d_2 * (e_2 - w_n2 * N - w_12 * T_1 - w_22 * T_2)
+        ledger_of(m).rubbed += bound * (way - bound / (shear * a))
     s.U_x, s.U_y, s.delta, s.a, s.N, s.F_max = u_x, u_y, delta, a, N, bound
     s.F_x, s.F_y, s.F_z = F_x, F_y, F_z
+    if p.viscosity != 0.0 or p.bridge != 0.0:
+        lose(p, s, m)
     if p.thermal != 0.0:
         D_x -= (p.W_x - p.rest_x) * F_x
         D_y -= (p.W_yy - p.rest_yy) * F_y + (p.W_yz - p.rest_yz) * F_z
         D_z -= (p.W_yz - p.rest_yz) * F_y + (p.W_zz - p.rest_zz) * F_z
         show_end(n_x, n_y, n_z, s.stuck * shear * a, D_x, D_y, D_z, p, s, m, at)
     return F_x, F_y, F_z
+
+
+@kernel
+def at_rate(
+    n_x: float,
+    n_y: float,
+    n_z: float,
+    target: float,
+    w_nn: float,
+    D_x: float,
+    D_y: float,
+    D_z: float,
+    p: Constants,
+    s: State,
+    m: Block,
+) -> None:
+    """Write into the ledger at which rate the indentation at mid-step changes, and the thermal force of the viscosity,
+    docs/lever.md (45).
+
+    Parameters
+    ----------
+    n_x, n_y, n_z : floats
+        Normal of the surface.
+    target, w_nn : float [m], [m/N]
+        Indentation without force, and how it falls with the normal force.
+    D_x, D_y, D_z : floats [m]
+        Way of the sample against the tip in a half of the step, without force.
+    p, s, m : records of Constants and State, block of the instrument
+    """
+    own = ledger_of(m)
+    way = n_x * D_x + n_y * D_y + n_z * D_z
+    # What follows the force without delay goes from that of the last step, or with heat of its end, to that of this.
+    r_x, r_y, r_z = p.rest_x * n_x, p.rest_yy * n_y + p.rest_yz * n_z, p.rest_yz * n_y + p.rest_zz * n_z
+    rest = r_x * s.F_x + r_y * s.F_y + r_z * s.F_z
+    share, heat = 1.0, 0.0
+    if p.thermal != 0.0:
+        way += rest
+        # A step that begins in contact is one of a body at this temperature.
+        count = int(p.counts * s.steps)
+        heat = math.sqrt(p.viscous_noise * own.eta * s.a) * standard_normal(p.viscous_key, count)
+    else:
+        # The force to come is the normal one, as the balance has it, and friction as it was.
+        T_x, T_y, T_z = s.F_x - s.N * n_x, s.F_y - s.N * n_y, s.F_z - s.N * n_z
+        aside = n_x * p.W_x * T_x + n_y * (p.W_yy * T_y + p.W_yz * T_z) + n_z * (p.W_yz * T_y + p.W_zz * T_z)
+        part = 0.5 * (r_x * n_x + r_y * n_y + r_z * n_z) / w_nn
+        way += 0.5 * (rest + r_x * T_x + r_y * T_y + r_z * T_z) - part * aside
+        share -= part
+    own.per = share / p.half
+    own.origin = target - way / share
+    whole = p.relaxation + p.half
+    own.drag = own.eta * p.half / whole
+    own.push = (p.relaxation * own.arm + p.half * heat) / whole
+
+
+@kernel
+def lose(p: Constants, s: State, m: Block) -> None:
+    """Count what viscosity and bridge have taken in this step, and make or break the bridge, docs/lever.md (47)."""
+    own = ledger_of(m)
+    if p.viscosity != 0.0:
+        work = stored = arm = 0.0
+        if s.a > 0.0:
+            rate = own.per * (s.delta - own.origin)
+            force = own.drag * s.a * rate + own.push
+            work = force * rate * p.h
+            if p.relaxation > 0.0 and own.eta > 0.0:
+                arm = 2.0 * force - own.arm
+                # What leaves the contact takes its share along.
+                if s.a < own.arm_radius:
+                    arm *= s.a / own.arm_radius
+                stored = 0.5 * p.relaxation * arm * arm / (own.eta * s.a)
+        own.viscous += work - (stored - own.stored)
+        own.stored, own.arm, own.arm_radius = stored, arm, s.a
+    if p.bridge == 0.0:
+        return
+    gap = max(s.end - s.delta, 0.0)
+    if own.bridge == 0.0 and gap <= p.bridge_begin:
+        own.bridge = 1.0
+        own.bridged += bound_energy(gap, own) - bound_energy(p.bridge_end, own)
+    elif own.bridge != 0.0 and gap > p.bridge_end:
+        own.bridge = 0.0
+        own.bridged += bound_energy(p.bridge_end, own) - bound_energy(gap, own)
+
+
+@kernel
+def bound_energy(gap: float, own: Ledger) -> float:
+    """Work that it would take to draw a bridge from a distance [m] out without end [J], docs/lever.md (46)."""
+    # sqrt(gap^2 + spread2) - gap, without a difference.
+    return own.pull * own.spread2 / (math.sqrt(gap * gap + own.spread2) + gap)

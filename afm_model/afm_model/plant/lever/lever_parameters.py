@@ -12,7 +12,7 @@ from ...core.schema import NonNegative, Positive, Unit
 from ...core.tilted import tilted_deflection, tilted_stiffness
 from .. import beam
 from ..presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
-from .lever_apex import ApexParameters
+from .lever_loss import LossParameters
 
 _PRESET = "0: that of the preset"
 _Newton_per_metre = Annotated[NonNegative, Unit("N/m")]
@@ -20,7 +20,7 @@ _Metre = Annotated[NonNegative, Unit("m")]
 _Hertz = Annotated[NonNegative, Unit("Hz")]
 
 
-class LeverGroup(ApexParameters):
+class LeverGroup(LossParameters):
     """A scanner and a cantilever as in a laboratory: the tip sticks, the cantilever bends and twists."""
 
     kind: str = Field("lever", description="equations of motion")

@@ -14,7 +14,7 @@ from ...parts.header import BlockHeader
 from ...parts.part import Tree
 from .lever_apex import require_resolved_apex
 from .lever_check import require_blunt_sample
-from .lever_contact import normal, place_frame
+from .lever_contact import ledger_of, normal, place_frame
 from .lever_lattice import downhill
 
 _PASSES = 60
@@ -68,6 +68,8 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
         # A lattice is flat: its height belongs to its potential.
         n = np.array([0.0, 0.0, 1.0]) if p.lattice else np.array([H.slope_x * p.rise, H.slope_y * p.rise, 1.0])
         n /= math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+        if p.bridge:
+            plain(ledger_of)(m).bridge = float(plant.gap == 0.0 or s.end + plant.gap * n[2] <= p.bridge_begin)
         if plant.gap > 0.0:
             s.delta = -plant.gap * n[2]
         else:

@@ -52,3 +52,22 @@ class State(Record):
     tau: Annotated[float, "Pa"]  # friction per area
     V_Ax: Annotated[float, "m/s"]  # rate of the place that the tip holds on to, on a lattice
     V_Ay: Annotated[float, "m/s"]
+
+
+class Ledger(Record):
+    """What a plant keeps beside its state: what the contact has taken, and what it takes in this step."""
+
+    viscous: Annotated[float, "J"]  # energy taken since the start, by viscosity
+    bridged: Annotated[float, "J"]  # by liquid bridges
+    rubbed: Annotated[float, "J"]  # by friction
+    bridge: float  # 1.0 while a bridge holds tip and sample
+    pull: Annotated[float, "N"]  # its force as they touch, at this place
+    spread2: Annotated[float, "m^2"]  # its volume over pi R_e
+    eta: Annotated[float, "Pa s"]  # viscosity of the contact, here
+    per: Annotated[float, "1/s"]  # in this step the indentation grows at the rate per (delta - origin)
+    origin: Annotated[float, "m"]
+    drag: Annotated[float, "Pa s"]  # and the viscous force is drag times radius and rate, and push
+    push: Annotated[float, "N"]
+    arm: Annotated[float, "N"]  # viscous force at the end of the last step, where it relaxes
+    arm_radius: Annotated[float, "m"]  # contact radius then
+    stored: Annotated[float, "J"]  # energy then in what relaxes
