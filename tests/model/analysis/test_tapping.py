@@ -44,8 +44,8 @@ def test_energy_and_virial_are_those_of_an_integrated_oscillator_within_half_a_p
     free = 0.02 / (1.0 - detuned**2 + 1j * detuned / Q)
     found = tapping_energy(response, free, frequency=w, f0=W0, Q=Q, k=K)
     # Higher harmonics carry what is left.
-    assert found.dissipated == pytest.approx(lost, rel=5e-3)
-    assert found.virial == pytest.approx(virial, rel=5e-3)
+    assert found.dissipated == pytest.approx(lost, rel=5e-3, abs=0.0)
+    assert found.virial == pytest.approx(virial, rel=5e-3, abs=0.0)
     assert (lost > 1e-3, virial < 0.0) == (True, True)
 
 
@@ -83,7 +83,7 @@ def tapped(ticks: int = 500, **more: Any) -> tuple[Any, dict[str, Any], float, f
 def test_attraction_over_the_sample_takes_no_energy_and_its_virial_is_that_of_the_force(contact):
     """Of the instrument: from its lock-in, against the true force and height of its tip."""
     found, read, driven, virial = tapped(plant__gap=10.2e-9, plant__contact=contact)
-    assert found.virial == pytest.approx(virial, rel=5e-3)
+    assert found.virial == pytest.approx(virial, rel=5e-3, abs=0.0)
     assert found.virial > 0.0
     assert abs(found.dissipated) < 1e-3 * driven
     work = np.sum(read["truth/normal_force"][1:] * np.diff(read["truth/tip_height"]))
@@ -91,34 +91,10 @@ def test_attraction_over_the_sample_takes_no_energy_and_its_virial_is_that_of_th
     assert not read["truth/contact"].any()
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"plant__contact": "dmt", "plant__viscosity": 300.0},
-        {"plant__contact": "jkr", "plant__viscosity": 100.0},
-        {"plant__contact": "maugis", "plant__viscosity": 300.0},
-        {"plant__contact": "dmt", "plant__bridge_volume": 2e-27},
-        {"plant__contact": "dmt", "plant__viscosity": 300.0, "plant__bridge_volume": 2e-27},
-    ],
-    ids=["dmt", "jkr", "maugis", "bridge", "both"],
-)
-def test_energy_by_amplitude_and_phase_is_that_of_the_account_of_the_contact(values):
-    # Softer than silicon, with a weak adhesion.
-    found, read, driven, virial = tapped(
-        plant__gap=8e-9, plant__K=3e9, plant__work_of_adhesion=0.02, plant__hamaker=1e-20, **values
-    )
-    lost = sum(np.ptp(read[f"truth/lost_by_{what}"]) for what in ("viscosity", "bridge", "friction")) / 10
-    assert lost > 0.02 * driven
-    assert found.dissipated == pytest.approx(lost, rel=5e-3)
-    assert found.virial == pytest.approx(virial, rel=5e-3)
-    assert 0.005 < read["truth/contact"].mean() < 0.5
-    assert all(np.diff(read[f"truth/lost_by_{what}"]).min() >= 0.0 for what in ("viscosity", "bridge", "friction"))
-
-
 def test_at_resonance_it_is_the_formula_of_cleveland():
     A, A0, phi = 6e-9, 10e-9, 1.1
     found = tapping_energy(A * np.exp(-1j * phi), -1j * A0, frequency=3e5, f0=3e5, Q=400.0, k=42.0)
-    assert found.dissipated == pytest.approx(math.pi * 42.0 * A / 400.0 * (A0 * math.sin(phi) - A), rel=1e-12)
-    assert found.virial == pytest.approx(-42.0 * A * A0 / 800.0 * math.cos(phi), rel=1e-12)
+    assert found.dissipated == pytest.approx(math.pi * 42.0 * A / 400.0 * (A0 * math.sin(phi) - A), rel=1e-12, abs=0.0)
+    assert found.virial == pytest.approx(-42.0 * A * A0 / 800.0 * math.cos(phi), rel=1e-12, abs=0.0)
     with pytest.raises(ValueError, match="Q = 0 is not allowed: it must be a positive number"):
         tapping_energy(1.0, 1.0, frequency=1.0, f0=1.0, Q=0.0, k=1.0)

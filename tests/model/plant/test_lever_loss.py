@@ -100,8 +100,8 @@ def test_force_curves_over_a_viscous_sample_at_two_rates_are_those_of_an_indepen
         r = b.run(raised(np.concatenate([6e-9 * into, 12e-9 - 4e-9 * out])))
         z = np.concatenate([[r.Z[0]], r.Z])
         N, lost = integrated(model, c, z, b.plant.dt, 5e-9 * c.k, eta, tau)
-        assert r.N == pytest.approx(N, abs=3e-3 * N.max())
-        assert ledger(b).viscous == pytest.approx(lost, rel=1e-2)
+        assert r.N == pytest.approx(N, abs=5e-5 * N.max())
+        assert ledger(b).viscous == pytest.approx(lost, rel=1e-2, abs=0.0)
         peaks.append(N.max())
     # At the higher rate the sample is harder.
     assert peaks[0] > 1.03 * peaks[1]
@@ -113,8 +113,8 @@ def test_viscosity_takes_nothing_from_a_tip_at_rest_and_changes_nothing(tilt, he
     values = {"plant__tilt": tilt, "plant__tau": 1e12} | heat
     plain, viscous = LeverBench(**values), LeverBench(**values, plant__viscosity=1e4)
     one, two = plain.stay(300), viscous.stay(300)
-    assert two.N == pytest.approx(one.N, rel=1e-9)
-    assert two.tip == pytest.approx(one.tip, rel=1e-9)
+    assert two.N == pytest.approx(one.N, rel=1e-9, abs=0.0)
+    assert two.tip == pytest.approx(one.tip, rel=1e-9, abs=0.0)
     assert 0.0 <= ledger(viscous).viscous < 1e-27
 
 
@@ -145,8 +145,8 @@ def test_area_between_the_branches_of_a_force_curve_is_the_work_of_the_bridge(be
     r = b.run(raised(np.concatenate([np.linspace(0.0, 3.2e-9, 20_000), np.linspace(3.2e-9, -1e-9, 25_000)])))
     work = quad(pulling, begin, end or VOLUME ** (1.0 / 3.0))[0]
     area = float(np.sum(0.5 * (r.N[1:] + r.N[:-1]) * np.diff(r.delta)))
-    assert area == pytest.approx(work, rel=1e-2)
-    assert ledger(b).bridged == pytest.approx(work, rel=2e-3)
+    assert area == pytest.approx(work, rel=1e-2, abs=0.0)
+    assert ledger(b).bridged == pytest.approx(work, rel=2e-3, abs=0.0)
     assert (ledger(b).bridge, ledger(b).viscous) == (0.0, 0.0)
     # On its own branch each way: in without, out with it.
     gap = np.maximum(r.end - r.delta, 0.0)
@@ -154,17 +154,17 @@ def test_area_between_the_branches_of_a_force_curve_is_the_work_of_the_bridge(be
     assert np.abs(r.N[inwards]).max() < 0.02 * pulling(0.0)
     outwards = 20_000 + np.flatnonzero((gap[20_000:] > 0.2e-9) & (gap[20_000:] < 1.3e-9))
     free = np.array([pulling(each) for each in gap[outwards]])
-    assert -r.N[outwards] == pytest.approx(free, rel=2e-2)
+    assert -r.N[outwards] == pytest.approx(free, rel=2e-2, abs=0.0)
 
 
 def test_a_tip_that_starts_in_contact_holds_a_bridge_under_the_load_asked_for():
     with_it = LeverBench(**QUIET, plant__bridge_volume=VOLUME)
     without = LeverBench(**QUIET)
     assert ledger(with_it).bridge == 1.0
-    assert with_it.s.N == pytest.approx(without.s.N, rel=1e-9)
+    assert with_it.s.N == pytest.approx(without.s.N, rel=1e-9, abs=0.0)
     # It presses the tip into the sample: friction, by the area, is larger.
     assert with_it.s.F_max > 1.1 * without.s.F_max
-    assert with_it.stay(100).N == pytest.approx(without.s.N, rel=1e-6)
+    assert with_it.stay(100).N == pytest.approx(without.s.N, rel=1e-6, abs=0.0)
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.3])
@@ -178,7 +178,7 @@ def test_energy_of_friction_is_its_force_times_the_way_slid(slope):
     expected = float(np.sum(r.F_max[1:] * way * (r.stuck[1:] == 0.0)))
     assert r.stuck[-1] == 0.0
     assert expected > 0.0
-    assert ledger(b).rubbed == pytest.approx(expected, rel=2e-3)
+    assert ledger(b).rubbed == pytest.approx(expected, rel=2e-3, abs=0.0)
 
 
 @pytest.mark.parametrize("eta", [0.0, 1e3])
