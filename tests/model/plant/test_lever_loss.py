@@ -1,5 +1,5 @@
-"""Claims about what the contact of the plant `lever` takes: viscosity, liquid bridge, friction; docs/lever.md (44) to
-(47).
+"""Claims about what the contact of the plant `lever` takes: viscosity, liquid bridge, friction; docs/lever.md (47) to
+(50).
 """
 
 import math

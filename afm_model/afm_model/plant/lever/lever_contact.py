@@ -1,7 +1,7 @@
 """The contact of the plant `lever`: force of the sample on the tip at mid-step, normal and tangential.
 
 Unknown are the indentation and, where the tip slides, how far. Everything elastic behind the tip is one compliance W,
-so that they are found by Newton's method in one unknown. Equations: docs/lever.md (16) to (23), (44) to (46).
+so that they are found by Newton's method in one unknown. Equations: docs/lever.md (16) to (23), (47) to (49).
 """
 
 import math
@@ -50,7 +50,7 @@ def place_frame(H: Surface, p: Constants, f: State, m: Block, at: int) -> None:
 @kernel
 def bridge_force(gap: float, pull: float, spread2: float) -> tuple[float, float]:
     """Force of a liquid bridge of constant volume at a distance [m], and its slope over the approach, docs/lever.md
-    (46).
+    (49).
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def normal(delta: float, f: State, p: Constants, m: Block, at: int) -> tuple[flo
 @kernel
 def pressed(delta: float, f: State, p: Constants, m: Block, at: int) -> tuple[float, float, float, float, float]:
     """The same with the force of the viscosity at the rate that this indentation at mid-step makes, docs/lever.md
-    (45). Friction stays that of the area.
+    (48). Friction stays that of the area.
     """
     N, stiffness, bound, growth, a, b = _contact(delta, f, p, m, at)
     if p.viscosity != 0.0 and a > 0.0:

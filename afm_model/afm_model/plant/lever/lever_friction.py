@@ -1,6 +1,6 @@
 """The tip of the plant `lever` on a smooth sample: it sticks, or slides with friction at its bound.
 
-Equations: docs/lever.md (16) to (23), (44) to (47).
+Equations: docs/lever.md (16) to (23), (47) to (50).
 """
 
 import math
@@ -178,7 +178,7 @@ def at_rate(
     m: Block,
 ) -> None:
     """Write into the ledger at which rate the indentation at mid-step changes, and the thermal force of the viscosity,
-    docs/lever.md (45).
+    docs/lever.md (48).
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def at_rate(
 
 @kernel
 def lose(p: Constants, s: State, m: Block) -> None:
-    """Count what viscosity and bridge have taken in this step, and make or break the bridge, docs/lever.md (47)."""
+    """Count what viscosity and bridge have taken in this step, and make or break the bridge, docs/lever.md (50)."""
     own = ledger_of(m)
     if p.viscosity != 0.0:
         work = stored = arm = 0.0
@@ -246,6 +246,6 @@ def lose(p: Constants, s: State, m: Block) -> None:
 
 @kernel
 def bound_energy(gap: float, own: Ledger) -> float:
-    """Work that it would take to draw a bridge from a distance [m] out without end [J], docs/lever.md (46)."""
+    """Work that it would take to draw a bridge from a distance [m] out without end [J], docs/lever.md (49)."""
     # sqrt(gap^2 + spread2) - gap, without a difference.
     return own.pull * own.spread2 / (math.sqrt(gap * gap + own.spread2) + gap)

@@ -1,4 +1,4 @@
-"""What the contact of the plant `lever` loses: its viscosity, and a liquid bridge; docs/lever.md (44) to (47)."""
+"""What the contact of the plant `lever` loses: its viscosity, and a liquid bridge; docs/lever.md (47) to (50)."""
 
 import math
 from typing import Annotated
