@@ -20,6 +20,9 @@ from soak.report import grown, markdown, show, uses  # noqa: E402
 from soak.run import endless, soak  # noqa: E402
 from soak.verbs import soak_verbs  # noqa: E402
 
+_WARM_ROUNDS = 120
+"""Rounds until each kind of work has been beside each other one: memory rises to a level before, and stays there."""
+
 
 def main() -> int:
     """Entry point."""
@@ -48,7 +51,11 @@ def main() -> int:
     ]
     shutil.rmtree(arguments.out / "verbs", ignore_errors=True)
     verbs, recordings = soak_verbs(
-        arguments.out / "verbs", seconds=30.0 * arguments.minutes, warm_up=arguments.warm_up, told=say
+        arguments.out / "verbs",
+        seconds=30.0 * arguments.minutes,
+        warm_up=arguments.warm_up,
+        warm_rounds=_WARM_ROUNDS,
+        told=say,
     )
     titles.append(
         f"{arguments.minutes / 2:g} minutes of verbs, other samples, other probes and resets, {recordings} recordings"

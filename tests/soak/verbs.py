@@ -117,9 +117,10 @@ class VerbSoak:
 
 
 def soak_verbs(
-    out: Path, *, seconds: float, warm_up: float, told: Callable[[str], object], rounds: int = 0
+    out: Path, *, seconds: float, warm_up: float, told: Callable[[str], object], rounds: int = 0, warm_rounds: int = 0
 ) -> tuple[Mapping[str, list[Sample]], int]:
-    """Rounds for a wall time, and so many at least; those of the warm-up [s] before are not sampled.
+    """Rounds for a wall time, and so many at least; those of the warm-up before are not sampled: a wall time [s], and
+    so many rounds, however long a busy machine takes for them.
 
     Returns
     -------
@@ -130,9 +131,12 @@ def soak_verbs(
     with VerbSoak(out) as microscope:
         microscope.begin()
         begin = told_at = now = time.monotonic()
-        while now < begin + warm_up + seconds or len(samples[SIMULATOR]) < rounds:
+        warm_until = begin + warm_up
+        while now < warm_until + seconds or len(samples[SIMULATOR]) < rounds:
             used, now = microscope.round(), time.monotonic()
-            if now >= begin + warm_up:
+            if microscope.rounds <= warm_rounds:
+                warm_until = max(warm_until, now)
+            elif now >= warm_until:
                 for name in NAMES:
                     samples[name].append(used[name])
             if now >= told_at + 60.0:
