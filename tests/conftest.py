@@ -4,12 +4,16 @@ import sys
 from collections.abc import Iterator
 
 import pytest
+from _pytest import approx
 from environment import prepare
 from hypothesis import settings
 
 prepare()
 
 pytest.register_assert_rewrite("support")
+
+# In SI units 1e-12, which pytest adds by itself, is more than any energy: only what a test says is allowed.
+approx.ApproxScalar.DEFAULT_ABSOLUTE_TOLERANCE = 0.0
 
 # Reproducible: the same examples on every machine, no deadline on a shared one. `make test-long` takes the other one.
 settings.register_profile("reproducible", derandomize=True, deadline=None, max_examples=100, database=None)

@@ -46,8 +46,10 @@ def send_blueprint(stream: rr.RecordingStream, blueprint: rrb.Blueprint, applica
     blueprint._log_to_stream(arranged)
     memory = arranged.memory_recording()
     rerun_bindings.send_blueprint(memory.storage, make_active=True, make_default=True, recording=stream.to_native())
-    # The stream holds its memory, and that the stream.
+    # The stream holds its memory, and that the stream. A scan arranges the viewer anew with each image.
     arranged.disconnect()
+    del arranged, memory, native
+    let_go()
 
 
 def let_go() -> None:

@@ -1,15 +1,17 @@
 """What the viewer shows of a recording: the friction loop, and an arrangement in which nothing hides anything."""
 
+import os
 from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun as rr
 import rerun.blueprint as rrb
 from recorded import Run
 from rerun.chunk import RrdReader
 
-from afm_recorder_node import layout, screens
+from afm_recorder_node import layout, screens, streams
 from afm_recorder_node.complete import chunks
 from afm_recorder_node.friction_loop import HEIGHT, POINTS, ROWS, WIDTH, FrictionLoop
 from afm_recorder_node.reader import read_recording
@@ -105,6 +107,20 @@ def test_arrangement_has_the_same_names_in_every_recording(tmp_path: Path) -> No
         names.append({chunk.entity_path for chunk in reader.stream(store=reader.blueprints()[0])})
     assert names[0] == names[1]
     assert len(names[0]) > len(layout.TICKS)
+
+
+def test_arranging_the_viewer_again_leaves_no_thread_behind() -> None:
+    """A recording of many scans arranges it with each image."""
+    stream = rr.RecordingStream(layout.APPLICATION)
+    sent = rr.binary_stream(stream)
+    stream.set_sinks(sent)
+    threads = len(os.listdir("/proc/self/task"))
+    for _ in range(3):
+        streams.send_blueprint(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/a")))
+        assert sent.read()
+    assert len(os.listdir("/proc/self/task")) <= threads
+    stream.disconnect()
+    sent.read(flush=False)
 
 
 def test_run_has_its_title_and_its_score_with_units_and_few_digits(tmp_path: Path) -> None:

@@ -48,8 +48,8 @@ class ThermalTune(NamedTuple):
     """Quality factor."""
     rms: float
     """Of the first mode, as shown [m]."""
-    floor: float
-    """White noise under the resonance [m/sqrt(Hz)]."""
+    floor: Estimate
+    """White noise under the resonance [m/sqrt(Hz)]. Where the resonance covers it the uncertainty is as large."""
     frequency: _Array
     """Of the spectrum in the band of the fit [Hz]."""
     density: _Array
@@ -135,17 +135,28 @@ def spring_constant(
             f"no resonance found from {low:.4g} to {high:.4g} Hz: the best fit's variance is uncertain by "
             f"{100.0 * errors[0]:.0f} %"
         )
+    fitted, slopes = _model(f, logs)
     of_k = math.hypot(errors[0], 2.0 * per_volt.uncertainty / per_volt.value)
     return ThermalTune(
         Estimate(k, k * of_k),
         Estimate(f0, f0 * errors[1]),
         Estimate(Q, Q * errors[2]),
         math.sqrt(variance),
-        math.sqrt(floor),
+        _root_of_floor(floor, fitted, slopes),
         f,
         density,
-        _model(f, logs)[0],
+        fitted,
     )
+
+
+def _root_of_floor(floor: float, fitted: _Array, slopes: _Array) -> Estimate:
+    """Root of the white floor; its uncertainty is the larger one of both sides, since there may be no floor at all."""
+    # By the floor itself, not by its logarithm, which has no end where there is none.
+    scale = float(fitted.min())
+    slopes = np.column_stack([slopes[:, :3], scale / fitted])
+    error = scale * math.sqrt(np.linalg.inv(slopes.T @ slopes)[3, 3] / _INDEPENDENT)
+    root, below, above = (math.sqrt(max(floor + by, 0.0)) for by in (0.0, -error, error))
+    return Estimate(root, max(root - below, above - root))
 
 
 def _require(

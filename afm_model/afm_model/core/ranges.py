@@ -19,6 +19,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "N/m": (1e-6, 1e9),
     "N/s": (1e-12, 1e6),
     "Pa": (1e-3, 1e15),
+    "Pa s": (1e-9, 1e9),
+    "m^3": (1e-36, 1e-6),
     "V": (1e-12, 1e6),
     "V/s": (1e-6, 1e12),
     "V/sqrt(Hz)": (1e-15, 1e3),

@@ -91,4 +91,4 @@ def test_crosstalk_is_half_the_sum_of_trace_and_retrace_and_friction_does_not_sh
     # 5 % of a setpoint of 5 V, at 50 nN/V.
     assert mixed.crosstalk()[:, inside] == pytest.approx(0.05 * PRESSED * 50e-9, rel=1e-3)
     assert np.abs(plain.crosstalk()[:, inside]).max() < 1e-12
-    assert mixed.friction()[:, inside] == pytest.approx(plain.friction()[:, inside], rel=1e-6)
+    assert mixed.friction()[:, inside] == pytest.approx(plain.friction()[:, inside], rel=1e-4)

@@ -40,7 +40,7 @@ def test_silent_controller_has_the_sample_retracted_tick_by_tick_and_its_next_dr
     assert z[5 : 5 + steps] == pytest.approx(ramp)
     assert z[5 + steps : 16] == pytest.approx(DOWN)
     # What jumps to the tip loses contact again.
-    assert z[16:] == pytest.approx([DOWN + 3.0, DOWN + 6.0, DOWN + 9.0, DOWN + 12.0, bench.rest])
+    assert z[16:] == pytest.approx([DOWN + 3.0, DOWN + 6.0, DOWN + 9.0, DOWN + 12.0, bench.rest], abs=1e-12)
     assert x[16:].tolist() == [0.02] * 5
     # Ticks 5 to 15; every one but the first and the 17th held a drive.
     assert bench.counts() == {"drives_lost": 19, "ticks_retracted": 11, "scored_ticks_retracted": 11}

@@ -56,6 +56,6 @@ class ThermalTune(Verb):
             tune = spring_constant(volts, rate, sensitivity, self.temperature, band=view.resonance_band)
         except ValueError as error:
             raise VerbError(f"no spring constant comes out of the record of {self.duration:g} s: {error}") from None
-        details = {"f0_Hz": tune.f0.value, "Q": tune.Q.value, "rms_m": tune.rms, "floor_m_rtHz": tune.floor}
+        details = {"f0_Hz": tune.f0.value, "Q": tune.Q.value, "rms_m": tune.rms, "floor_m_rtHz": tune.floor.value}
         details["deflection_sensitivity_m_V"] = sensitivity
         return Calibration(*tune.k, "N/m", details)
