@@ -50,8 +50,13 @@ def blueprint(entities: Iterable[str], ranges: Ranges | None = None) -> rrb.Blue
     diagrams = results.titles(there)
     if diagrams or found == "calibration":
         shown.append(_result(plots, diagrams, "Force curve" if results.FORCE_CURVE in diagrams else "Result"))
+    return tabbed(shown, signals, found)
+
+
+def tabbed(shown: Sequence[rrb.Container], signals: rrb.Container, place: str) -> rrb.Blueprint:
+    """Screens of what was found, the first one in front, with the signals behind them; names by the place."""
     root = rrb.Tabs(*shown, signals, active_tab=0) if shown else signals
-    fixed(root, found)
+    fixed(root, place)
     return rrb.Blueprint(
         root,
         # At the end of the recording, where an image is as complete as it will be.

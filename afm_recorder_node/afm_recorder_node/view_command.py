@@ -23,7 +23,7 @@ from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, NORMAL_FORCE, POSIT
 from .live import Server
 from .readable import readable
 from .recording import RecordingError
-from .screens import Range, Ranges, fixed
+from .screens import Range, Ranges, tabbed
 from .screens import readable as readable_range
 from .streams import send_blueprint
 
@@ -180,15 +180,7 @@ def arrangement(entities: dict[str, set[str]], ranges: Ranges | None = None) -> 
                 name="Results",
             )
         )
-    root = rrb.Tabs(*screens, signals, active_tab=0) if screens else signals
-    fixed(root, "together")
-    return rrb.Blueprint(
-        root,
-        rrb.TimePanel(state="collapsed", timeline=layout.TIMELINE, play_state="following" if screens else None),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-        auto_views=False,
-    )
+    return tabbed(screens, signals, "together")
 
 
 @contextmanager

@@ -2,13 +2,10 @@
 
 import cmath
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
-from scipy.optimize import brentq
 from scipy.special import betainc
 
 from afm_model import Instrument, ParameterError, build, changed
@@ -18,6 +15,7 @@ from afm_model.onboard.dynamic import DYNAMIC, late
 from afm_model.parameters import InstrumentParameters
 from afm_model.parts.signals import Actuation, Detection, Setpoint
 
+from ..clamped_mode import clamped_mode
 from ..held import held
 
 F0, Q, BASE, AHEAD, VOLT = 26e3, 30.0, 1e-11, 0.3, 10e-9
@@ -32,21 +30,12 @@ FREE = {
 }
 
 
-@cache
 def beam(number: int) -> tuple[float, float, float]:
     """Of a clamped beam's mode: frequency over that of the first, force of inertia of a moving base over that on its
     mass at the end, slope of the end times length.
     """
-    roots = [brentq(lambda x: math.cos(x) + 1.0 / math.cosh(x), *ends, xtol=1e-14) for ends in ((1, 3), (4, 6), (7, 9))]
-    x = roots[number]
-    ratio = (math.cosh(x) + math.cos(x)) / (math.sinh(x) + math.sin(x))
-
-    def shape(s: float) -> float:
-        return math.cosh(x * s) - math.cos(x * s) - ratio * (math.sinh(x * s) - math.sin(x * s))
-
-    over = shape(1.0) * quad(shape, 0.0, 1.0)[0] / quad(lambda s: shape(s) ** 2, 0.0, 1.0)[0]
-    slope = x * (math.sinh(x) + math.sin(x) - ratio * (math.cosh(x) - math.cos(x)))
-    return (x / roots[0]) ** 2, over, slope / shape(1.0)
+    mode = clamped_mode(number)
+    return mode.over_first, mode.end * mode.mean / mode.mean_square, mode.slope / mode.end
 
 
 def shown(f: float) -> complex:

@@ -2,17 +2,16 @@
 
 import cmath
 import math
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp, trapezoid
-from scipy.optimize import brentq
 
 from afm_model import ParameterError, build
 from afm_model.parameters import InstrumentParameters
 
+from ..clamped_mode import clamped_mode
 from ..held import held
 from .test_lever import exact_contact, series
 
@@ -31,22 +30,14 @@ FREE = {"plant.gap": 1e-6, "plant.hamaker": 1e-21, "plant.Q": Q}
 TWISTING = {"onboard.drive": "torsion", "onboard.lock_in": "lateral", "plant.torsion": "moving", "plant.modes": 1}
 
 
-@cache
 def beam(number: int) -> tuple[float, float, float]:
     """Of a clamped beam's mode: frequency over that of the first, static deflection of the end under a force there over
     that of the beam, slope of the end times length.
     """
-    roots = [brentq(lambda x: math.cos(x) + 1.0 / math.cosh(x), *ends, xtol=1e-14) for ends in ((1, 3), (4, 6), (7, 9))]
-    x = roots[number]
-    ratio = (math.cosh(x) + math.cos(x)) / (math.sinh(x) + math.sin(x))
-
-    def shape(s: float) -> float:
-        return math.cosh(x * s) - math.cos(x * s) - ratio * (math.sinh(x * s) - math.sin(x * s))
-
+    mode = clamped_mode(number)
     # Stiffness of a mode of deflection 1 at the end: E I / L^3 = k / 3 times x^4 times its mean square.
-    give = 3.0 * shape(1.0) ** 2 / (x**4 * quad(lambda s: shape(s) ** 2, 0.0, 1.0)[0])
-    slope = x * (math.sinh(x) + math.sin(x) - ratio * (math.cosh(x) - math.cos(x)))
-    return (x / roots[0]) ** 2, give, slope / shape(1.0)
+    give = 3.0 * mode.end**2 / (mode.wave_number**4 * mode.mean_square)
+    return mode.over_first, give, mode.slope / mode.end
 
 
 def pushed(f: float) -> tuple[complex, complex]:
