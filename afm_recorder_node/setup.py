@@ -34,6 +34,7 @@ setup(
             f"inspect = {NAME}.inspect_command:main",
             f"live = {NAME}.live:main",
             f"repair = {NAME}.repair:main",
+            f"view = {NAME}.view_command:main",
         ]
     },
     zip_safe=False,

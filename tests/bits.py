@@ -259,8 +259,14 @@ def other_machine() -> str:
     )
 
 
+def fitted(told: str) -> bool:
+    """Whether it is the result of a fit alone that differs, as it may on another machine; a trajectory may not."""
+    name, _, clause = told.rpartition(": ")
+    return name in FITTED and "trajectory" not in clause and bool(other_machine())
+
+
 def main() -> int:
-    """Entry point; the exit code is 1 if a hash differs."""
+    """Entry point; the exit code is 1 if a hash differs that is the same on every machine."""
     parser = argparse.ArgumentParser(prog="python tests/bits.py", description="Compare hashes of runs with those kept.")
     parser.add_argument("--write", action="store_true", help=f"keep in {FILE.name} what is found")
     parser.add_argument("parts", nargs="*", help="only compositions whose names contain one of these")
@@ -275,12 +281,15 @@ def main() -> int:
         differ += filter(None, [difference(name, hashes[name])])
     print(*differ, sep="\n", end="\n" * bool(differ))
     print(f"{len(names)} compositions, {len(differ)} differ; {time.process_time() - begin:.0f} s of processor time")
-    if differ and (sentence := other_machine()):
+    faults = [told for told in differ if not fitted(told)]
+    if differ and not faults:
+        print("only results of fits, whose last bits are those of a machine and of scipy; no trajectory differs")
+    elif differ and (sentence := other_machine()):
         print(sentence)
     if arguments.write:
         content = {"functions": elementary(), "hashes": {name: hashes[name] for name in NAMES if name in hashes}}
         FILE.write_text(json.dumps(content, indent=1) + "\n")
-    return 1 if differ and not arguments.write else 0
+    return 1 if faults and not arguments.write else 0
 
 
 if __name__ == "__main__":

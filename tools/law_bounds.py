@@ -14,6 +14,8 @@ measurements do not determine, whoever computes the drive.
 Edge: friction that falls by a tenth at once throws the tip, until a drive comes that answers the first measurement
 behind the edge.
 
+Drift: what the sensors of the scanner do not see, a law that follows them does not correct.
+
 Stability: spectral radius of position, rate and drives on their way, for the gains of the law. Of the loop with its
 filter over a period of the reference: law_loop.py.
 """
@@ -161,6 +163,18 @@ def of_edges(period: float, delay: int) -> tuple[float, float, float]:
     return thrown(delay * hold), thrown((delay + 1) * hold), thrown(row + delay * hold)
 
 
+def of_drift(rate: float, periods: int = 3) -> float:
+    """Error of an axis at the end of some periods of the reference, where its reading is the reference [%].
+
+    Parameters
+    ----------
+    rate : float [m/s]
+        Of the drift.
+    periods : int
+    """
+    return 100.0 * rate * periods * 2.0 * math.pi / 50.0 / 5e-9
+
+
 def radius(period: float, late: int, packet: int = 1) -> float:
     """Largest spectral radius of the loops of x, y, z whose drives come `late` slots after the law expects them."""
     p = constants(period, packet=packet)
@@ -187,9 +201,12 @@ def tables() -> dict[str, str]:
     noise = ["| period + delay | estimate, rms [%] | at the end of the drive, rms [%] | 3 deviations [%] |"]
     surface = ["| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations [%] |"]
     edge = ["| period + delay | edge just before a measurement [%] | just behind one [%] | in the row of patches [%] |"]
+    drift = ["| drift of an axis | after one period [%] | after three [%] |"]
     stable = ["| period | drives as expected | one period later | two |"]
-    for rows, columns in ((noise, 4), (surface, 4), (edge, 4), (stable, 4)):
+    for rows, columns in ((noise, 4), (surface, 4), (edge, 4), (drift, 3), (stable, 4)):
         rows.append("| " + " | ".join(["---"] * columns) + " |")
+    for name, rate in (("1e-15 m/s", 1e-15), ("2 nm/min, a design of low drift", 3e-11), ("1 nm/s", 1e-9)):
+        drift.append(f"| {name} | {of_drift(rate, 1):.2g} | {of_drift(rate):.2g} |")
     for name, period in RATES[1:4]:
         now, later = uncertainties(period, 1)
         noise.append(f"| {name} + 1 | {now:.2f} | {later:.2f} | {3.0 * later:.2f} |")
@@ -198,7 +215,7 @@ def tables() -> dict[str, str]:
         surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {3.0 * error:.2g} |")
         edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
-    found = {"noise": noise, "surface": surface, "edge": edge, "stability": stable}
+    found = {"noise": noise, "surface": surface, "edge": edge, "drift": drift, "stability": stable}
     return {f"bound {name}": "\n".join(rows) for name, rows in found.items()} | {"bound loop": of_loop()}
 
 

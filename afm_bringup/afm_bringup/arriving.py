@@ -30,15 +30,11 @@ class Arriving:
             return
         if self.image is None or message.scan > self._number:
             self._number = message.scan
-            self.image = Image.empty(self._spelled(message), dict(zip(message.channels, message.units, strict=True)))
+            self.image = Image.empty(
+                self._scan.of_channels(list(message.channels)), dict(zip(message.channels, message.units, strict=True))
+            )
         self.image.put(line)
         self._new.append(line)
-
-    def _spelled(self, message: ScanLine) -> Scan:
-        """The scan, with channels that it has not named."""
-        if self._scan.channels:
-            return self._scan
-        return self._scan.model_copy(update={"channels": ", ".join(message.channels)})
 
     def news(self) -> list[Line]:
         """Lines that have come since this was asked last."""

@@ -23,7 +23,7 @@ from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Scan, Withdraw
 from afm_model.microscope.view import CALIBRATIONS
 from afm_node_common import topics
-from afm_node_common.verb_codec import action_of, goal_of, outcome_of, parameters
+from afm_node_common.verb_codec import action_of, goal_of, lines_done, outcome_of, parameters
 
 from .arriving import Arriving
 from .remote_node import PATIENCE, SETTLED, RemoteNode
@@ -168,21 +168,21 @@ class Remote(Backend):
         image = lines.image if lines is not None else None
         if answer is None:
             return Outcome(unanswered, f"{type(verb).__name__} was broken off before the microscope answered", image)
-        result, missing = answer.result, 0
+        result, missing, done = answer.result, 0, 0
         if lines is not None:
-            before = -1
-            while wait and lines.missing(result.lines_done) and lines.received > before:
+            before, done = -1, lines_done(result)
+            while wait and lines.missing(done) and lines.received > before:
                 before = lines.received
-                self._remote.spin_until(partial(lines.has_news, result.lines_done, before), _LATE)
-            image, missing = lines.image, lines.missing(result.lines_done)
-            if image is not None:
-                image.lines_done = result.lines_done
-                image.complete = not missing and result.lines_done == image.scan.lines
+                self._remote.spin_until(partial(lines.has_news, done, before), _LATE)
+            image, missing = lines.image, lines.missing(done)
         outcome = outcome_of(verb, result, cancelled=answer.status == GoalStatus.STATUS_CANCELED, image=image)
+        if image is not None:
+            image.lines_done = done
+            image.complete = not missing and done == image.scan.lines
         if not missing:
             return outcome
         lost = (
-            f"{missing} of {2 * result.lines_done} lines of the scan (trace and retrace counted each) have not arrived "
+            f"{missing} of {2 * done} lines of the scan (trace and retrace counted each) have not arrived "
             f"here and are NaN"
         )
         # One that was broken off did not wait for its last lines: it has still been cancelled.

@@ -40,7 +40,7 @@ _BARS = ((-300e-9, -180e-9, -350e-9, 350e-9), (-180e-9, 300e-9, 230e-9, 350e-9),
 _FIRST = {"contact": "first_image", "tapping": "first_tapping"}
 _FRAMES: dict[str, dict[str, int | float]] = {
     "contact": {"size_x": 1e-6, "line_rate": 5.0},
-    "tapping": {"size_x": 1e-6, "line_rate": 2.0, "pixels": 64, "lines": 64},
+    "tapping": {"size_x": 1e-6, "line_rate": 3.0, "pixels": 48, "lines": 48},
 }
 """Of the first image in each mode; what is not here is the verb's default."""
 _OPTIONS = {

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from afm_recorder_node.recording import Recording
 
 PNG, SHEET, GWY, TABLE = "scan.png", "channels.png", "scan.gwy", "scan.csv"
+_SILENCE = 10.0
+"""Wall time from one word of how far it is to the next, where there is no terminal for a bar [s]."""
 _LINES_TIMEOUT = 10.0
 """Wall time without a new line at the recorder after which those that are missing are lost [s]."""
 
@@ -127,11 +129,17 @@ class ScanSession(Session):
             console=self._console,
             disable=not self._console.is_terminal,
         ) as progress:
-            bar = progress.add_task(f"{type(verb).__name__:<8}", total=1.0, detail="")
+            name, said = type(verb).__name__, time.monotonic()
+            bar = progress.add_task(f"{name:<8}", total=1.0, detail="")
 
             def told(news: Told) -> None:
-                if math.isfinite(news.fraction):
-                    progress.update(bar, completed=news.fraction, detail=news.detail)
+                nonlocal said
+                if not math.isfinite(news.fraction):
+                    return
+                progress.update(bar, completed=news.fraction, detail=news.detail)
+                if not self._console.is_terminal and time.monotonic() > said + _SILENCE:
+                    said = time.monotonic()
+                    say(f"{name}: {100.0 * news.fraction:.0f} %, {news.detail}")
 
             try:
                 outcome = remote.execute(verb, told)

@@ -62,15 +62,17 @@ class Presence:
                 f"{self._name} publishes {self._topic} anew: it was started again, or there are two of that name"
             )
         self._publishers |= publishers
-        problem = ""
+        problem, silent = "", now > self._heard_at + SILENCE
         if not publishers:
             problem = f"{self._name} has ended: {self._topic} has no publisher"
-        elif now > self._heard_at + SILENCE:
+        elif silent:
             problem = f"{self._name} has not published its status for {SILENCE:g} s: it has stopped or was killed"
         if problem != self.problem:
             before, self.problem = self.problem, problem
-            if problem:
+            if problem and (publishers or silent):
                 self._node.get_logger().warning(problem)
+            elif problem:  # heard up to its end: it has taken its leave
+                self._node.get_logger().info(problem)
             elif before:
                 self._node.get_logger().info(f"{self._name} publishes its status again")
 

@@ -111,6 +111,10 @@ def outcome_of(verb: Verb, result: Any, *, cancelled: bool, image: Image | None 
 def _result(verb: Verb, result: Any, image: Image | None) -> Any:
     if isinstance(result, action.Verb.Result):
         found = _arrays(result)
+        if verb.returns is Image:
+            if image is not None and found.attributes:
+                image.take_notes(found.attributes)
+            return image
         if verb.returns is not Standing:
             return found
         return Standing(**{name: each.values.item() for name, each in found.variables.items()})
@@ -222,6 +226,13 @@ def channels_of(message: Any, length: int) -> tuple[dict[str, Any], dict[str, st
     data = np.frombuffer(message.data).reshape(len(message.channels), length)
     units = dict(zip(message.channels, message.units, strict=True))
     return dict(zip(message.channels, data, strict=True)), units
+
+
+def lines_done(result: Any) -> int:
+    """Lines of a scan, or of a verb that is one, by the result of its action."""
+    if isinstance(result, action.Verb.Result):
+        return int(values_of(result.attributes).get("lines_done", 0))
+    return int(result.lines_done)
 
 
 FRAME = (

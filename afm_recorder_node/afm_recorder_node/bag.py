@@ -9,6 +9,7 @@ from typing import Any
 
 from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, ScanLine, Score, Waveform
 from ament_index_python.packages import get_package_share_directory
+from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
@@ -26,6 +27,7 @@ from .recording import RecordingError
 from .writer import RecordingWriter
 
 PARAMETER_EVENTS = "/parameter_events"
+_EVENT = "afm_msgs/msg/Event"
 _LATEST_NS = 10**17
 """Latest simulated time [ns], three years: a stamp behind it is one of the system's clock."""
 
@@ -115,7 +117,11 @@ class _Copy:
         for connection in self._bag.connections:
             name = connection.msgtype
             # Another version would be read as other numbers.
-            if name in kinds and self._bag.typestore.hash_rihs01(name) != typestore().hash_rihs01(name):
+            if (
+                name in kinds
+                and name != _EVENT
+                and self._bag.typestore.hash_rihs01(name) != typestore().hash_rihs01(name)
+            ):
                 raise RecordingError(f"{self._path} holds {name} of another version: read it with that one")
         for _, raw in self._messages(lambda connection: connection.topic == PARAMETER_EVENTS):
             event = deserialize_message(raw, ParameterEvent)
@@ -124,7 +130,11 @@ class _Copy:
         for node, values in self._known.items():
             self._writer.parameters(node, values)
         for connection, raw in self._messages(lambda connection: self._is_ours(connection, kinds)):
-            message = deserialize_message(raw, kinds[connection.msgtype])
+            message = (
+                self._event_of(raw)
+                if connection.msgtype == _EVENT
+                else deserialize_message(raw, kinds[connection.msgtype])
+            )
             if hasattr(message, "header"):
                 self._time_ns = max(self._time_ns, nanoseconds(message.header.stamp))
             try:
@@ -181,7 +191,14 @@ class _Copy:
         self._writer.score(nanoseconds(message.header.stamp), messages.plain(message))
 
     def _event(self, name: str, message: Event) -> None:
-        self._writer.event(nanoseconds(message.header.stamp), message.text, "WARN")
+        self._writer.event(nanoseconds(message.header.stamp), message.text, messages.level(message))
+
+    def _event_of(self, raw: bytes) -> Event:
+        """Read by the definition in the bag: those of earlier versions have no level."""
+        found: Any = self._bag.deserialize(raw, _EVENT)
+        event = Event(tick=found.tick, text=found.text, level=getattr(found, "level", Event.INFO))
+        event.header.stamp = Time(sec=found.header.stamp.sec, nanosec=found.header.stamp.nanosec)
+        return event
 
     def _line(self, name: str, message: ScanLine) -> None:
         self._writer.line(checks.scan_line(message))

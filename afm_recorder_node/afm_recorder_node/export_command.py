@@ -125,12 +125,16 @@ def _messages(recording: Recording) -> Iterator[_Timed]:
                 first_sample=first, sample_period=period, samples=samples, scale=scale, unit=channel.unit
             )
             yield _ns(first * period), f"{space}/{name}", message
-    for time, text in recording.events:
+    for (time, text), level in zip(recording.events, recording.event_levels, strict=True):
         name, _, detail = text.partition(": ")
         if name in State.__members__:
             yield _ns(time), f"{space}/{topics.STATUS}", InstrumentStatus(state=int(State[name]), detail=detail)
         elif not (_OF_ITSELF.fullmatch(text) or any(text.startswith(f"{each.node}: {each.name} ") for each in changes)):
-            yield _ns(time), f"{space}/{topics.EVENTS}", Event(text=text)
+            yield (
+                _ns(time),
+                f"{space}/{topics.EVENTS}",
+                Event(text=text, level=Event.INFO if level == "INFO" else Event.WARN),
+            )
     for number, image in enumerate(recording.images, 1):
         for time_ns, line in _lines(number, image):
             yield time_ns, f"{space}/{topics.SCAN_LINE}", line

@@ -22,9 +22,10 @@ from . import layout, questions
 from .describe import parts, quantity, scenario
 from .overview import overview, print_statistics
 from .readable import is_bag
-from .reader import read_about, read_signals
+from .reader import read_about, read_signals, visit_signals
 from .recording import IncompleteRecording, RecordingError, UncheckedRecording
-from .statistics import statistics_of
+from .spectrum import read_spectrum
+from .statistics import Gathered
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,16 +77,20 @@ def _write(arguments: argparse.Namespace, table: dict[str, NDArray[np.float64]])
 
 
 def _signal(path: Path, arguments: argparse.Namespace, console: Console) -> None:
-    name, _ = questions.split(arguments.signal)
-    signal = read_signals(path, [name], arguments.begin, arguments.end)[name]
-    if not len(signal.time):
+    name, axis = questions.split(arguments.signal)
+    gathered = Gathered()
+    signals = visit_signals(path, [name], lambda _, *rows: gathered.put(*rows), arguments.begin, arguments.end)
+    if not gathered.rows:
         raise RecordingError(f"{path}: {name} has no row from {arguments.begin:g} s to {arguments.end:g} s")
-    described = layout.signal(name, signal.unit)
+    found = gathered.statistics(signals[name])
+    if axis and len(found) == 1:
+        raise RecordingError(f"{path}: {name} has no axes: leave .{axis} out")
+    print_statistics([each for each in found if not axis or each.name == arguments.signal], console)
+    if not (arguments.plot or arguments.csv or arguments.parquet):
+        return
+    signal = read_signals(path, [name], arguments.begin, arguments.end)[name]
     table = questions.columns(name, signal)
     table = {each: table[each] for each in table if arguments.signal in (name, each)}
-    print_statistics(
-        [each for each in statistics_of(described, signal.time, signal.values) if each.name in table], console
-    )
     _write(arguments, {"time_s": signal.time} | {f"{each}_{signal.unit}": table[each] for each in table})
     if arguments.plot:
         values = np.column_stack(list(table.values()))
@@ -94,16 +99,15 @@ def _signal(path: Path, arguments: argparse.Namespace, console: Console) -> None
 
 
 def _psd(path: Path, arguments: argparse.Namespace, console: Console) -> None:
-    name, signal = questions.read_column(path, arguments.psd, arguments.begin, arguments.end, arguments.axis)
-    found = questions.spectrum(signal)
+    name, si_unit, found = read_spectrum(path, arguments.psd, arguments.begin, arguments.end, arguments.axis)
     console.print(
-        f"{name}: rms {quantity(found.rms, signal.unit)} about the mean, median level "
-        f"{quantity(found.floor, f'{signal.unit}/sqrt(Hz)')}; {found.samples} samples, {found.segments} stretches, "
+        f"{name}: rms {quantity(found.rms, si_unit)} about the mean, median level "
+        f"{quantity(found.floor, f'{si_unit}/sqrt(Hz)')}; {found.samples} samples, {found.segments} stretches, "
         f"resolution {quantity(found.frequency[0], 'Hz')}"
     )
     for frequency, rms in found.lines():
-        console.print(f"  {quantity(frequency, 'Hz')}: {quantity(rms, signal.unit)} rms")
-    unit = f"{signal.unit}^2/Hz"
+        console.print(f"  {quantity(frequency, 'Hz')}: {quantity(rms, si_unit)} rms")
+    unit = f"{si_unit}^2/Hz"
     _write(arguments, {"frequency_Hz": found.frequency, f"density_{unit}": found.density})
     if arguments.plot:
         _draw(
@@ -244,10 +248,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     asked = _arguments(arguments)
     console = Console(width=None if Console().is_terminal else 140, highlight=False)
     worst = 0
-    # The first says how many bytes are missing; the screen says that the file has no end.
-    warnings.simplefilter("ignore", IncompleteRecording)
     warnings.showwarning = lambda message, *_: print(f"warning: {message}", file=sys.stderr)
     warnings.simplefilter("always", UncheckedRecording)
+    # Screen and table say it themselves.
+    by_itself = asked.table or not (asked.signal or asked.psd or asked.loop or asked.compare)
+    warnings.simplefilter("ignore" if by_itself else "always", IncompleteRecording)
     try:
         paths = recordings(asked.recordings)
         if asked.table:

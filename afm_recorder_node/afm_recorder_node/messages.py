@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from afm_msgs.msg import ControlTrace, InstrumentStatus
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus
 from numpy.typing import NDArray
 
 from afm_model.run import State
@@ -30,6 +30,11 @@ def state(message: InstrumentStatus) -> Told:
     """The state that a status tells."""
     name = _STATES.get(message.state, f"state {message.state}")
     return Told(f"{name}: {message.detail}" if message.detail else name, _LEVELS.get(name, "INFO"))
+
+
+def level(message: Event) -> Level:
+    """How much an event matters."""
+    return "WARN" if message.level >= Event.WARN else "INFO"
 
 
 def columns(message: ControlTrace) -> dict[str, NDArray[Any]]:

@@ -119,7 +119,7 @@ class RecorderNode(Node):
 
     def _on_event(self, message: Event) -> None:
         checks.stamp(message)
-        self.recorder.event(nanoseconds(message.header.stamp), message.text)
+        self.recorder.event(nanoseconds(message.header.stamp), message.text, messages.level(message))
 
     def _on_known(self, node: str, values: dict[str, Any]) -> None:
         self.recorder.parameters(self._short(node), values)

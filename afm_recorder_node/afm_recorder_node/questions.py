@@ -1,4 +1,4 @@
-"""What may be asked of the signals of a recording: spectrum, friction loop, difference from another one."""
+"""What may be asked of the signals of a recording: friction loop, difference from another one."""
 
 import math
 from dataclasses import dataclass
@@ -18,12 +18,6 @@ from .recording import Channel, RecordingError
 
 _Array = NDArray[np.float64]
 AXES = "xyz"
-_SEGMENTS, _SHORTEST = 16, 64
-"""Stretches that a spectrum is the mean of, at least (they overlap by half), and samples of the shortest one."""
-_LINE = 20.0
-"""Times the median level that a line stands out."""
-_STRETCH = 1 << 18
-"""Rows that are looked at together."""
 _CLOSED = 0.02
 """Part of its range by which the end of a loop may miss its begin."""
 
@@ -41,20 +35,6 @@ def columns(name: str, signal: Channel) -> dict[str, _Array]:
     return {f"{name}.{axis}": signal.values[:, i] for i, axis in enumerate(AXES)}
 
 
-def read_column(
-    path: Path, name: str, begin: float = -math.inf, end: float = math.inf, axis: str = "x"
-) -> tuple[str, Channel]:
-    """One column of a recording by its name, position.y for example; `axis` counts where the name has none.
-
-    Raises as `read_signals`.
-    """
-    base, chosen = split(name)
-    signal = read_signals(path, [base], begin, end)[base]
-    found = columns(base, signal)
-    name = base if base in found else f"{base}.{chosen or axis}"
-    return name, Channel(signal.time, found[name], signal.unit, signal.scale)
-
-
 def write_table(path: Path, table: dict[str, _Array]) -> None:
     """Write columns into a .csv or .parquet file, every digit of them."""
     rows = pa.table(table)
@@ -62,71 +42,6 @@ def write_table(path: Path, table: dict[str, _Array]) -> None:
         pa.parquet.write_table(rows, path)
     else:
         pa.csv.write_csv(rows, path)
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """One-sided spectral density of a signal; by Parseval its integral is the square of `rms`."""
-
-    frequency: _Array
-    density: _Array  # [unit^2/Hz]
-    rms: float  # about the mean, of the samples that were used
-    samples: int
-    segments: int
-
-    @property
-    def floor(self) -> float:
-        """Median level [unit/sqrt(Hz)]: what is left between the lines."""
-        return math.sqrt(float(np.median(self.density)))
-
-    def lines(self, most: int = 5) -> list[tuple[float, float]]:
-        """The largest lines: frequency [Hz] and rms amplitude, each with all that stands out around it."""
-        rest, step, found = self.density.copy(), self.frequency[1] - self.frequency[0], list[tuple[float, float]]()
-        least = _LINE * np.median(self.density)
-        while len(found) < most and rest.max() > least > 0.0:
-            k = int(np.argmax(rest))
-            low = np.flatnonzero(np.append(-1.0, rest[:k]) <= least)[-1]
-            high = k + np.flatnonzero(np.append(rest[k:], -1.0) <= least)[0]
-            weights = rest[low:high]
-            found.append(
-                (float(weights @ self.frequency[low:high] / weights.sum()), math.sqrt(float(weights.sum()) * step))
-            )
-            rest[low:high] = 0.0
-        return found
-
-
-def spectrum(signal: Channel) -> Spectrum:
-    """Spectral density by Welch's method, of the longest stretch without a gap.
-
-    Raises
-    ------
-    RecordingError
-        If it is too short.
-    """
-    from scipy.signal import periodogram
-
-    last = max(len(signal.time) - 1, 0)
-    period = float(np.median(np.diff(signal.time[:10_001]))) if last else math.nan
-    bad = np.isnan(signal.values[1:]) | np.isnan(signal.values[:-1])
-    for first in range(0, last, _STRETCH):  # all steps would be as long as the signal
-        here = slice(first, first + _STRETCH)
-        bad[here] |= np.diff(signal.time[first : first + _STRETCH + 1]) > 1.5 * period
-    cuts = np.concatenate([[-1], np.flatnonzero(bad), [last]])
-    k = int(np.argmax(np.diff(cuts)))
-    values = signal.values[cuts[k] + 1 : cuts[k + 1] + 1]
-    if len(values) < _SHORTEST:
-        raise RecordingError(f"{len(values)} samples without a gap have no spectrum: {_SHORTEST} are the least")
-    # Time in a recording is in whole nanoseconds: the mean of many periods is exact.
-    period = float(signal.time[cuts[k + 1]] - signal.time[cuts[k] + 1]) / (len(values) - 1)
-    length = max(2 ** math.floor(math.log2(2 * len(values) / (_SEGMENTS + 1))), _SHORTEST)
-    total, segments = np.zeros(length // 2 + 1), 0
-    # One after the other: scipy's own mean of them takes ten times the memory of the signal.
-    for start in range(0, len(values) - length + 1, length // 2):
-        frequency, density = periodogram(values[start : start + length], 1.0 / period, "hann")
-        total, segments = total + density, segments + 1
-    away = values - values.mean()
-    rms = math.sqrt(float(np.einsum("i,i->", away, away)) / len(away))
-    return Spectrum(frequency[1:], total[1:] / segments, rms, len(values), segments)
 
 
 @dataclass(frozen=True)

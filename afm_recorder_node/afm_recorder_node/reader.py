@@ -169,26 +169,43 @@ def read_signals(path: Source, names: Sequence[str], begin: float = -np.inf, end
     RecordingError
         Also if there is no signal of a name; the message has those that are near.
     """
-    lo, hi = (int(np.clip(1e9 * each, -1, 2**62)) for each in (begin, end))
     kept: dict[str, list[_Rows]] = defaultdict(list)
 
     def keep(entity: str, times: NDArray[np.int64], values: _Array) -> None:
-        inside = (times >= lo) & (times <= hi)
-        kept[entity].append((times[inside], values[inside].ravel()))
+        kept[entity].append((times.copy(), values.flatten()))  # without the rest of the chunk
+
+    found = {}
+    for name, signal in visit_signals(path, names, keep, begin, end).items():
+        times, values = _joined(kept[signal.entity], signal)
+        found[name] = Channel(times / 1e9, values, signal.si_unit, float("nan"))
+    return found
+
+
+def visit_signals(
+    path: Source, names: Sequence[str], visit: Visit, begin: float = -np.inf, end: float = np.inf
+) -> dict[str, Signal]:
+    """Go through some signals stretch by stretch, as they stand in the file; the signals by name.
+
+    Parameters and errors are those of `read_signals`; the stretches come in order of time unless another tool has
+    written the file.
+    """
+    lo, hi = (int(np.clip(1e9 * each, -1, 2**62)) for each in (begin, end))
+
+    def see(entity: str, times: NDArray[np.int64], values: _Array) -> None:
+        if len(times) and (times.min() < lo or times.max() > hi):
+            inside = (times >= lo) & (times <= hi)
+            times, values = times[inside], values[inside]
+        if len(times):
+            visit(entity, times, values)
 
     with opened(path) as source:
-        _, signals = read_about(source, keep, names)
+        _, signals = read_about(source, see, names)
         if missing := [name for name in names if f"/{name}" not in signals]:
             there = [each.name for each in read_about(source, lambda *_: None)[1].values()]
             near = difflib.get_close_matches(missing[0], there, 3, 0.5)
             told = f"did you mean {' or '.join(near)}?" if near else f"there is {', '.join(there) or 'none'}"
             raise RecordingError(f"{source.name} holds no signal {missing[0]}: {told}")
-    found = {}
-    for name in names:
-        signal = signals[f"/{name}"]
-        times, values = _joined(kept[signal.entity], signal)
-        found[name] = Channel(times / 1e9, values, signal.si_unit, float("nan"))
-    return found
+    return {name: signals[f"/{name}"] for name in names}
 
 
 def _read(
@@ -282,7 +299,7 @@ def _signal(entity: str, batches: list[pa.RecordBatch]) -> Signal | None:
 
 
 def _about(batches: _Batches, whole: bool) -> About:
-    events, changes = _events(batches[layout.EVENTS])
+    events, levels, changes = _events(batches[layout.EVENTS])
     text = _static(batches[layout.PARAMETERS], "TextDocument:text")
     tree = yaml.safe_load(str(text)) if text is not None else {}
     score = _static(batches[layout.SCORE], "TextDocument:text")
@@ -290,22 +307,26 @@ def _about(batches: _Batches, whole: bool) -> About:
         parameters={node: known["ros__parameters"] for node, known in tree.items()},
         parameter_changes=changes,
         events=events,
+        event_levels=levels,
         images=list(images(batches[pictures.LINES]).values()),
         score=yaml.safe_load(str(score)) if score is not None else None,
         complete=whole,
     )
 
 
-def _events(batches: list[pa.RecordBatch]) -> tuple[list[tuple[float, str]], list[ParameterChange]]:
+def _events(batches: list[pa.RecordBatch]) -> tuple[list[tuple[float, str]], list[str], list[ParameterChange]]:
     events, changes = [], []
     for batch in batches:
         times = batch.column(layout.TIMELINE).cast(pa.int64()).to_pylist()
         texts = batch.column("TextLog:text").to_pylist()
-        for time_ns, text, change in zip(times, texts, batch.column("change").to_pylist(), strict=True):
-            events.append((time_ns / 1e9, text[0]))
+        levels = batch.column("TextLog:level").to_pylist()
+        for time_ns, text, level, change in zip(times, texts, levels, batch.column("change").to_pylist(), strict=True):
+            events.append((time_ns / 1e9, text[0], level[0]))
             if change and change[0]:
                 changes.append(ParameterChange(time=time_ns / 1e9, **json.loads(change[0])))
-    return sorted(events, key=lambda event: event[0]), sorted(changes, key=lambda change: change.time)
+    events.sort(key=lambda event: event[0])
+    told, levels = [event[:2] for event in events], [event[2] for event in events]
+    return told, levels, sorted(changes, key=lambda change: change.time)
 
 
 def _static(batches: list[pa.RecordBatch], component: str) -> object:

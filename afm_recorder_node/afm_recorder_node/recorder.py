@@ -126,10 +126,10 @@ class Recorder:
         self._score = time_ns, values
         self._match_score()
 
-    def event(self, time_ns: int, text: str) -> None:
+    def event(self, time_ns: int, text: str, level: Level) -> None:
         """Something that has happened in the run at a simulated time [ns], such as the begin of a fault."""
         if not self._resetting:
-            self._writer.event(time_ns, text, "WARN")
+            self._writer.event(time_ns, text, level)
 
     def result(self, shown: Shown) -> None:
         """What a verb has brought back."""

@@ -55,6 +55,7 @@ class About:
     parameters: dict[str, dict[str, Value]]  # node, name: value when first seen
     parameter_changes: list[ParameterChange]
     events: list[tuple[float, str]]  # simulated time, text; changes of parameters too
+    event_levels: list[str]  # of each of them: INFO, WARN, ERROR
     images: list[Image]  # of the scans, in order; one that was not finished has NaN where it lacks lines
     score: dict[str, Value] | None  # as in afm_msgs/Score; None: the run has not come to one
     complete: bool  # False: the recorder is still at work, or has died

@@ -64,7 +64,9 @@ class _Spread:
     def rows(self) -> tuple[NDArray[np.int64], _Array]:
         if not self._times:
             return np.empty(0, np.int64), np.empty((0, 3))
-        return np.concatenate(self._times), np.concatenate(self._values)
+        times, values = np.concatenate(self._times), np.concatenate(self._values)
+        order = np.argsort(times, kind="stable")  # those of a file that another tool has written may come in any
+        return times[order], values[order]
 
 
 class Scene:

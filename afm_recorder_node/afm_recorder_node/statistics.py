@@ -12,8 +12,6 @@ from .layout import Signal
 _Array = NDArray[np.float64]
 _LATE = 1.5
 """Periods between two rows from which on something is missing between them."""
-_STRETCH = 1 << 18
-"""Rows that are looked at together: copies of all of a long signal would be as large as it is."""
 
 
 @dataclass(frozen=True)
@@ -108,12 +106,3 @@ class Gathered:
                 )
             )
         return made
-
-
-def statistics_of(signal: Signal, times: _Array, values: _Array) -> list[Statistics]:
-    """Statistics of rows in SI units: times (n,) [s], values (n,) or (n, width)."""
-    gathered = Gathered()
-    for first in range(0, len(times), _STRETCH):
-        t, v = times[first : first + _STRETCH], values[first : first + _STRETCH]
-        gathered.put(np.rint(t * 1e9).astype(np.int64), v.reshape(len(t), -1) * signal.factor)
-    return gathered.statistics(signal) if len(times) else []

@@ -46,8 +46,12 @@ class Faults:
             self._told = 0
         if self._run.instrument.has_faults:
             for tick, text in self._happened(self._told, ticks):
-                self._log.warning(text)
-                self._publish(tick, round(tick * self._period * 1e9), text)
+                # Not in one line: rclpy allows one severity for each.
+                if ends := text.endswith(" ends"):
+                    self._log.info(text)
+                else:
+                    self._log.warning(text)
+                self._publish(tick, round(tick * self._period * 1e9), text, warn=not ends)
         self._told = ticks
 
     def _happened(self, begin: int, end: int) -> list[tuple[int, str]]:

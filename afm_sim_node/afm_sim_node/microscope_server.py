@@ -65,8 +65,8 @@ class MicroscopeServer:
         self._status = node.create_publisher(MicroscopeStatus, topics.MICROSCOPE, topics.LATCHED_QOS)
         self._told: Any = None
 
-        def changed(event: str) -> None:
-            events.publish(run.snapshot().ticks, run.stamp_ns, event)
+        def changed(event: str, warn: bool) -> None:
+            events.publish(run.snapshot().ticks, run.stamp_ns, event, warn=warn)
             self.publish()
 
         def brought(verb: str, outcome: Outcome) -> None:

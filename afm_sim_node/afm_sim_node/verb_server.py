@@ -12,7 +12,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
 from afm_model.core.errors import VerbError
-from afm_model.microscope.results import COMPLETE, Outcome
+from afm_model.microscope.results import CANCELLED, Outcome
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Withdraw
 from afm_model.run import Run
@@ -82,6 +82,7 @@ class Going:
     action: str
     goal: ServerGoalHandle | None  # None: nobody has asked for it
     over: Callable[[Outcome], None]
+    cancelled: bool = False  # by its client
 
 
 class VerbServer:
@@ -98,7 +99,7 @@ class VerbServer:
     begun : callable
         begun(verb): a verb is about to begin.
     changed : callable
-        changed(event): a verb has begun or ended, in a sentence.
+        changed(event, warn): a verb has begun or ended, in a sentence; warn: not as asked.
     brought : callable
         brought(title, outcome): a verb has ended.
     """
@@ -108,7 +109,7 @@ class VerbServer:
         node: Node,
         run: Run,
         begun: Callable[[Verb], object],
-        changed: Callable[[str], object],
+        changed: Callable[[str, bool], object],
         brought: Callable[[str, Outcome], object],
     ) -> None:
         self._run, self._begun, self._changed, self._brought = run, begun, changed, brought
@@ -162,11 +163,18 @@ class VerbServer:
             self.last = outcome.message or f"{going.title} was done"
             going.over(outcome)
             self._brought(going.title, outcome)
-            self._changed(self.last)
+            # A result that is whole may have a remark, too.
+            warn = bool(outcome.message) and not (going.cancelled and outcome.status == CANCELLED)
+            if warn:
+                self._log.warning(outcome.message)
+            elif outcome.message:
+                self._log.info(outcome.message)
+            self._changed(self.last, warn)
 
     def _cancel(self, goal: ServerGoalHandle) -> CancelResponse:
         going = self._going
         if going is not None and going.goal is not None and going.goal.goal_id == goal.goal_id:
+            going.cancelled = True
             self._run.operator.cancel("cancelled")
         else:
             # It is over and has not been answered: cancelled is cancelled.
@@ -198,14 +206,12 @@ class VerbServer:
         except BaseException:
             self._going = None
             raise
-        self._changed(f"{type(verb).__name__} has begun")
+        self._changed(f"{type(verb).__name__} has begun", False)
 
     def _over(self, name: str, goal: ServerGoalHandle, result: Any, outcome: Outcome) -> None:
         put_outcome(outcome, result)
         if hasattr(result, "scan"):
             result.scan = self.scan
-        if outcome.status != COMPLETE:
-            self._log.warning(outcome.message)
         self._answer(name, goal, result)
 
     def _answer(self, name: str, goal: ServerGoalHandle, result: Any) -> None:

@@ -33,7 +33,7 @@ def advance(lanes: Any, a: _Array, u: _Array, hold: int, drive: int) -> None:
         for axis in range(3):
             for lane in range(LANES):
                 a[(drive + axis) * LANES + lane] = u[i, axis]
-        together._steps(lanes, a, 0, hold, hold, False)
+        together._steps(lanes, a, a, a, 0, hold, hold, False, (0, 0))
 
 
 def problem() -> tuple[list[_Array], _Array]:

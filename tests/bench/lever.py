@@ -1,9 +1,10 @@
-"""Whole runs of the plant `lever`, each preset in turn: time of a step, simulated over wall time on one core."""
+"""Whole runs of the plant `lever`, each preset in turn: processor time of a step, simulated time over it."""
 
 import time
 from typing import Any
 
 from afm_model import Controller, ControllerParameters, Instrument, InstrumentParameters, build
+from afm_model.microscope import Microscope
 from afm_model.plant.presets import LEVERS, PAIRS, SCANNERS
 
 BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9, "reference.amplitude_y": 0.0}
@@ -23,19 +24,42 @@ def measure(stretches: int = 60) -> dict[str, Any]:
     cases |= {"ppp_lfmr, rough": ROUGH, "ppp_lfmr, pi": {"onboard.kind": "pi"}}
     cases |= {"ppp_lfmr, 295 K": {"plant.temperature": 295.0}, "ppp_lfmr, torsion at 0.5 us": MOVING}
     cases |= {"ppp_lfmr, lattice": ATOMS, "ppp_lfmr, lattice at 295 K": WARM}
-    return {name: _case(BASE | values, stretches) for name, values in cases.items()}
+    return {name: _case(BASE | values, stretches) for name, values in cases.items()} | tapping()
+
+
+def tapping(stretches: int = 12) -> dict[str, Any]:
+    """The same of a tip that taps at 77 kHz, by its free amplitude [m]: in attraction, in repulsion."""
+    found = {}
+    for name, free in (("attraction", 10e-9), ("repulsion", 20e-9)):
+        onboard = {"drive_amplitude": free / (1.5660 * 165.0), "setpoint_share": 0.7}
+        with Microscope("tapping", plant={"gap": free + 30e-9}, onboard=onboard) as microscope:
+            microscope.approach(rate=4e-6, range=100e-9)
+            local: Any = microscope.backend
+            parameters, took = local.instrument.parameters, []
+            for number in range(stretches):
+                start, begin = local.instrument.time, time.perf_counter()
+                microscope.move_to(x=1e-9 * (1 - number % 2), y=0.0, speed=2e-8)
+                took.append((time.perf_counter() - begin) / (local.instrument.time - start))
+        usual = sorted(took)[stretches // 4]
+        found[f"tapping, {name}"] = {"ns_per_step": usual * parameters.plant.dt * 1e9, "real_time_factor": 1.0 / usual}
+    return found
 
 
 def _case(values: dict[str, Any], stretches: int) -> dict[str, float]:
-    parameters = build(InstrumentParameters, values)
-    controller = Controller(build(ControllerParameters, {"law.kind": "open_loop"}))
-    instrument = Instrument(parameters, TICKS)
-    took = []
-    for _ in range(stretches):
-        begin = time.perf_counter()
-        instrument.close_loop(controller, TICKS)
-        took.append((time.perf_counter() - begin) / TICKS)
-        instrument.skip_block()
-    usual = sorted(took)[stretches // 4]
+    parameters, usual = time_of_a_tick(values, TICKS, stretches)
     period = parameters.plant.control_period
     return {"ns_per_step": usual / parameters.plant.substeps * 1e9, "real_time_factor": period / usual}
+
+
+def time_of_a_tick(values: dict[str, Any], ticks: int, stretches: int) -> tuple[InstrumentParameters, float]:
+    """Parameters, and processor time of a tick [s]: lower quartile of stretches of so many ticks."""
+    parameters = build(InstrumentParameters, values)
+    controller = Controller(build(ControllerParameters, {"law.kind": "open_loop"}))
+    instrument = Instrument(parameters, ticks)
+    took = []
+    for _ in range(stretches):
+        begin = time.thread_time()
+        instrument.close_loop(controller, ticks)
+        took.append((time.thread_time() - begin) / ticks)
+        instrument.skip_block()
+    return parameters, sorted(took)[stretches // 4]

@@ -45,6 +45,7 @@ def test_bits_are_the_same_without_fma_and_avx() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(0)
 @switches
 def test_all_bits_but_those_of_fits_are_the_same_without_fma_and_avx() -> None:
     assert differing([sys.executable, BITS], **PLAIN) == []

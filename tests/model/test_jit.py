@@ -50,7 +50,7 @@ def in_a_new_process(script: str, **environment: str) -> str:
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
+        timeout=800,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -146,7 +146,7 @@ def test_command_line_shows_the_progress_of_a_long_run_on_a_terminal_and_only_th
         with contextlib.suppress(OSError):
             while part := os.read(ours, 4096):
                 shown += part
-        answer, _ = done.communicate(timeout=120)
+        answer, _ = done.communicate(timeout=400)
     finally:
         os.close(ours)
     assert done.returncode == 0

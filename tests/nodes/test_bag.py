@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Score, Waveform
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
@@ -89,7 +89,8 @@ def test_bag_of_a_recording_is_that_recording_again_to_the_round_off_of_its_unit
             np.testing.assert_allclose(other.channels[name].values, channel.values, rtol=1e-15)
             assert other.channels[name].unit == channel.unit
         assert other.deflection_scale == one.deflection_scale
-        assert other.events == one.events
+        assert other.events == one.events and other.event_levels == one.event_levels
+        assert other.event_levels[other.events.index((0.005, "noise has begun"))] == "WARN"
         assert other.parameters["afm_sim_node"] == one.parameters["afm_sim_node"]
         assert [(each.time, each.name, each.new) for each in other.parameter_changes] == [(0.004, "law.alpha", 5.0)]
         assert isinstance(one.score, dict) and isinstance(other.score, dict)
@@ -172,6 +173,23 @@ def test_bag_of_live_topics_is_inspected_and_replayed_to_the_last_bit(
     assert "--scenario" in capsys.readouterr().err
     assert replay([place, "--scenario", str(scenario)]) == 0
     assert observer.scores[-1].trajectory_sha256 in capsys.readouterr().out
+
+
+def test_events_of_bags_from_before_they_had_levels_are_read(tmp_path: Path) -> None:
+    before = get_typestore(Stores.ROS2_JAZZY)
+    fields = get_types_from_msg("std_msgs/Header header\nuint64 tick\nstring text\n", kind_of(Event()))
+    before.register(fields)
+    kinds = before.types
+    header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](0, 5_000), "")
+    event = kinds[kind_of(Event())](header, 3, "Approach was done")
+    block = Waveform(first_sample=0, sample_period=1e-6, samples=[1.0], scale=1.0, unit="m")
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as made:
+        first = made.add_connection(f"{SPACE}/deflection", kind_of(block), typestore=typestore())
+        made.write(first, 0, serialize_message(block))
+        second = made.add_connection(f"{SPACE}/events", kind_of(Event()), typestore=before)
+        made.write(second, 0, before.serialize_cdr(event, kind_of(Event())))
+    found = read_recording(tmp_path / "bag")
+    assert (found.events, found.event_levels) == ([(5e-6, "Approach was done")], ["INFO"])
 
 
 def test_bags_that_cannot_be_read_rightly_are_refused_in_a_sentence(

@@ -32,6 +32,7 @@ class Orderer(Observer):
     def __init__(self) -> None:
         super().__init__()
         self.events: list[tuple[int, str]] = []
+        self.levels: dict[str, int] = {}
         self.create_subscription(Event, topics.EVENTS, self._on_event, topics.EVENTS_QOS)
         self._orders = self.create_client(OrderFault, topics.ORDER_FAULT)
         self._clears = self.create_client(Trigger, topics.CLEAR_FAULTS)
@@ -39,6 +40,7 @@ class Orderer(Observer):
 
     def _on_event(self, message: Event) -> None:
         self.events.append((message.tick, message.text))
+        self.levels[message.text] = message.level
 
     def order(self, graph: Graph, **fields: Any) -> OrderFault.Response:
         graph.spin_until(self._orders.service_is_ready)
@@ -136,6 +138,10 @@ def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp
     for each in recordings:
         assert {text for _, text in read_recording(each).events} >= set(told)
     recording = read_recording(path)
+    levels = dict(zip((text for _, text in recording.events), recording.event_levels, strict=True))
+    for text, level in observer.levels.items():
+        begins = " begins: " in text
+        assert (level, levels[text]) == ((Event.WARN, "WARN") if begins else (Event.INFO, "INFO"))
     values = recorded_parameters(recording.parameters["afm_sim_node"], recording.parameter_changes)
     assert simulate(values, Replay(recording.drive)).trajectory_sha256 == score.trajectory_sha256
 

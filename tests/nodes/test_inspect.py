@@ -5,6 +5,8 @@ import math
 import os
 import random
 from collections.abc import Iterator
+from contextlib import closing
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from recorded import CONTROL_PERIOD, PERIOD, Run
+from scipy.signal import welch
 
 from afm_model import load_scenario
 from afm_model.analysis import dissipated, friction_loop
@@ -20,9 +23,9 @@ from afm_recorder_node import checksums, complete, layout, questions, readable, 
 from afm_recorder_node.checksums import Extent
 from afm_recorder_node.inspect_command import main, recordings, row
 from afm_recorder_node.reader import read_recording, read_signals
-from afm_recorder_node.recording import Channel
 from afm_recorder_node.repair import repair
-from afm_recorder_node.statistics import Gathered, statistics_of
+from afm_recorder_node.spectrum import Longest, read_spectrum, spectrum
+from afm_recorder_node.statistics import Gathered
 from afm_recorder_node.writer import RecordingWriter
 
 TICKS = 4000
@@ -93,7 +96,9 @@ def test_statistics_of_stretches_are_those_of_the_whole_and_tell_gaps_and_nan() 
         known = values[~np.isnan(values[:, i]), i]
         assert (each.low, each.high) == (known.min(), known.max())
         assert (each.mean, each.rms) == pytest.approx((known.mean(), np.sqrt(np.mean(known**2))), rel=1e-12, abs=0.0)
-    irregular = statistics_of(layout.DEFLECTION, np.array([0.0, 1e-6, 2.001e-6, 7e-6]), np.zeros(4))[0]
+    gathered = Gathered()
+    gathered.put(np.array([0, 1000, 2001, 7000]), np.zeros((4, 1)))
+    (irregular,) = gathered.statistics(layout.DEFLECTION)
     assert irregular.gaps == [(2.001e-6, 4)]
 
 
@@ -130,6 +135,8 @@ def test_unknown_names_places_and_columns_are_told_with_those_that_are_near(
         ([path, "--table", "--sort", "rms"], "rms_x"),
         ([str(tmp_path / "none*.rrd")], "no readable recording"),
         ([path, "--signal", "drive", "--from", "1"], "no row"),
+        ([path, "--signal", "deflection.x"], "deflection has no axes"),
+        ([path, "--psd", "drive", "--to", "1e-4"], "51 samples without a gap"),
     ):
         assert main(asked) == 2
         assert told in capsys.readouterr().err
@@ -141,13 +148,36 @@ def test_spectrum_has_the_level_of_white_noise_and_the_amplitude_of_a_line() -> 
     t = np.arange(400_000) / rate
     values = 5e-9 + amplitude * np.sin(2.0 * np.pi * f * t) + rng.normal(0.0, level * math.sqrt(rate / 2.0), t.size)
     values[1000] = np.nan  # the longest stretch without a gap counts
-    found = questions.spectrum(Channel(np.rint(t * 1e9) / 1e9, values, "m", 1.0))
+    longest, times = Longest(), np.rint(t * 1e9).astype(np.int64)
+    for begin, end in pairwise([0, 1, 700, 1001, 30_000, 30_000 + (1 << 16), t.size]):
+        longest.put(times[begin:end], values[begin:end])
+    stretch, period = longest.end()
+    assert longest.ordered
+    np.testing.assert_array_equal(stretch, values[1001:])
+    assert period == pytest.approx(1.0 / rate, rel=1e-12, abs=0.0)
+    found = spectrum(stretch, period)
     assert found.floor == pytest.approx(level, rel=0.05, abs=0.0)
     (line, rms), *others = found.lines()
     assert not others
     assert (line, rms) == (pytest.approx(f, abs=1.0), pytest.approx(amplitude / math.sqrt(2.0), rel=2e-3, abs=0.0))
     step = found.frequency[1] - found.frequency[0]
     assert found.density.sum() * step == pytest.approx(found.rms**2, rel=0.01, abs=0.0)
+
+
+def test_spectrum_of_blocks_that_another_tool_has_put_in_disorder_is_that_of_the_signal(tmp_path: Path) -> None:
+    run = Run(TICKS)
+    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
+        for start in (*range(2000, TICKS, 500), *range(0, 2000, 500)):
+            run.write(writer, start, start + 500)
+            writer.flush()
+    name, unit, found = read_spectrum(tmp_path / "run.rrd", "drive.z")
+    assert (name, unit, found.samples) == ("drive.z", "V", TICKS)
+    assert found.rms == pytest.approx(run.drive[:, 2].std(), rel=1e-12, abs=0.0)
+    _, unit, found = read_spectrum(tmp_path / "run.rrd", "deflection")
+    frequency, density = welch(run.samples[0] * run.scales[0], 1.0 / PERIOD, nperseg=512, detrend="constant")
+    np.testing.assert_allclose(found.density, density[1:], rtol=1e-9)
+    np.testing.assert_allclose(found.frequency, frequency[1:], rtol=1e-12)
+    assert unit == "m"
 
 
 @pytest.mark.parametrize("periods", [1, 3])
@@ -243,6 +273,9 @@ def test_killed_and_repaired_recording_is_told_as_such(tmp_path: Path, capsys: p
     left = made(tmp_path / "run.rrd", close=False)
     assert main([str(left)]) == 0
     assert "WITHOUT AN END" in capsys.readouterr().out
+    for question in (["--signal", "drive.x"], ["--psd", "drive.x"], ["--compare", str(left)]):
+        assert main([str(left), *question]) == 0
+        assert f"warning: {left} has no end" in capsys.readouterr().err
     repair(left, tmp_path / "repaired.rrd")
     assert main([str(tmp_path / "repaired.rrd")]) == 0
     said = capsys.readouterr().out

@@ -19,7 +19,7 @@ from afm_model import SimParameters, build
 from afm_model.core.errors import ParameterError
 from afm_model.microscope import Local, MoveTo, Standing
 from afm_model.microscope.verb import find
-from afm_model.microscope.verbs import Scan, ScanPath
+from afm_model.microscope.verbs import Lift, Scan, ScanPath
 from afm_node_common.verb_codec import ANY, action_of, goal_of, parameters, verb_of
 from afm_sim_node.node import SimNode
 
@@ -114,18 +114,24 @@ TAPPING = DRIVEN | {
 }
 
 
-def test_image_by_tapping_is_the_same_over_actions_as_in_process_and_its_setpoint_is_set_over_topics() -> None:
-    scan = Scan(size_x=40e-9, size_y=10e-9, pixels=4, lines=2, line_rate=40.0, overscan=0.6)
+FRAME = {"size_x": 40e-9, "size_y": 10e-9, "pixels": 4, "lines": 2, "line_rate": 40.0, "overscan": 0.6}
+
+
+def test_images_by_tapping_are_the_same_over_actions_as_in_process_and_their_setpoint_is_set_over_topics() -> None:
+    scan = Scan(**FRAME)
     local = in_process(TAPPING)
     local.set_setpoint(share=0.7)
     assert local.execute(APPROACH).message == ""
     expected = local.execute(scan)
+    lift = Lift(**FRAME, lift=20e-9, lift_rate=4e-6)
+    expected_above = local.execute(lift)
     with simulated(TAPPING) as (client, simulator):
         client.set_setpoint(share=0.7)
         with pytest.raises(ParameterError, match=r"onboard\.setpoint_force = 1e-09 is not allowed with"):
             client.set_setpoint(force=1e-9)
         client.execute(APPROACH)
         found = client.execute(scan)
+        above = client.execute(lift)
         free = simulator.get_parameter("onboard.free_amplitude").value
         setpoint = client.state.setpoint
     assert (found.status, found.message) == (expected.status, expected.message) == ("complete", "")
@@ -133,6 +139,11 @@ def test_image_by_tapping_is_the_same_over_actions_as_in_process_and_its_setpoin
     assert (found.result.scan, found.result.units) == (expected.result.scan, expected.result.units)
     assert found.result.metadata == expected.result.metadata
     assert_same(found.result, expected.result)
+    assert action_of(lift) == ANY
+    assert (above.status, above.message) == (expected_above.status, expected_above.message) == ("complete", "")
+    assert above.result.scan == expected_above.result.scan
+    assert (above.result.units, above.result.metadata) == (expected_above.result.units, expected_above.result.metadata)
+    assert_same(above.result, expected_above.result)
     assert free == local.instrument.parameters.onboard.free_amplitude > 0.0
     assert setpoint == local.state.setpoint == pytest.approx(0.7 * free / 10e-9)
 
@@ -165,7 +176,7 @@ def test_goals_of_any_verb_keep_fields_to_the_last_bit_and_refuse_what_is_none()
     for name, values, told in (
         ("lift:LiftLine", {"lift": "high"}, "lift = high m is not allowed: it must be"),
         ("lift:LiftLine", {"left": 1.0}, "unknown parameter left: did you mean lift"),
-        ("lift", {}, "there is no verb lift"),
+        ("lift_line", {}, "there is no verb lift_line"),
         ("scan_path", {"x": (0, math.nan)}, r"x\[1\] = nan m is not allowed"),
     ):
         with pytest.raises(ParameterError, match=told):

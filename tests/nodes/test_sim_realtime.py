@@ -222,8 +222,8 @@ def test_score_of_a_run_that_fell_behind_says_how_far() -> None:
 
 
 def test_blocks_are_short_where_ticks_leave_no_time_for_long_ones() -> None:
-    # Without that these would be one block: 4000 samples are 400 ticks.
-    with bench(gentle, ticks=200, factor=500.0) as b:
+    # Without that one would have 400 ticks, which are 4000 samples.
+    with bench(gentle, ticks=2000, factor=500.0) as b:
         b.run_to_the_end()
         assert max(len(trace.position) // 3 for trace in b.traces) == 64
 

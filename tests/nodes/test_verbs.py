@@ -113,6 +113,8 @@ def test_tip_must_be_approached_and_one_verb_is_done_at_a_time(bench: Bench) -> 
 def test_progress_is_told_and_what_is_being_done(bench: Bench) -> None:
     bench.approach()
     heard: list[Any] = []
+    events: list[Event] = []
+    bench.client.create_subscription(Event, topics.EVENTS, events.append, topics.EVENTS_QOS)
     handle = bench.begin(ENDLESS, lambda message: heard.append(message.feedback))
     bench.graph.spin_until(lambda: len(heard) > 2)
     assert heard[0].progress < heard[-1].progress < 1.0
@@ -123,6 +125,9 @@ def test_progress_is_told_and_what_is_being_done(bench: Bench) -> None:
     bench.graph.spin_until(lambda: bench.states[-1].doing == "")
     assert bench.states[-1].last == "Scan was cancelled; the tip is withdrawn"
     assert not bench.states[-1].approached
+    # As its client has asked.
+    bench.graph.spin_until(lambda: events and events[-1].text == bench.states[-1].last)
+    assert events[-1].level == Event.INFO
 
 
 def at_once(bench: Bench) -> bool:
@@ -231,6 +236,10 @@ def test_client_that_is_killed_leaves_the_tip_withdrawn_and_is_told(
     assert not bench.near
     bench.graph.spin_until(lambda: bench.states[-1].doing == "")
     assert bench.states[-1].last == "Scan was cancelled, because its client has gone; the tip is withdrawn"
+    events: list[Event] = []
+    bench.client.create_subscription(Event, topics.EVENTS, events.append, topics.EVENTS_QOS)
+    bench.graph.spin_until(lambda: events and events[-1].text == bench.states[-1].last)
+    assert events[-1].level == Event.WARN
 
 
 def test_another_sample_begins_anew_with_the_tip_withdrawn_only(bench: Bench) -> None:
@@ -280,6 +289,7 @@ def test_verbs_are_told_as_events_and_what_counts_their_steps_is_no_topic(bench:
     # Of the verbs before it is told, too.
     bench.graph.spin_until(lambda: told and (told[-1].text, told[-1].tick) == ("Withdraw was done", ticks))
     assert (told[-2].text, told[-2].tick) == ("Withdraw has begun", begun)
+    assert {event.level for event in told} == {Event.INFO}
     assert begun < ticks
     assert done.time == pytest.approx(bench.simulator.run.instrument.time, abs=1e-3)
     published = {name for name, _ in bench.client.get_topic_names_and_types()}

@@ -11,6 +11,7 @@ import pytest
 import rerun.blueprint as rrb
 from recorded import Run, lines_of
 from rerun.chunk import RrdReader
+from support import TIMEOUT, executable
 
 from afm_recorder_node import layout, view_command
 from afm_recorder_node.complete import series
@@ -99,8 +100,10 @@ def test_what_cannot_be_shown_together_is_refused(two: list[Path], tmp_path: Pat
 def test_command_writes_a_file_or_serves_a_page(
     two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["view", *map(str, two), "--out", str(tmp_path / "out.rrd")])
-    assert main() == 0 and (tmp_path / "out.rrd").stat().st_size > 0
+    arguments = [*map(str, two), "--out", str(tmp_path / "out.rrd")]
+    assert subprocess.run([executable("afm_recorder_node", "view"), *arguments], timeout=TIMEOUT).returncode == 0
+    assert (tmp_path / "out.rrd").stat().st_size > 0
+    monkeypatch.setattr(sys, "argv", ["view", *arguments])
     assert main() == 1 and "nothing is overwritten" in capsys.readouterr().err
     with view_command._served(two) as link, urllib.request.urlopen(link.partition("?")[0]) as page:
         assert page.status == 200

@@ -76,8 +76,12 @@ def soak(
         told_at = begin
         while due <= begin + warm_up + seconds:
             command.wait_until(lambda due=due: time.monotonic() >= due, graph, warm_up + every + TIMEOUT)
-            for pid, name in names.items():
-                samples[name].append(sample(pid))
+            try:
+                for pid, name in names.items():
+                    samples[name].append(sample(pid))
+            except OSError:
+                command.wait(graph, _ENDING)
+                raise AssertionError(f"the session has ended by itself: {command.text}") from None
             if time.monotonic() >= told_at + 60.0:
                 told_at = time.monotonic()
                 told(f"{(told_at - begin) / 60.0:.0f} min, {observer.status.ticks} ticks: {_memory(samples)}")

@@ -52,7 +52,7 @@ def test_command_leaves_its_files_and_a_node_has_the_rows_of_the_same_law_in_pro
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), os.environ.get("PYTHONPATH", "")])},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=400,
     )
     assert done.returncode == 0, done.stderr
     table = pd.read_csv(tmp_path / "out" / "comparison.csv", dtype=str)

@@ -13,7 +13,7 @@ from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
 from .resonance import ResonanceFit, resonance_fit
 from .step_heights import Edge, edges, step_height
-from .tapping import TappingEnergy, tapping_energy
+from .tapping import TappingEnergy, beam_energy, tapping_energy
 from .thermal import ThermalTune, spring_constant
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
 
@@ -32,6 +32,7 @@ __all__ = [
     "ThermalTune",
     "WedgeCalibration",
     "along_normal",
+    "beam_energy",
     "contact_fit",
     "contrast",
     "correlated_mean",

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.jit import kernel
+from ..core.lane_ways import rare, settled
 from ..core.records import Block
 from ..core.splines import slopes
 from .maugis import branch
@@ -73,7 +74,7 @@ def look_up(d: float, row: float, t: Block, at: int, rows: int) -> tuple[float, 
     """
     if rows == 1:
         return _in_row(d - t[at], d, t, at)
-    below = min(max(int(row), 0), rows - 2)
+    below = _whole(row, rows - 2, t)
     f = row - below
     g = 1.0 - f
     one, two = at + below * ROW, at + (below + 1) * ROW
@@ -89,24 +90,30 @@ def end_of_contact(row: float, t: Block, at: int, rows: int) -> float:
     """Indentation at which contact begins and ends, in the units of `maugis`; arguments as in `look_up`."""
     if rows == 1:
         return t[at]
-    below = min(max(int(row), 0), rows - 2)
+    below = _whole(row, rows - 2, t)
     f = row - below
     return (1.0 - f) * t[at + below * ROW] + f * t[at + (below + 1) * ROW]
 
 
 @kernel
+def _whole(x: float, most: int, t: Block) -> int:
+    """Whole part of x, from 0 to `most`, whatever x is. 32 bits: processors convert several at once to these."""
+    return settled(min(max(np.int32(x), 0), most), t)  # type: ignore[arg-type]  # of numpy
+
+
+@kernel
 def _in_row(beyond: float, d: float, t: Block, at: int) -> tuple[float, float, float, float]:
-    if beyond <= 0.0:
+    if rare(beyond <= 0.0, t):
         return t[at + 1], 0.0, 0.0, 0.0
     s = math.sqrt(beyond)
     spacing = REACH / (NODES - 1)
-    if s >= REACH:
+    if rare(s >= REACH, t):
         root = math.sqrt(d + t[at + 2])
         fourth = math.sqrt(math.sqrt(d))
         a = math.sqrt(d + t[at + 4] * fourth + t[at + 5])
         return t[at + 3] + root * root * root, 1.5 * root, a, (0.5 + 0.125 * t[at + 4] * fourth / d) / a
     place = s / spacing
-    j = min(int(place), NODES - 2)
+    j = _whole(place, NODES - 2, t)
     f = place - j
     k = at + _HEAD + 4 * j
     # Cubic through values and slopes at both nodes.

@@ -2,7 +2,7 @@
 
 A kernel that says `s.X += half * s.V_X` takes such a record in place of a pointer; compiled in a loop over the lanes it
 becomes vector code. What LLVM needs for it: a constant number of lanes, one flat array, no call that is not inlined, no
-integer division; and more checks at run time that arrays do not overlap than it makes by itself.
+integer division; and to be told that no lane touches what another one writes.
 """
 
 import operator
@@ -33,10 +33,20 @@ _unbox: Any = _unbox_of
 LANES = 32
 """In a block: with fewer the compiler makes no vectors, with more the block leaves the processor's first cache."""
 AT_ONCE = 16
-"""Lanes in vectors at a time: several vectors, so that divisions of one wait beside those of another."""
+"""Lanes in vectors at a time: several vectors, so that divisions of one wait beside those of another. A kernel that
+marks lanes is long, and its numbers would not stay in the registers of a processor: half as many.
+"""
 _POINTER = ir.DoubleType().as_pointer()
 _WORD = ir.IntType(64)
 binding.set_option("", "-runtime-memory-check-threshold=512")
+
+
+class Own(Record):
+    """What a lane knows of the block of its instrument, where it knows it."""
+
+    address: int  # of that block: element i of a LaneBlock is number i of it
+    plant_map: int  # where in it the map of the plant begins
+    marked: float  # 1.0: this step needs the routine of an instrument alone, see lane_ways.py
 
 
 class Lanes:
@@ -53,12 +63,21 @@ class Lanes:
     fixed : dict
         Fields `record.field` that are the same in all lanes, and their values: a choice between ways of computing
         takes no time then, and the way not taken is not compiled.
+    marks : bool
+        Whether kernels mark lanes, see lane_ways.py.
     """
 
     def __init__(
-        self, name: str, records: dict[str, type[Record]], functions: dict[str, Any], fixed: dict[str, float]
+        self,
+        name: str,
+        records: dict[str, type[Record]],
+        functions: dict[str, Any],
+        fixed: dict[str, float],
+        marks: bool = False,
     ) -> None:
         self.name, self.records, self.functions, self.fixed = name, records, functions, fixed
+        self.marks = marks
+        self.at_once = 8 if marks else AT_ONCE
         self.places: dict[str, int] = {}
         end = 0
         for each, record in records.items():
@@ -94,6 +113,14 @@ class LaneVector(_Typed):
     """A field of it that is a vector."""
 
 
+class KeptRecord(_Typed):
+    """A LaneRecord, and whether what is written to it changes nothing."""
+
+
+class KeptVector(_Typed):
+    """A field of it that is a vector."""
+
+
 register_model(_Composition)(models.OpaqueModel)
 
 
@@ -104,6 +131,14 @@ class _Model(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         make: Any = super().__init__
         make(manager, kind, _POINTER)
+
+
+@register_model(KeptRecord)
+@register_model(KeptVector)
+class _KeptModel(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        make: Any = super().__init__
+        make(manager, kind, ir.LiteralStructType([_POINTER, ir.IntType(1)]))
 
 
 @typeof_impl.register(Lanes)
@@ -143,24 +178,32 @@ def _record(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any
 registry.lower_getattr_generic(LaneBlock)(_record)
 
 
-@infer_getattr
-class _RecordAttributes(templates.AttributeTemplate):  # type: ignore[misc]
-    key = LaneRecord
-
+class _Attributes(templates.AttributeTemplate):  # type: ignore[misc]
     def generic_resolve(self, kind: Any, name: str) -> Any:
         if name not in kind.lanes.records[kind.what].names:
             return None
         numpy_type, _ = _field(kind, name)
         if numpy_type.shape:
-            return LaneVector(kind.lanes, f"{kind.what}.{name}")
+            vector = KeptVector if isinstance(kind, KeptRecord) else LaneVector
+            return vector(kind.lanes, f"{kind.what}.{name}")
         return types.int64 if numpy_type == np.int64 else types.float64
 
 
+@infer_getattr
+class _RecordAttributes(_Attributes):
+    key = LaneRecord
+
+
+@infer_getattr
+class _KeptAttributes(_Attributes):
+    key = KeptRecord
+
+
 def _get(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    numpy_type, place = _field(kind, name)
     fixed = kind.lanes.fixed.get(f"{kind.what}.{name}")
     if fixed is not None:
-        return ir.Constant(ir.DoubleType(), fixed)
-    numpy_type, place = _field(kind, name)
+        return _WORD(int(fixed)) if numpy_type == np.int64 else ir.Constant(ir.DoubleType(), fixed)
     at = _moved(builder, value, place)
     if numpy_type.shape:
         return at
@@ -177,8 +220,26 @@ def _set(context: Any, builder: Any, signature: Any, arguments: Any, name: str) 
         builder.store(context.cast(builder, arguments[1], given, types.float64), at)
 
 
+def _get_kept(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    pointer = builder.extract_value(value, 0)
+    found = _get(context, builder, kind, pointer, name)
+    return builder.insert_value(value, found, 0) if _field(kind, name)[0].shape else found
+
+
+def _set_kept(context: Any, builder: Any, signature: Any, arguments: Any, name: str) -> None:
+    kind, given = signature.args
+    at = _moved(builder, builder.extract_value(arguments[0], 0), _field(kind, name)[1])
+    _store_kept(builder, arguments[0], context.cast(builder, arguments[1], given, types.float64), at)
+
+
+def _store_kept(builder: Any, kept: Any, value: Any, at: Any) -> None:
+    builder.store(builder.select(builder.extract_value(kept, 1), builder.load(at), value), at)
+
+
 registry.lower_getattr_generic(LaneRecord)(_get)
 registry.lower_setattr_generic(LaneRecord)(_set)
+registry.lower_getattr_generic(KeptRecord)(_get_kept)
+registry.lower_setattr_generic(KeptRecord)(_set_kept)
 
 
 def _element(builder: Any, vector: Any, index: Any) -> Any:
@@ -200,18 +261,74 @@ def _put_into(typing_context: Any, vector: Any, index: Any, value: Any) -> Any:
     return types.void(vector, types.int64, types.float64), generate
 
 
+def _kept_item_of(typing_context: Any, vector: Any, index: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_element(builder, builder.extract_value(arguments[0], 0), arguments[1]))
+
+    return types.float64(vector, types.int64), generate
+
+
+def _put_into_kept(typing_context: Any, vector: Any, index: Any, value: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        at = _element(builder, builder.extract_value(arguments[0], 0), arguments[1])
+        _store_kept(builder, arguments[0], arguments[2], at)
+        return context.get_dummy_value()
+
+    return types.void(vector, types.int64, types.float64), generate
+
+
+def _number_of(typing_context: Any, address: Any, index: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer = builder.inttoptr(arguments[0], _POINTER)
+        found = builder.load(builder.gep(pointer, [arguments[1]], inbounds=True))
+        # Nothing in a loop over lanes writes to the block of an instrument.
+        found.set_metadata("invariant.load", builder.module.add_metadata([]))
+        return found
+
+    return types.float64(types.int64, types.int64), generate
+
+
 _item: Any = intrinsic(_item_of)
 _put: Any = intrinsic(_put_into)
+_kept_item: Any = intrinsic(_kept_item_of)
+_kept_put: Any = intrinsic(_put_into_kept)
+_number: Any = intrinsic(_number_of)
 
 
 @overload(operator.getitem, jit_options={"forceinline": True})
 def _getitem(vector, index):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
+    if isinstance(vector, LaneBlock):
+        return lambda vector, index: _number(vector.own.address, index)
+    if isinstance(vector, KeptVector):
+        return lambda vector, index: _kept_item(vector, index)
     return (lambda vector, index: _item(vector, index)) if isinstance(vector, LaneVector | LaneRecord) else None
 
 
 @overload(operator.setitem, jit_options={"forceinline": True})
 def _setitem(vector, index, value):  # type: ignore[no-untyped-def]  # as above
+    if isinstance(vector, KeptVector):
+        return lambda vector, index, value: _kept_put(vector, index, value)
     return (lambda vector, index, value: _put(vector, index, value)) if isinstance(vector, LaneVector) else None
+
+
+class _Distinct(ir.MDValue):  # type: ignore[misc]
+    """A node of metadata that is equal to no other."""
+
+    def descr(self, buffer: Any) -> None:
+        buffer += ("distinct !{}", "\n")
+
+    __eq__, __ne__, __hash__ = object.__eq__, object.__ne__, object.__hash__
+
+
+def _of_no_other_lane(builder: Any, known: set[int]) -> Any:
+    """Tell of all accesses to memory but the known ones that no lane touches what another one writes."""
+    module = builder.module
+    group = _Distinct(module, (), str(len(module.metadata)))
+    for block in builder.function.blocks:
+        for each in block.instructions:
+            if id(each) not in known and each.opname in ("call", "load", "store"):
+                each.set_metadata("llvm.access.group", group)
+    return module.add_metadata(["llvm.loop.parallel_accesses", group])
 
 
 def for_lanes(body: Any) -> Any:
@@ -229,15 +346,18 @@ def for_lanes(body: Any) -> Any:
             pointer = data_pointer(context, builder, block, arguments[1])
             call = context.get_function(function, called)
             context.add_linking_libs(getattr(call, "libs", ()))
+            known = {id(each) for block in builder.function.blocks for each in block.instructions}
             with cgutils.for_range(builder, _WORD(LANES)) as loop:
                 call(builder, (builder.gep(pointer, [loop.index], inbounds=True), *arguments[2:]))
+            # Where it cannot see that itself: numbers are read from the blocks of the instruments, too.
+            apart = _of_no_other_lane(builder, known)
             module = builder.module
-            hint = module.add_metadata(["llvm.loop.vectorize.width", ir.Constant(ir.IntType(32), AT_ONCE)])
+            hint = module.add_metadata(["llvm.loop.vectorize.width", ir.Constant(ir.IntType(32), lanes.lanes.at_once)])
             # Before the body is compiled into it the loop looks short enough to be written out.
             whole = module.add_metadata(["llvm.loop.unroll.disable"])
-            loop_of = module.add_metadata([hint, whole, builder.function.name])
+            loop_of = module.add_metadata([hint, whole, apart, builder.function.name])
             # What names a loop begins with itself.
-            loop_of.operands = (loop_of, hint, whole)
+            loop_of.operands = (loop_of, hint, whole, apart)
             latch = loop.index.incomings[-1][1]
             latch.terminator.set_metadata("llvm.loop", loop_of)
             return context.get_dummy_value()

@@ -21,7 +21,7 @@ from ..core.errors import ParameterError, ResultFileError
 from ..core.optional import needed
 from ..core.schema import build, python_value
 from ..microscope.image import DIRECTIONS, RETRACE, Image, Line, as_image
-from ..microscope.verbs import Scan
+from ..microscope.verbs import Lift, Scan
 from .result_files import Disk, checked, reason
 
 if TYPE_CHECKING:
@@ -246,8 +246,8 @@ def read_scan(path: Path | str) -> Image:
 
 
 def _image(file: Any) -> Image:
-    known = {name: python_value(file.attrs[name]) for name in Scan.model_fields}
-    scan = build(Scan, known)
+    kind = Lift if "lift" in file.attrs else Scan
+    scan = build(kind, {name: python_value(file.attrs[name]) for name in kind.model_fields})
     units = {str(name): str(unit) for name, unit in zip(file.attrs["names"], file.attrs["units"], strict=True)}
     image = Image.empty(scan, units)
     image.start, image.line_rate = float(file.attrs["start"]), float(file.attrs["line_rate_reached"])

@@ -138,8 +138,7 @@ class Instrument(Readings):
         loop.in_force, loop.received = -1, address_at(block, layout.places["commanded"])
         self._faults.reset()
         self._recorded.reset()
-        self.ticks = self._drawn = self._prepared = 0
-        self._row = 0
+        self.ticks = self._drawn = self._prepared = self._row = 0
         noise, position_noise = self._draws.first()
         start(block, noise, position_noise, np.zeros(max(layout.parts["fault"].part.draws, 1)))
         self._raise_errors()

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from ..core.jit import config, kernel, routine
 from ..core.kernel_cache import fingerprint
-from ..core.lanes import LANES, LaneBlock, Lanes, for_lanes
-from ..core.records import Block, Record, numbers_at, place, record_at, size
-from ..parts.dispatch import surface_of
+from ..core.lanes import LANES, LaneBlock, Lanes, Own, for_lanes
+from ..core.records import Block, Record, numbers_at, place, pointer_at, record_at, size
+from ..parts.dispatch import step, surface_of
 from ..parts.header import BlockHeader
 from ..parts.part import Plant, Sample
 from ..parts.signals import Actuation, Setpoint, Surface, Truth
@@ -23,6 +23,8 @@ from .instrument import Instrument
 from .score import ScoreSums, count_step
 from .tick import DRAW_TICKS, MOVED, REFUSED, after_tick, begin_tick, command_tick, end_tick, sample
 
+_PARTS = {"state": "plant_state", "ledger": "plant_ledger", "plant": "plant_constants", "sample": "sample_constants"}
+"""Records of a lane, and where their numbers stand in an instrument."""
 LEAST = 6
 """Fewer instruments are sooner done one by one."""
 
@@ -42,6 +44,7 @@ class Tick(Record):
 
 
 _FIXED: dict[str, type[Record]] = {
+    "own": Own,
     "drive": Actuation,
     "asked": Setpoint,
     "asked_next": Setpoint,
@@ -53,25 +56,49 @@ _FIXED: dict[str, type[Record]] = {
 }
 """In every block of lanes, in front; state and constants of plant and sample follow."""
 _ENDS = np.cumsum([size(each) for each in _FIXED.values()])
-_DRIVE, _ASKED, _NEXT, _TRUTH, _DRAWN, _TICK = (int(end) for end in (0, *_ENDS[:5]))
+_DRIVE, _ASKED, _NEXT, _TRUTH, _DRAWN, _TICK = (int(end) for end in _ENDS[:6])
+_MARKED = place(Own, "marked")
 _STATE = int(_ENDS[-1])
 _DRIVES, _ASKS, _TRUTHS = size(Actuation), size(Setpoint), size(Truth)
 _STEPS, _VARIATION, _EXTENT = (place(ScoreSums, name) for name in ("steps", "variation", "extent"))
 
 
 def _move(t: float, m: Any) -> None:
-    """The plant's step of a lane, from time t [s] on, and what is true behind it."""
+    """The plant's step of a lane, from time t [s] on."""
 
 
 @overload(_move, jit_options={"forceinline": True})
 def _compiled_move(t, m):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
-    step, observe = m.lanes.functions["step"], m.lanes.functions["observe"]
+    function = m.lanes.functions["step"]
 
     def move(t, m):  # type: ignore[no-untyped-def]
-        step(t, m.drive, m.drawn, m.plant, m.state, m)
-        observe(m.plant, m.state, m.truth)
+        function(t, m.drive, m.drawn, m.plant, m.state, m)
 
     return move
+
+
+def _look(m: Any) -> None:
+    """What is true in a lane."""
+
+
+@overload(_look, jit_options={"forceinline": True})
+def _compiled_look(m):  # type: ignore[no-untyped-def]  # as above
+    observe = m.lanes.functions["observe"]
+
+    def look(m):  # type: ignore[no-untyped-def]
+        observe(m.plant, m.state, m.truth)
+
+    return look
+
+
+def _has_marks(lanes: Any) -> bool:
+    """Whether steps of lanes can be left to the routine of an instrument alone."""
+    return False
+
+
+@overload(_has_marks, jit_options={"forceinline": True})
+def _compiled_has_marks(lanes):  # type: ignore[no-untyped-def]  # as above
+    return (lambda lanes: True) if lanes.lanes.marks else (lambda lanes: False)
 
 
 @overload(surface_of, jit_options={"forceinline": True})
@@ -82,7 +109,7 @@ def _surface_of_lane(x, y, m):  # type: ignore[no-untyped-def]  # as above
 
     def surface(x, y, m):  # type: ignore[no-untyped-def]
         h = m.surface
-        h.adhesion = h.modulus = h.viscosity = 1.0
+        h.adhesion = h.modulus = h.viscosity = h.tension = 1.0
         look(x, y, h, m.sample, m)
         return h
 
@@ -138,7 +165,7 @@ def _sample_all(a: Block, blocks: Block, outcomes: Block, i: int) -> None:
 
 
 @routine
-def _store_all(a: Block, blocks: Block, outcomes: Block, state_size: int) -> None:
+def _store_all(a: Block, blocks: Block, outcomes: Block, state_size: int, ledger_size: int) -> None:
     """Copy what has moved into the blocks of the instruments."""
     for lane in range(len(blocks)):
         if outcomes[lane] == MOVED:
@@ -146,6 +173,7 @@ def _store_all(a: Block, blocks: Block, outcomes: Block, state_size: int) -> Non
             g = record_at(m, 0, BlockHeader)
             _give(m, g.truth, _TRUTHS, a, _TRUTH, lane)
             _give(m, g.plant_state, state_size, a, _STATE, lane)
+            _give(m, g.plant_ledger, ledger_size, a, _STATE + state_size, lane)
 
 
 @routine
@@ -162,25 +190,81 @@ def _end_all(blocks: Block, outcomes: Block) -> bool:
 
 @kernel
 def _step(m: Any, i: int, f: float) -> None:
-    """Integration step i of a tick."""
+    """Integration step i of a tick, and what is true behind it."""
     _move(m.tick.begin + i * m.tick.h, m)
+    _look(m)
 
 
 @kernel
 def _scored_step(m: Any, i: int, f: float) -> None:
     """The same, counted; f: part of the control period that has passed at its end."""
     _move(m.tick.begin + i * m.tick.h, m)
+    _look(m)
+    count_step(m.score, m.truth, m.asked, m.asked_next, f, m.tick.period)
+
+
+@kernel
+def _try_step(m: Any, i: int, f: float) -> None:
+    """Integration step i of a tick, in a lane that is not marked then."""
+    m.own.marked = 0.0
+    _move(m.tick.begin + i * m.tick.h, m)
+
+
+@kernel
+def _observe(m: Any, i: int, f: float) -> None:
+    _look(m)
+
+
+@kernel
+def _scored_observe(m: Any, i: int, f: float) -> None:
+    _look(m)
     count_step(m.score, m.truth, m.asked, m.asked_next, f, m.tick.period)
 
 
 _step_all, _score_all = for_lanes(_step), for_lanes(_scored_step)
+_try_all, _observe_all, _count_all = for_lanes(_try_step), for_lanes(_observe), for_lanes(_scored_observe)
 
 
 @routine
-def _steps(lanes: Any, a: Block, first: int, count: int, substeps: int, scored: bool) -> None:
+def _step_marked(a: Block, blocks: Block, outcomes: Block, i: int, state_size: int, ledger_size: int) -> None:
+    """The same by the routine of an instrument alone, in the lanes that are marked."""
+    for lane in range(len(blocks)):
+        if a[_MARKED * LANES + lane] == 0.0 or outcomes[lane] != MOVED:
+            continue
+        m = numbers_at(blocks[lane], 1)
+        g = record_at(m, 0, BlockHeader)
+        c = record_at(m, g.loop, LoopState)
+        _give(m, g.plant_state, state_size, a, _STATE, lane)
+        _give(m, g.plant_ledger, ledger_size, a, _STATE + state_size, lane)
+        disturbance = pointer_at(numbers_at(c.random, DRAW_TICKS * g.draws), c.draw * g.draws + g.disturbance)
+        h = c.control_period / c.substeps
+        step(c.k * c.control_period + i * h, record_at(m, g.effective, Actuation), disturbance, m)
+        _take(m, g.plant_state, state_size, a, _STATE, lane)
+        _take(m, g.plant_ledger, ledger_size, a, _STATE + state_size, lane)
+
+
+@routine
+def _steps(
+    lanes: Any,
+    a: Block,
+    blocks: Block,
+    outcomes: Block,
+    first: int,
+    count: int,
+    substeps: int,
+    scored: bool,
+    sizes: Any,
+) -> None:
     """Integration steps of all lanes, from number `first` of the tick on; of those that do not run as well."""
     for i in range(first, first + count):
-        if scored:
+        if _has_marks(lanes):
+            _try_all(lanes, a, i, 0.0)
+            _step_marked(a, blocks, outcomes, i, sizes[0], sizes[1])
+            if scored:
+                _count_all(lanes, a, i, (i + 1) / substeps)
+            else:
+                _observe_all(lanes, a, i, 0.0)
+        elif scored:
             _score_all(lanes, a, i, (i + 1) / substeps)
         else:
             _step_all(lanes, a, i, 0.0)
@@ -188,15 +272,23 @@ def _steps(lanes: Any, a: Block, first: int, count: int, substeps: int, scored: 
 
 @routine
 def _advance(
-    lanes: Any, a: Block, blocks: Block, laws: Block, outcomes: Block, ticks: int, substeps: int, stride: int, size: int
+    lanes: Any,
+    a: Block,
+    blocks: Block,
+    laws: Block,
+    outcomes: Block,
+    ticks: int,
+    substeps: int,
+    stride: int,
+    sizes: Any,
 ) -> None:
-    """Up to `ticks` control ticks of all lanes, fewer if one of them does not go on."""
+    """Up to `ticks` control ticks of all lanes, fewer if one of them does not go on; sizes of state and ledger."""
     for _ in range(ticks):
         scored = _begin_all(a, blocks, laws, outcomes)
         for first in range(0, substeps, stride):
             _sample_all(a, blocks, outcomes, first)
-            _steps(lanes, a, first, stride, substeps, scored)
-            _store_all(a, blocks, outcomes, size)
+            _steps(lanes, a, blocks, outcomes, first, stride, substeps, scored, sizes)
+            _store_all(a, blocks, outcomes, sizes[0], sizes[1])
         if not _end_all(blocks, outcomes):
             return
 
@@ -206,8 +298,10 @@ def composition(instrument: Instrument) -> Hashable | None:
     plant, sample = instrument.part("plant"), instrument.part("sample")
     if config.DISABLE_JIT or not (plant.lanes and sample.lanes) or instrument.has_faults:
         return None
-    loop, constants = instrument.record("loop"), instrument.record("plant_constants")
-    choices = tuple(float(constants[name]) for name in plant.choices)
+    loop, common = instrument.record("loop"), plant.common(instrument.record("plant_constants"))
+    if common is None or instrument.part("onboard").excites:
+        return None
+    choices = tuple((name, float(value)) for name, value in common.items())
     stride = loop.substeps if loop.quiet else loop.stride
     return plant, sample, choices, int(loop.substeps), int(stride), int(loop.score_tick)
 
@@ -215,7 +309,7 @@ def composition(instrument: Instrument) -> Hashable | None:
 _KNOWN: dict[Any, Lanes] = {}
 
 
-def _lanes_of(plant: Plant, sample: Sample, choices: tuple[float, ...]) -> Lanes:
+def _lanes_of(plant: Plant, sample: Sample, choices: tuple[tuple[str, float], ...]) -> Lanes:
     """What is compiled once for all instruments with these parts."""
     key = plant, sample, choices
     if key not in _KNOWN:
@@ -225,9 +319,10 @@ def _lanes_of(plant: Plant, sample: Sample, choices: tuple[float, ...]) -> Lanes
             f"{each.__module__}.{each.__name__} {fingerprint(each.__module__, each.__code__.co_filename)[:16]}"
             for each in (function.py_func for function in functions.values())
         ]
-        fixed = {f"plant.{name}": value for name, value in zip(plant.choices, choices, strict=True)}
-        records = _FIXED | {"state": plant.state, "plant": plant.constants, "sample": sample.constants}
-        _KNOWN[key] = Lanes(f"{', '.join(made)}, {fixed}", records, functions, fixed)
+        fixed = {f"plant.{name}": value for name, value in choices} | {"drive.amplitude": 0.0}
+        records = _FIXED | {"state": plant.state, "ledger": plant.ledger}
+        records |= {"plant": plant.constants, "sample": sample.constants}
+        _KNOWN[key] = Lanes(f"{', '.join(made)}, {fixed}", records, functions, fixed, plant.marks)
     return _KNOWN[key]
 
 
@@ -264,8 +359,10 @@ class Together:
         for i in range(LANES):
             # Lanes without an instrument have the numbers of another.
             instrument = chosen[i if i < len(chosen) else 0]
-            for name, there in (("state", "plant_state"), ("plant", "plant_constants"), ("sample", "sample_constants")):
+            for name, there in _PARTS.items():
                 self._copied(name, i)[:] = instrument.numbers(there)
+            header = record_at(numbers_at(instrument.address, size(BlockHeader)), 0, BlockHeader)
+            self._copied("own", i)[:2].view(np.int64)[:] = instrument.address, header.plant_map
             for name in ("truth", "score"):
                 self._copied(name, i)[:] = instrument.numbers(name)
             loop = instrument.record("loop")
@@ -292,7 +389,7 @@ class Together:
         outcomes = np.full(len(lanes), MOVED)
         _advance(
             *(self._lanes, self._block, self._addresses, self._laws, outcomes, least),
-            *(self._substeps, self._stride, size(self._lanes.records["state"])),
+            *(self._substeps, self._stride, (size(self._lanes.records["state"]), size(self._lanes.records["ledger"]))),
         )
         for sums, counted in self._sums:
             sums[:] = counted

@@ -100,6 +100,19 @@ class Image:
             self.lines_done = max(self.lines_done, line.index + 1)
         self.complete = len(self.times) == len(DIRECTIONS) * self.scan.lines
 
+    @property
+    def notes(self) -> dict[str, Any]:
+        """Line rate and start as attributes of its arrays, and how far it came."""
+        found = {"start": self.start, "line_rate_reached": self.line_rate, "lines_done": self.lines_done}
+        return found | {"complete": self.complete}
+
+    def take_notes(self, attributes: Mapping[str, Any]) -> None:
+        """The inverse: from attributes of its arrays."""
+        own = (*type(self.scan).model_fields, *_NUMBERS)
+        self.start, self.line_rate = attributes["start"], attributes["line_rate_reached"]
+        self.lines_done, self.complete = attributes["lines_done"], bool(attributes["complete"])
+        self.metadata = {name: str(value) for name, value in attributes.items() if name not in own}
+
     def missing(self, lines_done: int) -> int:
         """How many lines of so many, trace and retrace counted each, were not put in."""
         return len(set(range(2 * lines_done)) - set(self.times))
@@ -157,8 +170,7 @@ class Image:
                 for name, each in places.items()
             },
         }
-        more = {"start": self.start, "line_rate_reached": self.line_rate, "lines_done": self.lines_done}
-        return Arrays(variables, coordinates, attributes(scan, more | {"complete": self.complete} | self.metadata))
+        return Arrays(variables, coordinates, attributes(scan, self.notes | self.metadata))
 
 
 def as_image(scan: "Image | xarray.Dataset") -> Image:
@@ -169,12 +181,13 @@ def as_image(scan: "Image | xarray.Dataset") -> Image:
     ValueError
         If it is something else.
     """
-    from .verbs.scan import Scan
+    from .verbs import Lift, Scan
 
     if isinstance(scan, Image):
         return scan
     given: Mapping[str, Any] = getattr(scan, "attrs", {})
-    if given.get("verb") != "Scan":
+    kind = {"Scan": Scan, "Lift": Lift}.get(str(given.get("verb")))
+    if kind is None:
         raise ValueError(f"this is no scan, neither an Image nor the labelled arrays of one: {type(scan).__name__}")
     notes = {str(name): python_value(value) for name, value in given.items()}
     variables = {str(name): values for name, values in scan.data_vars.items() if name not in MADE}
@@ -184,13 +197,6 @@ def as_image(scan: "Image | xarray.Dataset") -> Image:
         for name, values in variables.items()
         for way in DIRECTIONS
     }
-    return Image(
-        build(Scan, {name: notes[name] for name in Scan.model_fields}),
-        units,
-        data,
-        start=notes["start"],
-        line_rate=notes["line_rate_reached"],
-        lines_done=notes["lines_done"],
-        complete=bool(notes["complete"]),
-        metadata={name: str(value) for name, value in notes.items() if name not in (*Scan.model_fields, *_NUMBERS)},
-    )
+    image = Image(build(kind, {name: notes[name] for name in kind.model_fields}), units, data)
+    image.take_notes(notes)
+    return image

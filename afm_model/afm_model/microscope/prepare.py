@@ -10,7 +10,8 @@ from .view import ERROR_CHANNEL, Z_CHANNEL
 
 P = TypeVar("P", bound=InstrumentParameters)
 _LOCK_IN = ("in_phase", "quadrature", "amplitude", "phase")
-CHANNELS = (Z_CHANNEL, ERROR_CHANNEL, "verb_number", "verb_step", *_LOCK_IN)
+_LOOPS = ("frequency_shift", "drive_amplitude")
+CHANNELS = (Z_CHANNEL, ERROR_CHANNEL, "verb_number", "verb_step", *_LOCK_IN, *_LOOPS)
 """Sampled for the verbs, besides those of every run."""
 GAP = 500e-9
 """How far the tip is off the sample at the start where the parameters do not say it [m]."""

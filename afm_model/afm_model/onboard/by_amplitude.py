@@ -24,7 +24,7 @@ def setpoint(parameters: Tree) -> float:
     return float(metres / parameters.detector.deflection_sensitivity)
 
 
-def _own_lag(parameters: Tree) -> float:
+def own_lag(parameters: Tree) -> float:
     """Time in which the amplitude of the free cantilever decays [s]."""
     cantilever = parameters.plant.cantilever_numbers
     return 0.0 if cantilever is None else float(cantilever.Q / (math.pi * cantilever.f0))
@@ -32,7 +32,7 @@ def _own_lag(parameters: Tree) -> float:
 
 def lag(parameters: Tree) -> float:
     """Time by which the amplitude follows the distance late, of cantilever and lock-in [s]."""
-    return _own_lag(parameters) + parameters.onboard.filter_order * parameters.onboard.time_constant
+    return own_lag(parameters) + parameters.onboard.filter_order * parameters.onboard.time_constant
 
 
 def check(parameters: Tree) -> None:
@@ -63,7 +63,7 @@ def check(parameters: Tree) -> None:
 
 def warnings(parameters: Tree) -> list[str]:
     """A gain with which the loop oscillates: an amplitude that follows z one to one, a quarter of a turn late."""
-    part, own = parameters.onboard, _own_lag(parameters)
+    part, own = parameters.onboard, own_lag(parameters)
     if own == 0.0:
         return []
 

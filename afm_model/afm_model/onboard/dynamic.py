@@ -14,6 +14,7 @@ from typing import Annotated, Literal, get_args
 from annotated_types import Ge, Le, Lt
 from pydantic import Field, model_validator
 
+from ..core import registry
 from ..core.elementary import expm1, sincos, square
 from ..core.jit import kernel
 from ..core.records import Array
@@ -31,6 +32,8 @@ RESOLVED = 0.075
 """Angle [rad] by which the drive may turn in an integration step: resonances are narrower by its square over six."""
 FEWEST = 4
 """Samples of the ADC in a period of the harmonic that is measured."""
+FEWEST_OF_ONE = 2.5
+"""The same of a signal without other harmonics, that of a plant that averages over the cycle."""
 _Drive = Literal["base", "tip", "lateral", "torsion"]
 DRIVES = get_args(_Drive)
 """Names of BASE, TIP, LATERAL and TORSION in afm_model.parts.signals."""
@@ -144,7 +147,8 @@ def _check(parameters: Tree) -> None:
     PI.check(parameters)
     part, T = parameters.onboard, parameters.detector.sample_period
     f, n = frequency(parameters), part.harmonic
-    most = RESOLVED / (_TURN * f) if f > 0.0 else math.inf
+    averages = registry.find("plant", parameters.plant.kind).averages
+    most = RESOLVED / (_TURN * f) if f > 0.0 and not averages else math.inf
     if part.drive_amplitude > 0.0 and parameters.plant.dt > most:
         raise ValueError(
             f"plant.dt = {parameters.plant.dt:g} s is not allowed with a drive of {f:.6g} Hz, which it does not "
@@ -155,10 +159,11 @@ def _check(parameters: Tree) -> None:
             f"onboard.drive = torsion is not allowed with plant.torsion = {parameters.plant.torsion}, which has no "
             f"resonance: take plant.torsion = moving"
         )
-    if FEWEST * n * f * T > 1.0 + 1e-9 and part.drive_amplitude > 0.0:
+    fewest = FEWEST_OF_ONE if averages else FEWEST
+    if fewest * n * f * T > 1.0 + 1e-9 and part.drive_amplitude > 0.0:
         raise ValueError(
             f"detector.sample_period = {T:g} s is not allowed with onboard.harmonic = {n} of a drive of {f:.6g} Hz: "
-            f"the lock-in needs {FEWEST} samples a period; take <= {1.0 / (FEWEST * n * f):.3g} s"
+            f"the lock-in needs {fewest:g} samples a period; take <= {1.0 / (fewest * n * f):.3g} s"
         )
     if taps(parameters):
         by_amplitude.check(parameters)
@@ -198,12 +203,14 @@ def late(x: float, y: float) -> float:
 
 
 @kernel
-def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Constants, s: State) -> None:
-    """See `afm_model.parts.Onboard`."""
-    if s.angular_frequency != p.angular_frequency:
+def drive_at(
+    t: float, d: Detection, r: Setpoint, u: Actuation, omega: float, amplitude: float, p: Constants, s: State
+) -> None:
+    """Drive the cantilever at omega [rad/s] and amplitude [m], measure, and let the z loop act."""
+    if s.angular_frequency != omega:
         s.turned = (s.turned + s.angular_frequency * (t - s.since)) % _TURN
-        s.since, s.angular_frequency = t, p.angular_frequency
-    u.amplitude, u.angular_frequency = p.drive_amplitude, s.angular_frequency
+        s.since, s.angular_frequency = t, omega
+    u.amplitude, u.angular_frequency = amplitude, s.angular_frequency
     u.phase, u.since, u.excited = s.turned + p.drive_phase, s.since, p.drive
     sin, cos = sincos((p.harmonic * (s.turned + s.angular_frequency * (t - s.since))) % _TURN)
     signal = d.lateral_voltage if p.lateral != 0.0 else d.deflection_voltage
@@ -220,6 +227,12 @@ def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Cons
         move_z(r, u, p, s)
     else:
         regulate(t, d, r, u, p, s)
+
+
+@kernel
+def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Constants, s: State) -> None:
+    """See `afm_model.parts.Onboard`."""
+    drive_at(t, d, r, u, p.angular_frequency, p.drive_amplitude, p, s)
 
 
 def _sensitivity(parameters: Tree) -> float:

@@ -91,12 +91,13 @@ def resolved(model: type[Group], values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _of_simulator(setup: _Setpoint, given: Mapping[str, Value], own: Mapping[str, Value]) -> dict[str, Value]:
-    if own.get("plant.kind", "lever") != "lever":
+    kind = own.get("plant.kind", "lever")
+    if not issubclass(chosen_group(InstrumentParameters, "plant", {"plant.kind": kind}), LeverGroup):
         raise ParameterError(
-            f"plant.kind = {own['plant.kind']} is not allowed with microscope.*, which is a microscope with "
-            f"plant.kind = lever"
+            f"plant.kind = {kind} is not allowed with microscope.*, which is a microscope with plant.kind = lever or "
+            f"averaged"
         )
-    news: dict[str, Value] = {"plant.kind": "lever"}
+    news: dict[str, Value] = {"plant.kind": kind}
     news |= {_OF_SIMULATOR[name]: value for name, value in given.items() if name in _OF_SIMULATOR}
     force, voltage = setup.setpoint_force, setup.setpoint_voltage
     if force or voltage:

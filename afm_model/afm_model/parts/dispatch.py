@@ -103,7 +103,7 @@ _surface = dispatcher(Sample, "surface")
 def _surface_of_block(x: float, y: float, m: Block) -> Any:
     g = record_at(m, 0, BlockHeader)
     h = record_at(m, g.surface, Surface)
-    h.adhesion = h.modulus = h.viscosity = 1.0
+    h.adhesion = h.modulus = h.viscosity = h.tension = 1.0
     d = record_at(m, g.displacement, Displacement)
     if d.there != 0:
         x -= d.x

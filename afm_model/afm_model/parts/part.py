@@ -285,8 +285,14 @@ class Plant(Part):
         Its friction can be the potential that a sample with `lattice` writes.
     takes_excitation : bool
         It moves the base of its cantilever as v tells.
-    choices : tuple of str
-        Constants by which `step` chooses between ways of computing: the same in all `lanes`.
+    averages : bool
+        Of an excited cantilever it has amplitude and phase as its state, and shows no higher harmonics: plant.dt need
+        not resolve the excitation.
+    common : callable
+        Record of the constants -> those by which `step` chooses between ways of computing, the same in all `lanes`;
+        None: this one does not run in lanes.
+    marks : bool
+        Of one with `lanes`: what is seldom it leaves to the routine of an instrument alone (core/lane_ways.py).
     ledger : type[Record]
         What it keeps beside its state, at m[plant_ledger of BlockHeader], such as energies: zeros at the start, neither
         recorded nor in the hash. A channel may name a field of it as one of the state.
@@ -305,7 +311,9 @@ class Plant(Part):
     sample_in_si: bool = False
     takes_lattice: bool = False
     takes_excitation: bool = False
-    choices: tuple[str, ...] = ()
+    averages: bool = False
+    common: Callable[[Any], Numbers | None] = _none
+    marks: bool = False
     ledger: type[Record] = Record
 
 
@@ -324,6 +332,9 @@ class Sample(Part):
     contrast : callable, optional
         Parameters -> least and largest (w/w_0)^2 R_e/R (K_0/K)^2, work of adhesion, effective radius and modulus over
         those of the plant, for the plant `lever`; by default what the curvature makes of it.
+    materials : callable, optional
+        Parameters -> (work of adhesion, modulus) of each of its materials over those of the plant, for the plant
+        `averaged`; empty if they are many. By default one, unless the sample has a `contrast`.
     lattice : callable, optional
         Parameters -> Corrugation, for a sample whose `surface` also writes the derivatives of a potential for the
         place of the tip; that takes the place of friction.
@@ -337,6 +348,7 @@ class Sample(Part):
     height: Callable[[Any], float] = lambda parameters: 0.0
     curvature: Callable[[Any], float] = lambda parameters: 0.0
     contrast: Callable[[Any], tuple[float, float]] | None = None
+    materials: Callable[[Any], tuple[tuple[float, float], ...]] | None = None
     lattice: Callable[[Any], Corrugation] | None = None
 
 

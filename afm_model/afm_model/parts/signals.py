@@ -108,6 +108,7 @@ class Surface(Record):
     adhesion: float  # work of adhesion over that of the plant [1]; 1 if the sample does not write it; plant lever
     modulus: float  # elastic modulus over that of the plant, as adhesion
     viscosity: float  # viscosity of the contact over that of the plant, as adhesion
+    tension: float  # surface tension of a liquid bridge times the cosine of the contact angle, as adhesion
     potential_x: Annotated[float, "N"]  # of a sample with a lattice: slope of its potential
     potential_y: Annotated[float, "N"]
     potential_xx: Annotated[float, "N/m"]  # its second derivatives

@@ -1,6 +1,7 @@
 """Plants: the equations of motion of scanner, cantilever and contact, and their one time-stepping scheme."""
 
 from ..core.registry import register
+from .averaged import AVERAGED
 from .compliant import COMPLIANT
 from .constants import Constants, plant_constants
 from .groups import PlantGroup
@@ -9,9 +10,10 @@ from .paper import PAPER, Z_COMPUTED, Z_HELD, Z_UNIFORM
 from .state import State
 from .steps import stable_step
 
-register(COMPLIANT, PAPER, LEVER)
+register(COMPLIANT, PAPER, LEVER, AVERAGED)
 
 __all__ = [
+    "AVERAGED",
     "COMPLIANT",
     "LEVER",
     "PAPER",

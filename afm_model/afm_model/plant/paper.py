@@ -150,5 +150,5 @@ PAPER = Plant(
     step=step,
     observe=observe,
     lanes=True,
-    choices=("treatment",),
+    common=lambda p: {"treatment": p.treatment},
 )

@@ -248,6 +248,14 @@ def surface(x: float, y: float, h: Surface, p: Constants, values: Block) -> None
         h.modulus = values[3 * size + pixel]
 
 
+def _materials(relief: Relief) -> tuple[tuple[float, float], ...]:
+    """Work of adhesion and modulus of each material over those of the plant."""
+    if not relief.constants["materials"]:
+        return ((1.0, 1.0),)
+    _, _, adhesions, moduli = relief.numbers.reshape(4, -1)
+    return tuple((float(a), float(m)) for a, m in np.unique(np.stack([adhesions, moduli]), axis=1).T)
+
+
 def map_sample(
     name: str, parameters: type[SampleParameters], of: Callable[[Tree], Relief], check: Callable[[Tree], None]
 ) -> Sample:
@@ -272,5 +280,6 @@ def map_sample(
         height=lambda parameters: of(parameters).amplitude,
         curvature=lambda parameters: of(parameters).curvature * square(parameters.scales.x0) / parameters.scales.z0,
         contrast=lambda parameters: of(parameters).contrast,
+        materials=lambda parameters: _materials(of(parameters)),
         surface=surface,
     )

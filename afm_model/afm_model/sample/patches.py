@@ -31,6 +31,9 @@ class Patches(SampleParameters):
     viscosity: Annotated[float, Ge(0.0), Le(1e3)] = Field(
         1.0, description="viscosity of the contact on the second material over that on the first (plant lever)"
     )
+    tension: Annotated[float, Ge(0.0), Le(1e3)] = Field(
+        1.0, description="tension of a liquid bridge on the second material over that on the first; 0: no bridge there"
+    )
 
 
 class Constants(Record):
@@ -40,6 +43,7 @@ class Constants(Record):
     adhesion: float
     modulus: float
     viscosity: float
+    tension: float
 
 
 def _values(parameters: Tree) -> Numbers:
@@ -60,6 +64,7 @@ def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None
     h.adhesion = p.adhesion if second else 1.0
     h.modulus = p.modulus if second else 1.0
     h.viscosity = p.viscosity if second else 1.0
+    h.tension = p.tension if second else 1.0
 
 
 def _contrast(parameters: Tree) -> tuple[float, float]:
@@ -73,5 +78,6 @@ PATCHES = Sample(
     constants=Constants,
     values=_values,
     contrast=_contrast,
+    materials=lambda parameters: ((1.0, 1.0), (parameters.sample.adhesion, parameters.sample.modulus)),
     surface=surface,
 )

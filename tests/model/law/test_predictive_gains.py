@@ -10,9 +10,10 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
-from law_bounds import PAGE, constants, of_edges, of_surface, radius, tables
+from law_bounds import PAGE, constants, of_drift, of_edges, of_surface, radius, tables
 from make_docs import between_marks
 
+from afm_model import ControllerParameters, SimParameters, build, simulate
 from afm_model.law.predictive.gains import Grid, gains, grid, observer_gains, transition
 
 ETA = {"x": 0.42039, "y": 0.25577, "z": 0.43111}
@@ -122,6 +123,19 @@ def test_what_an_edge_leaves_is_the_way_of_the_scanner_until_a_drive_can_answer_
         # Of 20 x0, along the diagonal.
         assert found[:2] == pytest.approx([5.0 * each / math.sqrt(2.0) for each in (least, most)], rel=0.01)
         assert 0.999 * found[0] <= found[2] <= 1.001 * found[1]
+
+
+def test_no_sensor_sees_a_drift_over_a_flat_sample_and_the_tip_is_off_by_it():
+    law = build(ControllerParameters, {"law.kind": "predictive", "law.period": 5e-5})
+    sim = {"plant.control_period": 5e-5, "sample.beta": 0.0, "run.duration": 3.0 * 2.0 * math.pi / 50.0}
+    still, moved = (
+        simulate(build(SimParameters, sim | {f"drift.rate_{axis}": rate for axis in "xy"}), law) for rate in (0.0, 1e-9)
+    )
+    told = moved.measurements["position"] - still.measurements["position"]
+    true = moved.truth["position"] - still.truth["position"]
+    assert np.abs(told[:, :2]).max() < 1e-12
+    # Of 5 nm; the table of wrong models scores the third period.
+    assert true[-1, :2] / 5e-11 == pytest.approx([of_drift(1e-9)] * 2, rel=1e-3)
 
 
 def test_tables_of_the_page_are_those_of_the_tool():

@@ -75,6 +75,32 @@ def test_amplitude_over_distance_is_that_of_the_attraction_in_closed_form():
     assert not microscope.state.near
 
 
+def test_with_loops_of_phase_and_amplitude_it_is_a_curve_of_frequency_shift_and_drive():
+    A = GAIN * Q * DRIVE
+    loops = {"onboard__phase_bandwidth": 300.0, "onboard__amplitude_bandwidth": 300.0}
+    loops |= {"onboard__kind": "frequency_modulation", "onboard__amplitude_setpoint": A * SHOWN}
+    microscope = tapping(**loops)
+    z0 = microscope.instrument.orders.onboard.z
+    outcome = microscope.execute(CURVE.model_copy(update={"ramp": 4e-9, "rate": 2e-7}))
+    assert (outcome.status, outcome.message) == ("complete", "")
+    found = outcome.result.variables
+    shift, drive = found["frequency_shift"], found["drive_amplitude"]
+    assert (shift.attributes["units"], drive.attributes["units"]) == ("Hz", "m")
+    beyond = math.sqrt(1e-19 / (12.0 * math.pi * 0.1))
+    zc = GAP - (found["z"].values - z0) + beyond
+    angle = (np.arange(100_000) + 0.5) * math.pi / 100_000
+
+    def giessibl(distance: float) -> float:
+        force = -1e-19 * 10e-9 / 6.0 / (distance + A * np.cos(angle)) ** 2
+        return float(-77e3 / (1.0302 * 2.8 * A) * np.mean(force * np.cos(angle)))
+
+    # Loops and lock-in are late by a tenth of a nanometre, there and back alike.
+    expected = giessibl(zc[:, -20].mean()) - giessibl(zc[:, 0].mean())
+    assert (shift.values[:, -20] - shift.values[:, 0]).mean() == pytest.approx(expected, rel=1e-2, abs=0.0)
+    # Attraction takes nothing: the drive stays.
+    assert drive.values[:, -20] == pytest.approx(drive.values[:, 0], rel=2e-3)
+
+
 @pytest.mark.parametrize(
     ("values", "verb", "told"),
     [

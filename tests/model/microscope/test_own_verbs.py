@@ -70,10 +70,10 @@ def test_verb_of_ones_own_is_refused_and_named_as_ours_are():
         microscope.do("lift:LiftLine")
     with pytest.raises(VerbError, match=r"lift = -1.0 m is not allowed: it must be a finite number >= 1e-18"):
         microscope.do("lift:LiftLine", lift=-1.0)
-    with pytest.raises(VerbError, match="there is no verb lift: it must be one of approach, withdraw, "):
-        microscope.do("lift")
-    with pytest.raises(AttributeError, match="a microscope has no lift; its verbs are approach, withdraw"):
-        microscope.lift()
+    with pytest.raises(VerbError, match="there is no verb lift_line: it must be one of approach, withdraw, "):
+        microscope.do("lift_line")
+    with pytest.raises(AttributeError, match="a microscope has no lift_line; its verbs are approach, withdraw"):
+        microscope.lift_line()
 
 
 def test_verb_of_an_installed_package_is_a_word_of_the_microscope(tmp_path, monkeypatch):

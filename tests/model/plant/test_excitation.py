@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument, ParameterError, build
+from afm_model.core import beam
 from afm_model.core.records import size
 from afm_model.parameters import InstrumentParameters
 from afm_model.parts import Onboard, OnboardParameters, Record, kernel
-from afm_model.plant import beam
 
 AMPLITUDE, PHASE, Q = 1e-11, 0.7, 30.0
 FREE = {"plant.kind": "lever", "sample.kind": "flat", "plant.gap": 1e-6, "plant.Q": Q, "plant.control_period": 1e-5}

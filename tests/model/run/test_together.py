@@ -17,6 +17,7 @@ from afm_model.run.simulation import run
 from afm_model.run.together import run_together
 
 SLOW = {"plant.control_period": 50e-6, "detector.sample_period": 10e-6, "run.duration": 4e-3, "score.start": 1e-3}
+LEVER = {"plant.kind": "lever", "sample.kind": "flat"}
 Set = tuple[SimParameters, ControllerParameters]
 needs_compiled = pytest.mark.skipif(config.DISABLE_JIT, reason="lanes are compiled code")
 
@@ -113,6 +114,39 @@ def test_compositions_of_make_bits_keep_their_bits_among_others(name, tmp_path):
     assert len(set(found)) == 2
 
 
+def levers(count: int, **news: Any) -> list[Set]:
+    """Sets whose tips stick and slide each at its own times; number 3 is off the sample at the start."""
+    law = build(ControllerParameters, {"law.kind": "open_loop"})
+    values = {**SLOW, **LEVER, **news}
+    return [
+        (
+            build(
+                SimParameters,
+                {**values, "reference.amplitude_x": (20.0 + 0.1 * i) * 1e-9, "plant.gap": 1e-9 if i == 3 else 0.0},
+            ),
+            law,
+        )
+        for i in range(count)
+    ]
+
+
+@needs_compiled
+def test_the_plant_lever_in_lanes_keeps_its_bits():
+    sets = levers(LEAST + 1)
+    assert len({composition(Instrument(sim)) for sim, _ in sets} - {None}) == 1
+    expected = [alone(each) for each in sets]
+    assert len(set(expected)) == len(expected)
+    assert hashes(sets) == expected
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("news", [{}, {"sample.kind": "plane", "sample.angle_x": 0.02, "sample.angle_y": 0.01}])
+@pytest.mark.parametrize("count", [1, 7, 64])
+def test_the_plant_lever_keeps_its_bits_among_any_number(count, news):
+    sets = levers(count, **news, **{"run.duration": 20e-3})
+    assert hashes(sets) == [alone(each) for each in sets]
+
+
 def test_scores_and_records_are_those_of_the_run_alone():
     sets = [one(number, {"law.kind": "tanh"}) for number in range(LEAST)]
     blocks: dict[int, list[Any]] = {number: [] for number in range(LEAST)}
@@ -141,12 +175,12 @@ def test_a_run_that_diverges_is_refused_or_limited_disturbs_no_other(many):
 
 
 def test_what_cannot_run_in_lanes_runs_one_by_one():
-    lever = (
-        build(SimParameters, {"plant.kind": "lever", "sample.kind": "flat", "run.duration": 2e-4}),
+    warm = (
+        build(SimParameters, {**LEVER, "plant.temperature": 295.0, "run.duration": 2e-4}),
         build(ControllerParameters, {}),
     )
-    assert composition(Instrument(lever[0])) is None
-    sets = [lever, one(1, {"law.kind": "pid"}), lever]
+    assert composition(Instrument(warm[0])) is None
+    sets = [warm, one(1, {"law.kind": "pid"}), warm]
     assert hashes(sets) == [alone(each) for each in sets]
 
 

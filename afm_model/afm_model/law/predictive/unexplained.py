@@ -1,7 +1,7 @@
 """What the model of the scanner does not explain: gain of the lateral signal, slow force, stiffness of x and y.
 
 A Kalman filter of three states an axis, docs/laws.md (8.6). The force that the last drive has left over moves no free
-scanner: it is friction, a slow force b (hysteresis, creep, drift) and what a spring that is c stiffer holds,
+scanner: it is friction, a slow force b (hysteresis, creep) and what a spring that is c stiffer holds,
 
     F = gamma f + b + c q,
 

@@ -7,13 +7,14 @@ from .calibrate_sensitivity import CalibrateSensitivity
 from .force_curve import ForceCurve
 from .friction_loop import FrictionLoop
 from .going import Approach, MoveTo, Withdraw
+from .lift import Lift
 from .scan import Scan
 from .scan_path import ScanPath
 from .thermal_tune import ThermalTune
 from .tune import Tune
 
 register(Approach, Withdraw, MoveTo, ForceCurve, FrictionLoop, Scan, ScanPath)
-register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve)
+register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve, Lift)
 
 __all__ = [
     "AmplitudeCurve",
@@ -22,6 +23,7 @@ __all__ = [
     "CalibrateSensitivity",
     "ForceCurve",
     "FrictionLoop",
+    "Lift",
     "MoveTo",
     "Scan",
     "ScanPath",

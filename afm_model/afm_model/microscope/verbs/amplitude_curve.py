@@ -20,10 +20,15 @@ from ..verb import Count, Length, Rest, Speed, Verb, on_the_sample, too_fast, to
 from ..view import InstrumentView
 
 _NAMES = ["z", "in_phase", "quadrature", "deflection"]
+_OF_LOOPS = {"frequency_shift": "Hz", "drive_amplitude": "m"}
+"""Channels of loops that hold phase and amplitude, measured where there are such loops."""
 
 
 class AmplitudeCurve(Verb):
-    """Amplitude, phase and mean deflection on the way to the sample and back; the tip begins and ends off it."""
+    """Amplitude, phase and mean deflection on the way to the sample and back; the tip begins and ends off it.
+
+    With loops that hold phase and amplitude also frequency shift and amplitude of the drive.
+    """
 
     returns: ClassVar = Arrays
 
@@ -50,7 +55,7 @@ class AmplitudeCurve(Verb):
             yield f"ramp = {self.ramp:g} m is not allowed here: z has {left - self.begin:.4g} m left behind begin"
         if self.samples(view) < 1.0:
             yield f"points = {self.points} is not allowed: there are {self.points * self.samples(view):.4g} samples"
-        yield from too_much(2.0 * len(_NAMES) * self.points, f"points = {self.points}")
+        yield from too_much(2.0 * len(_names(view)) * self.points, f"points = {self.points}")
 
     def samples(self, view: InstrumentView) -> float:
         """In a point."""
@@ -62,7 +67,7 @@ class AmplitudeCurve(Verb):
         run.state.near = True
         per = math.ceil(self.samples(view) - 1e-9)
         rate = 1.0 / (per * view.sample_period)
-        both = [run.recorder(_NAMES, rate, count=per * self.points) for _ in range(2)]
+        both = [run.recorder(_names(view), rate, count=per * self.points) for _ in range(2)]
         run.result = lambda: self._found(view, both)
         way, there = self.ramp / self.rate, self.begin / self.begin_rate + self.settle
         run.total = 2.0 * (way + there)
@@ -79,7 +84,7 @@ class AmplitudeCurve(Verb):
 
     def _found(self, view: InstrumentView, both: list[RecordCollector]) -> Arrays:
         """Both directions, from the far end on; what was not measured is NaN."""
-        columns: dict[str, list[NDArray[np.float64]]] = {name: [] for name in (*_NAMES, "amplitude", "phase")}
+        columns: dict[str, list[NDArray[np.float64]]] = {name: [] for name in (*_names(view), "amplitude", "phase")}
         records = [recorder.record().channels for recorder in both]
         longest = max(each["z"].size for each in records)
         for back, record in enumerate(records):
@@ -90,10 +95,15 @@ class AmplitudeCurve(Verb):
                 columns[name].append(np.pad(values, (0, longest - values.size), constant_values=np.nan))
         part = view.parameters.onboard
         told = {"drive_frequency_Hz": frequency(view.parameters), "drive_amplitude_m": part.drive_amplitude}
-        over, units = ("direction", "point"), {"phase": "rad"}
+        over, units = ("direction", "point"), {"phase": "rad"} | _OF_LOOPS
         ways = Variable(("direction",), np.arange(2.0), {"units": "1", "flag_meanings": "approach retract"})
         return Arrays(
             {name: variable(over, np.stack(each), name, units.get(name, "m")) for name, each in columns.items()},
             {"direction": ways},
             attributes(self, told),
         )
+
+
+def _names(view: InstrumentView) -> list[str]:
+    """Channels that are measured."""
+    return _NAMES + [name for name in _OF_LOOPS if hasattr(view.parameters.onboard, "phase_bandwidth")]

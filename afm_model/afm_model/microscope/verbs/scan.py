@@ -1,9 +1,10 @@
 """The verb Scan. What it brings back is an `afm_model.microscope.image.Image`."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from annotated_types import Ge, Le
 from pydantic import Field
 
@@ -26,6 +27,10 @@ OVERSCAN = 0.1
 """Of lines that are no image."""
 _AT_THE_END = 1e-12
 """Mean over a pixel this close to the end of the range of z [m]: z was there all the time."""
+_FREE = 0.9
+"""From this part of the free amplitude less setpoint on, a tip that taps is off the sample (mean over a pixel)."""
+_MANY = 0.01
+"""Pixels with the tip off the sample, over all, that are told."""
 
 
 class Scan(Verb):
@@ -64,7 +69,10 @@ class Scan(Verb):
 
     def spelled(self, view: InstrumentView) -> "Scan":
         """The same with all channels by their names."""
-        names = TAPPED if view.taps else PRESSED
+        return self.of_channels(TAPPED if view.taps else PRESSED)
+
+    def of_channels(self, names: Sequence[str]) -> "Scan":
+        """The same with those channels that are measured, where it names none."""
         return self if self.channels else self.model_copy(update={"channels": ", ".join(names)})
 
     @property
@@ -105,23 +113,7 @@ class Scan(Verb):
         """See `Verb`."""
         view, plan, image = run.view, lines(self, run.view), self.empty(run.view)
         image.metadata, image.line_rate = notes(view.parameters), plan.line_rate
-        low, high = view.z_range
-        saturated: set[int] = set()
-
-        def put(line: Line) -> None:
-            image.put(line)
-            if "height" in line.channels:
-                z = -line.channels["height"]
-                if z.min() <= low + _AT_THE_END or z.max() >= high - _AT_THE_END:
-                    saturated.add(line.index)
-                    run.remark = (
-                        f"z was at the end of its range in {len(saturated)} of {self.lines} lines: the height is not "
-                        f"that of the sample there"
-                    )
-                    # A remark is among the notes, so that files keep it.
-                    image.metadata["Remark"] = run.remark
-            run.on_line(line)
-
+        put = self.putter(run, image)
         run.result = lambda: image
         duration = plan.motion.samples * view.sample_period
         run.total = view.move(*plan.begin, self.speed).ticks * view.control_period + duration
@@ -129,6 +121,61 @@ class Scan(Verb):
         image.start = (view.next_sample + plan.motion.turn) * view.sample_period
         collector = LineCollector(view.instrument, image.scan.channel_names, plan, put)
         yield Task(Order(plan.motion), duration, lambda: f"line {collector.line + 1} of {self.lines}", collector)
+
+    def putter(self, run: Execution, image: Image) -> Callable[[Line], None]:
+        """What is done with each line: it goes into the image and to who listens, and its remarks to those of the run,
+        and to the notes, so that files keep them.
+        """
+        remarks = Remarks(run.view, self)
+
+        def put(line: Line) -> None:
+            image.put(line)
+            if told := remarks.of(line):
+                run.remark = image.metadata["Remark"] = told
+            run.on_line(line)
+
+        return put
+
+
+class Remarks:
+    """What is to be known of a scan, by its lines: z at the end of its range, a tip that taps off the sample.
+
+    Parameters
+    ----------
+    view : InstrumentView
+    scan : Scan
+    """
+
+    def __init__(self, view: InstrumentView, scan: Scan) -> None:
+        self._view, self._scan = view, scan
+        self._saturated: set[int] = set()
+        self._free = 0
+
+    def of(self, line: Line) -> str:
+        """Of all lines up to this one, sentences; empty if there is nothing."""
+        low, high = self._view.z_range
+        if "height" in line.channels:
+            z = -line.channels["height"]
+            if z.min() <= low + _AT_THE_END or z.max() >= high - _AT_THE_END:
+                self._saturated.add(line.index)
+        if self._view.taps and "amplitude_error" in line.channels:
+            volts = self._view.free_amplitude - self._view.setpoint
+            most = _FREE * volts * self._view.parameters.detector.deflection_sensitivity
+            self._free += int(np.count_nonzero(line.channels["amplitude_error"] > most)) if most > 0.0 else 0
+        return "; ".join(self._told())
+
+    def _told(self) -> Iterator[str]:
+        if self._saturated:
+            yield (
+                f"z was at the end of its range in {len(self._saturated)} of {self._scan.lines} lines: the height is "
+                f"not that of the sample there"
+            )
+        if (share := self._free / (2.0 * self._scan.lines * self._scan.pixels)) >= _MANY:
+            yield (
+                f"the tip was off the sample in {100.0 * share:.2g} % of the pixels, trace and retrace (parachuting): "
+                f"the height is not that of the sample there; scan slower, take a lower setpoint or a larger "
+                f"integral gain"
+            )
 
 
 def to_and_fro(

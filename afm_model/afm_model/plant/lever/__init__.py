@@ -3,13 +3,23 @@
 import numpy as np
 
 from ...contact.contact_table import table
-from ...parts.part import Channel, Plant
+from ...parts.part import Channel, Numbers, Plant
 from .lever_check import check, warnings
 from .lever_constants import Constants, fine_constants, lever_constants, rows
 from .lever_parameters import LeverGroup
 from .lever_start import rest
 from .lever_state import Ledger, State
 from .lever_step import observe, step
+
+_OFF = ("lattice", "thermal", "strengthening", "viscosity", "bridge")
+
+
+def _common(p: Constants) -> Numbers | None:
+    """In lanes: friction on a smooth sample, without heat or losses in the contact."""
+    if any(p[name] != 0.0 for name in _OFF):
+        return None
+    return dict.fromkeys(_OFF, 0.0) | ({"rows": 1} if p.rows == 1 else {})
+
 
 LEVER = Plant(
     name="lever",
@@ -27,6 +37,9 @@ LEVER = Plant(
     takes_lattice=True,
     takes_excitation=True,
     warnings=warnings,
+    lanes=True,
+    common=_common,
+    marks=True,
     channels=(
         Channel("truth/lateral_force", "N", "F_x"),
         Channel("truth/torsion", "rad", "twist"),

@@ -2,12 +2,11 @@
 
 import math
 
-from ...core import registry
+from ...core import beam, registry
 from ...core.elementary import square
 from ...core.errors import ParameterError
 from ...core.schema import flatten
 from ...parts.part import Tree
-from .. import beam
 from ..physics import Cantilever, Contact, Scanner
 from .lever_apex import apex_warnings, check_apex
 from .lever_constants import sample_curvature
@@ -31,7 +30,7 @@ _EDGE_TIME = 4.0
 def check(parameters: Tree) -> None:
     """Raise ValueError for what is impossible."""
     plant = parameters.plant
-    _refuse_of_other_plants(parameters)
+    refuse_of_other_plants(parameters)
     check_apex(parameters)
     check_losses(parameters)
     c, s = plant.cantilever_numbers, plant.scanner_numbers
@@ -42,7 +41,7 @@ def check(parameters: Tree) -> None:
         )
     modes = plant.modes
     frequency = c.f0 * beam.MODE[modes - 1].frequency
-    _require_step(
+    require_step(
         plant.dt,
         frequency,
         RESOLVED[modes - 1],
@@ -50,13 +49,13 @@ def check(parameters: Tree) -> None:
         " or fewer plant.modes" * (modes > 1),
     )
     if plant.torsion == "moving":
-        _require_step(
+        require_step(
             plant.dt, c.f_torsion, RESOLVED_TORSION, "the torsion of the cantilever", " or plant.torsion = static"
         )
-    _require_step(plant.dt, max(s.f_x, s.f_y, s.f_z), RESOLVED_SCANNER, "the scanner")
+    require_step(plant.dt, max(s.f_x, s.f_y, s.f_z), RESOLVED_SCANNER, "the scanner")
 
 
-def _require_step(dt: float, frequency: float, phase: float, what: str, otherwise: str = "") -> None:
+def require_step(dt: float, frequency: float, phase: float, what: str, otherwise: str = "") -> None:
     """Raise ValueError if a step [s] is more than this part [rad] of a period of a resonance [Hz]."""
     most = phase / (2.0 * math.pi * frequency)
     if dt > most:
@@ -81,7 +80,7 @@ def require_blunt_sample(parameters: Tree) -> None:
         )
 
 
-def _refuse_of_other_plants(parameters: Tree) -> None:
+def refuse_of_other_plants(parameters: Tree) -> None:
     """Parameters that would have no effect are no silent ones."""
     for name, group, given in (
         ("cantilever", Cantilever(), parameters.cantilever),
@@ -92,8 +91,8 @@ def _refuse_of_other_plants(parameters: Tree) -> None:
         for leaf, value in flatten(given).items():
             if value != usual[leaf] and (name, leaf) != ("cantilever", "a"):
                 raise ValueError(
-                    f"{name}.{leaf} = {value} has no effect with plant.kind = lever, which takes cantilever, scanner "
-                    f"and contact from plant.*: leave it out"
+                    f"{name}.{leaf} = {value} has no effect with plant.kind = {parameters.plant.kind}, which takes "
+                    f"cantilever, scanner and contact from plant.*: leave it out"
                 )
 
 
@@ -114,6 +113,12 @@ _PLAUSIBLE = {
 
 def warnings(parameters: Tree) -> list[str]:
     """What is implausible, a sentence each."""
+    others = _jumps_off(parameters) + apex_warnings(parameters) + loss_warnings(parameters)
+    return implausible(parameters) + others
+
+
+def implausible(parameters: Tree) -> list[str]:
+    """Of cantilever, scanner and materials."""
     plant = parameters.plant
     values = plant.cantilever_numbers._asdict() | plant.pair_numbers._asdict()
     found = []
@@ -140,7 +145,7 @@ def warnings(parameters: Tree) -> list[str]:
                 f"plant.k_{axis} = {k:g} N/m and plant.f_{axis} = {f:g} Hz make the moving mass {moved:.3g} kg: "
                 f"scanners move 1e-4 to 1 kg"
             )
-    return found + _jumps_off(parameters) + apex_warnings(parameters) + loss_warnings(parameters)
+    return found
 
 
 def _jumps_off(parameters: Tree) -> list[str]:

@@ -5,10 +5,12 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 """
 
 import math
+from typing import Any
 
 from ...contact.contact_table import attraction, end_of_contact, look_up
 from ...core.elementary import cbrt, exp, log
 from ...core.jit import kernel
+from ...core.lane_ways import by_lane, rare, where
 from ...core.records import Block, record_at
 from ...parts.header import BlockHeader
 from ...parts.signals import Surface
@@ -17,18 +19,29 @@ from .lever_state import Ledger, State
 
 _CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""
+_Pressed = tuple[float, float, float, float, float]
+FOUND, NEAR, FAR = range(3)
+"""What a step of Newton's method has come to: the solution, to be stepped on from, nowhere."""
 
 
 @kernel
-def ledger_of(m: Block) -> Ledger:
-    """The record of the instrument's block in which the contact keeps its account."""
+def _ledger_alone(m: Block) -> Ledger:
     return record_at(m, record_at(m, 0, BlockHeader).plant_ledger, Ledger)
+
+
+@kernel
+def _ledger_in_lane(m: Any) -> Any:
+    return m.ledger
+
+
+ledger_of = by_lane(_ledger_alone, _ledger_in_lane)
+"""The record of the instrument's block m in which the contact keeps its account."""
 
 
 @kernel
 def place_frame(H: Surface, p: Constants, f: State, m: Block, at: int) -> None:
     """Write the contact at a place of the sample, H, into f, the State."""
-    rho = 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
+    rho = 1.0 if H.curvature == 0.0 else 1.0 / (1.0 + H.curvature * p.rise / p.x0 * p.R)
     contrast = H.adhesion
     # (w^2 R_e / K^2)^(1/3), and the other powers by it.
     same = rho == 1.0 and contrast == 1.0 and H.modulus == 1.0
@@ -43,7 +56,7 @@ def place_frame(H: Surface, p: Constants, f: State, m: Block, at: int) -> None:
     if p.viscosity != 0.0 or p.bridge != 0.0:
         own = ledger_of(m)
         own.eta = p.viscosity * H.viscosity
-        own.pull = p.bridge_pull * rho
+        own.pull = p.bridge_pull * rho * H.tension
         own.spread2 = p.bridge_spread2 / rho
 
 
@@ -74,7 +87,7 @@ def _contact(
     """As `normal`, and the slope of the contact radius."""
     F, S, a, b = look_up(delta / f.unit_indentation, f.row, m, at, p.rows)
     bound = growth = 0.0
-    if a == 0.0:
+    if rare(a == 0.0, m):
         # The distance at which the attraction is that of the end of the contact; from there on it grows.
         D = math.sqrt(-f.hamaker_radius / (6.0 * F * f.unit_force)) + max(f.end - delta, 0.0)
         N, stiffness = attraction(D, f.hamaker_radius)
@@ -135,21 +148,37 @@ def indent(
     -------
     (delta, N, F_max, a) : floats
     """
-    unit = f.unit_indentation
     x = delta
     for _ in range(8):
-        N, stiffness, bound, growth, a = pressed(x, f, p, m, at)
-        slope = 1.0 + w_n * stiffness + w_f * growth
-        if slope < 0.1:
-            break
-        step = (target - x - w_n * N - w_f * bound) / slope
-        if abs(step) < _CLOSE * unit:
-            return x + step, N + stiffness * step, bound + growth * step, a
-        # Across the end of the contact the slope changes too much.
-        if abs(step) > unit + 0.3 * abs(x - f.end) or (x - f.end) * (x + step - f.end) <= 0.0:
-            break
+        step, N, bound, a, outcome = newton(x, pressed(x, f, p, m, at), target, w_n, w_f, f)
         x += step
+        if outcome == FOUND:
+            return x, N, bound, a
+        if outcome == FAR:
+            break
     return _march(delta, target, w_n, w_f, f, p, m, at)
+
+
+@kernel
+def newton(
+    x: float, here: _Pressed, target: float, w_n: float, w_f: float, f: State
+) -> tuple[float, float, float, float, int]:
+    """One step of Newton's method for `indent`, from indentation x, at which `pressed` has found `here`.
+
+    Returns
+    -------
+    (step, N, F_max, a, outcome) : floats, int
+        Of the place to which the step leads, to first order; FOUND, NEAR or FAR.
+    """
+    N, stiffness, bound, growth, a = here
+    slope = 1.0 + w_n * stiffness + w_f * growth
+    step = (target - x - w_n * N - w_f * bound) / slope
+    unit = f.unit_indentation
+    # Across the end of the contact the slope changes too much.
+    leap = (abs(step) > unit + 0.3 * abs(x - f.end)) | ((x - f.end) * (x + step - f.end) <= 0.0)
+    found, far = abs(step) < _CLOSE * unit, slope < 0.1
+    outcome = where(far, FAR, where(found, FOUND, where(leap, FAR, NEAR)))
+    return step, N + stiffness * step, bound + growth * step, a, outcome
 
 
 @kernel
@@ -247,33 +276,15 @@ def slide(
     """
     x = delta
     for _ in range(12):
-        N, stiffness, bound, growth, a = pressed(x, f, p, m, at)
-        along, across = w_n1 * d_1 + w_n2 * d_2, w_n2 * d_1 - w_n1 * d_2
-        g_1, g_2 = e_1 - w_n1 * N, e_2 - w_n2 * N
-        if p.strengthening != 0.0 and a > 0.0:
-            give = d_1 * (w_11 * d_1 + 2.0 * w_12 * d_2) + w_22 * d_2 * d_2 + 1.0 / (shear * a)
-            rest, bound = bound, strengthened(bound, g_1 * d_1 + g_2 * d_2, give, p)
-            growth *= bound / rest
-        turn = (w_11 - w_22) * d_1 * d_2 + w_12 * (d_2 * d_2 - d_1 * d_1)
-        turning = (w_11 - w_22) * (d_1 * d_1 - d_2 * d_2) + 4.0 * w_12 * d_1 * d_2
-        r_1 = target - x - w_nn * N - along * bound
-        r_2 = bound * turn - (g_1 * d_2 - g_2 * d_1)
-        J_11, J_12 = 1.0 + w_nn * stiffness + along * growth, across * bound
-        J_21, J_22 = across * stiffness - growth * turn, g_1 * d_1 + g_2 * d_2 - bound * turning
-        determinant = J_11 * J_22 - J_12 * J_21
-        if J_11 < 0.1 or J_22 <= 0.0 or determinant <= 0.1 * J_11 * J_22:
+        here = pressed(x, f, p, m, at)
+        step, N, bound, a, t_1, t_2, outcome = turned(
+            x, here, d_1, d_2, target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, shear, f, p
+        )
+        if outcome == FAR:
             break
-        step = (J_22 * r_1 - J_12 * r_2) / determinant
-        angle = (J_11 * r_2 - J_21 * r_1) / determinant
-        if abs(step) > f.unit_indentation or abs(angle) > 0.5 or (x - f.end) * (x + step - f.end) <= 0.0:
-            break
-        x += step
-        d_1, d_2 = d_1 - angle * d_2, d_2 + angle * d_1
-        size = 1.0 / math.sqrt(d_1 * d_1 + d_2 * d_2)
-        d_1 *= size
-        d_2 *= size
-        if abs(step) < _CLOSE * f.unit_indentation and abs(angle) < _CLOSE:
-            return x, N + stiffness * step, bound + growth * step, a, d_1, d_2
+        x, d_1, d_2 = x + step, t_1, t_2
+        if outcome == FOUND:
+            return x, N, bound, a, d_1, d_2
     # In turn: direction, then indentation.
     N, _, bound, _, a = pressed(delta, f, p, m, at)
     x = delta
@@ -287,3 +298,54 @@ def slide(
                 d_1, d_2 = v_1 / size, v_2 / size
         x, N, bound, a = indent(x, target, w_nn, w_n1 * d_1 + w_n2 * d_2, f, p, m, at)
     return x, N, bound, a, d_1, d_2
+
+
+@kernel
+def turned(
+    x: float,
+    here: _Pressed,
+    d_1: float,
+    d_2: float,
+    target: float,
+    e_1: float,
+    e_2: float,
+    w_nn: float,
+    w_n1: float,
+    w_n2: float,
+    w_11: float,
+    w_12: float,
+    w_22: float,
+    shear: float,
+    f: State,
+    p: Constants,
+) -> tuple[float, float, float, float, float, float, int]:
+    """One step of Newton's method for `slide`, from indentation x, at which `pressed` has found `here`.
+
+    Returns
+    -------
+    (step, N, F_max, a, d_1, d_2, outcome) : floats, int
+        As those of `newton`, with the direction.
+    """
+    N, stiffness, bound, growth, a = here
+    along, across = w_n1 * d_1 + w_n2 * d_2, w_n2 * d_1 - w_n1 * d_2
+    g_1, g_2 = e_1 - w_n1 * N, e_2 - w_n2 * N
+    if p.strengthening != 0.0 and a > 0.0:
+        give = d_1 * (w_11 * d_1 + 2.0 * w_12 * d_2) + w_22 * d_2 * d_2 + 1.0 / (shear * a)
+        rest, bound = bound, strengthened(bound, g_1 * d_1 + g_2 * d_2, give, p)
+        growth *= bound / rest
+    turn = (w_11 - w_22) * d_1 * d_2 + w_12 * (d_2 * d_2 - d_1 * d_1)
+    turning = (w_11 - w_22) * (d_1 * d_1 - d_2 * d_2) + 4.0 * w_12 * d_1 * d_2
+    r_1 = target - x - w_nn * N - along * bound
+    r_2 = bound * turn - (g_1 * d_2 - g_2 * d_1)
+    J_11, J_12 = 1.0 + w_nn * stiffness + along * growth, across * bound
+    J_21, J_22 = across * stiffness - growth * turn, g_1 * d_1 + g_2 * d_2 - bound * turning
+    determinant = J_11 * J_22 - J_12 * J_21
+    step = (J_22 * r_1 - J_12 * r_2) / determinant
+    angle = (J_11 * r_2 - J_21 * r_1) / determinant
+    far = (J_11 < 0.1) | (J_22 <= 0.0) | (determinant <= 0.1 * J_11 * J_22)
+    far |= (abs(step) > f.unit_indentation) | (abs(angle) > 0.5) | ((x - f.end) * (x + step - f.end) <= 0.0)
+    found = (abs(step) < _CLOSE * f.unit_indentation) & (abs(angle) < _CLOSE)
+    outcome = where(far, FAR, where(found, FOUND, NEAR))
+    d_1, d_2 = d_1 - angle * d_2, d_2 + angle * d_1
+    size = 1.0 / math.sqrt(d_1 * d_1 + d_2 * d_2)
+    return step, N + stiffness * step, bound + growth * step, a, d_1 * size, d_2 * size, outcome

@@ -6,16 +6,15 @@ Equations: docs/lever.md (16) to (23), (47) to (50).
 import math
 
 from ...core.jit import kernel
+from ...core.lane_ways import kept
 from ...core.random_numbers import normal as standard_normal
 from ...core.records import Block
 from ...parts.dispatch import surface
+from .lever_balance import balance, way_slid
 from .lever_constants import Constants
-from .lever_contact import hold, indent, ledger_of, place_frame, slide
+from .lever_contact import ledger_of, place_frame
 from .lever_end import show_end
 from .lever_state import Ledger, State
-
-_SAME = 1e-3
-"""Relative change of the contact's stiffness that is none."""
 
 
 @kernel
@@ -62,7 +61,8 @@ def on_surface(
     b_x, b_y = d_x + u_x - s.A_x, d_y + u_y - s.A_y
     b_z = d_z - slope_x * (u_x - s.A_x) - slope_y * (u_y - s.A_y)
 
-    flat = slope_x == 0.0 and slope_y == 0.0
+    # Of what the sample tells: on one that is flat everywhere the compiler leaves the other way out.
+    flat = H.slope_x == 0.0 and H.slope_y == 0.0
     if flat:
         n_x, n_y, n_z, t_x, t_z, o_x, o_y, o_z = 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0
         w_nn, w_n1, w_n2, w_11, w_12, w_22 = p.W_zz, 0.0, p.W_yz, p.W_x, 0.0, p.W_yy
@@ -90,71 +90,32 @@ def on_surface(
     if p.viscosity != 0.0:
         at_rate(n_x, n_y, n_z, target, w_nn, D_x, D_y, D_z, p, s, m)
 
-    # The tip holds on if friction can take what that needs; else it slides, friction being at its bound. First what it
-    # did in the last step.
-    delta, N, bound, a = s.delta, s.N, s.F_max, s.a
-    k = shear * a
-    d_1, d_2 = s.d_1, s.d_2
-    T_1 = T_2 = 0.0
-    stick = True
-    slid = s.stuck == 0.0 and a > 0.0
-    if slid:
-        delta, N, bound, a, d_1, d_2 = slide(
-            delta, d_1, d_2, target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, shear, s, p, m, at
-        )
-        T_1, T_2 = bound * d_1, bound * d_2
-        # How far it slid, times the contact's stiffness.
-        way = d_1 * (e_1 - w_n1 * N - w_11 * T_1 - w_12 * T_2) + d_2 * (e_2 - w_n2 * N - w_12 * T_1 - w_22 * T_2)
-        stick = shear * a * way < bound
-    if stick:
-        # The contact's stiffness goes with its radius: one of the step before would be late, and drive a swinging tip.
-        for _ in range(8):
-            # What the load does to the tangential force comes back as compliance.
-            c_1, c_2 = hold(w_n1, w_n2, k, w_11, w_12, w_22)
-            T_1, T_2 = hold(e_1, e_2, k, w_11, w_12, w_22)
-            w_n = w_nn - w_n1 * c_1 - w_n2 * c_2
-            delta, N, bound, a = indent(s.delta, target - w_n1 * T_1 - w_n2 * T_2, w_n, 0.0, s, p, m, at)
-            late, k = k, shear * a
-            if abs(k - late) <= _SAME * late:
-                break
-        T_1 -= c_1 * N
-        T_2 -= c_2 * N
-        size = math.sqrt(T_1 * T_1 + T_2 * T_2)
-        if size > bound:
-            stick = False
-            d_1, d_2 = T_1 / size, T_2 / size
-            if not slid and a > 0.0:
-                delta, N, bound, a, d_1, d_2 = slide(
-                    delta, d_1, d_2, target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, shear, s, p, m, at
-                )
-            T_1, T_2 = bound * d_1, bound * d_2
-    s.d_1, s.d_2 = d_1, d_2
+    delta, N, bound, a, d_1, d_2, T_1, T_2, stick = balance(
+        target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, shear, s, p, m, at
+    )
 
     # Force of the sample on the tip, in the laboratory; where the tip is now on the sample.
-    s.T_x, s.T_y = T_1 * t_x + T_2 * o_x, T_2 * o_y
-    F_x = N * n_x + s.T_x
-    F_y = N * n_y + s.T_y
+    n = kept(s, m)
+    T_x, T_y = T_1 * t_x + T_2 * o_x, T_2 * o_y
+    F_x = N * n_x + T_x
+    F_y = N * n_y + T_y
     F_z = N * n_z + T_1 * t_z + T_2 * o_z
     u_x += d_x - p.W_x * F_x - delta * n_x
     u_y += d_y - p.W_yy * F_y - p.W_yz * F_z - delta * n_y
-    in_contact = a > 0.0
-    s.stuck = 1.0 if stick and in_contact else 0.0
-    if s.stuck != 0.0:
-        s.S_x = s.S_y = 0.0
-    else:
-        s.S_x, s.S_y = (u_x - s.U_x, u_y - s.U_y)
-        s.A_x, s.A_y = u_x, u_y
-        if in_contact:
-            s.A_x -= s.T_x / (shear * a)
-            s.A_y -= s.T_y / (shear * a)
-    if in_contact and s.stuck == 0.0:
-        # How far it slid, force times that.
-        way = d_1 * (e_1 - w_n1 * N - w_11 * T_1 - w_12 * T_2) + d_2 * (e_2 - w_n2 * N - w_12 * T_1 - w_22 * T_2)
-        ledger_of(m).rubbed += bound * (way - bound / (shear * a))
-    s.U_x, s.U_y, s.delta, s.a, s.N, s.F_max = u_x, u_y, delta, a, N, bound
-    s.F_x, s.F_y, s.F_z = F_x, F_y, F_z
+    stuck, sliding = stick and a > 0.0, not stick and a > 0.0
+    n.A_x = s.A_x if stuck else u_x - T_x / (shear * a) if sliding else u_x
+    n.A_y = s.A_y if stuck else u_y - T_y / (shear * a) if sliding else u_y
+    n.S_x, n.S_y = 0.0 if stuck else u_x - s.U_x, 0.0 if stuck else u_y - s.U_y
+    # How far it slid, force times that.
+    way = way_slid(e_1, e_2, N, T_1, T_2, d_1, d_2, w_n1, w_n2, w_11, w_12, w_22)
+    kept(ledger_of(m), m).rubbed += bound * (way - bound / (shear * a)) if sliding else 0.0
+    n.stuck = 1.0 if stuck else 0.0
+    n.d_1, n.d_2, n.T_x, n.T_y = d_1, d_2, T_x, T_y
+    deeper = delta - s.delta
+    n.U_x, n.U_y, n.delta, n.a, n.N, n.F_max = u_x, u_y, delta, a, N, bound
+    n.F_x, n.F_y, n.F_z = F_x, F_y, F_z
     if p.viscosity != 0.0 or p.bridge != 0.0:
-        lose(p, s, m)
+        lose(deeper, p, s, m)
     if p.thermal != 0.0:
         D_x -= (p.W_x - p.rest_x) * F_x
         D_y -= (p.W_yy - p.rest_yy) * F_y + (p.W_yz - p.rest_yz) * F_z
@@ -216,8 +177,15 @@ def at_rate(
 
 
 @kernel
-def lose(p: Constants, s: State, m: Block) -> None:
-    """Count what viscosity and bridge have taken in this step, and make or break the bridge, docs/lever.md (50)."""
+def lose(deeper: float, p: Constants, s: State, m: Block) -> None:
+    """Count what viscosity and bridge have taken in this step, and make or break the bridge, docs/lever.md (50).
+
+    Parameters
+    ----------
+    deeper : float [m]
+        Growth of the indentation from the middle of the last step to that of this one.
+    p, s, m : records of Constants and State, block of the instrument
+    """
     own = ledger_of(m)
     if p.viscosity != 0.0:
         work = stored = arm = 0.0
@@ -235,11 +203,13 @@ def lose(p: Constants, s: State, m: Block) -> None:
         own.stored, own.arm, own.arm_radius = stored, arm, s.a
     if p.bridge == 0.0:
         return
-    gap = max(s.end - s.delta, 0.0)
-    if own.bridge == 0.0 and gap <= p.bridge_begin:
+    # Its force begins and ends with the next step: by the distance in the middle of that one, as far as it is known.
+    # Its work is that from where this step ends.
+    gap, to = max(s.end - s.delta - 0.5 * deeper, 0.0), s.end - s.delta - deeper
+    if own.bridge == 0.0 and to <= p.bridge_begin and own.pull > 0.0:
         own.bridge = 1.0
         own.bridged += bound_energy(gap, own) - bound_energy(p.bridge_end, own)
-    elif own.bridge != 0.0 and gap > p.bridge_end:
+    elif own.bridge != 0.0 and to > p.bridge_end:
         own.bridge = 0.0
         own.bridged += bound_energy(p.bridge_end, own) - bound_energy(gap, own)
 

@@ -2,8 +2,8 @@
 
 from typing import Annotated
 
+from ...core.beam import MODES
 from ...core.records import Array, Record
-from ..beam import MODES
 
 _OfModes = Annotated[Array, (MODES,)]
 
@@ -71,3 +71,6 @@ class Ledger(Record):
     arm: Annotated[float, "N"]  # viscous force at the end of the last step, where it relaxes
     arm_radius: Annotated[float, "m"]  # contact radius then
     stored: Annotated[float, "J"]  # energy then in what relaxes
+    turn: Annotated[float, "rad"]  # of the excitation in half a step, and what follows from it: docs/lever.md (39)
+    swing: float
+    hardness: Annotated[float, "1/s^2"]

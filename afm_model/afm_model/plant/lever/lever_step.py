@@ -7,16 +7,19 @@ implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (2
 """
 
 import math
+from typing import Any
 
 from ...contact.contact_table import ROW
+from ...core.beam import MODES
 from ...core.elementary import cos, square, tan
 from ...core.jit import kernel
+from ...core.lane_ways import by_lane, kept, rare
 from ...core.random_numbers import normal
 from ...core.records import Block, record_at
 from ...parts.header import BlockHeader
 from ...parts.signals import BASE, LATERAL, TIP, Actuation, Truth
-from ..beam import MODES
 from .lever_constants import PARTS, Constants
+from .lever_contact import ledger_of
 from .lever_friction import on_surface
 from .lever_lattice import on_lattice
 from .lever_state import State
@@ -49,20 +52,49 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     p, s : records of Constants and State
     m : block of the instrument, for the sample and the table of the contact
     """
-    at = record_at(m, 0, BlockHeader).plant_map
+    at = _table(m)
     before = s.delta
-    if s.fast > 0.0:
-        fine = record_at(m, at + p.rows * ROW, Constants)
-        rescale(1.0 / PARTS, p, fine, s)
-        for part in range(PARTS):
-            advance(t + part * fine.h, v, fine, s, m, at)
-        rescale(PARTS, fine, p, s)
-        s.fast -= 1.0
+    if rare(s.fast > 0.0, m):
+        _in_parts(t, v, p, s, m, at)
     else:
         advance(t, v, p, s, m, at)
     way = abs(s.delta - before)
-    if way > p.swift * s.unit_indentation and s.delta + 2.0 * way > s.end:
-        s.fast = p.settling
+    swift = way > p.swift * s.unit_indentation and s.delta + 2.0 * way > s.end
+    # A driven tip is at the sample for a small part of its swing, again and again.
+    settling = p.settling if v.amplitude == 0.0 else 1.0
+    kept(s, m).fast = settling if swift else s.fast
+
+
+@kernel
+def _table_alone(m: Block) -> int:
+    return record_at(m, 0, BlockHeader).plant_map
+
+
+@kernel
+def _table_in_lane(m: Any) -> int:
+    return int(m.own.plant_map)
+
+
+_table = by_lane(_table_alone, _table_in_lane)
+"""Where the table of the contact begins in the block m."""
+
+
+@kernel
+def _in_parts_alone(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -> None:
+    fine = record_at(m, at + p.rows * ROW, Constants)
+    rescale(1.0 / PARTS, p, fine, s)
+    for part in range(PARTS):
+        advance(t + part * fine.h, v, fine, s, m, at)
+    rescale(PARTS, fine, p, s)
+    s.fast -= 1.0
+
+
+@kernel
+def _never(t: float, v: Actuation, p: Constants, s: State, m: Any, at: int) -> None:
+    pass
+
+
+_in_parts = by_lane(_in_parts_alone, _never)
 
 
 @kernel
@@ -89,8 +121,11 @@ def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -
     if v.amplitude != 0.0:
         # At mid-step as the scheme sees what stands at each step where it should, docs/lever.md (39).
         angle, turn = v.phase + v.angular_frequency * (t + half - v.since), v.angular_frequency * half
-        moved = v.amplitude * cos(turn) * cos(angle)
-        inertia = -moved * square(tan(turn) / half)
+        own = ledger_of(m)
+        if own.turn != turn:
+            own.turn, own.swing, own.hardness = turn, cos(turn), square(tan(turn) / half)
+        moved = v.amplitude * own.swing * cos(angle)
+        inertia = -moved * own.hardness
         end = v.amplitude * cos(angle + turn)
         if v.excited == BASE:
             acceleration, by_y, by_z = inertia, p.base_y, p.base_z
@@ -127,29 +162,50 @@ def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -
     for i in range(MODES):
         D_y -= half * p.mode_y[i] * rates[i]
         D_z -= half * p.mode_z[i] * rates[i]
-    if p.lattice != 0.0:
-        F_x, F_y, F_z = on_lattice(P_x, P_y, P_z - p.a - tip_z, D_x, D_y, D_z, p, s, m, at)
-    else:
-        F_x, F_y, F_z = on_surface(P_x, P_y, P_z, tip_z, D_x, D_y, D_z, p, s, m, at)
+    F_x, F_y, F_z = _on_sample(P_x, P_y, P_z, tip_z, D_x, D_y, D_z, p, s, m, at)
 
     # The whole step at the rates of its middle.
+    n = kept(s, m)
     r_x -= p.push[0] * F_x
     r_y -= p.push[1] * F_y
     r_z -= p.push[2] * F_z
     h = p.h
     for i in range(MODES):
         rate = rates[i] + p.mode_push[i] * (p.mode_y[i] * F_y + p.mode_z[i] * F_z)
-        s.q[i] += h * rate
-        s.v[i] = 2.0 * rate - s.v[i]
+        n.q[i] += h * rate
+        n.v[i] = 2.0 * rate - s.v[i]
     v_phi += p.twist_push * F_x
-    s.X += h * r_x
-    s.Y += h * r_y
-    s.Z += h * r_z
-    s.V_X, s.V_Y, s.V_Z = 2.0 * r_x - s.V_X, 2.0 * r_y - s.V_Y, 2.0 * r_z - s.V_Z
-    s.phi += h * v_phi
-    s.v_phi = 2.0 * v_phi - s.v_phi
-    s.steps += 1.0 / p.counts
-    show(by_z * end, by_shown * end, by_twist * end, p, s, h)
+    n.X += h * r_x
+    n.Y += h * r_y
+    n.Z += h * r_z
+    n.V_X, n.V_Y, n.V_Z = 2.0 * r_x - s.V_X, 2.0 * r_y - s.V_Y, 2.0 * r_z - s.V_Z
+    n.phi += h * v_phi
+    n.v_phi = 2.0 * v_phi - s.v_phi
+    n.steps += 1.0 / p.counts
+    show(by_z * end, by_shown * end, by_twist * end, p, n, h)
+
+
+@kernel
+def _on_sample_alone(
+    P_x: float,
+    P_y: float,
+    P_z: float,
+    tip_z: float,
+    D_x: float,
+    D_y: float,
+    D_z: float,
+    p: Constants,
+    s: State,
+    m: Block,
+    at: int,
+) -> tuple[float, float, float]:
+    if p.lattice != 0.0:
+        return on_lattice(P_x, P_y, P_z - p.a - tip_z, D_x, D_y, D_z, p, s, m, at)
+    return on_surface(P_x, P_y, P_z, tip_z, D_x, D_y, D_z, p, s, m, at)
+
+
+_on_sample = by_lane(_on_sample_alone, on_surface)
+"""Force of the sample on the tip, see `on_surface`; instruments on a lattice do not run in lanes."""
 
 
 @kernel
