@@ -152,6 +152,8 @@ def test_tip_crash_is_told_on_status_diagnostics_and_score_and_resume_brings_the
             )
         )
         assert not bench.simulator.run.instrument.in_contact
+        # Scanner and tip ring from the way back, and would touch hard.
+        graph.spin_until(lambda: bench.status.ticks_withdrawn > 300)
         assert bench.resume().success
         graph.spin_until(lambda: InstrumentStatus.APPROACHING in [each.state for each in bench.observer.statuses])
         bench.until(InstrumentStatus.RUNNING)
