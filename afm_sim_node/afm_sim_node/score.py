@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from afm_model.instrument import ScoreSummary
 from afm_model.instrument.validity import doubts
-from afm_model.run import Delays, Snapshot, retracted_fraction, saturated, shortfall, verdict
+from afm_model.run import Delays, Snapshot, outside, retracted_fraction, saturated, shortfall, verdict
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 from afm_node_common.stamps import stamp
@@ -33,9 +33,8 @@ def score_message(
     parameters : SimNodeParameters
     trajectory_sha256 : str
     """
-    reason = "; ".join(
-        filter(None, [verdict(summary, run), *doubts(parameters, summary), saturated(run.samples_saturated)])
-    )
+    told = [saturated(run.samples_saturated), outside(run.time_outside, parameters.plant.kind)]
+    reason = "; ".join(filter(None, [verdict(summary, run), *doubts(parameters, summary), *told]))
     counts = run.counts
 
     def error(values: NDArray[np.float64]) -> Vector3:

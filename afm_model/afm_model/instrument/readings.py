@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core import registry
 from ..core.jit import kernel
 from ..core.records import Array, Block, Integers, record_at, size
 from ..parameters import InstrumentParameters
@@ -92,6 +93,12 @@ class Readings:
         """Samples of the ADC since the start at which the detector was beyond its range; 0 for one that has none."""
         state = self._layout.record(self._block, "detector_state")
         return int(state["saturated"]) if "saturated" in (state.dtype.names or ()) else 0
+
+    @property
+    def time_outside(self) -> float:
+        """Time since the start in which the plant was outside of what it holds for [s]; 0 for one that does not say."""
+        name = registry.find("plant", self.parameters.plant.kind).time_outside
+        return float(self._layout.record(self._block, "plant_ledger")[name]) if name else 0.0
 
     @property
     def drives_clipped(self) -> int:

@@ -14,12 +14,12 @@ from typing import Any
 from ..core.errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
 from ..program.orders import Order, Step
-from ..run.verdict import saturated
+from ..run.verdict import outside, saturated
 from .backend import LoopSettings
 from .collect import Collector
 from .execution import Execution, Task, withdrawing
 from .image import Line
-from .results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress
+from .results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress, Standing
 from .verb import Verb, objection, saturating
 from .verbs import Withdraw
 from .view import CALIBRATIONS, ERROR_CHANNEL, InstrumentView
@@ -67,8 +67,8 @@ class Operator(LoopSettings):
         self._begun = instrument.ticks
         names = [channel.name for channel in instrument.channels]
         self._error_row = names.index(ERROR_CHANNEL) if ERROR_CHANNEL in names else None
-        self._saturated, self._errors, self._error_samples = 0, 0.0, 0
-        self._slides = False
+        self._saturated, self._outside, self._errors, self._error_samples = 0, 0.0, 0.0, 0
+        self._slides = self._measures = False
 
     @property
     def state(self) -> MicroscopeState:
@@ -112,10 +112,12 @@ class Operator(LoopSettings):
             raise VerbError(told)
         self._execution = Execution(self._view, self._state, self._tell)
         self._state.doing, self._slides = type(verb).__name__, verb.slides
+        self._measures = verb.returns is not Standing
         self._collectors.clear()
         self._status, self._message = COMPLETE, ""
         self._begun = self.instrument.ticks
-        self._saturated, self._errors, self._error_samples = self.instrument.samples_saturated, 0.0, 0
+        self._saturated, self._outside = self.instrument.samples_saturated, self.instrument.time_outside
+        self._errors, self._error_samples = 0.0, 0
         self._tasks = self._of_verb = verb.tasks(self._execution)  # type: ignore[assignment]  # a generator
         self._next()
 
@@ -252,6 +254,9 @@ class Operator(LoopSettings):
         if self._execution.remark:
             yield self._execution.remark
         if sentence := saturated(self.instrument.samples_saturated - self._saturated):
+            yield sentence
+        time = self.instrument.time_outside - self._outside
+        if self._measures and (sentence := outside(time, view.parameters.plant.kind)):
             yield sentence
         error = math.sqrt(self._errors / max(self._error_samples, 1))
         follows = self._slides and self._state.feedback == "on"

@@ -296,6 +296,8 @@ class Plant(Part):
     ledger : type[Record]
         What it keeps beside its state, at m[plant_ledger of BlockHeader], such as energies: zeros at the start, neither
         recorded nor in the hash. A channel may name a field of it as one of the state.
+    time_outside : str
+        Field of the ledger: time since the start in which the state was outside of what this plant holds for [s].
     """
 
     family = "plant"
@@ -315,6 +317,7 @@ class Plant(Part):
     common: Callable[[Any], Numbers | None] = _none
     marks: bool = False
     ledger: type[Record] = Record
+    time_outside: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

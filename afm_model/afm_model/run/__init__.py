@@ -8,7 +8,7 @@ from .run import Run
 from .simulated import Latency, RealtimeSimulation, SimulatedLink, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
 from .timing import Delays, VirtualClock
-from .verdict import retracted_fraction, saturated, shortfall, verdict, warnings
+from .verdict import outside, retracted_fraction, saturated, shortfall, verdict, warnings
 
 __all__ = [
     "OVER",
@@ -31,6 +31,7 @@ __all__ = [
     "State",
     "VirtualClock",
     "recorded_parameters",
+    "outside",
     "retracted_fraction",
     "saturated",
     "shortfall",

@@ -60,6 +60,7 @@ class Snapshot:
     faults_acted: tuple[str, ...] = ()  # and of those that have acted
     reason: str = ""  # why the controller's drive is not in force, in two words; empty if it is
     samples_saturated: int = 0  # at which the detector was beyond its range
+    time_outside: float = 0.0  # in which the plant did not hold [s]
     unreadable: str = ""  # a clause about the drive that could not be read last; empty if there was none
 
     @property

@@ -99,6 +99,7 @@ class Run(Engine):
             wanted_factor=run.real_time_factor if run.mode == "realtime" else None,
             in_contact=instrument.in_contact,
             samples_saturated=instrument.samples_saturated,
+            time_outside=instrument.time_outside,
             counts=replace(
                 self.counts,
                 drives_clipped=instrument.drives_clipped,

@@ -23,7 +23,7 @@ from .plotting import Curves, plot
 from .replay import Replay, replayed
 from .simulated import Law, ticks_of_a_block, ticks_to_simulate
 from .state import OVER, State
-from .verdict import limited, saturated
+from .verdict import limited, outside, saturated
 
 if TYPE_CHECKING:
     from .plotting import Figure
@@ -183,6 +183,8 @@ def simulate(
     if sentence := limited(instrument):
         found.append(f"{sentence}; first at {events[0].time:.6g} s: {events[0].sentence}")
     if sentence := saturated(instrument.samples_saturated):
+        found.append(sentence)
+    if sentence := outside(instrument.time_outside, parameters.plant.kind):
         found.append(sentence)
     samples = np.concatenate([block.samples for block in blocks], axis=1)
     measurements = np.concatenate([block.measurements for block in blocks]).view(np.recarray)

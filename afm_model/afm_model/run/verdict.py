@@ -1,5 +1,6 @@
 """Warnings about the quality of a run."""
 
+from ..core.prefix import text
 from ..instrument import Instrument, ScoreSummary
 from .counts import Snapshot
 
@@ -60,6 +61,16 @@ def saturated(samples: int) -> str:
     return (
         f"the photodiode was at the end of its range in {samples} samples: deflection or lateral force read less there "
         f"than they are"
+    )
+
+
+def outside(time: float, plant: str) -> str:
+    """That a plant was outside of what it holds for during so long a time [s]; empty if it was not."""
+    if time == 0.0:
+        return ""
+    return (
+        f"plant.kind = {plant} did not hold for {text(time, 's')}, where truth/outside is 1: what was measured there is "
+        f"no result; take plant.kind = lever, or a larger amplitude"
     )
 
 

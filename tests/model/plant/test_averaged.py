@@ -9,11 +9,12 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from afm_model import Instrument, ParameterError, build, changed
+from afm_model import Instrument, ParameterError, SimParameters, build, changed, simulate
 from afm_model.analysis import tapping_energy
 from afm_model.core.jit import plain
 from afm_model.microscope import Microscope
 from afm_model.parameters import InstrumentParameters
+from afm_model.parts.signals import Measurement
 from afm_model.plant.averaged.averaged_table import curvatures, force_table, look_up
 
 from ..clamped_mode import clamped_mode
@@ -218,6 +219,27 @@ def test_amplitude_is_that_of_the_resolved_plant_within_a_percent_and_phase_with
     assert (abs(amplitude) < 0.01, abs(phase) < math.radians(1.0), inside) == (True, True, True)
 
 
+class Hold:
+    """A law under which z rests."""
+
+    def answer(self, measurement: np.ndarray) -> np.ndarray:
+        return measurement.view(Measurement)[0].drive.copy()
+
+
+def test_time_outside_of_what_it_holds_for_is_counted_and_told():
+    scope, read = record(10e-3, plant__gap=4e-9)
+    assert 0.0 < read["truth/outside"].mean() < 1.0
+    assert scope.time_outside == pytest.approx(2e-6 * read["truth/outside"].sum(), abs=2.1e-6)
+    given = AVERAGED | {"plant.gap": 4e-9, "run.duration": 5e-3, "score.start": 0.0}
+    found = simulate(build(SimParameters, given), Hold())
+    assert [told for told in found.doubts if "plant.kind = averaged did not hold for " in told]
+    with Microscope("tapping", plant=SHORT, onboard=TAP) as microscope:
+        microscope.approach(rate=4e-6, range=100e-9, settle=2e-3)
+        microscope.set_setpoint(share=0.05)
+        with pytest.warns(UserWarning, match=r"averaged did not hold for .* ms, where truth/outside is 1"):
+            microscope.scan(size_x=80e-9, pixels=8, lines=1, line_rate=40.0, overscan=0.3)
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("pair", ["si_sio2", "si_polystyrene", "si3n4_mica"])
 @pytest.mark.parametrize(("free", "Q"), [(5e-9, 165.0), (20e-9, 165.0), (20e-9, 100.0), (50e-9, 165.0), (20e-9, 500.0)])
@@ -277,6 +299,7 @@ def test_force_over_a_curved_sample_is_that_of_a_tip_of_the_effective_radius():
         ({"plant.Q": 90.0}, "plant.Q = 90 is not allowed with plant.kind = averaged: the amplitude must change little"),
         ({"plant.gap": 0.0}, "the tip begins off the sample, give one > 0"),
         ({"onboard.drive": "lateral"}, "onboard.drive = lateral is not allowed with plant.kind = averaged"),
+        ({"onboard.feedback": "on"}, "which knows a tip that taps, not one that is pressed: take amplitude, or plant.ki"),
         ({"onboard.lock_in": "lateral"}, "onboard.lock_in = lateral is not allowed with plant.kind = averaged"),
         ({"onboard.harmonic": 2}, "onboard.harmonic = 2 is not allowed with plant.kind = averaged"),
         ({"onboard.drive_frequency": 60e3}, "it must be within 10% of the first resonance, 77000 Hz"),
@@ -291,13 +314,15 @@ def test_what_it_leaves_out_is_refused_in_a_sentence(values, told):
         build(InstrumentParameters, AVERAGED | values)
 
 
+SHORT = {"kind": "averaged", "lever": "ppp_fmr", "dt": 2e-6, "gap": 60e-9, "Q": 100.0}
+TAP = {"drive_amplitude": 1.2e-10, "time_constant": 50e-6}
+
+
 @pytest.mark.long
 def test_image_by_tapping_is_that_of_the_resolved_plant():
-    short = {"gap": 60e-9, "Q": 100.0}
-    tap = {"onboard": {"drive_amplitude": 1.2e-10, "time_constant": 50e-6}, "sample": {"width": 40e-9, "modulus": 0.05}}
-    images = []
-    for plant in ({"kind": "averaged", "lever": "ppp_fmr", "dt": 2e-6}, {}):
-        with Microscope("tapping", plant=short | plant, **tap) as microscope:
+    sample, images = {"width": 40e-9, "modulus": 0.05}, []
+    for plant in (SHORT, {"gap": SHORT["gap"], "Q": SHORT["Q"]}):
+        with Microscope("tapping", plant=plant, onboard=TAP, sample=sample) as microscope:
             microscope.approach(rate=4e-6, range=100e-9, settle=2e-3)
             images.append(microscope.scan(size_x=80e-9, pixels=8, lines=1, line_rate=10.0, overscan=0.3))
     for name, allowed in (("height", 0.1e-9), ("phase", math.radians(1.0))):

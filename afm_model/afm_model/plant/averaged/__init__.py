@@ -41,6 +41,7 @@ AVERAGED = Plant(
     sample_in_si=True,
     takes_excitation=True,
     averages=True,
+    time_outside="time_outside",
     warnings=warnings,
     channels=(
         Channel("truth/nearest", "m", "nearest"),

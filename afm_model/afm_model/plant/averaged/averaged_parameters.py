@@ -65,6 +65,12 @@ def check(parameters: Tree) -> None:
             f"onboard.kind = dynamic, or plant.kind = lever"
         )
     _check_drive(onboard, c.f0)
+    pressed = getattr(onboard, "regulate", "") == "deflection"
+    if pressed and (onboard.feedback == "on" or parameters.reference.kind == "verbs"):
+        raise ValueError(
+            "onboard.regulate = deflection is not allowed with plant.kind = averaged, which knows a tip that taps, not "
+            "one that is pressed: take amplitude, or plant.kind = lever"
+        )
     if not materials(parameters) or len(materials(parameters)) > MATERIALS:
         raise ValueError(
             f"sample.kind = {parameters.sample.kind} is not allowed with plant.kind = averaged: it must be of at most "

@@ -95,6 +95,7 @@ class Ledger(Record):
     shown_im: Annotated[float, "m"]
     viscous: Annotated[float, "J"]  # energy taken since the start, by viscosity
     rubbed: Annotated[float, "J"]  # by friction
+    time_outside: Annotated[float, "s"]  # since the start, in which the state was outside
 
 
 def averaged_constants(parameters: Tree) -> Numbers:

@@ -180,6 +180,7 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     work = 0.5 * own.turn * A * A * h
     own.viscous += viscous * work
     own.rubbed += rub * work
+    own.time_outside += h * s.outside
     r_x -= p.push[0] * F_0 * n_x
     r_y -= p.push[1] * F_0 * n_y
     r_z -= p.push[2] * F_0 * n_z
