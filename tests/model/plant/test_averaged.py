@@ -299,7 +299,7 @@ def test_force_over_a_curved_sample_is_that_of_a_tip_of_the_effective_radius():
         ({"plant.Q": 90.0}, "plant.Q = 90 is not allowed with plant.kind = averaged: the amplitude must change little"),
         ({"plant.gap": 0.0}, "the tip begins off the sample, give one > 0"),
         ({"onboard.drive": "lateral"}, "onboard.drive = lateral is not allowed with plant.kind = averaged"),
-        ({"onboard.feedback": "on"}, "which knows a tip that taps, not one that is pressed: take amplitude, or plant.ki"),
+        ({"onboard.feedback": "on"}, "which knows a tip that taps, not one that is pressed: take amplitude"),
         ({"onboard.lock_in": "lateral"}, "onboard.lock_in = lateral is not allowed with plant.kind = averaged"),
         ({"onboard.harmonic": 2}, "onboard.harmonic = 2 is not allowed with plant.kind = averaged"),
         ({"onboard.drive_frequency": 60e3}, "it must be within 10% of the first resonance, 77000 Hz"),
