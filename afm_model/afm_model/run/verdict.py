@@ -69,8 +69,8 @@ def outside(time: float, plant: str) -> str:
     if time == 0.0:
         return ""
     return (
-        f"plant.kind = {plant} did not hold for {text(time, 's')}, where truth/outside is 1: what was measured there is "
-        f"no result; take plant.kind = lever, or a larger amplitude"
+        f"plant.kind = {plant} did not hold for {text(time, 's')}, where truth/outside is 1: what was measured there "
+        f"is no result; take plant.kind = lever, or a larger amplitude"
     )
 
 
