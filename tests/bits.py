@@ -35,7 +35,7 @@ from afm_model.run import OVER, Latency, Listeners, Replay, Run, SimulatedLink, 
 FILE = Path(__file__).with_suffix(".json")
 CASES = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text())
 NAMES = [*CASES["runs"], *CASES["sessions"]]
-FITTED = ("verbs, thermal tune, sensitivity", "verbs, wedge")
+FITTED = ("verbs, tune, contact resonance", "verbs, thermal tune, sensitivity", "verbs, wedge")
 """Compositions with the result of a fit by scipy, whose last bits are those of a machine and of scipy's version; their
 trajectory is not."""
 Hashes = dict[str, str]
