@@ -35,9 +35,12 @@ from afm_model.run import OVER, Latency, Listeners, Replay, Run, SimulatedLink, 
 FILE = Path(__file__).with_suffix(".json")
 CASES = yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text())
 NAMES = [*CASES["runs"], *CASES["sessions"]]
-FITTED = ("verbs, thermal tune, sensitivity", "verbs, wedge")
-"""Compositions with the result of a fit by scipy, whose last bits are those of a machine and of scipy's version; their
-trajectory is not."""
+FITTED = (
+    "verbs, amplitude curve down to a share",
+    *("verbs, tune, contact resonance", "verbs, thermal tune, sensitivity", "verbs, wedge"),
+)
+"""Compositions with the result of a fit by scipy, or of functions of numpy, whose last bits are those of a machine and
+of a version; their trajectory is not."""
 Hashes = dict[str, str]
 
 # Where `examples.parts` is found.

@@ -4,6 +4,7 @@ Nothing here knows the simulated instrument: the functions take arrays from any 
 """
 
 from ..core.tilted import along_normal, tilted_deflection, tilted_stiffness
+from .contact_resonance import contact_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
 from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve
 from .frequency_modulation import ShiftForce, force_from_shift, frequency_shift
@@ -34,6 +35,7 @@ __all__ = [
     "along_normal",
     "beam_energy",
     "contact_fit",
+    "contact_stiffness",
     "contrast",
     "correlated_mean",
     "correlation_length",

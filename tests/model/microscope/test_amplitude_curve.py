@@ -75,6 +75,36 @@ def test_amplitude_over_distance_is_that_of_the_attraction_in_closed_form():
     assert not microscope.state.near
 
 
+@pytest.mark.parametrize("share", [0.9, 0.7])
+def test_it_ends_where_the_amplitude_has_fallen_to_a_share_and_both_ways_are_at_the_same_places(share):
+    microscope = tapping()
+    lag = 4.0 * 50e-6 + Q / (math.pi * 77e3)
+    rate = 2e-7
+    outcome = microscope.execute(CURVE.model_copy(update={"rate": rate, "points": 333, "end_share": share}))
+    assert (outcome.status, outcome.message) == ("complete", "")
+    found = {name: each.values for name, each in outcome.result.variables.items()}
+    free = GAIN * Q * DRIVE
+    whole = np.isfinite(found["z"]).all(0).sum()
+    assert whole < 333
+    # The mean before the one in which it fell to that, and no further one but that.
+    last = found["amplitude"][0, whole - 1] / SHOWN
+    assert share * free < last < share * free + 0.05e-9
+    assert found["z"].shape[1] <= whole + 1
+    # They are 30 pm apart, and z is read a sample late.
+    assert np.ptp(found["z"][:, :whole], axis=0).max() < 2e-12
+    # Where the sample leaves this share, and what z does within the lag.
+    zc = GAP - (found["z"][0, whole - 1] - (microscope.instrument.orders.onboard.z))
+    assert zc == pytest.approx(distance(share * free) - rate * lag, abs=0.1e-9)
+    assert microscope.instrument.orders.program.offset == pytest.approx(0.0, abs=1e-15)
+
+
+def test_it_ends_at_ramp_where_the_amplitude_does_not_fall_so_far():
+    outcome = tapping().execute(CURVE.model_copy(update={"ramp": 1e-9, "end_share": 0.5}))
+    assert (outcome.status, outcome.message) == ("complete", "")
+    z = outcome.result.variables["z"].values
+    assert (z.shape, np.isnan(z).any()) == ((2, 100), False)
+
+
 def test_with_loops_of_phase_and_amplitude_it_is_a_curve_of_frequency_shift_and_drive():
     A = GAIN * Q * DRIVE
     loops = {"onboard__phase_bandwidth": 300.0, "onboard__amplitude_bandwidth": 300.0}
@@ -107,6 +137,11 @@ def test_with_loops_of_phase_and_amplitude_it_is_a_curve_of_frequency_shift_and_
         ({"onboard__drive_amplitude": 0.0}, CURVE, "onboard.drive_amplitude = 0: it must be > 0 m; tune sets it"),
         ({}, CURVE.model_copy(update={"ramp": 1e-3}), "ramp = 0.001 m is not allowed here: z has "),
         ({}, CURVE.model_copy(update={"points": 100_000}), "points = 100000 is not allowed: there are 5000 samples"),
+        (
+            {"onboard__lock_in": "lateral"},
+            CURVE.model_copy(update={"end_share": 0.5}),
+            "end_share = 0.5 is not allowed with onboard.lock_in = lateral: take deflection",
+        ),
         ({}, CURVE, ""),
     ],
 )

@@ -4,6 +4,7 @@ from ...core.registry import register
 from .amplitude_curve import AmplitudeCurve
 from .calibrate_lateral import CalibrateLateral
 from .calibrate_sensitivity import CalibrateSensitivity
+from .contact_resonance import ContactResonance
 from .force_curve import ForceCurve
 from .friction_loop import FrictionLoop
 from .going import Approach, MoveTo, Withdraw
@@ -14,13 +15,14 @@ from .thermal_tune import ThermalTune
 from .tune import Tune
 
 register(Approach, Withdraw, MoveTo, ForceCurve, FrictionLoop, Scan, ScanPath)
-register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve, Lift)
+register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve, Lift, ContactResonance)
 
 __all__ = [
     "AmplitudeCurve",
     "Approach",
     "CalibrateLateral",
     "CalibrateSensitivity",
+    "ContactResonance",
     "ForceCurve",
     "FrictionLoop",
     "Lift",

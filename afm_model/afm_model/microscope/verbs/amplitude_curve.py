@@ -1,10 +1,11 @@
 """The verb AmplitudeCurve: amplitude and phase of the driven cantilever over distance; docs/dynamic.md."""
 
 import math
-from collections.abc import Iterator
-from typing import ClassVar
+from collections.abc import Generator, Iterator
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Ge, Lt
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -19,7 +20,8 @@ from ..results import MicroscopeState
 from ..verb import Count, Length, Rest, Speed, Verb, on_the_sample, too_fast, too_much
 from ..view import InstrumentView
 
-_NAMES = ["z", "in_phase", "quadrature", "deflection"]
+_MOTION = ["in_phase", "quadrature"]
+_NAMES = ["z", *_MOTION, "deflection"]
 _OF_LOOPS = {"frequency_shift": "Hz", "drive_amplitude": "m"}
 """Channels of loops that hold phase and amplitude, measured where there are such loops."""
 
@@ -38,6 +40,9 @@ class AmplitudeCurve(Verb):
     begin_rate: Speed = Field(10e-6, description="velocity of z before and behind it")
     settle: Rest = Field(20e-3, description="rest before the curve")
     points: Count = Field(500, description="means in each direction, at most")
+    end_share: Annotated[float, Ge(0), Lt(1)] = Field(
+        0.0, description="share of the amplitude before the curve, at which the way to the sample ends; 0: only at ramp"
+    )
 
     def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
         """See `Verb`."""
@@ -47,6 +52,8 @@ class AmplitudeCurve(Verb):
             return
         if part.drive_amplitude == 0.0:
             yield "AmplitudeCurve is not allowed with onboard.drive_amplitude = 0: it must be > 0 m; tune sets it"
+        if self.end_share > 0.0 and part.lock_in != "deflection":
+            yield f"end_share = {self.end_share:g} is not allowed with onboard.lock_in = lateral: take deflection"
         yield from on_the_sample(self, state)
         yield from too_fast("rate", self.rate, 0.0, self.ramp, view)
         yield from too_fast("begin_rate", self.begin_rate, 0.0, self.begin, view)
@@ -72,15 +79,31 @@ class AmplitudeCurve(Verb):
         way, there = self.ramp / self.rate, self.begin / self.begin_rate + self.settle
         run.total = 2.0 * (way + there)
 
-        def move(target: float, rate: float, rest: float = 0.0) -> Order:
-            steps = Step(orders.RAMP, target=start + target, rate=rate, then=1), Step(orders.DWELL, duration=rest)
-            return Order(view.stay(), steps if rest else (steps[0]._replace(then=orders.END),))
+        def move(target: float, rate: float, rest: float = 0.0, trigger: float = 0.0) -> Order:
+            to = Step(orders.RAMP, target=start + target, rate=rate, trigger=trigger, watched=orders.AMPLITUDE)
+            steps = to._replace(then=1), Step(orders.DWELL, duration=rest)
+            return Order(view.stay(), steps if rest else (to,))
 
         yield Task(move(self.begin, self.begin_rate, self.settle), there, "on the way to the sample")
-        yield Task(move(self.begin + self.ramp, self.rate), way, "towards the sample", both[0])
+        trigger = self.end_share and self.end_share * (yield from self._free(run)) / view.deflection_sensitivity
+        yield Task(move(self.begin + self.ramp, self.rate, trigger=trigger), way, "towards the sample", both[0])
+        if run.triggered:
+            # Back to the end of the last whole mean, so that those on the way back are at the same places.
+            point = per * view.sample_period * self.rate
+            whole = math.floor((view.offset - start - self.begin) / point + 1e-6)
+            yield Task(move(self.begin + whole * point, self.rate), 1.0 / rate, "the amplitude has fallen to end_share")
+            both[1] = run.recorder(_names(view), rate, count=per * whole)
         yield Task(move(self.begin, self.rate), way, "back", both[1])
         yield Task(move(0.0, self.begin_rate), there, "on the way back")
         run.state.near = False
+
+    def _free(self, run: Execution) -> Generator[Task, None, float]:
+        """The amplitude before the curve [m]."""
+        duration = 4.0 * run.view.amplitude_lag
+        recorder = run.recorder(_MOTION, 1.0 / (run.view.ticks(duration) * run.view.control_period))
+        yield Task(Order(run.view.stay(duration)), duration, "measuring the free amplitude", recorder)
+        x, y = (float(values[0]) for values in recorder.record().channels.values())
+        return math.sqrt(x * x + y * y)
 
     def _found(self, view: InstrumentView, both: list[RecordCollector]) -> Arrays:
         """Both directions, from the far end on; what was not measured is NaN."""

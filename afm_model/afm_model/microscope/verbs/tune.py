@@ -1,8 +1,8 @@
 """The verb Tune: the resonance of the driven cantilever, off the sample; docs/dynamic.md."""
 
 import math
-from collections.abc import Iterator
-from typing import Annotated, ClassVar
+from collections.abc import Callable, Generator, Iterator
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -22,10 +22,41 @@ from ..view import InstrumentView
 
 _WIDTHS = 8.0
 """Span of a sweep over f0 / Q, where it is not given."""
-_DECAYS = 12.0
+DECAYS = 12.0
 """Decay times of the cantilever to a settled response: 6e-6 of the last one is left."""
 _NAMES = ["in_phase", "quadrature"]
-_Hertz = Annotated[NonNegative, Unit("Hz")]
+Hertz = Annotated[NonNegative, Unit("Hz")]
+
+
+def of_lock_in(part: Any) -> float:
+    """Time in which the lock-in of an onboard part settles, but for 6e-6 of the last response [s]."""
+    return float((12.0 + 2.0 * part.filter_order) * part.time_constant)
+
+
+def swept(
+    run: Execution,
+    frequencies: NDArray[np.float64],
+    driven: Callable[[InstrumentView, float], InstrumentParameters],
+    settle: float,
+    average: float,
+) -> Generator[Task, None, list[complex]]:
+    """Tasks that drive at one frequency [Hz] after the other, each `settle` and then `average` long [s].
+
+    Returns
+    -------
+    list of complex [m]
+        Mean of A exp(-i phi) at each.
+    """
+    view, found = run.view, list[complex]()
+    rate = 1.0 / (view.ticks(average) * view.control_period)
+    for number, f in enumerate(frequencies.tolist()):
+        view.instrument.set_onboard(driven(view, f))
+        detail, recorder = f"frequency {number + 1} of {frequencies.size}", run.recorder(_NAMES, rate)
+        yield Task(Order(view.stay(settle)), settle, detail)
+        yield Task(Order(view.stay(average)), average, detail, recorder)
+        x, y = (recorder.record().channels[name][0] for name in _NAMES)
+        found.append(complex(x, -y))
+    return found
 
 
 class Tune(Verb):
@@ -33,8 +64,8 @@ class Tune(Verb):
 
     returns: ClassVar = Arrays
 
-    frequency: _Hertz = Field(0.0, description="middle of the sweep; 0: first resonance as plant.* gives it")
-    span: _Hertz = Field(0.0, description="width of the sweep; 0: 8 widths of the resonance as plant.* gives it")
+    frequency: Hertz = Field(0.0, description="middle of the sweep; 0: first resonance as plant.* gives it")
+    span: Hertz = Field(0.0, description="width of the sweep; 0: 8 widths of the resonance as plant.* gives it")
     points: Annotated[int, Ge(16), Le(10_000)] = Field(41, description="frequencies, evenly spaced")
     average: Annotated[float, Ge(0), Le(100), Unit("s")] = Field(
         0.0, description="mean at each frequency, once it is settled; 0: as long as settling takes"
@@ -86,21 +117,14 @@ class Tune(Verb):
         view, before = run.view, run.view.parameters.onboard
         middle, span = self._sweep(view.parameters.plant.cantilever_numbers)
         # The narrowest resonance that a sweep of this width is made for.
-        settle = _DECAYS * _WIDTHS / (math.pi * span) + (12.0 + 2.0 * before.filter_order) * before.time_constant
+        settle = DECAYS * _WIDTHS / (math.pi * span) + of_lock_in(before)
         average = self.average or settle
         run.total = self.points * (settle + average)
-        rate = 1.0 / (view.ticks(average) * view.control_period)
-        frequencies, found = np.linspace(middle - 0.5 * span, middle + 0.5 * span, self.points), list[complex]()
+        frequencies = np.linspace(middle - 0.5 * span, middle + 0.5 * span, self.points)
         run.result = lambda: None
         after = {"onboard.drive_frequency": before.drive_frequency, "onboard.drive_amplitude": before.drive_amplitude}
         try:
-            for number, f in enumerate(frequencies.tolist()):
-                view.instrument.set_onboard(self._driven(view, f))
-                detail, recorder = f"frequency {number + 1} of {self.points}", run.recorder(_NAMES, rate)
-                yield Task(Order(view.stay(settle)), settle, detail)
-                yield Task(Order(view.stay(average)), average, detail, recorder)
-                x, y = (recorder.record().channels[name][0] for name in _NAMES)
-                found.append(complex(x, -y))
+            found = yield from swept(run, frequencies, self._driven, settle, average)
             curve = self._found(frequencies, found, self.drive_amplitude or before.drive_amplitude)
             run.result, told = lambda: curve, curve.attributes
             if self.free_amplitude > 0.0:
