@@ -319,7 +319,8 @@ def _lanes_of(plant: Plant, sample: Sample, choices: tuple[tuple[str, float], ..
             f"{each.__module__}.{each.__name__} {fingerprint(each.__module__, each.__code__.co_filename)[:16]}"
             for each in (function.py_func for function in functions.values())
         ]
-        fixed = {f"plant.{name}": value for name, value in choices} | {"drive.amplitude": 0.0}
+        fixed = {f"plant.{name}": value for name, value in choices}
+        fixed |= {"drive.amplitude": 0.0, "drive.second_amplitude": 0.0}
         records = _FIXED | {"state": plant.state, "ledger": plant.ledger}
         records |= {"plant": plant.constants, "sample": sample.constants}
         _KNOWN[key] = Lanes(f"{', '.join(made)}, {fixed}", records, functions, fixed, plant.marks)

@@ -191,6 +191,8 @@ def sample(m: Block, i: int) -> None:
     actuate(now, w, v, m)
     v.amplitude, v.angular_frequency, v.phase, v.since = w.amplitude, w.angular_frequency, w.phase, w.since
     v.excited = w.excited
+    v.second_amplitude, v.second_angular_frequency = w.second_amplitude, w.second_angular_frequency
+    v.second_phase, v.second_since = w.second_phase, w.second_since
     if drifting.on != 0.0:
         drift(now, late, v, drifting, drifted)
 

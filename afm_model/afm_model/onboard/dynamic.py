@@ -37,7 +37,7 @@ FEWEST_OF_ONE = 2.5
 _Drive = Literal["base", "tip", "lateral", "torsion"]
 DRIVES = get_args(_Drive)
 """Names of BASE, TIP, LATERAL and TORSION in afm_model.parts.signals."""
-_STAGES = 8
+STAGES = 8
 _TURN = 2.0 * math.pi
 
 
@@ -66,7 +66,7 @@ class DynamicParameters(PiParameters):
     time_constant: Annotated[Positive, Unit("s")] = Field(
         100e-6, description="of each of the first-order low-passes of the lock-in"
     )
-    filter_order: Annotated[int, Ge(1), Le(_STAGES)] = Field(4, description="how many low-passes there are, in a row")
+    filter_order: Annotated[int, Ge(1), Le(STAGES)] = Field(4, description="how many low-passes there are, in a row")
     regulate: Literal["deflection", "amplitude"] = Field(
         "deflection", description="what the z loop keeps at its setpoint: contact mode, or tapping"
     )
@@ -111,8 +111,8 @@ class State(PiState):
     angular_frequency: Annotated[float, "rad/s"]
     turned: Annotated[float, "rad"]  # theta when it became this
     since: Annotated[float, "s"]
-    in_phase: Annotated[Array, (_STAGES,), "V"]  # behind each low-pass: A cos phi
-    quadrature: Annotated[Array, (_STAGES,), "V"]  # A sin phi
+    in_phase: Annotated[Array, (STAGES,), "V"]  # behind each low-pass: A cos phi
+    quadrature: Annotated[Array, (STAGES,), "V"]  # A sin phi
     x: Annotated[float, "V"]  # behind the last one
     y: Annotated[float, "V"]
     amplitude: Annotated[float, "V"]
@@ -143,27 +143,32 @@ def _values(parameters: Tree) -> Numbers:
     }
 
 
-def _check(parameters: Tree) -> None:
-    PI.check(parameters)
-    part, T = parameters.onboard, parameters.detector.sample_period
-    f, n = frequency(parameters), part.harmonic
-    averages = registry.find("plant", parameters.plant.kind).averages
+def check_tone(parameters: Tree, f: float, n: int) -> None:
+    """Raise ValueError unless plant and ADC resolve a drive of the frequency f [Hz] and its harmonic n."""
+    T, averages = parameters.detector.sample_period, registry.find("plant", parameters.plant.kind).averages
     most = RESOLVED / (_TURN * f) if f > 0.0 and not averages else math.inf
-    if part.drive_amplitude > 0.0 and parameters.plant.dt > most:
+    if parameters.plant.dt > most:
         raise ValueError(
             f"plant.dt = {parameters.plant.dt:g} s is not allowed with a drive of {f:.6g} Hz, which it does not "
             f"resolve: take plant.dt <= {most:.3g} s"
         )
+    fewest = FEWEST_OF_ONE if averages else FEWEST
+    if fewest * n * f * T > 1.0 + 1e-9:
+        raise ValueError(
+            f"detector.sample_period = {T:g} s is not allowed with onboard.harmonic = {n} of a drive of {f:.6g} Hz: "
+            f"the lock-in needs {fewest:g} samples a period; take <= {1.0 / (fewest * n * f):.3g} s"
+        )
+
+
+def _check(parameters: Tree) -> None:
+    PI.check(parameters)
+    part = parameters.onboard
+    if part.drive_amplitude > 0.0:
+        check_tone(parameters, frequency(parameters), part.harmonic)
     if part.drive == "torsion" and getattr(parameters.plant, "torsion", "moving") != "moving":
         raise ValueError(
             f"onboard.drive = torsion is not allowed with plant.torsion = {parameters.plant.torsion}, which has no "
             f"resonance: take plant.torsion = moving"
-        )
-    fewest = FEWEST_OF_ONE if averages else FEWEST
-    if fewest * n * f * T > 1.0 + 1e-9 and part.drive_amplitude > 0.0:
-        raise ValueError(
-            f"detector.sample_period = {T:g} s is not allowed with onboard.harmonic = {n} of a drive of {f:.6g} Hz: "
-            f"the lock-in needs {fewest:g} samples a period; take <= {1.0 / (fewest * n * f):.3g} s"
         )
     if taps(parameters):
         by_amplitude.check(parameters)
@@ -203,6 +208,19 @@ def late(x: float, y: float) -> float:
 
 
 @kernel
+def mixed(d: Detection, angle: float, in_phase: Array, quadrature: Array, p: Constants) -> tuple[float, float]:
+    """The signal with cosine and sine of an angle [rad], behind the last of the low-passes that it goes through [V]."""
+    sin, cos = sincos(angle % _TURN)
+    signal = d.lateral_voltage if p.lateral != 0.0 else d.deflection_voltage
+    x, y = 2.0 * signal * cos, 2.0 * signal * sin
+    for i in range(int(p.filter_order)):
+        in_phase[i] += p.share * (x - in_phase[i])
+        quadrature[i] += p.share * (y - quadrature[i])
+        x, y = in_phase[i], quadrature[i]
+    return x, y
+
+
+@kernel
 def drive_at(
     t: float, d: Detection, r: Setpoint, u: Actuation, omega: float, amplitude: float, p: Constants, s: State
 ) -> None:
@@ -212,13 +230,8 @@ def drive_at(
         s.since, s.angular_frequency = t, omega
     u.amplitude, u.angular_frequency = amplitude, s.angular_frequency
     u.phase, u.since, u.excited = s.turned + p.drive_phase, s.since, p.drive
-    sin, cos = sincos((p.harmonic * (s.turned + s.angular_frequency * (t - s.since))) % _TURN)
-    signal = d.lateral_voltage if p.lateral != 0.0 else d.deflection_voltage
-    x, y = 2.0 * signal * cos, 2.0 * signal * sin
-    for i in range(int(p.filter_order)):
-        s.in_phase[i] += p.share * (x - s.in_phase[i])
-        s.quadrature[i] += p.share * (y - s.quadrature[i])
-        x, y = s.in_phase[i], s.quadrature[i]
+    angle = p.harmonic * (s.turned + s.angular_frequency * (t - s.since))
+    x, y = mixed(d, angle, s.in_phase, s.quadrature, p)
     s.x, s.y = x, y
     s.amplitude, s.phase = math.sqrt(x * x + y * y), late(x, y)
     d.amplitude_voltage = s.amplitude
@@ -235,7 +248,7 @@ def drive_and_measure(t: float, d: Detection, r: Setpoint, u: Actuation, p: Cons
     drive_at(t, d, r, u, p.angular_frequency, p.drive_amplitude, p, s)
 
 
-def _sensitivity(parameters: Tree) -> float:
+def sensitivity(parameters: Tree) -> float:
     """Of the signal that the lock-in measures [m/V]."""
     detector, c = parameters.detector, parameters.plant.cantilever_numbers
     if parameters.onboard.lock_in == "deflection":
@@ -259,9 +272,9 @@ DYNAMIC = Onboard(
     settings={name: name for name in (*ONBOARD_SETTINGS, *TAPPING_SETTINGS)},
     channels=(
         *PI.channels,
-        Channel("amplitude", "m", "amplitude", _sensitivity),
+        Channel("amplitude", "m", "amplitude", sensitivity),
         Channel("phase", "rad", "phase"),
-        Channel("in_phase", "m", "x", _sensitivity),
-        Channel("quadrature", "m", "y", _sensitivity),
+        Channel("in_phase", "m", "x", sensitivity),
+        Channel("quadrature", "m", "y", sensitivity),
     ),
 )

@@ -39,7 +39,7 @@ along x; its base rocks about the axis of the cantilever.
 
 class Actuation(Drive):
     """What reaches the plant: a drive, and an excitation of the cantilever,
-    amplitude cos(phase + angular_frequency (t - since)).
+    amplitude cos(phase + angular_frequency (t - since)), and a second one of the same kind beside it.
     """
 
     # Of the base; TIP: force over the spring constant; TORSION: way of the tip with a base that rocks, without twist.
@@ -48,6 +48,10 @@ class Actuation(Drive):
     phase: Annotated[float, "rad"]
     since: Annotated[float, "s"]
     excited: float  # BASE, TIP, LATERAL or TORSION
+    second_amplitude: Annotated[float, "m"]
+    second_angular_frequency: Annotated[float, "rad/s"]
+    second_phase: Annotated[float, "rad"]
+    second_since: Annotated[float, "s"]
 
 
 LONGEST_HORIZON = 512

@@ -191,6 +191,62 @@ def test_energy_by_amplitude_and_phase_is_that_of_the_account_within_half_a_perc
         assert energy.dissipated == pytest.approx(max(rates) / (2e-6 * F0), rel=5e-3)
 
 
+def kept(A: float, gap: float, **values: Any) -> tuple[Any, dict[str, float], bool]:
+    """State of the plant, means of the channels, and whether anything was outside, with the loops that keep the
+    amplitude of the end and its resonance.
+    """
+    loops = {"onboard__kind": "frequency_modulation", "onboard__time_constant": 20e-6}
+    loops |= {"onboard__phase_bandwidth": 900.0, "onboard__amplitude_bandwidth": 900.0}
+    loops |= {"onboard__amplitude_setpoint": A * SHOWN, "onboard__drive_amplitude": A / Q / 1.5660}
+    loops |= {"detector__channels": "frequency_shift, drive_amplitude, truth/outside, truth/lost_by_viscosity"}
+    scope, read = record(15e-3, **DMT | loops | values, plant__gap=gap)
+    last = {name: each[-1000:] for name, each in read.items()}
+    found = {name: float(each.mean()) for name, each in last.items()}
+    found["lost"] = float(last["truth/lost_by_viscosity"][-1] - last["truth/lost_by_viscosity"][0]) / 999.0
+    return state(scope), found, bool(last["truth/outside"].any())
+
+
+@pytest.mark.parametrize(
+    ("A", "gaps"),
+    [
+        (1e-9, (2.5e-9,)),
+        (3e-9, (4e-9,)),
+        (10e-9, (11e-9, 10.1e-9)),
+        (30e-9, (30.5e-9, 29.7e-9)),
+        (50e-9, (50.5e-9, 49.5e-9)),
+    ],
+)
+def test_frequency_shift_at_constant_amplitude_is_giessibls_integral_within_half_a_percent(A, gaps):
+    free = kept(A, 1e-6)[1]["frequency_shift"]
+    for gap in gaps:
+        s, found, outside = kept(A, gap)
+        assert s.amplitude == pytest.approx(A, rel=1e-4)
+        # Half of -f0 / k1 times the first harmonic.
+        expected = -0.5 * F0 / (K * 1.0302) * harmonic(float(s.nearest) + A, A, 0.0).real
+        assert found["frequency_shift"] - free == pytest.approx(expected, rel=5e-3, abs=0.0)
+        assert not outside
+
+
+@pytest.mark.parametrize(("drive", "share"), [("base", 1.0 - 1.0 / 1.5660), ("tip", 1.0 - 1.0302)])
+@pytest.mark.parametrize(("A", "gap"), [(20e-9, 19.5e-9), (50e-9, 49.5e-9)])
+def test_drive_that_keeps_the_amplitude_tells_the_energy_of_the_account_within_half_a_percent(drive, share, A, gap):
+    values = {"onboard__drive": drive, "onboard__drive_amplitude": A / Q / (1.5660 if drive == "base" else 1.0)}
+    _, free, _ = kept(A, 1e-6, **values)
+    _, found, outside = kept(A, gap, **values, plant__viscosity=200.0)
+    f, b = F0 + found["frequency_shift"], found["drive_amplitude"] / free["drive_amplitude"]
+    moved = (found["frequency_shift"] - free["frequency_shift"]) / F0
+    # docs/dynamic.md (53)
+    by_drive = math.pi * 1.0302 * K * A**2 / Q * (b - 1.0 - (1.0 - 2.0 * share * b) * moved)
+    assert by_drive == pytest.approx(found["lost"] / (2e-6 * f), rel=5e-3, abs=0.0)
+    assert not outside
+
+
+def test_amplitudes_below_those_of_the_table_are_outside_near_the_sample_only():
+    assert kept(0.3e-9, 1.3e-9)[2]
+    s, _, outside = kept(0.3e-9, 1e-6)
+    assert (float(s.amplitude) == pytest.approx(0.3e-9, rel=1e-3), outside) == (True, False)
+
+
 def differs(**values: Any) -> tuple[float, float, bool]:
     """Of the resolved plant: amplitude over that of the averaged one, less 1, phase [rad], and whether the averaged one
     is within what it claims.

@@ -15,10 +15,14 @@ from ...parts.dispatch import surface
 from ...parts.header import BlockHeader
 from ...parts.signals import BASE, TIP, Actuation, Surface, Truth
 from .averaged_state import Constants, Ledger, State
-from .averaged_table import ROW, look_up
+from .averaged_table import LEAST, ROW, look_up
 
 SINUSOIDAL = 0.02
 """Largest first harmonic of the force over spring constant and amplitude at which the average is held to hold."""
+FAINT = 0.01
+"""The same, times Q, of an amplitude that is smaller than those in the table: it changes amplitude and phase by less
+than a percent and a degree, whatever it is.
+"""
 
 
 @kernel
@@ -175,7 +179,7 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     s.F_0, s.F_re, s.F_im = F_0, stiffness * A, -loss * A
     s.nearest, s.amplitude = u, A
     s.touching = 1.0 if u < end else 0.0
-    most = SINUSOIDAL * p.k
+    most = (SINUSOIDAL if A >= LEAST else FAINT / p.Q) * p.k
     s.outside = 1.0 if stiffness * stiffness + loss * loss > most * most else 0.0
     work = 0.5 * own.turn * A * A * h
     own.viscous += viscous * work

@@ -74,3 +74,6 @@ class Ledger(Record):
     turn: Annotated[float, "rad"]  # of the excitation in half a step, and what follows from it: docs/lever.md (39)
     swing: float
     hardness: Annotated[float, "1/s^2"]
+    second_turn: Annotated[float, "rad"]  # the same of a second tone
+    second_swing: float
+    second_hardness: Annotated[float, "1/s^2"]

@@ -61,7 +61,7 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     way = abs(s.delta - before)
     swift = way > p.swift * s.unit_indentation and s.delta + 2.0 * way > s.end
     # A driven tip is at the sample for a small part of its swing, again and again.
-    settling = p.settling if v.amplitude == 0.0 else 1.0
+    settling = p.settling if v.amplitude == 0.0 and v.second_amplitude == 0.0 else 1.0
     kept(s, m).fast = settling if swift else s.fast
 
 
@@ -118,7 +118,7 @@ def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -
     moved = end = acceleration = force = rocking = 0.0
     # Way of the tip, slope and twist that are shown, per that of the excitation.
     by_x = by_y = by_z = by_shown = by_twist = 0.0
-    if v.amplitude != 0.0:
+    if v.amplitude != 0.0 or v.second_amplitude != 0.0:
         # At mid-step as the scheme sees what stands at each step where it should, docs/lever.md (39).
         angle, turn = v.phase + v.angular_frequency * (t + half - v.since), v.angular_frequency * half
         own = ledger_of(m)
@@ -127,6 +127,15 @@ def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -
         moved = v.amplitude * own.swing * cos(angle)
         inertia = -moved * own.hardness
         end = v.amplitude * cos(angle + turn)
+        if v.second_amplitude != 0.0:
+            angle = v.second_phase + v.second_angular_frequency * (t + half - v.second_since)
+            turn = v.second_angular_frequency * half
+            if own.second_turn != turn:
+                own.second_turn, own.second_swing, own.second_hardness = turn, cos(turn), square(tan(turn) / half)
+            more = v.second_amplitude * own.second_swing * cos(angle)
+            moved += more
+            inertia -= more * own.second_hardness
+            end += v.second_amplitude * cos(angle + turn)
         if v.excited == BASE:
             acceleration, by_y, by_z = inertia, p.base_y, p.base_z
         elif v.excited == TIP:
