@@ -79,9 +79,10 @@ def main() -> None:
     for folder in [VENV / "include", *VENV.rglob("tests")]:
         shutil.rmtree(folder, ignore_errors=True)
     link_what_is_alike()
-    # LLVM's table of symbols is for debuggers, and 19 MB.
-    (llvm,) = VENV.rglob("libllvmlite.so")
-    subprocess.run(["strip", "--strip-unneeded", llvm], check=True)
+    # Tables of symbols are for debuggers, and 92 MB.
+    for pattern in ("libllvmlite.so", "rerun_bindings*.so", "rerun_cli/rerun"):
+        for file in VENV.rglob(pattern):
+            subprocess.run(["strip", "--strip-unneeded", file], check=True)
     print(f"{ROOT}: {before:.0f} MB before, {size():.0f} MB after")
 
 

@@ -69,7 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         scenario = load_scenario(asked.scenario) if asked.scenario else None
         recorded, replayed, ticks = replay(path, scenario)
-    except (ScenarioError, RecordingError, ParameterError, PartError, DriveError, DivergenceError) as error:
+    except (ScenarioError, RecordingError) as error:  # they name the file
+        return end(f"error: {error}", 1)
+    except (ParameterError, PartError, DriveError, DivergenceError) as error:
         return end(f"error: {path}: {error}", 1)
     if recorded != replayed:
         return end(f"error: {path}: the replay of {ticks} ticks gives {replayed}, recorded is {recorded}", 1)

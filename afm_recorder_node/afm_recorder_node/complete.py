@@ -18,6 +18,7 @@ from rerun.chunk import Chunk, RrdReader
 
 from . import layout, screens
 from .checksums import measure, seal_file
+from .columns import numbers
 from .friction_loop import FrictionLoop
 from .names import claim
 from .scene import Scene
@@ -142,11 +143,11 @@ def chunks(path: Path, *, whole: bool = True, entities: Sequence[str] = ()) -> I
 
 
 def series(batch: pa.RecordBatch) -> _Rows | None:
-    """Times [ns] and numbers of a chunk; None if it holds something else."""
+    """Times [ns] and numbers of a chunk; None if it holds something else. ValueError if one is missing."""
     if layout.SCALARS not in batch.schema.names or layout.TIMELINE not in batch.schema.names:
         return None
-    times = batch.column(layout.TIMELINE).cast(pa.int64()).to_numpy()
-    return times, batch.column(layout.SCALARS).flatten().to_numpy()
+    times, values = batch.column(layout.TIMELINE).cast(pa.int64()), batch.column(layout.SCALARS).flatten()
+    return numbers(times), numbers(values)
 
 
 def _copy(source: Path, file: int, note: str, whole: bool) -> tuple[Counter[str], Counter[str]]:

@@ -52,21 +52,23 @@ def scenario(about: About) -> str:
     """The scenario of this package that has the same parameters, or the nearest one and what differs from it."""
     if not about.parameters.keys() & NODES.keys():
         return "not known"
+    given: dict[str, dict[str, Value]] = {}
+    try:
+        for node, (model, field) in NODES.items():
+            if node in about.parameters:
+                mine: dict[str, Any] = group_of(node, about.parameters[node])
+                given[field] = dict(flatten(build(model, mine)))
+    except ParameterError as error:
+        return f"not known here: {error}"
     told: list[tuple[int, str]] = []
     for name in scenario_names():
         differ: list[str] = []
-        for node, (model, field) in NODES.items():
-            if node not in about.parameters:
-                continue
-            try:
-                mine: dict[str, Any] = group_of(node, about.parameters[node])
-                ours, given = _of_scenario(name, field), flatten(build(model, mine))
-            except ParameterError as error:
-                return f"not known here: {error}"
+        for field, values in given.items():
+            ours = _of_scenario(name)[field]
             differ += [
-                f"{each} = {_short(given.get(each, 'none'))}"
-                for each in sorted({*ours, *given} - {*_NOT_THE_RUN})
-                if ours.get(each) != given.get(each)
+                f"{each} = {_short(values.get(each, 'none'))}"
+                for each in sorted({*ours, *values} - {*_NOT_THE_RUN})
+                if ours.get(each) != values.get(each)
             ]
         what = ", ".join(differ) if len(differ) <= _NEAR else f"{len(differ)} other parameters"
         told.append((len(differ), f"{name} with {what}" if differ else name))
@@ -74,8 +76,10 @@ def scenario(about: About) -> str:
 
 
 @cache
-def _of_scenario(name: str, field: str) -> dict[str, Value]:
-    return dict(flatten(getattr(load_scenario(name), field)))
+def _of_scenario(name: str) -> dict[str, dict[str, Value]]:
+    """Parameters of a scenario of this package, by the field of `Scenario`."""
+    loaded = load_scenario(name)
+    return {field: dict(flatten(getattr(loaded, field))) for _, field in NODES.values()}
 
 
 def parts(about: About) -> tuple[str, str]:

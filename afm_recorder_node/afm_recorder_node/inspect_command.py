@@ -2,7 +2,6 @@
 
 import argparse
 import csv
-import glob
 import math
 import sys
 import warnings
@@ -21,7 +20,7 @@ from afm_model.core.prefix import prefixed
 from . import layout, questions
 from .describe import parts, quantity, scenario
 from .overview import overview, print_statistics
-from .readable import is_bag
+from .readable import recordings
 from .reader import read_about, read_signals, visit_signals
 from .recording import IncompleteRecording, RecordingError, UncheckedRecording
 from .spectrum import read_spectrum
@@ -32,30 +31,18 @@ if TYPE_CHECKING:
 
 _ROW = ("recording", "scenario", "plant", "law", "duration", "ticks", "valid", "rms_x", "rms_y", "rms_z", "max_x",
         "max_y", "max_z", "stick_phases", "trajectory_sha256", "problem")  # fmt: skip
+_OPTIONS = {
+    "signal": {"begin", "end", "plot", "csv", "parquet"},
+    "psd": {"begin", "end", "axis", "plot", "csv", "parquet"},
+    "loop": {"begin", "end", "axis", "plot", "csv", "parquet"},
+    "compare": set[str](),
+    "table": {"sort", "csv"},
+    "": set[str](),
+}
+"""What each question takes: what would be passed over is refused."""
+_SHOWN_AS = {"begin": "from", "end": "to"}
+_PICTURES = (".png", ".svg", ".pdf")
 _UNITS = {"duration": "s"} | {f"{what}_{axis}": "m" for what in ("rms", "max") for axis in "xyz"}
-
-
-def recordings(places: Sequence[str]) -> list[Path]:
-    """The recordings at these places: files, bags, folders with all recordings below them, patterns with *.
-
-    Raises
-    ------
-    RecordingError
-        If there is none at one of them.
-    """
-    found: dict[Path, None] = {}
-    for place in places:
-        path = Path(place)
-        here = [path] if path.exists() else [Path(each) for each in sorted(glob.glob(place, recursive=True))]
-        here = [file for each in here for file in (_below(each) if each.is_dir() and not is_bag(each) else [each])]
-        if not here:
-            raise RecordingError(f"{place} is no readable recording: there is no .rrd file")
-        found |= dict.fromkeys(here)
-    return list(found)
-
-
-def _below(folder: Path) -> list[Path]:
-    return sorted([*folder.rglob("*.rrd"), *(file.parent for file in folder.rglob("metadata.yaml"))])
 
 
 def _draw(path: Path, x: ArrayLike, y: ArrayLike, labels: tuple[str, str], title: str, log: bool = False) -> None:
@@ -72,8 +59,10 @@ def _draw(path: Path, x: ArrayLike, y: ArrayLike, labels: tuple[str, str], title
 
 
 def _write(arguments: argparse.Namespace, table: dict[str, NDArray[np.float64]]) -> None:
-    for file in filter(None, (arguments.csv, arguments.parquet)):
-        questions.write_table(file, table)
+    if arguments.csv:
+        questions.write_csv(arguments.csv, table)
+    if arguments.parquet:
+        questions.write_parquet(arguments.parquet, table)
 
 
 def _signal(path: Path, arguments: argparse.Namespace, console: Console) -> None:
@@ -126,6 +115,7 @@ def _loop(path: Path, arguments: argparse.Namespace, console: Console) -> None:
     ):
         console.print(f"{what}: {quantity(value, unit)} +- {quantity(spread, unit)}")
     console.print(f"energy of a cycle: {quantity(made.energy, 'J')} (mean of {made.cycles:g})")
+    _write(arguments, {f"position.{arguments.axis}_m": made.position, "lateral_force_N": made.force})
     if arguments.plot:
         labels = (f"position along {arguments.axis} [nm]", "lateral force [nN]")
         _draw(arguments.plot, 1e9 * made.position, 1e9 * made.force, labels, path.name)
@@ -232,7 +222,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     question.add_argument("--table", action="store_true", help="one row for each recording")
     parser.add_argument("--from", dest="begin", type=float, default=-math.inf, metavar="S", help="simulated time [s]")
     parser.add_argument("--to", dest="end", type=float, default=math.inf, metavar="S", help="simulated time [s]")
-    parser.add_argument("--axis", choices=("x", "y", "z"), default="x", help="of --loop (x, y) and --psd (default x)")
+    parser.add_argument("--axis", choices=("x", "y", "z"), help="of --loop (x, y) and --psd (default x)")
     parser.add_argument("--sort", metavar="COLUMN", help="of --table")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the answer into a .png, .svg or .pdf")
     parser.add_argument("--csv", type=Path, metavar="FILE", help="write the answer, in SI units")
@@ -240,6 +230,14 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     found = parser.parse_args(arguments)
     if found.loop and found.axis == "z":
         parser.error("--loop needs --axis x or y")
+    asked = next((name for name in _OPTIONS if getattr(found, name, None)), "")
+    for name in sorted({each for names in _OPTIONS.values() for each in names} - _OPTIONS[asked]):
+        if getattr(found, name) != parser.get_default(name):
+            told = " or ".join(f"--{each}" for each, names in _OPTIONS.items() if name in names)
+            parser.error(f"--{_SHOWN_AS.get(name, name)} is an option of {told}")
+    found.axis = found.axis or "x"
+    if found.plot and found.plot.suffix not in _PICTURES:
+        parser.error(f"--plot {found.plot}: the name of a picture ends in {', '.join(_PICTURES)}")
     return found
 
 

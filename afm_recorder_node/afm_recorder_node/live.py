@@ -231,6 +231,9 @@ def serve(path: Path) -> None:
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, stop)
+    if sys.stderr.isatty() and not _growing(path):  # a session starts the page before the recorder
+        there = f"; {path} is complete: `view` shows it" if path.exists() else ""
+        print(f"waiting until {partial_of(path)} grows{there}", file=sys.stderr, flush=True)
     try:
         with Server() as server:
             run(server)

@@ -35,13 +35,14 @@ def columns(name: str, signal: Channel) -> dict[str, _Array]:
     return {f"{name}.{axis}": signal.values[:, i] for i, axis in enumerate(AXES)}
 
 
-def write_table(path: Path, table: dict[str, _Array]) -> None:
-    """Write columns into a .csv or .parquet file, every digit of them."""
-    rows = pa.table(table)
-    if path.suffix == ".parquet":
-        pa.parquet.write_table(rows, path)
-    else:
-        pa.csv.write_csv(rows, path)
+def write_csv(path: Path, table: dict[str, _Array]) -> None:
+    """Write columns into a .csv file, every digit of them."""
+    pyarrow.csv.write_csv(pa.table(table), path)
+
+
+def write_parquet(path: Path, table: dict[str, _Array]) -> None:
+    """Write columns into a .parquet file."""
+    pyarrow.parquet.write_table(pa.table(table), path)
 
 
 @dataclass(frozen=True)
@@ -70,13 +71,13 @@ def loop(path: Path, axis: str = "x", begin: float = -math.inf, end: float = mat
     x = position.values[inside, AXES.index(axis)]
     y = np.interp(position.time[inside], force.time, force.values)
     known = np.isfinite(x) & np.isfinite(y)
-    x, y = x[known], y[known]
+    x, y = once = x[known], y[known]
     if len(x) and abs(x[-1] - x[0]) < _CLOSED * np.ptp(x):
         # A run of whole periods: its end continues with its begin, and turns that are missing at its ends are there.
         x, y = np.concatenate([x, x]), np.concatenate([y, y])
     try:
         energy, cycles = dissipated(x, y)
-        return Loop(x, y, friction_loop(x, y), energy, cycles)
+        return Loop(*once, friction_loop(x, y), energy, cycles)
     except ValueError as error:
         raise RecordingError(f"{path} has no friction loop along {axis}: {error}") from None
 

@@ -1,8 +1,9 @@
 """What of the file of a recording can be read, and whether it has changed since it was written."""
 
+import glob
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,6 +16,29 @@ _BAGS = (".mcap", ".db3")
 def is_bag(path: Path) -> bool:
     """Whether there is a bag of `ros2 bag record` at a path: its file, or its folder."""
     return path.suffix in _BAGS or (path / "metadata.yaml").is_file()
+
+
+def recordings(places: Sequence[str]) -> list[Path]:
+    """The recordings at these places: files, bags, folders with all recordings below them, patterns with *.
+
+    Raises
+    ------
+    RecordingError
+        If there is none at one of them.
+    """
+    found: dict[Path, None] = {}
+    for place in places:
+        path = Path(place)
+        here = [path] if path.exists() else [Path(each) for each in sorted(glob.glob(place, recursive=True))]
+        here = [file for each in here for file in (_below(each) if each.is_dir() and not is_bag(each) else [each])]
+        if not here:
+            raise RecordingError(f"{place} is no readable recording: there is no .rrd file")
+        found |= dict.fromkeys(here)
+    return list(found)
+
+
+def _below(folder: Path) -> list[Path]:
+    return sorted([*folder.rglob("*.rrd"), *(file.parent for file in folder.rglob("metadata.yaml"))])
 
 
 @contextmanager
@@ -72,4 +96,5 @@ def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator
                 extent.complete = False
                 yield Path(copy.name), extent
     except OSError as error:
-        raise RecordingError(f"{os.fspath(path)} is no readable recording: {error}") from error
+        # The words of an OSError name the file once more.
+        raise RecordingError(f"{os.fspath(path)} is no readable recording: {error.strerror or error}") from error

@@ -12,6 +12,8 @@ import rerun as rr
 from afm_model.microscope.image import Image, Line
 from afm_model.microscope.verbs import Scan
 
+from .columns import numbers
+
 
 @dataclass(frozen=True)
 class ScanLine:
@@ -65,6 +67,6 @@ def _lines(batches: Iterable[pa.RecordBatch]) -> Iterable[ScanLine]:
             number, index, direction = (value[0] for value in head)
             told: dict[str, Any] = json.loads(about[0])
             units = dict(told["channels"])
-            numbers = data.values.to_numpy().reshape(len(units), -1)
-            line = Line(index, direction, told["time"], dict(zip(units, numbers, strict=True)))
+            values = numbers(data.values).reshape(len(units), -1)
+            line = Line(index, direction, told["time"], dict(zip(units, values, strict=True)))
             yield ScanLine(number, Scan(**told["scan"]), line, units)

@@ -21,7 +21,7 @@ from . import layout, pictures, results
 from .complete import chunks, ending, series, widen
 from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, NORMAL_FORCE, POSITION, Signal
 from .live import Server
-from .readable import readable
+from .readable import readable, recordings
 from .recording import RecordingError
 from .screens import Range, Ranges, tabbed
 from .screens import readable as readable_range
@@ -185,15 +185,16 @@ def arrangement(entities: dict[str, set[str]], ranges: Ranges | None = None) -> 
 
 @contextmanager
 def _served(paths: Sequence[Path]) -> Iterator[str]:
-    """Serve recordings to the viewer in a browser; the link."""
-    with tempfile.TemporaryDirectory(prefix="afm_view_") as folder:
-        file = paths[0]
+    """Serve recordings to the viewer in a browser; the link. Raises as `together`."""
+    with ExitStack() as stack:
         if len(paths) > 1:
-            file = Path(folder) / "together.rrd"
+            file = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="afm_view_"))) / "together.rrd"
             together(paths, file)
-        with Server(source=file) as server:
-            server.wait()
-            yield server.link
+        else:
+            file, _ = stack.enter_context(readable(paths[0]))
+        server = stack.enter_context(Server(source=file))
+        server.wait()
+        yield server.link
 
 
 def main() -> int:
@@ -201,14 +202,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="view", description="Show recordings in a web browser, several of them side by side; print the link."
     )
-    parser.add_argument("recordings", type=Path, nargs="+", help="run.rrd ...")
-    parser.add_argument("--out", type=Path, help="write a file for `rerun` in place of serving it")
+    parser.add_argument(
+        "recordings", nargs="+", metavar="RECORDING", help="files, folders, or patterns such as 'out/*/*.rrd'"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="write several into one file for `rerun` in place of serving them"
+    )
     given = parser.parse_args()
     try:
+        paths = recordings(given.recordings)
         if given.out:
-            together(given.recordings, given.out)
+            together(paths, given.out)
             return 0
-        with _served(given.recordings) as link:
+        with _served(paths) as link:
             print(f"{link}\nCtrl-C ends it.", flush=True)
             over = threading.Event()
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -37,6 +37,13 @@ def test_every_link_leads_to_a_file_and_a_heading_that_exist(page: Path) -> None
         assert not anchor or anchor in anchors(file), target
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_table_has_an_empty_line_before_it_without_which_it_is_no_table(page: Path) -> None:
+    lines = re.sub(r"```.*?```|<!--.*?-->", "", page.read_text(), flags=re.DOTALL).splitlines()
+    begins = [k for k, line in enumerate(lines) if line.startswith("|") and k and not lines[k - 1].startswith("|")]
+    assert [lines[k] for k in begins if lines[k - 1].strip()] == []
+
+
 def test_every_page_is_reached_from_the_readme() -> None:
     reached, waiting = set(), [ROOT / "README.md"]
     while waiting:

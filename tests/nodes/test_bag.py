@@ -31,7 +31,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from afm_recorder_node.bag import PARAMETER_EVENTS, kind_of, typestore
-from afm_recorder_node.export_command import export
+from afm_recorder_node.mcap import export
 
 TICKS = 3000
 SPACE = f"/{topics.NAMESPACE}"

@@ -4,6 +4,8 @@ import csv
 import math
 import os
 import random
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import closing
 from itertools import pairwise
@@ -13,7 +15,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from recorded import CONTROL_PERIOD, PERIOD, Run
+from recorded import CONTROL_PERIOD, PERIOD, Run, lines_of
 from scipy.signal import welch
 
 from afm_model import load_scenario
@@ -21,7 +23,8 @@ from afm_model.analysis import dissipated, friction_loop
 from afm_model.core.schema import flatten
 from afm_recorder_node import checksums, complete, layout, questions, readable, reader
 from afm_recorder_node.checksums import Extent
-from afm_recorder_node.inspect_command import main, recordings, row
+from afm_recorder_node.inspect_command import main, row
+from afm_recorder_node.readable import recordings
 from afm_recorder_node.reader import read_recording, read_signals
 from afm_recorder_node.repair import repair
 from afm_recorder_node.spectrum import Longest, read_spectrum, spectrum
@@ -329,3 +332,65 @@ def test_only_what_is_asked_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(reader, "chunks", chunks)
     read_signals(path, ["drive"])
     assert {each for each in seen if len(each) > 1} == {"/drive", layout.EVENTS, layout.PARAMETERS, layout.SCORE}
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--plot", "a.png"], "--plot is an option of --signal or --psd or --loop"),
+        (["--table", "--from", "0.1"], "--from is an option of --signal or --psd or --loop"),
+        (["--compare", "b.rrd", "--csv", "a.csv"], "--csv is an option of --signal or --psd or --loop or --table"),
+        (["--signal", "drive", "--axis", "y"], "--axis is an option of --psd or --loop"),
+        (["--psd", "drive", "--sort", "ticks"], "--sort is an option of --table"),
+        (["--loop", "--axis", "z"], "--loop needs --axis x or y"),
+        (["--signal", "drive", "--plot", "a.txt"], "--plot a.txt: the name of a picture ends in .png, .svg, .pdf"),
+    ],
+)
+def test_option_that_would_be_passed_over_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], told: str
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path / "a.rrd"), *options])
+    assert ended.value.code == 2
+    assert told in capsys.readouterr().err
+
+
+def test_points_of_a_loop_are_written_in_the_format_that_was_asked_for(tmp_path: Path) -> None:
+    run = Run(TICKS)
+    run.position[:, 0] = 5e-9 * np.sin(np.arange(TICKS) * 2.0 * np.pi * 4.0 / TICKS)
+    asked = ["--loop", "--parquet", str(tmp_path / "loop.dat"), "--csv", str(tmp_path / "loop.txt")]
+    assert main([str(made(tmp_path / "run.rrd", run)), *asked]) == 0
+    table = pq.read_table(tmp_path / "loop.dat")
+    assert table.column_names == ["position.x_m", "lateral_force_N"]
+    np.testing.assert_allclose(table["position.x_m"], run.position[: len(table), 0], rtol=1e-15, atol=1e-30)
+    with (tmp_path / "loop.txt").open() as file:
+        assert [float(row["lateral_force_N"]) for row in csv.DictReader(file)] == table["lateral_force_N"].to_pylist()
+
+
+def test_screen_needs_none_of_the_libraries_that_only_studies_need(tmp_path: Path) -> None:
+    path = made(tmp_path / "run.rrd")
+    with closing(RecordingWriter(tmp_path / "scan.rrd")) as writer:
+        Run(300).write(writer, 0, 300)
+        for line in lines_of():
+            writer.line(line)
+    asked = (
+        "import sys; from afm_recorder_node.inspect_command import main; main(sys.argv[1:]); "
+        "sys.exit(' '.join({'pandas', 'xarray', 'scipy.signal', 'matplotlib'} & sys.modules.keys()) or None)"
+    )
+    done = subprocess.run([sys.executable, "-c", asked, path, tmp_path / "scan.rrd"], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "24 x 40 pixels" in done.stdout
+
+
+def test_options_of_an_export_are_told_without_what_it_needs_and_what_is_missing_is_named(tmp_path: Path) -> None:
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        asked = (
+            "import sys; sys.modules['rosbags'] = None; from afm_recorder_node.export_command import main; "
+            "sys.exit(main(sys.argv[1:]))"
+        )
+        return subprocess.run([sys.executable, "-c", asked, *arguments], capture_output=True, text=True)
+
+    assert run("--help").returncode == 0
+    done = run(str(made(tmp_path / "run.rrd")))
+    assert done.returncode == 1
+    assert "`pip install rosbags`" in done.stderr and "Traceback" not in done.stderr

@@ -6,6 +6,7 @@ import re
 import shlex
 import signal
 import socket
+import subprocess
 import sys
 import urllib.request
 import warnings
@@ -94,6 +95,19 @@ def test_viewer_gets_the_recording_as_it_grows_and_that_of_the_next_run(tmp_path
                 write(second, 1)
                 assert page.wait() == 1, page.told
                 assert not second.problem
+
+
+def test_live_page_says_in_a_terminal_what_it_waits_for(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    with closing(RecordingWriter(path)) as writer:
+        write(writer, 0)
+    ours, its = os.openpty()
+    with subprocess.Popen([executable("afm_recorder_node", "live"), path], stderr=its) as page:
+        with open(ours) as terminal:
+            os.close(its)
+            told = terminal.readline()
+        page.terminate()
+    assert told == f"waiting until {tmp_path / 'run.partial.rrd'} grows; {path} is complete: `view` shows it\n"
 
 
 def test_live_page_ends_in_order_and_leaves_no_server(tmp_path: Path) -> None:

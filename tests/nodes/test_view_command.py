@@ -97,6 +97,28 @@ def test_what_cannot_be_shown_together_is_refused(two: list[Path], tmp_path: Pat
         together(two, two[0])
 
 
+def test_what_cannot_be_shown_is_told_in_one_sentence(
+    two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    spoiled = bytearray(two[0].read_bytes())
+    spoiled[len(spoiled) // 2] ^= 1
+    (tmp_path / "spoiled.rrd").write_bytes(spoiled)
+    (tmp_path / "words.json").write_text("{}")
+    for given, told in (("spoiled.rrd", "is damaged"), ("words.json", "no .rrd file"), ("none.rrd", "no .rrd file")):
+        monkeypatch.setattr(sys, "argv", ["view", str(tmp_path / given)])
+        assert main() == 1
+        (sentence,) = capfd.readouterr().err.splitlines()
+        assert sentence.startswith(f"error: {tmp_path / given}") and told in sentence
+
+
+def test_folder_is_all_recordings_in_it(two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number, path in enumerate(two):
+        (tmp_path / f"{number}.rrd").symlink_to(path)
+    monkeypatch.setattr(sys, "argv", ["view", str(tmp_path), "--out", str(tmp_path / "all.out")])
+    assert main() == 0
+    assert (tmp_path / "all.out").stat().st_size > 0
+
+
 def test_command_writes_a_file_or_serves_a_page(
     two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -105,5 +127,6 @@ def test_command_writes_a_file_or_serves_a_page(
     assert (tmp_path / "out.rrd").stat().st_size > 0
     monkeypatch.setattr(sys, "argv", ["view", *arguments])
     assert main() == 1 and "nothing is overwritten" in capsys.readouterr().err
-    with view_command._served(two) as link, urllib.request.urlopen(link.partition("?")[0]) as page:
-        assert page.status == 200
+    for shown in (two, two[:1]):
+        with view_command._served(shown) as link, urllib.request.urlopen(link.partition("?")[0]) as page:
+            assert page.status == 200

@@ -3,7 +3,7 @@
 import math
 
 _PREFIXES = {-5: "f", -4: "p", -3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
-_TAKE_ONE = ("m", "N", "V", "s", "Hz", "Pa", "A", "J", "N/m", "m/s", "V/s")
+_TAKE_ONE = ("m", "N", "V", "s", "Hz", "Pa", "A", "J", "N/m", "m/V", "N/V", "m/s", "V/s")
 """Units that a prefix is put before, these per sqrt(Hz) too; another keeps its numbers."""
 
 

@@ -141,6 +141,8 @@ def test_scale_bar_is_the_largest_round_length_up_to_a_third_of_the_picture(widt
         (7200.0, "s", "7200 s"),
         (2.0, "1", "2"),
         (1e4, "Hz", "10 kHz"),
+        (1e-8, "m/V", "10 nm/V"),
+        (5e-8, "N/V", "50 nN/V"),
         (np.nan, "m", "not measured"),
     ],
 )
