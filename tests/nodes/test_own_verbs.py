@@ -105,6 +105,34 @@ def test_tune_brings_the_same_bytes_over_the_action_of_any_verb_and_the_drive_it
     assert drive == local.instrument.parameters.onboard.drive_amplitude == found.attributes["drive_amplitude_m"]
 
 
+PRESSED = DRIVEN | {
+    "plant.lever": "ppp_fmr",
+    "plant.Q": 20.0,
+    "plant.dt": 5e-8,
+    "plant.contact": "dmt",
+    "plant.K": 4.5e9,
+}
+
+
+def test_contact_resonance_brings_the_same_bytes_over_the_action_of_any_verb() -> None:
+    verb = find("contact_resonance").of({"frequency": 205e3, "points": 16, "average": 1e-4})
+    values = PRESSED | {"detector.sample_period": 1e-6, "onboard.drive_amplitude": 1e-12}
+    local = in_process(values)
+    assert local.execute(APPROACH).message == ""
+    expected = local.execute(verb).result
+    with remote(values) as client:
+        assert action_of(verb) == ANY
+        told = client.execute(verb)
+        assert told.message == "ContactResonance is not allowed while the tip is withdrawn: it must be approached first"
+        client.execute(APPROACH)
+        found = client.execute(verb).result
+    assert {name: each.values.tobytes() for name, each in found.variables.items()} == {
+        name: each.values.tobytes() for name, each in expected.variables.items()
+    }
+    assert dict(found.attributes) == dict(expected.attributes)
+    assert found.attributes["contact_stiffness_N_m"] > 10.0
+
+
 TAPPING = DRIVEN | {
     "onboard.regulate": "amplitude",
     "onboard.setpoint_force": 0.0,

@@ -57,6 +57,12 @@ def test_uncertainty_is_that_of_the_resonance_times_the_slope():
     assert found.uncertainty == pytest.approx(0.5 * (high - low), rel=1e-3)
 
 
+def test_a_pinned_end_hides_the_stiffness_as_the_page_says():
+    first = resonances(100.0, 1)[0]
+    assert contact_stiffness(1.001 * first * F0, f0=F0, k=K).value == pytest.approx(1.02 * 100.0 * K, rel=1e-3)
+    assert resonances(1e6, 1)[0] == pytest.approx(4.39, abs=0.005)
+
+
 @pytest.mark.parametrize(
     ("resonance", "values", "told"),
     [
