@@ -19,10 +19,13 @@ TAPPING: dict[str, Any] = {
     "detector.sample_period": 2e-6,
     "detector.channels": "z_loop, amplitude, phase",
 }
+FINE: dict[str, Any] = {"plant.kind": "lever", "plant.dt": 1e-7}
+TOUCHING: dict[str, Any] = {"plant.gap": 14e-9}
 CASES: dict[str, dict[str, Any]] = {
-    "resolved, 0.1 us, ADC at 2 us": {"plant.kind": "lever", "plant.dt": 1e-7},
-    "averaged, 2 us": {"plant.kind": "averaged", "plant.dt": 2e-6},
-    "averaged, 5 us": {"plant.kind": "averaged", "plant.dt": 5e-6, "detector.sample_period": 5e-6},
+    "resolved, 0.1 us, ADC at 2 us, attraction": FINE,
+    "resolved, 0.1 us, ADC at 2 us, touching": FINE | TOUCHING,
+    "averaged, 2 us, touching": TOUCHING | {"plant.kind": "averaged", "plant.dt": 2e-6},
+    "averaged, 5 us, touching": TOUCHING | {"plant.kind": "averaged", "plant.dt": 5e-6, "detector.sample_period": 5e-6},
 }
 TICKS = 20
 """In a stretch, 2 ms; the lower quartile of many counts, in processor time: a busy machine spoils some."""

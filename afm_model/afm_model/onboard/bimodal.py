@@ -10,6 +10,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ..core import beam, registry
+from ..core.elementary import square
 from ..core.jit import kernel
 from ..core.records import Array
 from ..core.schema import NonNegative, Unit
@@ -87,7 +88,7 @@ def _check(parameters: Tree) -> None:
 def _warnings(parameters: Tree) -> list[str]:
     found, part = list(DYNAMIC.warnings(parameters)), parameters.onboard
     apart = abs(second_frequency(parameters) - part.harmonic * dynamic.frequency(parameters))
-    passed = (1.0 + (_TURN * apart * part.time_constant) ** 2) ** (-0.5 * part.filter_order)
+    passed = math.prod([1.0 / math.sqrt(1.0 + square(_TURN * apart * part.time_constant))] * part.filter_order)
     if part.drive_amplitude > 0.0 and part.second_drive_amplitude > 0.0 and passed > 0.01:
         found.append(
             f"onboard.second_drive_frequency = {second_frequency(parameters):.6g} Hz is {apart:.6g} Hz from what the "
