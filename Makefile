@@ -68,7 +68,7 @@ lint: build
 # A warning is an error.
 site: setup
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/site.txt && NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --quiet
-	@echo "out/site/index.html"
+	@echo "out/site/index.html; with the search, which browsers refuse to pages from the disk: python3 -m http.server -d out/site"
 
 figures: with-tests
 	@. ./env.sh && python tools/make_figures.py
