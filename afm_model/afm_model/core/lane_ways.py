@@ -1,7 +1,8 @@
 """Kernels that go one way for an instrument alone and another in lanes (lanes.py), by the block m that they are given.
 
-What is seldom and long is not computed in lanes. A lane in which it holds is marked; nothing that follows is written to
-its records, and the routine of an instrument alone makes its step.
+What is seldom and long is not computed in lanes. A lane that needs it is marked (`rare`). It goes on with numbers that
+mean nothing, and writes none of them to what the next step begins with (`kept`): the routine of an instrument alone
+makes its step.
 """
 
 from collections.abc import Callable
@@ -43,7 +44,7 @@ def _select_of(typing_context: Any, condition: Any, one: Any, other: Any) -> Any
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.select(*arguments)
 
-    kind = types.boolean if one == types.boolean else types.float64 if one == types.float64 else types.int64
+    kind = typing_context.unify_types(types.unliteral(one), types.unliteral(other))
     return kind(types.boolean, kind, kind), generate
 
 
@@ -91,7 +92,10 @@ def _compiled_settled(index, m):  # type: ignore[no-untyped-def]  # as above
 
 
 def rare(condition: bool, m: Any) -> bool:
-    """Whether a condition holds of the instrument m; in lanes never, and the lane in which it does is marked."""
+    """Whether a condition holds of the instrument m; in lanes False, and the lane in which it does hold is marked.
+
+    For a condition that is False of a NaN, what follows has to mark the lane, or to be as that of an instrument alone.
+    """
     return condition
 
 
@@ -109,7 +113,7 @@ def _compiled_rare(condition, m):  # type: ignore[no-untyped-def]  # as above
 
 
 def kept(record: Any, m: Any) -> Any:
-    """The same record to write to; what is written in a lane that is marked already changes nothing."""
+    """The same record to write to; in a lane that is marked by now, writing changes nothing."""
     return record
 
 

@@ -31,7 +31,7 @@ native_value: Any = _NativeValue
 _unbox: Any = _unbox_of
 
 LANES = 32
-"""In a block: with fewer the compiler makes no vectors, with more the block leaves the processor's first cache."""
+"""In a block: with more, its numbers leave the first caches of a processor."""
 AT_ONCE = 16
 """Lanes in vectors at a time: several vectors, so that divisions of one wait beside those of another. A kernel that
 marks lanes is long, and its numbers would not stay in the registers of a processor: half as many.
@@ -210,14 +210,18 @@ def _get(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
     return builder.load(builder.bitcast(at, _WORD.as_pointer()) if numpy_type == np.int64 else at)
 
 
-def _set(context: Any, builder: Any, signature: Any, arguments: Any, name: str) -> None:
+def _stored(context: Any, builder: Any, signature: Any, value: Any, base: Any, name: str) -> tuple[Any, Any]:
+    """What is to be stored in a field of the record at `base`, and where."""
     kind, given = signature.args
     numpy_type, place = _field(kind, name)
-    at = _moved(builder, arguments[0], place)
+    at = _moved(builder, base, place)
     if numpy_type == np.int64:
-        builder.store(context.cast(builder, arguments[1], given, types.int64), builder.bitcast(at, _WORD.as_pointer()))
-    else:
-        builder.store(context.cast(builder, arguments[1], given, types.float64), at)
+        return context.cast(builder, value, given, types.int64), builder.bitcast(at, _WORD.as_pointer())
+    return context.cast(builder, value, given, types.float64), at
+
+
+def _set(context: Any, builder: Any, signature: Any, arguments: Any, name: str) -> None:
+    builder.store(*_stored(context, builder, signature, arguments[1], arguments[0], name))
 
 
 def _get_kept(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
@@ -227,9 +231,8 @@ def _get_kept(context: Any, builder: Any, kind: Any, value: Any, name: str) -> A
 
 
 def _set_kept(context: Any, builder: Any, signature: Any, arguments: Any, name: str) -> None:
-    kind, given = signature.args
-    at = _moved(builder, builder.extract_value(arguments[0], 0), _field(kind, name)[1])
-    _store_kept(builder, arguments[0], context.cast(builder, arguments[1], given, types.float64), at)
+    pointer = builder.extract_value(arguments[0], 0)
+    _store_kept(builder, arguments[0], *_stored(context, builder, signature, arguments[1], pointer, name))
 
 
 def _store_kept(builder: Any, kept: Any, value: Any, at: Any) -> None:

@@ -8,11 +8,20 @@ import bits
 import numpy as np
 import pytest
 
-from afm_model import ControllerParameters, DivergenceError, ParameterError, SimParameters, build, changed, simulate
+from afm_model import (
+    Controller,
+    ControllerParameters,
+    DivergenceError,
+    ParameterError,
+    SimParameters,
+    build,
+    changed,
+    simulate,
+)
 from afm_model.core.jit import config
 from afm_model.core.lanes import LANES
 from afm_model.instrument import Instrument
-from afm_model.instrument.lanes import LEAST, composition
+from afm_model.instrument.lanes import LEAST, Together, composition
 from afm_model.run.simulation import run
 from afm_model.run.together import run_together
 
@@ -137,6 +146,27 @@ def test_the_plant_lever_in_lanes_keeps_its_bits():
     expected = [alone(each) for each in sets]
     assert len(set(expected)) == len(expected)
     assert hashes(sets) == expected
+
+
+@needs_compiled
+def test_a_tip_that_was_off_the_sample_does_in_lanes_what_it_does_alone():
+    """It neither stuck nor slid in the last step, although it is in contact now: the sample has come to it."""
+    sets = levers(LEAST)
+    alone, many = ([Instrument(sim) for sim, _ in sets] for _ in range(2))
+    laws = [Controller(law) for _, law in sets]
+    for each in (*alone, *many):
+        each.close_loop(laws[0], 30)
+        state = each.record("plant_state")
+        assert state.stuck == 0.0
+        state.a = 0.0
+    assert sum(each.record("plant_state").delta > each.record("plant_state").end for each in many) >= LEAST - 1
+    for each in alone:
+        each.close_loop(laws[0], 1)
+    outcomes = Together(many, laws).close_loop(range(LEAST), [1] * LEAST)
+    for each, law, outcome in zip(many, laws, outcomes, strict=True):
+        each.ended(law, outcome)
+    for one, other in zip(alone, many, strict=True):
+        assert one.numbers("plant_state").tobytes() == other.numbers("plant_state").tobytes()
 
 
 @pytest.mark.long

@@ -5,7 +5,7 @@ so that they are found by Newton's method in one unknown. Equations: docs/lever.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from ...contact.contact_table import attraction, end_of_contact, look_up
 from ...core.elementary import cbrt, exp, log
@@ -20,6 +20,34 @@ from .lever_state import Ledger, State
 _CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""
 _Pressed = tuple[float, float, float, float, float]
+
+
+class Apart(NamedTuple):
+    """Tip and sample at mid-step if there were no force between them, and how a force moves them apart."""
+
+    target: float  # indentation [m]
+    e_1: float  # way of the sample against the place that the tip holds on to, along both tangents [m]
+    e_2: float
+    w_nn: float  # way of the sample against the tip per force, along normal and tangents [m/N]
+    w_n1: float
+    w_n2: float
+    w_11: float
+    w_12: float
+    w_22: float
+    shear: float  # lateral stiffness of the contact per radius [Pa]
+
+
+class Contact(NamedTuple):
+    """What the contact comes to at mid-step."""
+
+    delta: float  # indentation [m]
+    N: float  # normal force [N]
+    F_max: float  # friction bound [N]
+    a: float  # contact radius [m]
+    d_1: float  # direction of sliding, along both tangents
+    d_2: float
+
+
 FOUND, NEAR, FAR = range(3)
 """What a step of Newton's method has come to: the solution, to be stepped on from, nowhere."""
 
@@ -246,78 +274,38 @@ def strengthened(bound: float, drawn: float, give: float, p: Constants) -> float
 
 
 @kernel
-def slide(
-    delta: float,
-    d_1: float,
-    d_2: float,
-    target: float,
-    e_1: float,
-    e_2: float,
-    w_nn: float,
-    w_n1: float,
-    w_n2: float,
-    w_11: float,
-    w_12: float,
-    w_22: float,
-    shear: float,
-    f: State,
-    p: Constants,
-    m: Block,
-    at: int,
-) -> tuple[float, float, float, float, float, float]:
+def slide(delta: float, d_1: float, d_2: float, c: Apart, f: State, p: Constants, m: Block, at: int) -> Contact:
     """Indentation and direction of a tip that slides, together: Newton's method in both, docs/lever.md (22).
 
     The direction d must lie along the way slid, so that friction always takes energy: what a step slides is small
     against what the cantilever gives way, and a direction that is nearly right would drive the tip.
-
-    Returns
-    -------
-    (delta, N, F_max, a, d_1, d_2) : floats
     """
     x = delta
     for _ in range(12):
-        here = pressed(x, f, p, m, at)
-        step, N, bound, a, t_1, t_2, outcome = turned(
-            x, here, d_1, d_2, target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, shear, f, p
-        )
+        step, N, bound, a, t_1, t_2, outcome = turned(x, pressed(x, f, p, m, at), d_1, d_2, c, f, p)
         if outcome == FAR:
             break
         x, d_1, d_2 = x + step, t_1, t_2
         if outcome == FOUND:
-            return x, N, bound, a, d_1, d_2
+            return Contact(x, N, bound, a, d_1, d_2)
     # In turn: direction, then indentation.
     N, _, bound, _, a = pressed(delta, f, p, m, at)
     x = delta
-    mean = 0.5 * (w_11 + w_22)
+    mean = 0.5 * (c.w_11 + c.w_22)
     for _ in range(8):
         for _ in range(4):
-            v_1 = e_1 - w_n1 * N - bound * ((w_11 - mean) * d_1 + w_12 * d_2)
-            v_2 = e_2 - w_n2 * N - bound * (w_12 * d_1 + (w_22 - mean) * d_2)
+            v_1 = c.e_1 - c.w_n1 * N - bound * ((c.w_11 - mean) * d_1 + c.w_12 * d_2)
+            v_2 = c.e_2 - c.w_n2 * N - bound * (c.w_12 * d_1 + (c.w_22 - mean) * d_2)
             size = math.sqrt(v_1 * v_1 + v_2 * v_2)
             if size > 0.0:
                 d_1, d_2 = v_1 / size, v_2 / size
-        x, N, bound, a = indent(x, target, w_nn, w_n1 * d_1 + w_n2 * d_2, f, p, m, at)
-    return x, N, bound, a, d_1, d_2
+        x, N, bound, a = indent(x, c.target, c.w_nn, c.w_n1 * d_1 + c.w_n2 * d_2, f, p, m, at)
+    return Contact(x, N, bound, a, d_1, d_2)
 
 
 @kernel
 def turned(
-    x: float,
-    here: _Pressed,
-    d_1: float,
-    d_2: float,
-    target: float,
-    e_1: float,
-    e_2: float,
-    w_nn: float,
-    w_n1: float,
-    w_n2: float,
-    w_11: float,
-    w_12: float,
-    w_22: float,
-    shear: float,
-    f: State,
-    p: Constants,
+    x: float, here: _Pressed, d_1: float, d_2: float, c: Apart, f: State, p: Constants
 ) -> tuple[float, float, float, float, float, float, int]:
     """One step of Newton's method for `slide`, from indentation x, at which `pressed` has found `here`.
 
@@ -327,17 +315,17 @@ def turned(
         As those of `newton`, with the direction.
     """
     N, stiffness, bound, growth, a = here
-    along, across = w_n1 * d_1 + w_n2 * d_2, w_n2 * d_1 - w_n1 * d_2
-    g_1, g_2 = e_1 - w_n1 * N, e_2 - w_n2 * N
+    along, across = c.w_n1 * d_1 + c.w_n2 * d_2, c.w_n2 * d_1 - c.w_n1 * d_2
+    g_1, g_2 = c.e_1 - c.w_n1 * N, c.e_2 - c.w_n2 * N
     if p.strengthening != 0.0 and a > 0.0:
-        give = d_1 * (w_11 * d_1 + 2.0 * w_12 * d_2) + w_22 * d_2 * d_2 + 1.0 / (shear * a)
+        give = d_1 * (c.w_11 * d_1 + 2.0 * c.w_12 * d_2) + c.w_22 * d_2 * d_2 + 1.0 / (c.shear * a)
         rest, bound = bound, strengthened(bound, g_1 * d_1 + g_2 * d_2, give, p)
         growth *= bound / rest
-    turn = (w_11 - w_22) * d_1 * d_2 + w_12 * (d_2 * d_2 - d_1 * d_1)
-    turning = (w_11 - w_22) * (d_1 * d_1 - d_2 * d_2) + 4.0 * w_12 * d_1 * d_2
-    r_1 = target - x - w_nn * N - along * bound
+    turn = (c.w_11 - c.w_22) * d_1 * d_2 + c.w_12 * (d_2 * d_2 - d_1 * d_1)
+    turning = (c.w_11 - c.w_22) * (d_1 * d_1 - d_2 * d_2) + 4.0 * c.w_12 * d_1 * d_2
+    r_1 = c.target - x - c.w_nn * N - along * bound
     r_2 = bound * turn - (g_1 * d_2 - g_2 * d_1)
-    J_11, J_12 = 1.0 + w_nn * stiffness + along * growth, across * bound
+    J_11, J_12 = 1.0 + c.w_nn * stiffness + along * growth, across * bound
     J_21, J_22 = across * stiffness - growth * turn, g_1 * d_1 + g_2 * d_2 - bound * turning
     determinant = J_11 * J_22 - J_12 * J_21
     step = (J_22 * r_1 - J_12 * r_2) / determinant
