@@ -227,6 +227,8 @@ def _march(
         step *= 1.1
     for _ in range(60):
         middle = 0.5 * (low + high)
+        if middle == low or middle == high:  # no number is between them
+            break
         N, _, bound, _, a = pressed(middle, f, p, m, at)
         if (target - middle - w_n * N - w_f * bound) * balance > 0.0:
             low = middle
