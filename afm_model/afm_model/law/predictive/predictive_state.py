@@ -32,7 +32,7 @@ class State(Record):
     # What was predicted of x and y for this measurement: position, rate; drive; mean friction until then.
     expected: Annotated[Array, (2, 4)]
     impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
-    told: float  # one: y has been observed; of positions alone: the model is contradicted
+    told: float  # one: y has been observed, two: its direction is too; of positions alone: the model is contradicted
     learned: Annotated[Array, (3,)]  # of positions alone: gamma, b, c of x, and the mean square force that they explain
     counts: float
     slow: Annotated[Array, (2,)]

@@ -16,7 +16,7 @@ from ...parts.signals import Measurement
 from .nominal_plant import balance
 from .predictive_constants import FLOOR, Constants
 from .predictive_state import State
-from .sample_estimate import REST
+from .sample_estimate import REST, variance
 
 _WALK = (1e-3, 2e-2, 5e-4)
 """Their random walks in one time unit."""
@@ -28,12 +28,14 @@ _SLOWLY = 0.02
 SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
 COUNTS = 0.01
-"""Rms force over that of friction from which on positions alone are taken to contradict the model, down to half of it;
-twice as much does so at once."""
+"""Force over that of friction that contradicts the model. Of positions alone: an rms one, down to half of it; twice as
+much does so at once."""
 _SPAN = 100.0
 """Time of that mean [1/w0]."""
 _SURE = 3.0
 """Standard deviations."""
+_SLIDES = 0.2
+"""Speed over the largest one of the reference from which on the tip counts as sliding."""
 _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction along y."""
 
@@ -111,6 +113,31 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
 
 
 @kernel
+def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) -> None:
+    """Learn of y from the direction in which the tip slides under the drive in force.
+
+    Friction turns a tip of speed v within v / f until nothing pushes across its way, whatever drives it along. That
+    tells y from x, also where the tip stops and starts between two measurements. Used from the first time on that it
+    contradicts what is believed.
+    """
+    speed = hypot(s.V_X, s.V_Y)
+    if speed <= _SLIDES * s.fastest or abs(s.V_X) < _TELLS * speed:
+        return
+    t_x, t_y = s.V_X / speed, s.V_Y / speed
+    f_y = signal * t_y / t_x
+    left_x = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal) - p.damping[0] * s.V_X
+    left_y = s.gain_of[1] * (balance(1, u_y, s.Y, p, s) - f_y) - p.damping[1] * s.V_Y
+    across = t_x * left_y - t_y * left_x
+    # The faster the tip the later it turns.
+    turning = p.f_0 * (1.0 + square(speed / s.fastest))
+    if abs(across) > COUNTS * turning:
+        s.told = 2.0
+    if s.told == 2.0:
+        noise = hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, s.X, s))) / t_x
+        update(1, across / t_x, f_y, s.Y, noise, p, s)
+
+
+@kernel
 def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Learn from measurement k; the scanner is in the state as it is there."""
     signal = y.lateral_force / p.lateral_force
@@ -129,7 +156,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
         # At rest friction is what the drive in force leaves.
         held = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal)
         update(0, held, signal, s.X, p.f_0 * FLOOR + p.force_noise, p, s)
-    elif known and 0.2 * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
+    elif known and _SLIDES * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
         phase = p.wave_number * (abs(d_x) + abs(d_y))
         noise = p.f_0 * (SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise
         # Where the motion is not steady neither is the load.
@@ -150,7 +177,9 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
             noise += p.f_0 * turned / (way * s.fastest)
             resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
             update(1, resists, mean * d_y / d_x, q_y, noise, p, s)
-            s.told = 1.0
+            s.told = max(s.told, 1.0)
+    if p.slots > 1:
+        learn_across(signal, u_x, u_y, p, s)
     if s.told == 0.0:
         # As long as nothing is known of y: what is wrong about friction is so along both.
         s.gain_of[1] = s.gain_of[0]
