@@ -41,6 +41,8 @@ _OPTIONS = {
 }
 """What each question takes: what would be passed over is refused."""
 _SHOWN_AS = {"begin": "from", "end": "to"}
+_LEAST = ("stick_phases", "plant", "valid", "trajectory_sha256", "ticks")
+"""Columns of the table of many that go first where there is no room for all."""
 _PICTURES = (".png", ".svg", ".pdf")
 _UNITS = {"duration": "s"} | {f"{what}_{axis}": "m" for what in ("rms", "max") for axis in "xyz"}
 
@@ -166,6 +168,19 @@ def row(path: Path) -> dict[str, object]:
     return made
 
 
+def _heading(name: str) -> str:
+    return name.removeprefix("trajectory_")
+
+
+def _cell(name: str, value: object) -> str:
+    """A value of the table of many as it is shown."""
+    text = quantity(value, _UNITS[name]) if isinstance(value, float) and name in _UNITS else str(value)
+    if name == "recording":
+        text = "/".join(Path(text).parts[-2:])
+    text = text.replace(" with ", " *", 1).partition("*")[0] + "*" * (" with " in text)
+    return text[:8] if name == "trajectory_sha256" else text
+
+
 def _table(paths: Sequence[Path], arguments: argparse.Namespace, console: Console) -> int:
     rows = [row(path) for path in paths]
     if arguments.sort:
@@ -179,21 +194,18 @@ def _table(paths: Sequence[Path], arguments: argparse.Namespace, console: Consol
             writer = csv.DictWriter(file, _ROW)
             writer.writeheader()
             writer.writerows(rows)
-    shown = [name for name in _ROW[:-1] if not name.startswith("max_") and any(each[name] != "" for each in rows)]
-    table = Table(box=None, pad_edge=False)
-    for name in shown:
-        table.add_column(name.removeprefix("trajectory_"), no_wrap=True)
-    for each in rows:
-        cells = []
-        for name in shown:
-            value = each[name]
-            text = quantity(value, _UNITS[name]) if isinstance(value, float) and name in _UNITS else str(value)
-            if name == "recording":
-                text = "/".join(Path(text).parts[-2:])
-            text = text.replace(" with ", " *", 1).partition("*")[0] + "*" * (" with " in text)
-            cells.append(escape(text[:8] if name == "trajectory_sha256" else text))
-        table.add_row(*cells)
+    told = {name: [_cell(name, each[name]) for each in rows] for name in _ROW[:-1] if not name.startswith("max_")}
+    told = {name: cells for name, cells in told.items() if any(cells)}
+    left_out = [name for name in _LEAST if name in told]
+    kept = dict(told)
+    while left_out and sum(2 + max(map(len, [_heading(name), *cells])) for name, cells in kept.items()) > console.width:
+        del kept[left_out.pop(0)]
+    table = Table(*map(_heading, kept), box=None, pad_edge=False)
+    for cells in zip(*kept.values(), strict=True):
+        table.add_row(*map(escape, cells))
     console.print(table)
+    if len(kept) < len(told):
+        console.print(f"no room for {', '.join(name for name in told if name not in kept)}: --csv FILE has all")
     for each in rows:
         if each["problem"]:
             console.print(escape(str(each["problem"])))

@@ -16,12 +16,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from recorded import CONTROL_PERIOD, PERIOD, Run, lines_of
+from rich.console import Console
 from scipy.signal import welch
 
 from afm_model import load_scenario
 from afm_model.analysis import dissipated, friction_loop
 from afm_model.core.schema import flatten
-from afm_recorder_node import checksums, complete, layout, questions, readable, reader
+from afm_recorder_node import checksums, complete, inspect_command, layout, questions, readable, reader
 from afm_recorder_node.checksums import Extent
 from afm_recorder_node.inspect_command import main, row
 from afm_recorder_node.readable import recordings
@@ -270,6 +271,20 @@ def test_table_has_a_row_for_each_recording_of_a_folder_sorted_and_as_csv(
     assert [float(each["rms_x"]) for each in rows[:2]] == [3.3177e-11] * 2
     assert "is damaged" in rows[2]["problem"]
     assert f"{broken} is damaged" in capsys.readouterr().out
+
+
+def test_table_leaves_columns_out_and_says_so_before_it_cuts_a_number(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made(tmp_path / "run.rrd")
+    assert main([str(tmp_path), "--table"]) == 0
+    wide = capsys.readouterr().out
+    assert "no room" not in wide and "…" not in wide and "33.18 pm" in wide
+    monkeypatch.setattr(inspect_command, "Console", lambda **_: Console(width=100, highlight=False))
+    assert main([str(tmp_path), "--table"]) == 0
+    narrow = capsys.readouterr().out
+    assert "no room for" in narrow and ": --csv FILE has all" in narrow
+    assert "…" not in narrow and "33.18 pm" in narrow
 
 
 def test_killed_and_repaired_recording_is_told_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
