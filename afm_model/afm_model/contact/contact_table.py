@@ -7,6 +7,7 @@ of Hertz, joined with equal value and slope. Short of the contact the force is t
 """
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,7 @@ def table(model: str, rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([_row(model, float(transition)) for transition in rows])
 
 
+@lru_cache(maxsize=64)
 def _row(model: str, transition: float) -> NDArray[np.float64]:
     exact = branch(model, transition)
     s = np.linspace(0.0, REACH, NODES)

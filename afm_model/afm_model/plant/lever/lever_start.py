@@ -7,8 +7,8 @@ import numpy as np
 
 from ...core.elementary import square
 from ...core.errors import ParameterError
-from ...core.jit import plain
-from ...core.records import record_at
+from ...core.jit import plain, routine
+from ...core.records import Block, record_at
 from ...parts.dispatch import surface
 from ...parts.header import BlockHeader
 from ...parts.part import Tree
@@ -136,21 +136,39 @@ def _modes(p: Any) -> list[tuple[float, float, float]]:
     return list(zip(p.mode_push, p.mode_w2, p.mode_inverse, strict=True))
 
 
+@routine
+def _forces(deltas: Block, s: Any, p: Any, m: Block, at: int) -> Block:
+    """Normal force at each indentation, of a contact at rest."""
+    found = np.empty(len(deltas))
+    for i in range(len(deltas)):
+        found[i] = normal(deltas[i], s, p, m, at)[0]
+    return found
+
+
+@routine
+def _between(low: float, high: float, load: float, s: Any, p: Any, m: Block, at: int) -> float:
+    """Indentation between two at which the normal force is the load, by bisection."""
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        if normal(middle, s, p, m, at)[0] < load:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
 def _indentation(load: float, parameters: Tree, p: Any, s: Any, m: Any, at: int) -> float:
     """Indentation under a load [N] along the normal, on the branch that is stable under a fixed load."""
 
-    def force(delta: float) -> float:
-        return float(plain(normal)(delta, s, p, m, at)[0])
-
     high = s.unit_indentation
     for _ in range(100):
-        if force(high) > load:
+        if plain(normal)(high, s, p, m, at)[0] > load:
             break
         high *= 1.5
     else:
         raise ParameterError(f"the load of {load:.4g} N at reference.z_r is beyond what a contact bears")
     grid = s.end + square(np.linspace(0.0, 1.0, 400)) * (high - s.end)
-    forces = np.array([force(delta) for delta in grid])
+    forces = _forces(grid, s, p, m, at)
     weakest = int(np.argmin(forces))
     if load <= forces[weakest]:
         raise ParameterError(
@@ -159,8 +177,4 @@ def _indentation(load: float, parameters: Tree, p: Any, s: Any, m: Any, at: int)
             f"{forces[weakest]:.4g} N, the pull-off force: raise reference.z_r, lower cantilever.a, or start free with "
             f"plant.gap > 0"
         )
-    low = float(grid[weakest])
-    for _ in range(100):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if force(middle) < load else (low, middle)
-    return 0.5 * (low + high)
+    return float(_between(float(grid[weakest]), float(high), load, s, p, m, at))
