@@ -126,13 +126,16 @@ def test_second_tone_goes_on_without_a_jump_where_its_frequency_changes():
         assert math.remainder(turned, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
+AVERAGED = {"plant.kind": "averaged", "plant.dt": 1e-6, "onboard.feedback": "external"}
+
+
 @pytest.mark.parametrize(
     ("values", "told"),
     [
         ({"plant.dt": 2e-7}, r"plant.dt = 2e-07 s is not allowed with a drive of 1629\d\d Hz, which it does not"),
         ({"detector.sample_period": 2e-6}, r"of a drive of 1629\d\d Hz: the lock-in needs 4 samples a period; take <="),
         ({"plant.modes": 1}, "plant.modes = 1 is not allowed with onboard.second_drive_frequency = 0, the second"),
-        ({"plant.kind": "averaged", "plant.dt": 1e-6}, "with plant.kind = averaged, which averages over the cycle of"),
+        (AVERAGED, "with plant.kind = averaged, which averages over the cycle of one tone"),
         ({"plant.kind": "compliant"}, "not allowed with plant.kind = compliant, whose cantilever cannot be excited"),
         ({"onboard.second_drive_amplitude": -1e-12}, "onboard.second_drive_amplitude = -1e-12 m is not allowed"),
     ],
