@@ -126,4 +126,5 @@ def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too
 
 def test_replay_of_no_recording_is_told_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert replay_command.main([str(tmp_path / "none.rrd")]) == 1
-    assert capsys.readouterr().err.startswith(f"error: {tmp_path / 'none.rrd'}: ")
+    told = f"error: {tmp_path / 'none.rrd'} is no readable recording: No such file or directory\n"
+    assert capsys.readouterr().err == told
