@@ -12,14 +12,14 @@ from pydantic import Field
 from ...analysis import contact_stiffness
 from ...analysis.resonance import lag, resonance_fit
 from ...core.errors import ParameterError, VerbError
-from ...core.schema import NonNegative, Unit, Value
-from ...parameters import InstrumentParameters, changed
+from ...core.schema import NonNegative, Unit
+from ...parameters import changed
 from ..arrays import Arrays, attributes, variable
 from ..execution import Execution, Task
 from ..results import MicroscopeState
 from ..verb import Verb
 from ..view import InstrumentView
-from .tune import DECAYS, Hertz, of_lock_in, swept
+from .tune import DECAYS, Hertz, driven, of_lock_in, swept
 
 _PINNED = 4.5
 """Over f0: beyond the first resonance of a beam whose end is pinned, 4.39."""
@@ -75,7 +75,7 @@ class ContactResonance(Verb):
             yield f"highest = {self.highest:g} Hz is not allowed: it must be > {f0:g} Hz, the free resonance"
         try:
             top = middle or self._highest(view)
-            self._driven(view, top + 0.5 * self._span(view, top))
+            driven(view, top + 0.5 * self._span(view, top), self.drive_amplitude)
         except ParameterError as error:
             yield str(error)
 
@@ -87,13 +87,6 @@ class ContactResonance(Verb):
 
     def _span(self, view: InstrumentView, middle: float) -> float:
         return self.span or _WIDTHS * middle / float(view.parameters.plant.cantilever_numbers.Q)
-
-    def _driven(self, view: InstrumentView, frequency: float) -> InstrumentParameters:
-        """Parameters with the drive of the sweep at a frequency [Hz]."""
-        drive = self.drive_amplitude or view.parameters.onboard.drive_amplitude
-        news: dict[str, Value] = {"onboard.drive_frequency": frequency, "onboard.drive_amplitude": drive}
-        parameters: InstrumentParameters = view.parameters
-        return changed(parameters, news)
 
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`."""
@@ -109,7 +102,7 @@ class ContactResonance(Verb):
             middle = self.frequency or (yield from self._searched(run, decay))
             span = self._span(view, middle)
             frequencies = np.linspace(middle - 0.5 * span, middle + 0.5 * span, self.points)
-            found = yield from swept(run, frequencies, self._driven, settle, average)
+            found = yield from swept(run, frequencies, self.drive_amplitude, settle, average)
             curve = self._found(view, frequencies, np.array(found))
             run.result = lambda: curve
         finally:
@@ -123,7 +116,7 @@ class ContactResonance(Verb):
         frequencies = np.linspace(low, high, count + 1)
         settle = _QUICK * decay + 0.5 * of_lock_in(part)
         run.total += frequencies.size * 1.25 * settle
-        response = np.abs((yield from swept(run, frequencies, self._driven, settle, 0.25 * settle)))
+        response = np.abs((yield from swept(run, frequencies, self.drive_amplitude, settle, 0.25 * settle)))
         top = int(response.argmax())
         if not 0 < top < count:
             raise VerbError(

@@ -1,7 +1,7 @@
 """The verb Tune: the resonance of the driven cantilever, off the sample; docs/dynamic.md."""
 
 import math
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -33,10 +33,18 @@ def of_lock_in(part: Any) -> float:
     return float((12.0 + 2.0 * part.filter_order) * part.time_constant)
 
 
+def driven(view: InstrumentView, frequency: float, amplitude: float) -> InstrumentParameters:
+    """Parameters with the drive at a frequency [Hz] and an amplitude [m]; 0: the amplitude that it has."""
+    drive = amplitude or view.parameters.onboard.drive_amplitude
+    news: dict[str, Value] = {"onboard.drive_frequency": frequency, "onboard.drive_amplitude": drive}
+    parameters: InstrumentParameters = view.parameters
+    return changed(parameters, news)
+
+
 def swept(
     run: Execution,
     frequencies: NDArray[np.float64],
-    driven: Callable[[InstrumentView, float], InstrumentParameters],
+    amplitude: float,
     settle: float,
     average: float,
 ) -> Generator[Task, None, list[complex]]:
@@ -50,7 +58,7 @@ def swept(
     view, found = run.view, list[complex]()
     rate = 1.0 / (view.ticks(average) * view.control_period)
     for number, f in enumerate(frequencies.tolist()):
-        view.instrument.set_onboard(driven(view, f))
+        view.instrument.set_onboard(driven(view, f, amplitude))
         detail, recorder = f"frequency {number + 1} of {frequencies.size}", run.recorder(_NAMES, rate)
         yield Task(Order(view.stay(settle)), settle, detail)
         yield Task(Order(view.stay(average)), average, detail, recorder)
@@ -95,7 +103,7 @@ class Tune(Verb):
             yield f"span = {span:g} Hz is not allowed: it must be > 0 and < {2.0 * middle:g} Hz, twice the middle"
             return
         try:
-            self._driven(view, middle + 0.5 * span)
+            driven(view, middle + 0.5 * span, self.drive_amplitude)
             changed(view.parameters, {"onboard.free_amplitude": self.free_amplitude})
         except ParameterError as error:
             yield str(error)
@@ -104,13 +112,6 @@ class Tune(Verb):
         """Middle and width [Hz]."""
         middle = self.frequency or getattr(cantilever, "f0", 0.0)
         return middle, self.span or _WIDTHS * middle / getattr(cantilever, "Q", math.inf)
-
-    def _driven(self, view: InstrumentView, frequency: float) -> InstrumentParameters:
-        """Parameters with the drive of the sweep at a frequency [Hz]."""
-        drive = self.drive_amplitude or view.parameters.onboard.drive_amplitude
-        news: dict[str, Value] = {"onboard.drive_frequency": frequency, "onboard.drive_amplitude": drive}
-        parameters: InstrumentParameters = view.parameters
-        return changed(parameters, news)
 
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`."""
@@ -124,7 +125,7 @@ class Tune(Verb):
         run.result = lambda: None
         after = {"onboard.drive_frequency": before.drive_frequency, "onboard.drive_amplitude": before.drive_amplitude}
         try:
-            found = yield from swept(run, frequencies, self._driven, settle, average)
+            found = yield from swept(run, frequencies, self.drive_amplitude, settle, average)
             curve = self._found(frequencies, found, self.drive_amplitude or before.drive_amplitude)
             run.result, told = lambda: curve, curve.attributes
             if self.free_amplitude > 0.0:
