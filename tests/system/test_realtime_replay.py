@@ -71,10 +71,8 @@ def test_closed_loop_in_real_time_tracks_although_drives_come_late_and_is_replay
     assert_nothing_left()
 
 
-def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Everything that can go wrong without a fault, with a delay; a DAC that puts drives in force five times a tick."""
+def bad_run(tmp_path: Path, out: Path, factor: float) -> None:
+    """A session whose drives come late, out of order and, for a while, not at all."""
     before: list[Measurement] = []
     away = False
 
@@ -96,24 +94,34 @@ def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too
         tmp_path / "short.yaml",
         plant={"delay_ticks": 1, "seed": 5},
         # Back within the run also where the first drives came so late that it began with a retraction.
-        run={"watchdog_timeout": 0.05, "retract_time": 1e-4, "return_speed": 1e-3, "real_time_factor": 0.005},
+        run={"watchdog_timeout": 0.05, "retract_time": 1e-4, "return_speed": 1e-3, "real_time_factor": factor},
         piezo={"dac_bits": 14, "limit": 15.0, "dac_period": UPDATE},
         detector={"noise": 1e-3, "channels": "drive_x,drive_y,drive_z"},
     )
-    out = tmp_path / "out"
     with Graph() as graph, session(scenario, out, "--controller", "external", folder=tmp_path) as command:
         graph.add(HandController(bad, "somebody"))
         assert command.wait(graph) == 0, command.text
-    card, recording = replayed(out)
-    retracted = card["realtime"]["ticks_retracted"]
-    assert retracted > 0
+
+
+def test_retracted_ticks_missed_periods_and_drives_out_of_order_are_replayed_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Everything that can go wrong without a fault, with a delay; a DAC that puts drives in force five times a tick."""
+    # A horizon is over after 25 ticks: how slow a run must be for drives to come in time is a matter of the machine.
+    for factor in (0.005, 0.0005):
+        out = tmp_path / f"{factor}"
+        bad_run(tmp_path, out, factor)
+        card, recording = replayed(out)
+        # Between two ticks the drive was another one, which only its channels tell.
+        updates = recording.channels["drive_x"].values.reshape(len(recording.drive), -1)
+        between = np.count_nonzero(np.ptp(updates, axis=1))
+        if between > 0:
+            break
+    assert between > 0
+    assert np.array_equal(updates[:, 0], recording.drive[:, 0])
+    assert card["realtime"]["ticks_retracted"] > 0
     # The sample is at the end of its way while it is retracted.
     assert np.count_nonzero(recording.drive[:, 2] < -11.9) > 0
-    assert recording.drive.min() < -11.9
-    # Between two ticks the drive was another one, which only its channels tell.
-    updates = recording.channels["drive_x"].values.reshape(len(recording.drive), -1)
-    assert np.count_nonzero(np.ptp(updates, axis=1)) > 0
-    assert np.array_equal(updates[:, 0], recording.drive[:, 0])
     assert_nothing_left()
     # What `ros2 run afm_bringup replay` says of it.
     assert replay_command.main([str(out / "recording.rrd")]) == 0
