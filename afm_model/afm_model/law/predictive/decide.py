@@ -51,6 +51,11 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
             changed_x += change * (p.G[0, j, 0] * p.Gamma[0, 0] + p.G[0, j, 1] * p.Gamma[0, 1])
             change = s.gain_of[1] * (f * d_y / size - s.friction[at + j] * s.direction[at + j, 1])
             changed_y += change * (p.G[1, j, 0] * p.Gamma[1, 0] + p.G[1, j, 1] * p.Gamma[1, 1])
+    # Of positions alone an error is taken back by no more than a radian of the shortest wave in a response: farther z
+    # could not follow, and the tip would leave the sample.
+    far = math.sqrt(e_x * e_x + e_y * e_y) * p.wave_number
+    if p.measured != 0 and far > 1.0:
+        e_x, e_y = e_x / far, e_y / far
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y
     s.plan[slot, 2] = u_z

@@ -21,6 +21,15 @@ _TIMES = 2.0
 """Fallbacks after which no map is read any more."""
 _RETURN = 15.0
 """Time constant with which trust returns [1/w0]."""
+_LATER = 3.0
+"""After each further fallback trust returns so many times later."""
+_FORGIVES = 1e5
+"""Time constant with which that is forgotten [1/w0]."""
+_BELOW = 0.75
+"""Ratio of friction after a fallback over that before, of positions alone: it is sought from below again."""
+_RATIO_LIMITS = (0.1, 3.0)
+_NOISE = 5.0
+"""Standard deviations of a position by which a tip at rest may seem to move."""
 _WHOLE = 2e-2
 """Distrust that counts as none."""
 
@@ -37,7 +46,9 @@ def forget(p: Constants, s: State) -> None:
         for j in range(NODES):
             s.covariance[i, j] = s.prior[(i - j) % NODES]
     s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
-    s.told = s.counts = 0.0
+    if p.measured != 0:
+        s.ratio[VALUE] = s.ratio[MEAN] = min(max(_BELOW * s.ratio[VALUE], _RATIO_LIMITS[0]), _RATIO_LIMITS[1])
+    s.told = s.counts = s.misfit = s.misfit_H = 0.0
     for axis in range(2):
         s.gain_of[axis], s.slow[axis], s.softer[axis] = 1.0, 0.0, 0.0
         for i in range(3):
@@ -60,19 +71,25 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     speed = hypot(s.V_X, s.V_Y)
     slips = speed > REST * s.fastest
     leaves = e_x * s.V_X + e_y * s.V_Y > 0.0
-    far = _FAR * s.reach + 3.0 * way + (5.0 * p.position_noise if p.measured != 0 else 0.0)
+    noise = _NOISE * p.position_noise if p.measured != 0 else 0.0
+    far = _FAR * s.reach + 3.0 * way + noise
     if min(s.gain_of[0], s.gain_of[1]) <= GAIN_LIMITS[0] or max(s.gain_of[0], s.gain_of[1]) >= GAIN_LIMITS[1]:
         # An estimate at its limit is not believed as much.
         far *= 0.5
-    if slips and (missed > far or (leaves and hypot(e_x, e_y) > far)):
+    off = hypot(e_x, e_y)
+    # A tip that runs far from the reference is not handed over.
+    runs = s.distrust == 1.0 and off > far and hypot(s.X - s.at_x, s.Y - s.at_y) > REST * way + noise
+    s.patience *= exp(-p.hold / _FORGIVES)
+    if runs or (slips and (missed > far or (leaves and off > far))):
         if s.distrust < 0.5:
             s.fallbacks += 1.0
+            s.patience = max(1.0, _LATER * s.patience)
             forget(p, s)
         s.distrust, s.calm_ticks = 1.0, 0.0
     elif s.distrust > 0.0:
         s.calm_ticks += 1.0
         # What was sent before has to have come into force.
-        if s.calm_ticks > 2.0 + p.delay / p.slots:
+        if s.calm_ticks > (2.0 + p.delay / p.slots) * max(1.0, s.patience):
             s.distrust *= exp(-p.hold / _RETURN)
             s.distrust = s.distrust if s.distrust > _WHOLE else 0.0
 
@@ -104,7 +121,7 @@ def begin_anew(p: Constants, s: State) -> None:
     A bound of friction that is to be found is approached from below.
     """
     forget(p, s)
-    s.calm_ticks, s.slips, s.reserve_end = 0.0, 0.0, -1
+    s.calm_ticks, s.slips, s.patience, s.reserve_end = 0.0, 0.0, 0.0, -1
     for i in range(10):
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
     for i in range(NODES):

@@ -7,6 +7,7 @@ that few measurements make a smooth map and its variance tells where it is known
 import math
 from typing import TYPE_CHECKING
 
+from ...core.elementary import square
 from ...core.jit import kernel, routine
 from .predictive_constants import Constants
 
@@ -28,6 +29,12 @@ KNOWN_WELL = 1e-2
 """Variance over that of the prior below which the map counts."""
 AGE = 2.0 * math.pi
 """Phase of the shortest wave that the tip must have gone since its first visit before the map counts at a place."""
+CONSISTENT = 4.0
+"""Mean square of what a measurement is off the map, over its variance, from which on the map is wrong."""
+FARTHEST = 100.0
+"""Largest of these squares that counts."""
+FORGET = 0.02
+"""Weight of one measurement in that mean."""
 NOISE = 1.5e-4
 """Variance of a measurement over that of the prior: 0.02 nm of the default height."""
 
@@ -74,9 +81,10 @@ def read_map(x: float, y: float, s: "State") -> None:
             variance += w[a] * w[b] * s.covariance[at, (i + b) % NODES]
     if variance > KNOWN_WELL:
         return
-    s.height = H + s.offset_H
-    s.mapped_H = 1.0
-    if s.gripped != 0.0:
+    if s.misfit_H < CONSISTENT:
+        s.height = H + s.offset_H
+        s.mapped_H = 1.0
+    if s.gripped != 0.0 and s.misfit < CONSISTENT:
         s.here = ratio + s.offset
         s.mapped = 1.0
 
@@ -97,6 +105,12 @@ def raise_map(change: float, s: "State") -> None:
     """Friction that holds more than the map allows is stronger everywhere."""
     for i in range(NODES):
         s.map_ratio[i] += change
+
+
+@kernel
+def misfit_of(innovation: float, size: float, variance: float) -> float:
+    """Square of an innovation over its variance, which is in units of the prior's of a quantity of this size."""
+    return min(square(innovation / size) / variance, FARTHEST)
 
 
 @routine
@@ -149,6 +163,9 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         variance += w[a] * s.gain[at]
         innovation -= w[a] * s.map_H[at]
         change -= w[a] * s.map_ratio[at]
+    s.misfit_H += FORGET * (misfit_of(innovation, p.height, variance) - s.misfit_H)
+    if ratio > 0.0:
+        s.misfit += FORGET * (misfit_of(change, p.ripple, variance) - s.misfit)
     for j in range(NODES):
         s.map_H[j] += s.gain[j] * innovation / variance
         if ratio > 0.0:

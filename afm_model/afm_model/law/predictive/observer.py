@@ -29,6 +29,8 @@ _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction."""
 _NEAR = 0.01
 """Step of the derivatives of the nominal bound [x0]."""
+_SPAN = 10.0
+"""Time of the mean by which positions are off [1/w0]."""
 _ON_MAP = 0.3
 """Bend of the ratio that a map leaves, over that of the surface."""
 
@@ -88,7 +90,7 @@ def begin_observer(p: Constants, s: State) -> None:
     s.P[AT_X, AT_X] = s.P[AT_Y, AT_Y] = square(p.position_noise)
     s.P[RATIO, RATIO] = square(UNKNOWN) * p.identified
     s.P[SLOPE, SLOPE] = square(p.bumps * p.wave_number)
-    s.calm = s.across = s.grip = 0.0
+    s.calm = s.across = s.grip = s.off = 0.0
 
 
 @kernel
@@ -240,11 +242,13 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     missed = along if along * along > _SURE * _SURE * (known + noise) else 0.0
     if missed != 0.0:
         doubt(missed, t_x, t_y, p, s)
+    s.off += min(p.hold / _SPAN, 1.0) * (x - s.X - s.off)
     off, stiffness = b_x - force, p.stiffness[0]
     likely = square(off) < _SURE * _SURE * (square(stiffness) * P[AT_X, AT_X] + square(p.force_noise))
     if resting and way == 0.0 and p.slots == 1 and likely:
         # At rest friction is what the drive leaves, which tells the position.
-        take(AT_X, off / stiffness, square(p.force_noise / stiffness), s)
+        # Where positions contradict that a force that is not known displaces the scanner.
+        take(AT_X, off / stiffness, square(p.force_noise / stiffness) + square(_STOPS * s.off), s)
     s.grip = 0.0
     if size > 0.0 and abs(t_x) > _TELLS:
         see_ratio(t_x, t_y, size, nominal, p, s)

@@ -17,6 +17,7 @@ class State(Record):
     fallbacks: float  # how often the model was distrusted, how far it is now, measurements it has explained since
     distrust: float
     calm_ticks: float
+    patience: float  # how many times more of them are needed
     reach: float  # farthest that the reference has been from its start, which follows
     from_x: float
     from_y: float
@@ -41,6 +42,7 @@ class State(Record):
     weight: Annotated[Array, (3,)]
     grip: float  # of positions alone: measured ratio; no measurement: zero
     calm: float  # forces in succession that were as expected
+    off: float  # mean by which positions are off along x
     P: Annotated[Array, (5, 5)]  # covariance of the states of observer.py
     carried: Annotated[Array, (5, 5)]  # what a Kalman filter needs between two steps
     half: Annotated[Array, (5, 5)]
@@ -91,6 +93,8 @@ class State(Record):
     way: float  # gone on it
     written: float
     gripped: float
+    misfit_H: float  # mean square of what heights and ratios are off the map, over their variance
+    misfit: float
     map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior
     map_ratio: Annotated[Array, (NODES,)]
     covariance: Annotated[Array, (NODES, NODES)]
