@@ -97,12 +97,14 @@ def test_tune_brings_the_same_bytes_over_the_action_of_any_verb_and_the_drive_it
         assert action_of(verb) == ANY
         assert goal_of(verb).verb == "tune"
         found = client.execute(verb).result
-        drive = simulator.get_parameter("onboard.drive_amplitude").value
+        set_ = {name: simulator.get_parameter(f"onboard.{name}").value for name in ("drive_amplitude", "phase_offset")}
     assert {name: each.values.tobytes() for name, each in found.variables.items()} == {
         name: each.values.tobytes() for name, each in expected.variables.items()
     }
-    assert dict(found.attributes) == dict(expected.attributes)
-    assert drive == local.instrument.parameters.onboard.drive_amplitude == found.attributes["drive_amplitude_m"]
+    told, part = found.attributes, local.instrument.parameters.onboard
+    assert dict(told) == dict(expected.attributes)
+    assert set_["drive_amplitude"] == part.drive_amplitude == told["drive_amplitude_m"]
+    assert set_["phase_offset"] == part.phase_offset == told["phase_offset_rad"]
 
 
 PRESSED = DRIVEN | {

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from ...core.prefix import text
 from ...core.schema import NonNegative, Unit
+from ...onboard.bimodal import second_frequency
 from ...onboard.by_amplitude import setpoint, taps
 from ...onboard.dynamic import frequency
 from ...program.orders import Order
@@ -244,9 +245,13 @@ def _tapping(parameters: Any) -> dict[str, str]:
     part, metres = parameters.onboard, parameters.detector.deflection_sensitivity
     share = metres * setpoint(parameters) / part.free_amplitude if part.free_amplitude else 0.0
     of_free = f", {share:.4g} of the free amplitude of {text(part.free_amplitude, 'm')}" if share else ""
-    drive = f"{text(frequency(parameters), 'Hz', 6)}, {text(part.drive_amplitude, 'm')} ({part.drive})"
+    tones = [(frequency(parameters), part.drive_amplitude)]
+    if second := getattr(part, "second_drive_amplitude", 0.0):
+        tones.append((second_frequency(parameters), second))
+    drive = " and ".join(f"{text(f, 'Hz', 6)}, {text(amplitude, 'm')}" for f, amplitude in tones)
+    offset = f", phase offset {part.phase_offset:.4g} rad" if part.phase_offset else ""
     return {
         "Setpoint": f"amplitude of {text(metres * setpoint(parameters), 'm', 6)}{of_free}",
-        "Drive": drive,
-        "Lock-in": f"{part.filter_order} low-passes of {text(part.time_constant, 's')}",
+        "Drive": f"{drive} ({part.drive})",
+        "Lock-in": f"{part.filter_order} low-passes of {text(part.time_constant, 's')}{offset}",
     }
