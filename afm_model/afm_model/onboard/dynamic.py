@@ -58,9 +58,7 @@ class DynamicParameters(PiParameters):
     drive_amplitude: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="way of the base; tip: force over plant.k; torsion: way of the tip with the base; 0: no drive"
     )
-    drive_phase: Phase = Field(
-        0.0, description="by which the drive is ahead of the reference of the lock-in"
-    )
+    drive_phase: Phase = Field(0.0, description="by which the drive is ahead of the reference of the lock-in")
     phase_offset: Phase = Field(
         0.0, description="that the lock-in takes from the lag it measures; tune sets it: a free cantilever shows pi/2"
     )
