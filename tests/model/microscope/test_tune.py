@@ -156,6 +156,17 @@ def test_example_of_the_page_prints_what_the_page_says(capsys):
     assert capsys.readouterr().out.strip() in page
 
 
+@pytest.mark.filterwarnings("ignore:plant.kind = averaged did not hold")
+def test_example_of_the_page_of_tapping_prints_what_the_page_says(capsys):
+    page = (Path(__file__).parents[3] / "docs" / "tapping.md").read_text()
+    exec(page.partition("<!-- tapping -->\n```python\n")[2].partition("```")[0], found := {})
+    first, second = capsys.readouterr().out.splitlines()
+    assert f"    {first}\n    {second}\n" in page
+    assert first.startswith("f0 = 77000.0 Hz, Q = 165.0")
+    # Of an elastic contact the sine is amplitude over free amplitude, but for the motion of the base.
+    assert float(found["image"].phase.median()) == pytest.approx(math.asin(0.7), abs=math.radians(1.0))
+
+
 def test_plant_without_a_base_refuses_the_drive():
     with pytest.raises(ParameterError, match="whose cantilever cannot be excited"):
         Local(

@@ -158,6 +158,19 @@ def test_filter_has_the_order_and_the_time_constant_that_are_stated(order):
         assert 0.5 * (cosine[k][0] + sine[k][1]) == pytest.approx(betainc(order, k + 1, -math.expm1(-5e-6 / 5e-4)))
 
 
+def test_host_that_reads_once_in_a_time_constant_sees_less_than_a_hundredth_of_what_it_would_fold():
+    values = {"onboard.time_constant": 5e-4, "onboard.filter_order": 4}
+    # 1/2T off the drive, whose frequency is 10 kHz.
+    beside = lock_in(lambda theta: math.cos(1.1 * theta), 2400, **values)[1600:]
+    size = math.sqrt(np.mean(np.square(beside).sum(axis=1)))
+    assert size == pytest.approx((1.0 + math.pi**2) ** -2, rel=0.02)
+    assert np.hypot(*np.transpose(beside)).max() < 0.01
+    # Ten time constants after the begin, by the gamma law of four low-passes in a row.
+    left = math.exp(-10.0) * (1.0 + 10.0 + 10.0**2 / 2.0 + 10.0**3 / 6.0)
+    missing = 1.0 - abs(complex(*lock_in(math.cos, 1001, **values)[-1]))
+    assert missing == pytest.approx(left, rel=0.05)
+
+
 def test_phase_is_the_angle_from_minus_a_quarter_of_a_turn_on():
     for angle in np.linspace(-0.499 * math.pi, 1.499 * math.pi, 4001):
         assert plain(late)(3e-4 * math.cos(angle), 3e-4 * math.sin(angle)) == pytest.approx(angle, abs=2e-15)
