@@ -93,10 +93,12 @@ def test_tune_brings_the_same_bytes_over_the_action_of_any_verb_and_the_drive_it
     verb = find("tune").of({"points": 16, "average": 1e-4, "free_amplitude": 5e-9})
     local = in_process(DRIVEN)
     expected = local.execute(verb).result
+    settled = local.execute(find("read").of({})).result
     with simulated(DRIVEN) as (client, simulator):
         assert action_of(verb) == ANY
         assert goal_of(verb).verb == "tune"
         found = client.execute(verb).result
+        read = client.execute(find("read").of({})).result
         set_ = {name: simulator.get_parameter(f"onboard.{name}").value for name in ("drive_amplitude", "phase_offset")}
     assert {name: each.values.tobytes() for name, each in found.variables.items()} == {
         name: each.values.tobytes() for name, each in expected.variables.items()
@@ -105,6 +107,13 @@ def test_tune_brings_the_same_bytes_over_the_action_of_any_verb_and_the_drive_it
     assert dict(told) == dict(expected.attributes)
     assert set_["drive_amplitude"] == part.drive_amplitude == told["drive_amplitude_m"]
     assert set_["phase_offset"] == part.phase_offset == told["phase_offset_rad"]
+    # What a host reads then is what it has asked for.
+    assert {name: (each.dims, float(each.values)) for name, each in read.variables.items()} == {
+        name: (each.dims, float(each.values)) for name, each in settled.variables.items()
+    }
+    assert dict(read.attributes) == dict(settled.attributes)
+    assert float(read.variables["amplitude"].values) == pytest.approx(5e-9, rel=1e-3)
+    assert float(read.variables["phase"].values) == pytest.approx(0.5 * math.pi, abs=1e-3)
 
 
 PRESSED = DRIVEN | {

@@ -88,16 +88,7 @@ class Scan(Verb):
         names = self.spelled(view).channel_names
         if not names:
             yield "channels is empty: it must name one at least, such as height"
-        try:
-            signals(view.instrument, names)
-        except KeyError as error:
-            missing, known = error.args
-            near = dict.fromkeys(each for name in missing for each in get_close_matches(name, known, n=1))
-            meant = f" (did you mean {', '.join(near)}?)" if near else ""
-            yield (
-                f"channels = {self.channels} is not allowed: there is no {', '.join(missing)}{meant}; there are "
-                f"{', '.join(known)}"
-            )
+        yield from unknown(view, self.channels, names)
         yield from too_much(
             2.0 * self.pixels * self.lines * len(names),
             f"a scan of pixels = {self.pixels}, lines = {self.lines} and {len(names)} channels",
@@ -136,6 +127,20 @@ class Scan(Verb):
             run.on_line(line)
 
         return put
+
+
+def unknown(view: InstrumentView, channels: str, names: Sequence[str]) -> Iterator[str]:
+    """What of the names in `channels` there is not."""
+    try:
+        signals(view.instrument, names)
+    except KeyError as error:
+        missing, known = error.args
+        near = dict.fromkeys(each for name in missing for each in get_close_matches(name, known, n=1))
+        meant = f" (did you mean {', '.join(near)}?)" if near else ""
+        yield (
+            f"channels = {channels} is not allowed: there is no {', '.join(missing)}{meant}; there are "
+            f"{', '.join(known)}"
+        )
 
 
 class Remarks:
