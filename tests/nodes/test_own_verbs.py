@@ -93,16 +93,27 @@ def test_tune_brings_the_same_bytes_over_the_action_of_any_verb_and_the_drive_it
     verb = find("tune").of({"points": 16, "average": 1e-4, "free_amplitude": 5e-9})
     local = in_process(DRIVEN)
     expected = local.execute(verb).result
+    settled = local.execute(find("read").of({})).result
     with simulated(DRIVEN) as (client, simulator):
         assert action_of(verb) == ANY
         assert goal_of(verb).verb == "tune"
         found = client.execute(verb).result
-        drive = simulator.get_parameter("onboard.drive_amplitude").value
+        read = client.execute(find("read").of({})).result
+        set_ = {name: simulator.get_parameter(f"onboard.{name}").value for name in ("drive_amplitude", "phase_offset")}
     assert {name: each.values.tobytes() for name, each in found.variables.items()} == {
         name: each.values.tobytes() for name, each in expected.variables.items()
     }
-    assert dict(found.attributes) == dict(expected.attributes)
-    assert drive == local.instrument.parameters.onboard.drive_amplitude == found.attributes["drive_amplitude_m"]
+    told, part = found.attributes, local.instrument.parameters.onboard
+    assert dict(told) == dict(expected.attributes)
+    assert set_["drive_amplitude"] == part.drive_amplitude == told["drive_amplitude_m"]
+    assert set_["phase_offset"] == part.phase_offset == told["phase_offset_rad"]
+    # What a host reads then is what it has asked for.
+    assert {name: (each.dims, float(each.values)) for name, each in read.variables.items()} == {
+        name: (each.dims, float(each.values)) for name, each in settled.variables.items()
+    }
+    assert dict(read.attributes) == dict(settled.attributes)
+    assert float(read.variables["amplitude"].values) == pytest.approx(5e-9, rel=1e-3)
+    assert float(read.variables["phase"].values) == pytest.approx(0.5 * math.pi, abs=1e-3)
 
 
 PRESSED = DRIVEN | {

@@ -14,9 +14,11 @@ from scipy.ndimage import binary_erosion
 from support import TIMEOUT, Command, assert_nothing_left, executable, remove_shared_memory_left
 
 from afm_bringup import scan_command
+from afm_bringup.files import config
 from afm_bringup.remote import Remote
-from afm_bringup.scan_command import STEP, STRENGTH, letter, second_material
+from afm_bringup.scan_command import STEP, STRENGTH, letter, second_material, write_sample
 from afm_model.core.errors import VerbError
+from afm_model.microscope import Microscope
 from afm_recorder_node.inspect_command import main as inspect
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import Recording
@@ -109,6 +111,60 @@ def test_inspect_tells_the_scan_and_its_verbs(made: Made, capsys: pytest.Capture
     said = capsys.readouterr().out
     assert f"{PIXELS} of {PIXELS} lines, height, error, lateral" in said
     assert "Scan was done" in said and "plant lever" in said and "z_loop_error" in said
+
+
+TAPPED = {"size_x": SIZE, "pixels": 40, "lines": 10, "line_rate": 8.0}
+"""Across both bars of the letter that go up and down, and its short one."""
+
+
+@pytest.fixture(scope="module")
+def tapped(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """What `scan --mode tapping` has left."""
+    folder = tmp_path_factory.mktemp("tapped")
+    frame = [f"--{name.replace('_', '-')}={value}" for name, value in TAPPED.items()]
+    with scan(folder / "out", "--mode", "tapping", *frame, folder=folder) as process:
+        assert process.wait(timeout=3.0 * TIMEOUT) == 0, process.told
+        printed = process.text
+    assert_nothing_left()
+    channels = get_datafields(load(str(folder / "out" / "scan.gwy")))
+    fields = {title: field.data[::-1] for title, field in channels.items()}
+    return Made(folder / "out", printed, fields, read_recording(folder / "out" / "recording.rrd"))
+
+
+@pytest.mark.long
+def test_image_by_tapping_over_actions_is_that_of_the_same_verbs_in_process_to_the_last_byte(tapped: Made) -> None:
+    (over_topics,) = tapped.recording.images
+    with Microscope(config("first_tapping.yaml"), sample=write_sample(tapped.folder / "again")) as microscope:
+        microscope.approach()
+        microscope.scan(**TAPPED)
+        assert microscope.outcome is not None
+        here = microscope.outcome.result
+    assert over_topics.units == here.units == {"height": "m", "amplitude_error": "m", "phase": "rad"}
+    assert over_topics.complete
+    for key, values in here.data.items():
+        assert over_topics.data[key].tobytes() == values.tobytes(), key
+    assert here.metadata["Drive"] == "77 kHz, 85 pm (base)"
+    # The same in the file for Gwyddion, with the notes.
+    notes = load(str(tapped.folder / "scan.gwy"))["/0/meta"]
+    assert {name: notes[name] for name in here.metadata} == here.metadata
+    for title, key in (("Height", "height"), ("Phase", "phase"), ("Amplitude Error", "amplitude_error")):
+        np.testing.assert_array_equal(tapped.fields[title], here.data[key, "trace"])
+
+
+@pytest.mark.long
+def test_image_by_tapping_shows_the_letter_with_its_step_within_1_percent_and_one_phase_on_both_materials(
+    tapped: Made,
+) -> None:
+    along = (np.arange(TAPPED["pixels"]) + 0.5) / TAPPED["pixels"] * SIZE - 0.5 * SIZE
+    x, y = np.meshgrid(along, along[:10] - along[:10].mean())
+    height, up, second = tapped.fields["Height"], letter(x, y), second_material(x, y)
+    flat, top = inner(~up), inner(up)
+    assert np.median(height[top]) - np.median(height[flat]) == pytest.approx(STEP, rel=0.01)
+    # They differ in friction, which a tip that taps hardly feels: below pi/2, the branch of repulsion, on both.
+    phase = tapped.fields["Phase"]
+    there, here = (np.median(phase[flat & inner(each)]) for each in (second, ~second))
+    assert there == pytest.approx(here, abs=0.01)
+    assert 0.6 < here < 0.5 * np.pi
 
 
 def test_interrupted_scan_leaves_the_image_up_to_there_and_no_process(tmp_path: Path) -> None:

@@ -5,20 +5,20 @@ signal, through as many low-passes of the same time constant, and measures what 
 """
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import Field
 
 from ..core import beam, registry
-from ..core.elementary import square
+from ..core.elementary import sincos, square
 from ..core.jit import kernel
 from ..core.records import Array
 from ..core.schema import NonNegative, Unit
-from ..parts.loop import Onboard
 from ..parts.part import Channel, Numbers, Tree
 from ..parts.signals import Actuation, Detection, Setpoint
 from . import dynamic
-from .dynamic import DYNAMIC, STAGES, DynamicParameters, check_tone, drive_and_measure, late, mixed, sensitivity
+from .dynamic import DYNAMIC, STAGES, DynamicParameters, Phase, check_tone, drive_and_measure, late, mixed, sensitivity
 
 _TURN = 2.0 * math.pi
 
@@ -33,11 +33,18 @@ class BimodalParameters(DynamicParameters):
     second_drive_amplitude: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="of the second tone, as drive_amplitude; 0: no second tone"
     )
+    second_drive_phase: Phase = Field(
+        0.0, description="by which the second tone is ahead of the reference of its lock-in"
+    )
+    second_phase_offset: Phase = Field(0.0, description="that the second lock-in takes from the lag it measures")
 
 
 class Constants(dynamic.Constants):
     second_angular_frequency: float
     second_drive_amplitude: float
+    second_drive_phase: float
+    second_offset_cos: float
+    second_offset_sin: float
 
 
 class State(dynamic.State):
@@ -46,7 +53,7 @@ class State(dynamic.State):
     second_since: Annotated[float, "s"]
     second_in_phase: Annotated[Array, (STAGES,), "V"]  # behind each low-pass
     second_quadrature: Annotated[Array, (STAGES,), "V"]
-    second_x: Annotated[float, "V"]  # behind the last one
+    second_x: Annotated[float, "V"]  # behind the last one, turned by second_phase_offset
     second_y: Annotated[float, "V"]
     second_amplitude: Annotated[float, "V"]
     second_phase: Annotated[float, "rad"]  # from 0 to 2 pi: by a base it is 3 pi/2 at the second resonance
@@ -60,10 +67,15 @@ def second_frequency(parameters: Tree) -> float:
 
 
 def _values(parameters: Tree) -> Numbers:
+    part = parameters.onboard
+    sin, cos = sincos(part.second_phase_offset)
     return {
         **DYNAMIC.values(parameters),
         "second_angular_frequency": _TURN * second_frequency(parameters),
-        "second_drive_amplitude": parameters.onboard.second_drive_amplitude,
+        "second_drive_amplitude": part.second_drive_amplitude,
+        "second_drive_phase": part.second_drive_phase,
+        "second_offset_cos": cos,
+        "second_offset_sin": sin,
     }
 
 
@@ -107,29 +119,27 @@ def drive_both(t: float, d: Detection, r: Setpoint, u: Actuation, p: Constants, 
         s.second_turned = (s.second_turned + s.second_angular_frequency * (t - s.second_since)) % _TURN
         s.second_since, s.second_angular_frequency = t, omega
     u.second_amplitude, u.second_angular_frequency = p.second_drive_amplitude, omega
-    u.second_phase, u.second_since = s.second_turned, s.second_since
+    u.second_phase, u.second_since = s.second_turned + p.second_drive_phase, s.second_since
     angle = s.second_turned + omega * (t - s.second_since)
     x, y = mixed(d, angle, s.second_in_phase, s.second_quadrature, p)
-    s.second_x, s.second_y = x, y
-    s.second_amplitude, s.second_phase = math.sqrt(x * x + y * y), late(x, y)
+    s.second_amplitude = math.sqrt(x * x + y * y)
+    s.second_x = p.second_offset_cos * x + p.second_offset_sin * y
+    s.second_y = p.second_offset_cos * y - p.second_offset_sin * x
+    s.second_phase = late(s.second_x, s.second_y)
     if s.second_phase < 0.0:
         s.second_phase += _TURN
 
 
-BIMODAL = Onboard(
+BIMODAL = replace(
+    DYNAMIC,
     name="bimodal",
     parameters=BimodalParameters,
     constants=Constants,
     state=State,
     values=_values,
     check=_check,
-    moves_z=True,
-    excites=True,
     regulate=drive_both,
-    begin=DYNAMIC.begin,
     warnings=_warnings,
-    setpoint=DYNAMIC.setpoint,
-    settings=DYNAMIC.settings,
     channels=(
         *DYNAMIC.channels,
         Channel("second_amplitude", "m", "second_amplitude", sensitivity),

@@ -2,7 +2,8 @@
 
 It is excited by drive_amplitude cos(theta + drive_phase), theta' = 2 pi drive_frequency, without a jump of theta where
 the frequency changes. The signal, sampled by the ADC, is multiplied with cosine and sine of harmonic n of the same
-theta and low-passed: a signal A cos(n theta - phi) gives the amplitude A and the phase phi, by which it is late.
+theta and low-passed: a signal A cos(n theta - phi) gives the amplitude A and the phase phi, by which it is late, less
+phase_offset.
 
 The z loop is that of contact mode (pi.py). Its error [V] is setpoint less deflection, or amplitude less setpoint: the
 sample comes nearer as long as the amplitude is above it.
@@ -39,6 +40,7 @@ DRIVES = get_args(_Drive)
 """Names of BASE, TIP, LATERAL and TORSION in afm_model.parts.signals."""
 STAGES = 8
 _TURN = 2.0 * math.pi
+Phase = Annotated[float, Ge(-_TURN), Le(_TURN), Unit("rad")]
 
 
 class DynamicParameters(PiParameters):
@@ -56,8 +58,9 @@ class DynamicParameters(PiParameters):
     drive_amplitude: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="way of the base; tip: force over plant.k; torsion: way of the tip with the base; 0: no drive"
     )
-    drive_phase: Annotated[float, Ge(-_TURN), Le(_TURN), Unit("rad")] = Field(
-        0.0, description="by which the drive is ahead of the reference of the lock-in"
+    drive_phase: Phase = Field(0.0, description="by which the drive is ahead of the reference of the lock-in")
+    phase_offset: Phase = Field(
+        0.0, description="that the lock-in takes from the lag it measures; tune sets it: a free cantilever shows pi/2"
     )
     lock_in: Literal["deflection", "lateral"] = Field(
         "deflection", description="signal that the lock-in measures; lateral: as way of the tip by twist"
@@ -105,6 +108,8 @@ class Constants(PiConstants):
     share: float
     filter_order: float
     by_amplitude: float
+    offset_cos: float
+    offset_sin: float
 
 
 class State(PiState):
@@ -113,7 +118,7 @@ class State(PiState):
     since: Annotated[float, "s"]
     in_phase: Annotated[Array, (STAGES,), "V"]  # behind each low-pass: A cos phi
     quadrature: Annotated[Array, (STAGES,), "V"]  # A sin phi
-    x: Annotated[float, "V"]  # behind the last one
+    x: Annotated[float, "V"]  # behind the last one, turned by phase_offset
     y: Annotated[float, "V"]
     amplitude: Annotated[float, "V"]
     phase: Annotated[float, "rad"]  # from -pi/2 to 3 pi/2, so that 0 to pi has no jump
@@ -128,6 +133,7 @@ def frequency(parameters: Tree) -> float:
 
 def _values(parameters: Tree) -> Numbers:
     part, T = parameters.onboard, parameters.detector.sample_period
+    sin, cos = sincos(part.phase_offset)
     return {
         **PI.values(parameters),
         "setpoint": setpoint(parameters),
@@ -140,6 +146,8 @@ def _values(parameters: Tree) -> Numbers:
         "lateral": float(part.lock_in == "lateral"),
         "drive_amplitude": part.drive_amplitude,
         "drive_phase": part.drive_phase,
+        "offset_cos": cos,
+        "offset_sin": sin,
     }
 
 
@@ -232,8 +240,10 @@ def drive_at(
     u.phase, u.since, u.excited = s.turned + p.drive_phase, s.since, p.drive
     angle = p.harmonic * (s.turned + s.angular_frequency * (t - s.since))
     x, y = mixed(d, angle, s.in_phase, s.quadrature, p)
-    s.x, s.y = x, y
-    s.amplitude, s.phase = math.sqrt(x * x + y * y), late(x, y)
+    # Of what was measured: whatever the offset is, the z loop does the same.
+    s.amplitude = math.sqrt(x * x + y * y)
+    s.x, s.y = p.offset_cos * x + p.offset_sin * y, p.offset_cos * y - p.offset_sin * x
+    s.phase = late(s.x, s.y)
     d.amplitude_voltage = s.amplitude
     if p.by_amplitude != 0.0:
         s.error = s.amplitude - p.setpoint if p.setpoint > 0.0 else 0.0

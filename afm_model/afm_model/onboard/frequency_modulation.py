@@ -12,6 +12,7 @@ The z loop is that of `dynamic`.
 """
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 from annotated_types import Gt, Lt
@@ -19,7 +20,6 @@ from pydantic import Field
 
 from ..core.jit import kernel
 from ..core.schema import NonNegative, Unit
-from ..parts.loop import Onboard
 from ..parts.part import Channel, Numbers, Tree
 from ..parts.signals import Actuation, Detection, Setpoint
 from . import dynamic
@@ -121,19 +121,14 @@ def follow(t: float, d: Detection, r: Setpoint, u: Actuation, p: Constants, s: S
     drive_at(t, d, r, u, p.angular_frequency + _TURN * s.shift, s.drive, p, s)
 
 
-FREQUENCY_MODULATION = Onboard(
+FREQUENCY_MODULATION = replace(
+    DYNAMIC,
     name="frequency_modulation",
     parameters=FrequencyModulationParameters,
     constants=Constants,
     state=State,
     values=_values,
     check=_check,
-    moves_z=True,
-    excites=True,
     regulate=follow,
-    begin=DYNAMIC.begin,
-    warnings=DYNAMIC.warnings,
-    setpoint=DYNAMIC.setpoint,
-    settings=DYNAMIC.settings,
     channels=(*DYNAMIC.channels, Channel("frequency_shift", "Hz", "shift"), Channel("drive_amplitude", "m", "drive")),
 )

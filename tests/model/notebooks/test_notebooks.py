@@ -18,7 +18,7 @@ from ..test_docs_links import anchors
 from .notebook import Ran, run
 
 ROOT = Path(__file__).resolve().parents[3]
-NAMES = ("paper", "controller", "experiment", "fit")
+NAMES = ("paper", "controller", "experiment", "tapping", "fit")
 RUN = [pytest.param(name, marks=[pytest.mark.long, pytest.mark.timeout(0)] if name == "fit" else []) for name in NAMES]
 """What `fit` simulates takes minutes."""
 Get = Callable[[str], Ran]
@@ -165,6 +165,41 @@ def test_files_of_the_notebook_of_an_experiment_hold_what_it_measured(ran: Get):
     np.testing.assert_array_equal(friction.data[::-1], experiment["image"].friction.values)
     with h5py.File(folder / "edge.h5") as file:
         assert len(file) == len(experiment["places"]) == 49
+
+
+def test_notebook_of_tapping_tunes_to_the_resonance_and_counts_the_phase_from_there(ran: Get):
+    tuned, curve = ran("tapping")["tuned"], ran("tapping")["curve"]
+    assert tuned.f0_Hz == pytest.approx(77e3, abs=4.0 * tuned.f0_Hz_uncertainty)
+    assert tuned.Q == pytest.approx(165.0, abs=4.0 * tuned.Q_uncertainty)
+    far = curve.isel(point=slice(0, 20)).mean("point")
+    np.testing.assert_allclose(far.phase, 0.5 * math.pi, atol=2e-3)
+    np.testing.assert_allclose(far.amplitude, 40e-9, rtol=1e-3)
+    # Of the branches both exist from the one to the other distance.
+    assert ran("tapping")["jump"](0) < ran("tapping")["jump"](1) - 1e-9
+
+
+def test_notebook_of_tapping_shows_the_islands_by_phase_and_their_energy_as_the_account_has_it(ran: Get):
+    tapping = ran("tapping")
+    image, gentle = tapping["image"], tapping["gentle"]
+    phase = np.degrees(image.phase[0].values)
+    pixel = 300e-9 / 40
+    area = np.count_nonzero(phase > 0.5 * (phase.min() + phase.max())) * pixel**2
+    assert area == pytest.approx(math.pi * sum(radius**2 for *_, radius in tapping["ISLANDS"]), rel=0.05)
+    ratios = []
+    for part in (tapping["island"], tapping["matrix"]):
+        both = [float(tapping[name].values[part[:, -tapping[name].x.size :]].mean()) for name in ("energy", "account")]
+        assert both[0] == pytest.approx(both[1], rel=0.015)
+        ratios.append(both[0])
+        # (43) of an elastic contact, but for the motion of the base: pi - arcsin(A / A0).
+        attraction = float(np.median(gentle.phase[0].values[part]))
+        assert attraction == pytest.approx(math.pi - math.asin(0.8), abs=math.radians(1.0))
+    assert ratios[0] > 3.0 * ratios[1]
+
+
+def test_notebook_of_tapping_leaves_a_file_of_its_image(ran: Get):
+    tapping = ran("tapping")
+    channels = gwyfile.util.get_datafields(gwyfile.load(str(tapping.folder / tapping["OUT"] / "blend.gwy")))
+    np.testing.assert_array_equal(channels["Phase"].data[::-1], tapping["image"].phase[0].values)
 
 
 @pytest.mark.long

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument, ParameterError, build, changed
+from afm_model.microscope.verbs.scan import notes
 from afm_model.onboard import BIMODAL
 from afm_model.parameters import InstrumentParameters
 
@@ -30,6 +31,7 @@ TWO = FREE | {
     "onboard.time_constant": 60e-6,
     "detector.channels": "in_phase, quadrature, second_in_phase, second_quadrature, second_amplitude, second_phase",
 }
+TAPS = {"onboard.regulate": "amplitude", "onboard.setpoint_amplitude": 1e-10}
 SETTLING = 26.0 * Q / (math.pi * F0)
 
 
@@ -70,6 +72,24 @@ def test_each_tone_is_answered_as_by_the_closed_form_of_all_modes_whatever_the_o
     assert rejected < 1e-6
     assert abs(alone - first) < rejected * abs(second)
     assert abs(none) < rejected * abs(first)
+
+
+def test_second_tone_has_a_phase_of_its_own_and_its_lock_in_an_offset():
+    turned = {"onboard__second_drive_phase": 0.7, "onboard__second_phase_offset": 2.9}
+    first, second = responses(read := settled(**turned, onboard__drive_phase=AHEAD, onboard__phase_offset=-0.2))
+    assert first / (BASE * shown(F0) * cmath.exp(1j * (AHEAD - 0.2))) == pytest.approx(1.0, abs=1e-4)
+    closed = SECOND_BASE * shown(SECOND) * cmath.exp(1j * (0.7 + 2.9))
+    assert second / closed == pytest.approx(1.0, abs=1e-4)
+    assert read["second_phase"].mean() == pytest.approx(-cmath.phase(closed) % (2.0 * math.pi), abs=1e-4)
+
+
+@pytest.mark.parametrize("second", [SECOND_BASE, 0.0])
+def test_notes_of_a_scan_name_both_tones(second):
+    values = TWO | TAPS | {"onboard.second_drive_amplitude": second, "onboard.phase_offset": 0.25 if second else 0.0}
+    words = notes(build(InstrumentParameters, values))
+    told = (f" and {SECOND / 1e3:.6g} kHz, 4 pm", ", phase offset 0.25 rad") if second else ("", "")
+    assert words["Drive"] == f"26 kHz, 10 pm{told[0]} (base)"
+    assert words["Lock-in"] == f"4 low-passes of 60 µs{told[1]}"
 
 
 def test_what_a_lock_in_shows_of_the_other_tone_is_what_its_low_passes_let_through():

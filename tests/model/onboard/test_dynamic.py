@@ -128,6 +128,27 @@ def test_lock_in_reads_amplitude_and_phase_of_its_harmonic_alone(harmonic, ampli
     assert complex(x, y) == pytest.approx(amplitude * cmath.exp(1j * phase), abs=1e-4)
 
 
+@pytest.mark.parametrize("offset", [0.9, -2.0, 4.0])
+def test_phase_offset_is_taken_from_the_lag_and_changes_nothing_else(offset):
+    def deflection(theta: float) -> float:
+        return 0.7 * math.cos(theta - 0.4)
+
+    values = {"onboard.time_constant": 2e-4, "onboard.filter_order": 4}
+    plain_, turned = (lock_in(deflection, 1200, **values, **more) for more in ({}, {"onboard.phase_offset": offset}))
+    assert complex(*turned[-1]) == pytest.approx(0.7 * cmath.exp(1j * (0.4 - offset)), abs=1e-4)
+    assert complex(*turned[700]) == pytest.approx(complex(*plain_[700]) * cmath.exp(-1j * offset), rel=1e-13)
+    touching = {"plant.gap": 0.0, "reference.z_r": 50e-9, "plant.hamaker": 1e-19, "onboard.drive_amplitude": 1e-10}
+    touching |= {"plant.dt": 2.5e-7, "onboard.regulate": "amplitude", "onboard.setpoint_amplitude": 1e-9}
+    _, one, motion = record(30, **touching)
+    _, other, same = record(30, **touching, **{"onboard.phase_offset": offset})
+    assert np.array_equal(motion, same)
+    assert np.array_equal(one["amplitude"], other["amplitude"])
+    # Of nothing, as in the first sample, the phase is 0.
+    away = np.remainder(one["phase"] - offset - other["phase"] + 1.0, 2.0 * math.pi)[1:] - 1.0
+    assert np.abs(away).max() < 1e-9
+    assert other["phase"].min() >= -0.5 * math.pi and other["phase"].max() < 1.5 * math.pi
+
+
 @pytest.mark.parametrize("order", [1, 2, 4, 8])
 def test_filter_has_the_order_and_the_time_constant_that_are_stated(order):
     values = {"onboard.time_constant": 5e-4, "onboard.filter_order": order}
@@ -135,6 +156,19 @@ def test_filter_has_the_order_and_the_time_constant_that_are_stated(order):
     for k in (0, 20, 100, 400, 799):
         # Together 2 cos^2 and 2 sin^2 are a step: so many low-passes in a row answer it by a negative binomial law.
         assert 0.5 * (cosine[k][0] + sine[k][1]) == pytest.approx(betainc(order, k + 1, -math.expm1(-5e-6 / 5e-4)))
+
+
+def test_host_that_reads_once_in_a_time_constant_sees_less_than_a_hundredth_of_what_it_would_fold():
+    values = {"onboard.time_constant": 5e-4, "onboard.filter_order": 4}
+    # 1/2T off the drive, whose frequency is 10 kHz.
+    beside = lock_in(lambda theta: math.cos(1.1 * theta), 2400, **values)[1600:]
+    size = math.sqrt(np.mean(np.square(beside).sum(axis=1)))
+    assert size == pytest.approx((1.0 + math.pi**2) ** -2, rel=0.02)
+    assert np.hypot(*np.transpose(beside)).max() < 0.01
+    # Ten time constants after the begin, by the gamma law of four low-passes in a row.
+    left = math.exp(-10.0) * (1.0 + 10.0 + 10.0**2 / 2.0 + 10.0**3 / 6.0)
+    missing = 1.0 - abs(complex(*lock_in(math.cos, 1001, **values)[-1]))
+    assert missing == pytest.approx(left, rel=0.05)
 
 
 def test_phase_is_the_angle_from_minus_a_quarter_of_a_turn_on():

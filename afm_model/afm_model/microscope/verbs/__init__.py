@@ -9,13 +9,14 @@ from .force_curve import ForceCurve
 from .friction_loop import FrictionLoop
 from .going import Approach, MoveTo, Withdraw
 from .lift import Lift
+from .read import Read
 from .scan import Scan
 from .scan_path import ScanPath
 from .thermal_tune import ThermalTune
 from .tune import Tune
 
 register(Approach, Withdraw, MoveTo, ForceCurve, FrictionLoop, Scan, ScanPath)
-register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve, Lift, ContactResonance)
+register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve, Lift, ContactResonance, Read)
 
 __all__ = [
     "AmplitudeCurve",
@@ -27,6 +28,7 @@ __all__ = [
     "FrictionLoop",
     "Lift",
     "MoveTo",
+    "Read",
     "Scan",
     "ScanPath",
     "ThermalTune",

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from ...core.prefix import text
 from ...core.schema import NonNegative, Unit
+from ...onboard.bimodal import second_frequency
 from ...onboard.by_amplitude import setpoint, taps
 from ...onboard.dynamic import frequency
 from ...program.orders import Order
@@ -87,16 +88,7 @@ class Scan(Verb):
         names = self.spelled(view).channel_names
         if not names:
             yield "channels is empty: it must name one at least, such as height"
-        try:
-            signals(view.instrument, names)
-        except KeyError as error:
-            missing, known = error.args
-            near = dict.fromkeys(each for name in missing for each in get_close_matches(name, known, n=1))
-            meant = f" (did you mean {', '.join(near)}?)" if near else ""
-            yield (
-                f"channels = {self.channels} is not allowed: there is no {', '.join(missing)}{meant}; there are "
-                f"{', '.join(known)}"
-            )
+        yield from unknown(view, self.channels, names)
         yield from too_much(
             2.0 * self.pixels * self.lines * len(names),
             f"a scan of pixels = {self.pixels}, lines = {self.lines} and {len(names)} channels",
@@ -135,6 +127,20 @@ class Scan(Verb):
             run.on_line(line)
 
         return put
+
+
+def unknown(view: InstrumentView, channels: str, names: Sequence[str]) -> Iterator[str]:
+    """What of the names in `channels` there is not."""
+    try:
+        signals(view.instrument, names)
+    except KeyError as error:
+        missing, known = error.args
+        near = dict.fromkeys(each for name in missing for each in get_close_matches(name, known, n=1))
+        meant = f" (did you mean {', '.join(near)}?)" if near else ""
+        yield (
+            f"channels = {channels} is not allowed: there is no {', '.join(missing)}{meant}; there are "
+            f"{', '.join(known)}"
+        )
 
 
 class Remarks:
@@ -244,9 +250,13 @@ def _tapping(parameters: Any) -> dict[str, str]:
     part, metres = parameters.onboard, parameters.detector.deflection_sensitivity
     share = metres * setpoint(parameters) / part.free_amplitude if part.free_amplitude else 0.0
     of_free = f", {share:.4g} of the free amplitude of {text(part.free_amplitude, 'm')}" if share else ""
-    drive = f"{text(frequency(parameters), 'Hz', 6)}, {text(part.drive_amplitude, 'm')} ({part.drive})"
+    tones = [(frequency(parameters), part.drive_amplitude)]
+    if second := getattr(part, "second_drive_amplitude", 0.0):
+        tones.append((second_frequency(parameters), second))
+    drive = " and ".join(f"{text(f, 'Hz', 6)}, {text(amplitude, 'm')}" for f, amplitude in tones)
+    offset = f", phase offset {part.phase_offset:.4g} rad" if part.phase_offset else ""
     return {
         "Setpoint": f"amplitude of {text(metres * setpoint(parameters), 'm', 6)}{of_free}",
-        "Drive": drive,
-        "Lock-in": f"{part.filter_order} low-passes of {text(part.time_constant, 's')}",
+        "Drive": f"{drive} ({part.drive})",
+        "Lock-in": f"{part.filter_order} low-passes of {text(part.time_constant, 's')}{offset}",
     }

@@ -24,6 +24,8 @@ _WIDTHS = 8.0
 """Span of a sweep over f0 / Q, where it is not given."""
 DECAYS = 12.0
 """Decay times of the cantilever to a settled response: 6e-6 of the last one is left."""
+_ON_RESONANCE = 0.5 * math.pi
+"""Lag of a free cantilever at its first resonance, which the phase is counted by [rad]."""
 _NAMES = ["in_phase", "quadrature"]
 Hertz = Annotated[NonNegative, Unit("Hz")]
 
@@ -83,8 +85,8 @@ class Tune(Verb):
     )
     free_amplitude: Annotated[NonNegative, Unit("m")] = Field(
         0.0,
-        description="of the deflection at resonance, that the drive is set for at the end, at the frequency found; 0: "
-        "the drive is put back as it was",
+        description="of the deflection at resonance, that the drive is set for at the end, at the frequency found, and "
+        "the zero of the phase: there the free cantilever shows pi/2; 0: all is put back as it was",
     )
 
     def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
@@ -126,20 +128,27 @@ class Tune(Verb):
         after = {"onboard.drive_frequency": before.drive_frequency, "onboard.drive_amplitude": before.drive_amplitude}
         try:
             found = yield from swept(run, frequencies, self.drive_amplitude, settle, average)
-            curve = self._found(frequencies, found, self.drive_amplitude or before.drive_amplitude)
+            curve = self._found(frequencies, found, before)
             run.result, told = lambda: curve, curve.attributes
             if self.free_amplitude > 0.0:
                 after = {
                     "onboard.drive_frequency": told["f0_Hz"],
                     "onboard.drive_amplitude": told["drive_amplitude_m"],
+                    "onboard.phase_offset": told["phase_offset_rad"],
                     "onboard.free_amplitude": self.free_amplitude,
                 }
         finally:
             view.instrument.set_onboard(changed(view.parameters, after))
 
-    def _found(self, frequencies: NDArray[np.float64], found: list[complex], drive: float) -> Arrays:
-        """The curve, its fit, and the drive for the free amplitude."""
-        response = np.array(found)
+    def _found(self, frequencies: NDArray[np.float64], found: list[complex], part: Any) -> Arrays:
+        """The curve, its fit, the drive for the free amplitude, and the zero of the phase.
+
+        Parameters
+        ----------
+        part : DynamicParameters
+            As before the sweep.
+        """
+        response, drive = np.array(found), self.drive_amplitude or part.drive_amplitude
         try:
             fit = resonance_fit(frequencies, response)
         except ValueError as error:
@@ -155,6 +164,8 @@ class Tune(Verb):
         told: dict[str, float] = {}
         for name, each in (("f0_Hz", fit.f0), ("Q", fit.Q), ("amplitude_m", fit.amplitude), ("phase_rad", fit.phase)):
             told |= {name: each.value, f"{name}_uncertainty": each.uncertainty}
+        # From -pi to pi, so that it stays in its range however often it is set.
+        told["phase_offset_rad"] = math.remainder(part.phase_offset + fit.phase.value - _ON_RESONANCE, 2.0 * math.pi)
         told["drive_amplitude_m"] = drive * (self.free_amplitude or fit.amplitude.value) / fit.amplitude.value
         return Arrays(
             {name: variable(over, values, name, unit) for name, (values, unit) in columns.items()},
