@@ -98,6 +98,16 @@ def end_of_contact(row: float, t: Block, at: int, rows: int) -> float:
 
 
 @kernel
+def force_at_end(row: float, t: Block, at: int, rows: int) -> float:
+    """Force there, likewise."""
+    if rows == 1:
+        return t[at + 1]
+    below = _whole(row, rows - 2, t)
+    f = row - below
+    return (1.0 - f) * t[at + below * ROW + 1] + f * t[at + (below + 1) * ROW + 1]
+
+
+@kernel
 def _whole(x: float, most: int, t: Block) -> int:
     """Whole part of x, from 0 to `most`, whatever x is. 32 bits: processors convert several at once to these."""
     return settled(min(max(np.int32(x), 0), most), t)  # type: ignore[arg-type]  # of numpy

@@ -59,7 +59,8 @@ def surface(x: float, y: float, h: Surface, p: Constants, unused: Block) -> None
     place = math.floor(x / p.width)
     if p.squares != 0.0:
         place += math.floor(y / p.width)
-    second = place % 2.0 != 0.0
+    # Odd; a remainder would be a call of the C library.
+    second = place != 2.0 * math.floor(0.5 * place)
     h.strength = p.strength if second else 1.0
     h.adhesion = p.adhesion if second else 1.0
     h.modulus = p.modulus if second else 1.0

@@ -6,11 +6,13 @@ takes. In lanes all make the same few steps of the same kernels; what they do no
 
 import math
 
-from ...core.jit import kernel
+from ...core.jit import kernel, routine
 from ...core.lane_ways import by_lane, rare, where
 from ...core.records import Block
 from .lever_constants import Constants
-from .lever_contact import FAR, FOUND, Apart, Contact, hold, indent, newton, pressed, slide, turned
+from .lever_contact import Pressed, ledger_of, pressed, reach
+from .lever_indent import FAR, FOUND, indent, is_off, newton, off, pulled
+from .lever_slide import Apart, Contact, hold, slide, turned
 from .lever_state import State
 
 _SAME = 1e-3
@@ -27,64 +29,76 @@ def way_slid(N: float, T_1: float, T_2: float, d_1: float, d_2: float, c: Apart)
 
 
 @kernel
+def _last(s: State, m: Block) -> Pressed:
+    """What `pressed` has found in the last step."""
+    own = ledger_of(m)
+    return s.N, own.stiffness, s.F_max, own.growth, s.a
+
+
+@routine
+def _begin_to_slide(
+    delta: float, here: Pressed, d_1: float, d_2: float, c: Apart, s: State, p: Constants, m: Block, at: int
+) -> Contact:
+    return slide(delta, here, d_1, d_2, c, s, p, m, at)
+
+
+@kernel
 def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
     # The tip holds on if friction can take what that needs; else it slides, friction being at its bound. First what it
     # did in the last step.
-    delta, N, bound, a = s.delta, s.N, s.F_max, s.a
-    k = c.shear * a
-    d_1, d_2 = s.d_1, s.d_2
+    if s.a == 0.0 and s.delta <= s.end and (p.bridge == 0.0 or ledger_of(m).bridge == 0.0):
+        # Off the sample, and to remain there.
+        bare, force = reach(s, p, m, at)
+        if is_off(c.target, c.w_nn, bare, force, s):
+            # Near the root, without a division.
+            start = c.target - c.w_nn * s.N
+            start -= c.w_nn * ledger_of(m).stiffness * (start - s.delta)
+            x, N, _, _, stiffness, _ = off(start, bare, c.target, c.w_nn, s)
+            return Contact(x, N, 0.0, 0.0, s.d_1, s.d_2, stiffness, 0.0), 0.0, 0.0, True
+    found = Contact(s.delta, s.N, s.F_max, s.a, s.d_1, s.d_2, 0.0, 0.0)
     T_1 = T_2 = 0.0
     stick = True
-    slid = s.stuck == 0.0 and a > 0.0
+    slid = s.stuck == 0.0 and s.a > 0.0
     if slid:
-        delta, N, bound, a, d_1, d_2 = slide(delta, d_1, d_2, c, s, p, m, at)
-        T_1, T_2 = bound * d_1, bound * d_2
+        found = slide(s.delta, _last(s, m), s.d_1, s.d_2, c, s, p, m, at)
+        T_1, T_2 = found.F_max * found.d_1, found.F_max * found.d_2
         # How far it slid, times the contact's stiffness.
-        stick = c.shear * a * way_slid(N, T_1, T_2, d_1, d_2, c) < bound
+        stick = c.shear * found.a * way_slid(found.N, T_1, T_2, found.d_1, found.d_2, c) < found.F_max
     if stick:
+        d_1, d_2 = found.d_1, found.d_2
+        # From the last step's place, or that of sliding.
+        x, here = s.delta, _last(s, m)
+        k = c.shear * s.a
+        if slid:
+            k = c.shear * found.a
+        delta = N = bound = a = stiffness = growth = 0.0
         # The contact's stiffness goes with its radius: one of the step before would be late, and drive a swinging tip.
         for _ in range(8):
             # What the load does to the tangential force comes back as compliance.
             c_1, c_2 = hold(c.w_n1, c.w_n2, k, c.w_11, c.w_12, c.w_22)
             T_1, T_2 = hold(c.e_1, c.e_2, k, c.w_11, c.w_12, c.w_22)
             w_n = c.w_nn - c.w_n1 * c_1 - c.w_n2 * c_2
-            delta, N, bound, a = indent(s.delta, c.target - c.w_n1 * T_1 - c.w_n2 * T_2, w_n, 0.0, s, p, m, at)
+            held = c.target - c.w_n1 * T_1 - c.w_n2 * T_2
+            # A step without a look at the contact: as a rule the next one is the last.
+            step, _, _, _, outcome = newton(x, here, held, w_n, 0.0, s)
+            start = x if outcome == FAR else x + step
+            delta, N, bound, a, stiffness, growth = indent(s.delta, start, held, w_n, 0.0, s, p, m, at)
+            x, here = delta, (N, stiffness, bound, growth, a)
             late, k = k, c.shear * a
             if abs(k - late) <= _SAME * late:
                 break
         T_1 -= c_1 * N
         T_2 -= c_2 * N
+        found = Contact(delta, N, bound, a, d_1, d_2, stiffness, growth)
         size = math.sqrt(T_1 * T_1 + T_2 * T_2)
         if size > bound:
             stick = False
             d_1, d_2 = T_1 / size, T_2 / size
+            found = Contact(delta, N, bound, a, d_1, d_2, stiffness, growth)
             if not slid and a > 0.0:
-                delta, N, bound, a, d_1, d_2 = slide(delta, d_1, d_2, c, s, p, m, at)
-            T_1, T_2 = bound * d_1, bound * d_2
-    return Contact(delta, N, bound, a, d_1, d_2), T_1, T_2, stick
-
-
-@kernel
-def _tried(
-    b: Contact, found: bool, stick: bool, held: float, w_n: float, c: Apart, s: State, p: Constants, m: Block, at: int
-) -> tuple[Contact, bool]:
-    """One of Newton's steps in a lane, sticking or sliding, both from the same look at the contact; nothing if the
-    solution is found already.
-    """
-    here = pressed(b.delta, s, p, m, at)
-    way, N, bound, a, outcome = newton(b.delta, here, held, w_n, 0.0, s)
-    along, under, bearing, size, d_1, d_2, ends = turned(b.delta, here, b.d_1, b.d_2, c, s, p)
-    outcome = where(stick, outcome, ends)
-    rare((outcome == FAR) & (not found), m)
-    now = Contact(
-        where(found, b.delta, b.delta + where(stick, way, along)),
-        where(found, b.N, where(stick, N, under)),
-        where(found, b.F_max, where(stick, bound, bearing)),
-        where(found, b.a, where(stick, a, size)),
-        where(found | stick, b.d_1, d_1),
-        where(found | stick, b.d_2, d_2),
-    )
-    return now, found | (outcome == FOUND)
+                found = _begin_to_slide(delta, here, d_1, d_2, c, s, p, m, at)
+            T_1, T_2 = found.F_max * found.d_1, found.F_max * found.d_2
+    return found, T_1, T_2, stick
 
 
 @kernel
@@ -95,11 +109,27 @@ def _in_lane(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
     w_n, held = c.w_nn - c.w_n1 * c_1 - c.w_n2 * c_2, c.target - c.w_n1 * T_1 - c.w_n2 * T_2
     # A tip that was off the sample did neither.
     rare(not s.a > 0.0, m)
-    # Written out: a loop in a loop over lanes would not become vectors.
-    b, found = Contact(s.delta, 0.0, 0.0, 0.0, s.d_1, s.d_2), False
-    b, found = _tried(b, found, stick, held, w_n, c, s, p, m, at)
-    b, found = _tried(b, found, stick, held, w_n, c, s, p, m, at)
-    rare(not found, m)
+    # Written out: a loop in a loop over lanes would not become vectors. First without a look at the contact, as alone.
+    here = _last(s, m)
+    way, _, _, _, outcome = newton(s.delta, here, held, w_n, 0.0, s)
+    along, _, _, _, d_1, d_2, ends = turned(s.delta, here, s.d_1, s.d_2, c, s, p)
+    rare(where(stick, outcome, ends) == FAR, m)
+    x = s.delta + where(stick, way, along)
+    here = pressed(x, s, p, m, at)
+    way, N, bound, a, outcome = newton(x, here, held, w_n, 0.0, s)
+    along, under, bearing, size, d_1, d_2, ends = turned(x, here, d_1, d_2, c, s, p)
+    rare(where(stick, outcome, ends) != FOUND, m)
+    b = Contact(
+        x + where(stick, way, along),
+        where(stick, N, under),
+        where(stick, bound, bearing),
+        where(stick, a, size),
+        where(stick, s.d_1, d_1),
+        where(stick, s.d_2, d_2),
+        here[1],
+        here[3],
+    )
+    rare(stick & (not pulled(s.delta, b.delta - s.delta, held, w_n, 0.0, s)), m)
     T_1, T_2 = where(stick, T_1 - c_1 * b.N, b.F_max * b.d_1), where(stick, T_2 - c_2 * b.N, b.F_max * b.d_2)
     # What begins to slide or to stick, and a contact whose stiffness changes, needs more than this.
     back = c.shear * b.a * way_slid(b.N, T_1, T_2, b.d_1, b.d_2, c)

@@ -12,8 +12,9 @@ from ...core.records import Block
 from ...parts.dispatch import surface
 from .lever_balance import balance, way_slid
 from .lever_constants import Constants
-from .lever_contact import Apart, ledger_of, place_frame
+from .lever_contact import ledger_of, place_frame
 from .lever_end import show_end
+from .lever_slide import Apart
 from .lever_state import Ledger, State
 
 
@@ -91,7 +92,7 @@ def on_surface(
         at_rate(n_x, n_y, n_z, target, w_nn, D_x, D_y, D_z, p, s, m)
 
     c = Apart(target, e_1, e_2, w_nn, w_n1, w_n2, w_11, w_12, w_22, shear)
-    (delta, N, bound, a, d_1, d_2), T_1, T_2, stick = balance(c, s, p, m, at)
+    (delta, N, bound, a, d_1, d_2, stiffness, growth), T_1, T_2, stick = balance(c, s, p, m, at)
 
     # Force of the sample on the tip, in the laboratory; where the tip is now on the sample.
     n = kept(s, m)
@@ -107,7 +108,9 @@ def on_surface(
     n.S_x, n.S_y = 0.0 if stuck else u_x - s.U_x, 0.0 if stuck else u_y - s.U_y
     # How far it slid, force times that.
     way = way_slid(N, T_1, T_2, d_1, d_2, c)
-    kept(ledger_of(m), m).rubbed += bound * (way - bound / (shear * a)) if sliding else 0.0
+    own = kept(ledger_of(m), m)
+    own.rubbed += bound * (way - bound / (shear * a)) if sliding else 0.0
+    own.stiffness, own.growth = stiffness, growth
     n.stuck = 1.0 if stuck else 0.0
     n.d_1, n.d_2, n.T_x, n.T_y = d_1, d_2, T_x, T_y
     deeper = delta - s.delta

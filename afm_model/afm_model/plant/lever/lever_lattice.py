@@ -12,8 +12,9 @@ from ...core.random_numbers import normal as standard_normal
 from ...core.records import Block
 from ...parts.dispatch import surface
 from .lever_constants import Constants
-from .lever_contact import indent, normal, place_frame
+from .lever_contact import normal, place_frame
 from .lever_end import show_end
+from .lever_indent import indent
 from .lever_state import State
 
 _LONGEST = 1.0 / 32.0
@@ -57,7 +58,8 @@ def _indent(
     delta: float, target: float, w_n: float, p: Constants, s: State, m: Block, at: int
 ) -> tuple[float, float, float, float]:
     """As `indent` without friction; called, not compiled into its callers, which saves seconds of compilation."""
-    return indent(delta, target, w_n, 0.0, s, p, m, at)
+    x, N, bound, a, _, _ = indent(s.delta, delta, target, w_n, 0.0, s, p, m, at)
+    return x, N, bound, a
 
 
 @routine

@@ -74,7 +74,8 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
             s.delta = -plant.gap * n[2]
         else:
             s.delta = _indentation((raised - D_y * s.T_y) / (D_z * n[2] + D_y * n[1]), parameters, p, s, m, at)
-        s.N, _, s.F_max, _, s.a = plain(normal)(s.delta, s, p, m, at)
+        own = plain(ledger_of)(m)
+        s.N, own.stiffness, s.F_max, own.growth, s.a = plain(normal)(s.delta, s, p, m, at)
         s.F_x, s.F_y, s.F_z = s.N * n
         if p.lattice and s.a > 0.0:
             k = 1.0 / (p.apex_compliance + 1.0 / (p.stiffness_per_radius * s.a))

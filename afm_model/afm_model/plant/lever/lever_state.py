@@ -71,9 +71,13 @@ class Ledger(Record):
     arm: Annotated[float, "N"]  # viscous force at the end of the last step, where it relaxes
     arm_radius: Annotated[float, "m"]  # contact radius then
     stored: Annotated[float, "J"]  # energy then in what relaxes
+    stiffness: Annotated[float, "N/m"]  # slopes of normal force and friction bound over the indentation, at the last
+    growth: Annotated[float, "N/m"]  # mid-step
     turn: Annotated[float, "rad"]  # of the excitation in half a step, and what follows from it: docs/lever.md (39)
-    swing: float
+    swing: float  # its cosine and sine
+    dip: float
     hardness: Annotated[float, "1/s^2"]
     second_turn: Annotated[float, "rad"]  # the same of a second tone
     second_swing: float
+    second_dip: float
     second_hardness: Annotated[float, "1/s^2"]

@@ -11,8 +11,8 @@ from typing import Any
 
 from ...contact.contact_table import ROW
 from ...core.beam import MODES
-from ...core.elementary import cos, square, tan
-from ...core.jit import kernel
+from ...core.elementary import sincos, square
+from ...core.jit import kernel, routine
 from ...core.lane_ways import by_lane, kept, rare
 from ...core.random_numbers import normal
 from ...core.records import Block, record_at
@@ -57,7 +57,7 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     if rare(s.fast > 0.0, m):
         _in_parts(t, v, p, s, m, at)
     else:
-        advance(t, v, p, s, m, at)
+        _whole(t, v, p, s, m, at)
     way = abs(s.delta - before)
     swift = way > p.swift * s.unit_indentation and s.delta + 2.0 * way > s.end
     # A driven tip is at the sample for a small part of its swing, again and again.
@@ -80,38 +80,6 @@ _table = by_lane(_table_alone, _table_in_lane)
 
 
 @kernel
-def _in_parts_alone(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -> None:
-    fine = record_at(m, at + p.rows * ROW, Constants)
-    rescale(1.0 / PARTS, p, fine, s)
-    for part in range(PARTS):
-        advance(t + part * fine.h, v, fine, s, m, at)
-    rescale(PARTS, fine, p, s)
-    s.fast -= 1.0
-
-
-@kernel
-def _never(t: float, v: Actuation, p: Constants, s: State, m: Any, at: int) -> None:
-    pass
-
-
-_in_parts = by_lane(_in_parts_alone, _never)
-
-
-@kernel
-def rescale(ways: float, p: Constants, to: Constants, s: State) -> None:
-    """Go over to steps of another length: rates are those of its frequencies w~ (15), so that oscillations keep their
-    amplitude, and a sliding tip goes so many times as far in a step.
-    """
-    for i in range(MODES):
-        if p.mode_w2[i] != 0.0:
-            s.v[i] *= math.sqrt(to.mode_w2[i] / p.mode_w2[i])
-    if p.twist_w2 != 0.0:
-        s.v_phi *= math.sqrt(to.twist_w2 / p.twist_w2)
-    s.S_x *= ways
-    s.S_y *= ways
-
-
-@kernel
 def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -> None:
     """Advance the state by the step h of these constants; the table of the contact begins at m[at]."""
     half = p.half
@@ -120,22 +88,27 @@ def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -
     by_x = by_y = by_z = by_shown = by_twist = 0.0
     if v.amplitude != 0.0 or v.second_amplitude != 0.0:
         # At mid-step as the scheme sees what stands at each step where it should, docs/lever.md (39).
-        angle, turn = v.phase + v.angular_frequency * (t + half - v.since), v.angular_frequency * half
+        turn = v.angular_frequency * half
         own = ledger_of(m)
         if own.turn != turn:
-            own.turn, own.swing, own.hardness = turn, cos(turn), square(tan(turn) / half)
-        moved = v.amplitude * own.swing * cos(angle)
+            own.turn = turn
+            own.dip, own.swing = sincos(turn)
+            own.hardness = square(own.dip / own.swing / half)
+        sine, cosine = sincos(v.phase + v.angular_frequency * (t + half - v.since))
+        moved = v.amplitude * own.swing * cosine
         inertia = -moved * own.hardness
-        end = v.amplitude * cos(angle + turn)
+        end = v.amplitude * (cosine * own.swing - sine * own.dip)
         if v.second_amplitude != 0.0:
-            angle = v.second_phase + v.second_angular_frequency * (t + half - v.second_since)
             turn = v.second_angular_frequency * half
             if own.second_turn != turn:
-                own.second_turn, own.second_swing, own.second_hardness = turn, cos(turn), square(tan(turn) / half)
-            more = v.second_amplitude * own.second_swing * cos(angle)
+                own.second_turn = turn
+                own.second_dip, own.second_swing = sincos(turn)
+                own.second_hardness = square(own.second_dip / own.second_swing / half)
+            sine, cosine = sincos(v.second_phase + v.second_angular_frequency * (t + half - v.second_since))
+            more = v.second_amplitude * own.second_swing * cosine
             moved += more
             inertia -= more * own.second_hardness
-            end += v.second_amplitude * cos(angle + turn)
+            end += v.second_amplitude * (cosine * own.second_swing - sine * own.second_dip)
         if v.excited == BASE:
             acceleration, by_y, by_z = inertia, p.base_y, p.base_z
         elif v.excited == TIP:
@@ -192,6 +165,45 @@ def advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -
     n.v_phi = 2.0 * v_phi - s.v_phi
     n.steps += 1.0 / p.counts
     show(by_z * end, by_shown * end, by_twist * end, p, n, h)
+
+
+@routine
+def _advance(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -> None:
+    """As `advance`, compiled once for whole steps and parts."""
+    advance(t, v, p, s, m, at)
+
+
+@kernel
+def _in_parts_alone(t: float, v: Actuation, p: Constants, s: State, m: Block, at: int) -> None:
+    fine = record_at(m, at + p.rows * ROW, Constants)
+    rescale(1.0 / PARTS, p, fine, s)
+    for part in range(PARTS):
+        _advance(t + part * fine.h, v, fine, s, m, at)
+    rescale(PARTS, fine, p, s)
+    s.fast -= 1.0
+
+
+@kernel
+def _never(t: float, v: Actuation, p: Constants, s: State, m: Any, at: int) -> None:
+    pass
+
+
+_in_parts = by_lane(_in_parts_alone, _never)
+_whole = by_lane(_advance, advance)
+
+
+@kernel
+def rescale(ways: float, p: Constants, to: Constants, s: State) -> None:
+    """Go over to steps of another length: rates are those of its frequencies w~ (15), so that oscillations keep their
+    amplitude, and a sliding tip goes so many times as far in a step.
+    """
+    for i in range(MODES):
+        if p.mode_w2[i] != 0.0:
+            s.v[i] *= math.sqrt(to.mode_w2[i] / p.mode_w2[i])
+    if p.twist_w2 != 0.0:
+        s.v_phi *= math.sqrt(to.twist_w2 / p.twist_w2)
+    s.S_x *= ways
+    s.S_y *= ways
 
 
 @kernel
