@@ -29,8 +29,9 @@ KNOWN_WELL = 1e-2
 """Variance over that of the prior below which the map counts."""
 AGE = 2.0 * math.pi
 """Phase of the shortest wave that the tip must have gone since its first visit before the map counts at a place."""
-CONSISTENT = 4.0
-"""Mean square of what a measurement is off the map, over its variance, from which on the map is wrong."""
+CONSISTENT, CONSISTENT_MEASURED = 4.0, 2.0
+"""Mean square of what a measurement is off the map, over its variance, from which on the map is wrong; the same where
+positions alone are measured: there noise makes it about 1 where the map is right, otherwise it is far less."""
 FARTHEST = 100.0
 """Largest of these squares that counts."""
 FORGET = 0.02
@@ -61,7 +62,7 @@ def weights(f: float) -> tuple[float, float, float, float]:
 
 
 @kernel
-def read_map(x: float, y: float, s: "State") -> None:
+def read_map(x: float, y: float, p: Constants, s: "State") -> None:
     """Put height and strength at (x, y) into the state, if the tip was there before."""
     along, on = place(x, y, s)
     # The ring is longer than the line, or it knows nothing.
@@ -81,10 +82,11 @@ def read_map(x: float, y: float, s: "State") -> None:
             variance += w[a] * w[b] * s.covariance[at, (i + b) % NODES]
     if variance > KNOWN_WELL:
         return
-    if s.misfit_H < CONSISTENT:
+    most = CONSISTENT if p.measured == 0 else CONSISTENT_MEASURED
+    if s.misfit_H < most:
         s.height = H + s.offset_H
         s.mapped_H = 1.0
-    if s.gripped != 0.0 and s.misfit < CONSISTENT:
+    if s.gripped != 0.0 and s.misfit < most:
         s.here = ratio + s.offset
         s.mapped = 1.0
 

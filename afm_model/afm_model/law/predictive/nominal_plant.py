@@ -47,7 +47,7 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
     s.strength = 1.0
     s.height = beyond(s.H, x - s.at_x, y - s.at_y, p)
     if p.surface == LEARNED:
-        read_map(x, y, s)
+        read_map(x, y, p, s)
 
 
 @kernel
