@@ -46,7 +46,7 @@ def _begin_to_slide(
 def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
     # The tip holds on if friction can take what that needs; else it slides, friction being at its bound. First what it
     # did in the last step.
-    if s.a == 0.0 and s.delta <= s.end and (p.bridge == 0.0 or ledger_of(m).bridge == 0.0):
+    if s.a == 0.0 and s.delta <= s.end and p.viscosity == 0.0 and (p.bridge == 0.0 or ledger_of(m).bridge == 0.0):
         # Off the sample, and to remain there.
         bare, force = reach(s, p, m, at)
         if is_off(c.target, c.w_nn, bare, force, s):
@@ -69,7 +69,7 @@ def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
         # From the last step's place, or that of sliding.
         x, here = s.delta, _last(s, m)
         k = c.shear * s.a
-        if slid:
+        if slid and p.viscosity == 0.0:
             k = c.shear * found.a
         delta = N = bound = a = stiffness = growth = 0.0
         # The contact's stiffness goes with its radius: one of the step before would be late, and drive a swinging tip.

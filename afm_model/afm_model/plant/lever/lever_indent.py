@@ -139,14 +139,24 @@ def _through(
     if elastic and not inside and fall >= _STEEP and w_f == 0.0:
         x = max(start, f.end + excess)
     entering = x > f.end and not inside
-    for _ in range(12):
+    for _ in range(12 if elastic else 8):
         here = pressed(x, f, p, m, at)
         N, stiffness, bound, growth, a = here
         slope = 1.0 + w_n * stiffness + w_f * growth
         step, N, bound, a, outcome = newton(x, here, target, w_n, w_f, f)
+        if not elastic:
+            # With losses the force may have a jump at the end of contact, near which the tip may stay.
+            near = abs(step) < CLOSE * f.unit_indentation
+            leap = abs(step) > f.unit_indentation + 0.3 * abs(x - f.end) or (x - f.end) * (x + step - f.end) <= 0.0
+            if not slope >= _STEEP or (leap and not near):
+                break
+            x += step
+            if near:
+                return x, N, bound, a, stiffness, growth
+            continue
         if outcome == FOUND:
             x += step
-            if elastic and not entering and not pulled(delta, x - delta, target, w_n, w_f, f):
+            if not entering and not pulled(delta, x - delta, target, w_n, w_f, f):
                 N_0, _, bound_0, _, _ = pressed(delta, f, p, m, at)
                 if not (target - delta - w_n * N_0 - w_f * bound_0) * (x - delta) > 0.0:
                     break
@@ -159,10 +169,8 @@ def _through(
             if entering and slope >= _STEEP:
                 x = 0.5 * (x + f.end)
                 continue
-            if elastic and inside and slope >= _STEEP and fall >= _STEEP and excess <= 0.0:
+            if inside and slope >= _STEEP and fall >= _STEEP and excess <= 0.0:
                 return off(x + step, bare, target, w_n, f)
-            break
-        if not elastic and abs(step) > f.unit_indentation + 0.3 * abs(x - f.end):
             break
         x += step
     return _march(delta, target, w_n, w_f, f, p, m, at)
@@ -170,9 +178,7 @@ def _through(
 
 @kernel
 def _march(delta: float, target: float, w_n: float, w_f: float, f: State, p: Constants, m: Block, at: int) -> Found:
-    """The same by steps until the balance changes sign, then by Newton's method between these two places, halved where
-    that leads out or is slow: through folds and jumps.
-    """
+    """The same by steps until the balance changes sign, then by bisection: through folds and jumps."""
     N, stiffness, bound, growth, a = pressed(delta, f, p, m, at)
     balance = target - delta - w_n * N - w_f * bound
     step = math.copysign(1e-3 * f.unit_indentation, balance)
@@ -184,21 +190,15 @@ def _march(delta: float, target: float, w_n: float, w_f: float, f: State, p: Con
             break
         low = high
         step *= 1.1
-    x = 0.5 * (low + high)
-    before = abs(high - low)
-    for _ in range(100):
-        N, stiffness, bound, growth, a = pressed(x, f, p, m, at)
-        rest = target - x - w_n * N - w_f * bound
-        if rest * balance > 0.0:
-            low = x
-        else:
-            high = x
-        step = rest / (1.0 + w_n * stiffness + w_f * growth)
-        to = x + step
-        if not (min(low, high) < to < max(low, high) and abs(step) < 0.5 * before):
-            to = 0.5 * (low + high)
-        before = abs(to - x)
-        if to == x or to == low or to == high:  # no number is between them
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if middle == low or middle == high:  # no number is between them
             break
-        x = to
-    return x, N, bound, a, stiffness, growth
+        N, _, bound, _, _ = pressed(middle, f, p, m, at)
+        if (target - middle - w_n * N - w_f * bound) * balance > 0.0:
+            low = middle
+        else:
+            high = middle
+    middle = 0.5 * (low + high)
+    N, stiffness, bound, growth, a = pressed(middle, f, p, m, at)
+    return middle, N, bound, a, stiffness, growth
