@@ -28,7 +28,7 @@ from afm_node_common import topics
 from afm_node_common.shared_memory import File, remove_unused, shared_memory_cleanup, unused, used_by
 
 ROOT = Path(__file__).resolve().parent.parent
-TIMEOUT = 60.0
+TIMEOUT = 120.0
 """Wall time that anything may take on a busy machine [s]; no test waits so long unless it fails."""
 MARK = "AFM_TEST_RUN"
 """Environment variable by which every process of this test run is known."""

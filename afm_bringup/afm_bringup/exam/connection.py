@@ -31,6 +31,10 @@ _CONNECT_TIMEOUT = 30.0
 _STATUS_PERIOD = 0.2
 _LOOK_PERIOD = 0.05
 """Wall time after which it is asked again how long a processor was missing [s]."""
+_FRESH = 0.01
+"""The same where an answer has come [s]."""
+_OWED = 0.1
+"""Of a wait that the system tells when it is over, so much may still be counted later [s]."""
 _SLOWEST = 0.1
 """Of wall time that counts at least, however busy the machine is."""
 
@@ -54,7 +58,7 @@ class TopicConnection:
         self._mode = parameters.run.mode
         self._processes = processes
         self.memory = processes.memory
-        self._missed = 0.0  # wall time in which a processor was missing
+        self._missed = self._owed = 0.0  # wall time in which a processor was missing; of that, still to be counted
         self._looked, self._waited = time.monotonic(), processes.waited()
         self._encode, self._decode = measurement_codec().encode, drive_codec().decode
         self._open()
@@ -83,16 +87,19 @@ class TopicConnection:
         self._executor.shutdown()
         self._node.destroy_node()
 
-    def now(self) -> float:
+    def now(self, period: float = _LOOK_PERIOD) -> float:
         """Time [s] that goes slower while the controller or this process waits for a processor.
 
         So no deadline is missed because the machine has other work; where the system does not tell how long a thread
         waited it is wall time.
         """
         now = time.monotonic()
-        if (passed := now - self._looked) > _LOOK_PERIOD:
+        if (passed := now - self._looked) > period:
             before, self._waited, self._looked = self._waited, self._processes.waited(), now
-            self._missed += min(max(self._waited - before, 0.0), (1.0 - _SLOWEST) * passed)
+            owed = self._owed + max(self._waited - before, 0.0)
+            counts = min(owed, (1.0 - _SLOWEST) * passed)
+            self._missed += counts
+            self._owed = min(owed - counts, _OWED)
         return now - self._missed
 
     def problem(self) -> str:
@@ -108,7 +115,7 @@ class TopicConnection:
         taken = self._inbox.take()
         if taken is None:
             return None
-        data, now = taken[0], self.now()
+        data, now = taken[0], self.now(_FRESH)
         try:
             sequence, stamp, drive = self._decode(data)
         except MalformedError as error:
