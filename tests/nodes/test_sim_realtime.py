@@ -4,93 +4,20 @@ import itertools
 import math
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from afm_msgs.msg import ControlTrace, InstrumentStatus, Measurement, PiezoDrive
+from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from hand_controller import HandController, answer
+from hand_controller import answer
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
-from support import Graph, Observer, ros_arguments
+from realtime_bench import PERIOD, bench, gentle
 
 from afm_bringup.results import summary_of
-from afm_model.run import Counts, State
+from afm_model.run import State
 from afm_node_common import topics
-from afm_sim_node.node import SimNode
-
-PERIOD = 1e-3
-LONG = 1000.0
-"""A watchdog that never barks [s]."""
-
-
-class Bench:
-    """A simulator paced by the clock, a hand-made controller, and the control trace."""
-
-    def __init__(self, graph: Graph, law: Callable[[Measurement], Sequence[PiezoDrive]]) -> None:
-        self.graph = graph
-        self.observer = graph.add(Observer())
-        self.traces: list[ControlTrace] = []
-        self.observer.create_subscription(ControlTrace, topics.CONTROL_TRACE, self.traces.append, topics.STREAM_QOS)
-        self.controller = graph.add(HandController(law))
-        self.simulator = graph.add(SimNode())
-
-    @property
-    def drives(self) -> np.ndarray:
-        """Drives applied [V], (n, 3), as far as the trace has come."""
-        return np.concatenate([np.zeros(0), *(trace.drive for trace in self.traces)]).reshape(-1, 3)
-
-    @property
-    def last_z(self) -> float:
-        """Drive z applied last [V], as far as the trace has come; NaN before."""
-        return float(self.drives[-1, 2]) if self.traces else math.nan
-
-    @property
-    def round_trips(self) -> np.ndarray:
-        return np.concatenate([np.zeros(0), *(trace.round_trip for trace in self.traces)])
-
-    @property
-    def counts(self) -> Counts:
-        return self.simulator.run.snapshot().counts
-
-    def run_until(self, state: int) -> InstrumentStatus:
-        self.graph.spin_until(lambda: self.observer.status.state == state)
-        return self.observer.status
-
-    def run_to_the_end(self) -> InstrumentStatus:
-        self.graph.spin_until(lambda: self.observer.scores)
-        status = self.run_until(InstrumentStatus.FINISHED)
-        self.graph.spin_until(lambda: len(self.drives) == status.ticks)
-        return status
-
-
-@contextmanager
-def bench(
-    law: Callable[[Measurement], Sequence[PiezoDrive]],
-    *,
-    ticks: int = 0,
-    factor: float = 0.2,
-    watchdog: float = LONG,
-    score_start: float = 0.0,
-    sample_period: float = 1e-4,
-) -> Iterator[Bench]:
-    parameters = {
-        "plant.control_period": PERIOD,
-        "detector.sample_period": sample_period,
-        "run.mode": "realtime",
-        "run.duration": ticks * PERIOD,
-        "run.real_time_factor": factor,
-        "run.watchdog_timeout": watchdog,
-        "score.start": score_start,
-    }
-    with Graph(ros_arguments(parameters)) as graph:
-        yield Bench(graph, law)
-
-
-def gentle(measurement: Measurement) -> list[PiezoDrive]:
-    return [answer(measurement, 1e-3 * (measurement.sequence % 5), 0.0)]
+from afm_sim_node.declared import block_ticks
 
 
 def test_last_drive_is_held_while_none_arrives_and_every_such_tick_is_counted() -> None:
@@ -228,6 +155,7 @@ def test_blocks_are_short_where_ticks_leave_no_time_for_long_ones() -> None:
     with bench(gentle, ticks=2000, factor=500.0) as b:
         b.run_to_the_end()
         assert 1 < max(len(trace.position) // 3 for trace in b.traces) <= 64
+        assert block_ticks(b.simulator.run.instrument.parameters) == 64
 
 
 def test_late_ticks_are_counted_and_periods_left_out_are_never_made_up() -> None:
@@ -394,14 +322,10 @@ def test_reset_goes_back_to_the_start_in_realtime_too() -> None:
     with bench(gentle, factor=0.5) as b:
         b.graph.spin_until(lambda: b.observer.status.ticks > 20 and len(b.controller.seen) > 5)
         assert b.observer.call(b.graph, topics.RESET).success
-
         # The trace tells each tick; of measurements a busy machine may lose the first.
-        def starts() -> list[int]:
-            return [i for i, trace in enumerate(b.traces) if trace.first_sequence == 0]
-
-        b.graph.spin_until(lambda: len(starts()) == 2 and len(b.traces) > starts()[1] + 2)
+        b.graph.spin_until(lambda: [trace.first_sequence for trace in b.traces][1:-2].count(0) == 1)
         b.run_until(InstrumentStatus.RUNNING)
-        again = b.traces[starts()[1] :]
-        ticks = np.cumsum([0, *(len(trace.deflection) for trace in again)])
-        assert [trace.first_sequence for trace in again] == list(ticks[:-1])
+        ticks = [trace.first_sequence + i for trace in b.traces for i in range(len(trace.deflection))]
+        start = ticks.index(0, 1)
+        assert ticks[start:] == list(range(len(ticks) - start))
         b.graph.spin_until(lambda: any(y.sequence < x.sequence for x, y in itertools.pairwise(b.controller.seen)))

@@ -13,7 +13,7 @@ from .map import NODES
 from .predictive_constants import Constants
 from .predictive_state import State
 from .sample_estimate import MEAN, REST, VALUE
-from .unexplained import GAIN_LIMITS
+from .unexplained import GAIN_LIMITS, SEEMS
 
 _FAR = 0.5
 """Innovation, or error that grows while the tip slips, over what standing still would cost."""
@@ -28,8 +28,7 @@ _FORGIVES = 1e5
 _BELOW = 0.75
 """Ratio of friction after a fallback over that before, of positions alone: it is sought from below again."""
 _RATIO_LIMITS = (0.1, 3.0)
-_NOISE = 5.0
-"""Standard deviations of a position by which a tip at rest may seem to move."""
+"""Of it then."""
 _WHOLE = 2e-2
 """Distrust that counts as none."""
 
@@ -71,7 +70,7 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     speed = hypot(s.V_X, s.V_Y)
     slips = speed > REST * s.fastest
     leaves = e_x * s.V_X + e_y * s.V_Y > 0.0
-    noise = _NOISE * p.position_noise if p.measured != 0 else 0.0
+    noise = SEEMS * p.position_noise if p.measured != 0 else 0.0
     far = _FAR * s.reach + 3.0 * way + noise
     if min(s.gain_of[0], s.gain_of[1]) <= GAIN_LIMITS[0] or max(s.gain_of[0], s.gain_of[1]) >= GAIN_LIMITS[1]:
         # An estimate at its limit is not believed as much.

@@ -246,8 +246,8 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     off, stiffness = b_x - force, p.stiffness[0]
     likely = square(off) < _SURE * _SURE * (square(stiffness) * P[AT_X, AT_X] + square(p.force_noise))
     if resting and way == 0.0 and p.slots == 1 and likely:
-        # At rest friction is what the drive leaves, which tells the position.
-        # Where positions contradict that a force that is not known displaces the scanner.
+        # At rest friction is what the drive leaves, which tells the position; the less the more measured positions are
+        # off from it: then a force that is not known displaces the scanner.
         take(AT_X, off / stiffness, square(p.force_noise / stiffness) + square(_STOPS * s.off), s)
     s.grip = 0.0
     if size > 0.0 and abs(t_x) > _TELLS:

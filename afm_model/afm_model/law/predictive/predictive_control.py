@@ -20,6 +20,7 @@ from .unexplained import expect, explain, explain_measured
 def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Put position and rate of the scanner at measurement k into the state."""
     x, y_, z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
+    # What led to a fallback is no estimate to go on from.
     if p.measured == 0 or s.started == 0.0 or s.distrust == 1.0:
         speed = p.x0 * p.w0
         s.X, s.Y, s.Z = x, y_, z

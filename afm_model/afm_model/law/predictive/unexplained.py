@@ -25,8 +25,8 @@ SLIDING = 3e-3
 """Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
 _SLOW = 2.0
 """Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
-_NOISE = 5.0
-"""Standard deviations of a position by which a slow tip may seem to have gone farther."""
+SEEMS = 5.0
+"""Standard deviations of a position by which a tip may seem to have moved."""
 _SLOWLY = 0.02
 """Part of that random walk that positions alone are allowed to follow."""
 SAME = 0.005
@@ -103,7 +103,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     left = s.gain_of[0] * (balance(0, y.drive[0] / p.volts[0], q, p, s) - signal)
     noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * SLIDING * p.hold
     went = hypot(q - s.at_x, y.position[1] / p.x0 - s.at_y)
-    if went < _SLOW * s.fastest * p.hold + _NOISE * p.position_noise:
+    if went < _SLOW * s.fastest * p.hold + SEEMS * p.position_noise:
         update(0, left, signal, q, noise, p, s)
     s.learned[0], s.learned[1], s.learned[2] = s.gain_of[0], s.slow[0], s.softer[0]
     force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * q
