@@ -100,7 +100,7 @@ def test_the_map_knows_height_and_friction_after_one_pass(rng):
     travel(p, s, np.arange(0.0, 40.0, 0.28), 1e-4, rng)
     for along in np.arange(12.0, 28.0, 0.3):
         s.height = s.here = math.nan
-        read_map(along / math.sqrt(2.0), along / math.sqrt(2.0), s)
+        read_map(along / math.sqrt(2.0), along / math.sqrt(2.0), p, s)
         assert s.height == pytest.approx(height(along), abs=5e-4)
         assert s.here == pytest.approx(1.0 + 0.1 * height(along), abs=5e-4)
 
@@ -110,7 +110,7 @@ def test_a_map_of_places_one_and_a_half_radian_apart_knows_what_is_between(rng):
     travel(p, s, np.arange(0.0, 50.0, 1.5 * math.sqrt(2.0)), 1e-4, rng)
     for along in np.arange(14.0, 32.0, 0.3):
         s.height = s.here = math.nan
-        read_map(along / math.sqrt(2.0), along / math.sqrt(2.0), s)
+        read_map(along / math.sqrt(2.0), along / math.sqrt(2.0), p, s)
         assert s.height == pytest.approx(height(along), abs=5e-4)
         assert s.here == pytest.approx(1.0 + 0.1 * height(along), abs=5e-4)
 
@@ -133,7 +133,7 @@ def test_the_map_tells_nothing_ahead_and_beside_the_line(rng):
     travel(p, s, np.arange(0.0, 30.0, 0.28), 0.0, rng)
     for x, y in ((23.0, 23.0), (10.0, 11.0)):
         s.height = math.nan
-        read_map(x, y, s)
+        read_map(x, y, p, s)
         assert math.isnan(s.height)
 
 

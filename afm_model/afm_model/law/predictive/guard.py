@@ -22,7 +22,7 @@ _TIMES = 2.0
 _RETURN = 15.0
 """Time constant with which trust returns [1/w0]."""
 _LATER = 3.0
-"""After each further fallback trust returns so many times later."""
+"""After each further fallback trust returns so many times later, with positions alone."""
 _FORGIVES = 1e5
 """Time constant with which that is forgotten [1/w0]."""
 _BELOW = 0.75
@@ -76,13 +76,14 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
         # An estimate at its limit is not believed as much.
         far *= 0.5
     off = hypot(e_x, e_y)
-    # A tip that runs far from the reference is not handed over.
-    runs = s.distrust == 1.0 and off > far and hypot(s.X - s.at_x, s.Y - s.at_y) > REST * way + noise
+    # Positions alone do not tell how fast a tip is that runs far from the reference: it is not handed over.
+    runs = p.measured != 0 and s.distrust == 1.0 and off > far
+    runs = runs and hypot(s.X - s.at_x, s.Y - s.at_y) > REST * way + noise
     s.patience *= exp(-p.hold / _FORGIVES)
     if runs or (slips and (missed > far or (leaves and off > far))):
         if s.distrust < 0.5:
             s.fallbacks += 1.0
-            s.patience = max(1.0, _LATER * s.patience)
+            s.patience = max(1.0, _LATER * s.patience) if p.measured != 0 else 1.0
             forget(p, s)
         s.distrust, s.calm_ticks = 1.0, 0.0
     elif s.distrust > 0.0:
