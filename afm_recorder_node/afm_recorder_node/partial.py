@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -123,10 +124,8 @@ class Partial:
             flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
             file = os.open(self.path, flags, 0o666)
             try:
-                try:
-                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except BlockingIOError:
-                    raise InUse(f"another recorder writes {self.path}: choose another path") from None
+                if not _lock(file):
+                    raise InUse(f"another recorder writes {self.path}: choose another path")
                 if self._is(file):  # not removed or set aside by another recorder just now
                     if os.fstat(file).st_size == 0:
                         return file
@@ -168,3 +167,13 @@ class Partial:
             raise
         os.close(old)
         self.news = f"{self.path} was removed while it was written: it has been made again, nothing is lost"
+
+
+def _lock(file: int) -> bool:
+    """Lock an open file. A reader that asks whether it grows holds its lock for a moment: that is no recorder."""
+    for pause in (0.01, 0.0):
+        with suppress(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        time.sleep(pause)
+    return False

@@ -1,5 +1,6 @@
 """What of the file of a recording can be read, and whether it has changed since it was written."""
 
+import fcntl
 import glob
 import os
 import tempfile
@@ -81,7 +82,8 @@ def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator
                     f"{os.fspath(path)} is damaged: bytes {begin} to {end} are not what was written ({size} bytes in "
                     "all); `ros2 run afm_recorder_node repair` copies the rest"
                 )
-            if not extent.damaged and (extent.complete or extent.whole == os.fstat(file.fileno()).st_size):
+            still = extent.whole == os.fstat(file.fileno()).st_size and not _grows(file.fileno())
+            if not extent.damaged and (extent.complete or still):
                 yield Path(path), extent
                 return
             with tempfile.NamedTemporaryFile(suffix=".rrd") as copy:
@@ -98,3 +100,13 @@ def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator
     except OSError as error:
         # The words of an OSError name the file once more.
         raise RecordingError(f"{os.fspath(path)} is no readable recording: {error.strerror or error}") from error
+
+
+def _grows(file: int) -> bool:
+    """Whether a recorder writes on in it, as the lock of its file tells: the next message may be there by half."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    fcntl.flock(file, fcntl.LOCK_UN)
+    return False

@@ -15,12 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afm_recorder_node import layout, sink
+from afm_recorder_node import frames, layout, sink
 from afm_recorder_node.complete import complete
 from afm_recorder_node.names import claim, numbered
 from afm_recorder_node.parameters import RecorderParameters
 from afm_recorder_node.partial import InUse, Partial
-from afm_recorder_node.reader import read_recording
+from afm_recorder_node.readable import readable
+from afm_recorder_node.reader import Opened, read_recording, read_signals
 from afm_recorder_node.recorder import Recorder
 from afm_recorder_node.recording import IncompleteRecording, RecordingError
 from afm_recorder_node.repair import repair
@@ -293,6 +294,25 @@ def test_write_that_fails_is_made_up_for_and_the_file_is_whole_in_between(tmp_pa
     assert partial.write(b"")
     assert partial.path.read_bytes() == HEADER + b"a" * 100 + b"b" * 100 + b"c" * 10
     partial.discard()
+
+
+def test_recording_that_grows_while_it_is_read_is_read_up_to_where_it_was(killed: bytes, tmp_path: Path) -> None:
+    name = layout.POSITION.entity.strip("/")
+    partial = Partial(tmp_path / "run.rrd", killed)
+    try:
+        with readable(partial.path) as (file, extent):
+            assert partial.write(killed[frames.HEADER : frames.HEADER + 50])  # the begin of a message
+            assert len(read_signals(Opened("run", file, extent.complete), [name])[name].values) == 1000
+    finally:
+        partial.release()
+
+
+def test_recording_of_a_dead_recorder_is_read_where_it_is_and_can_be_set_aside_meanwhile(left: Path) -> None:
+    with readable(left) as (file, _):
+        assert file == left  # a copy of a long one would fill the disk
+        partial = Partial(left.with_name("run.rrd"), HEADER)
+        assert partial.set_aside is not None
+        partial.discard()
 
 
 def test_rows_that_come_while_nothing_can_be_written_are_counted_and_told_as_an_event(tmp_path: Path) -> None:
