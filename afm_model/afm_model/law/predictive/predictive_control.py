@@ -10,6 +10,7 @@ from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
 from .nominal_plant import level, predict, take_load
 from .observer import AT_X, AT_Y, begin_observer, observe_scanner
+from .piezo_hysteresis import effective, follow_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, Constants
 from .predictive_state import State
 from .sample_estimate import measured_height, take_height, take_ratio
@@ -47,7 +48,7 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
         take_height(p, s)
     ratio = s.grip
     if p.identified and p.measured == 0:
-        u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
+        u_x, u_y = effective(0, y.drive[0] / p.volts[0], s), effective(1, y.drive[1] / p.volts[1], s)
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     if p.surface == LEARNED:
         s.doubt = 0.0
@@ -67,6 +68,8 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     k = int(t * p.w0 / p.hold + 0.5)
     recall(k, y, p, s)
     observe(k, y, p, s)
+    if p.hysteretic != 0:
+        follow_drives(k, y, p, s)
     if p.adapts and p.measured == 0:
         explain(k, y, p, s)
     elif p.adapts:
@@ -77,6 +80,8 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     s.at_x, s.at_y = s.X, s.Y
     if p.surface == LEARNED and p.measured != 0 and p.slots == 1:
         level(p, s)
+    if p.hysteretic != 0:
+        plan_effective(p, s)
     # A drive is refined with what the next hold asks for.
     ask(p.delay * p.slot, p.horizon + max(p.count - 1, p.refined) * p.fine, p, s)
     for i in range(p.delay + p.count):
@@ -102,5 +107,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         for i in range(planned):
             for axis in range(3):
                 s.plan[i, axis] = y.drive[axis] / p.volts[axis]
+    elif p.hysteretic != 0:
+        plan_drives(planned, p, s)
     remember(k, planned, p, s)
     answer(planned, u, p, s)

@@ -57,6 +57,11 @@ class PredictiveLaw(SampledLaw):
     stiffness: Literal["nominal", "estimated"] = Field(
         "estimated", description="stiffness of x and y beyond that of the model"
     )
+    hysteresis: Literal["none", "estimated"] = Field(
+        "estimated",
+        description="hysteresis of the piezo along x and y, the part by which it is less sensitive behind a turn of "
+        "the drive; with feedback=measured: none",
+    )
     corner_x: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="preview: places +-corner_x at which a reference straight along x turns back; 0: none is known"
     )
@@ -131,6 +136,8 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
         for k, (name, unit, value, scale) in enumerate(told):
             yield LawEstimate(f"{name}_{axis}", unit, float(value))
             yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(s.unsure[i, k, k], 0.0))))
+        yield LawEstimate(f"hysteresis_{axis}", "1", float(s.opening[i].sum()))
+        yield LawEstimate(f"hysteresis_{axis}_deviation", "1", math.sqrt(max(float(s.unsure[i, 3:, 3:].sum()), 0.0)))
     # Over a known surface the ratio is a mean, and what one measurement of it is off is told.
     variance = (
         s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if p.surface != KNOWN else p.ratio_noise * p.ratio_noise

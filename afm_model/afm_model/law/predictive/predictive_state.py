@@ -9,7 +9,7 @@ from ...core.elementary import exp
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .map import LENGTH, NODES, SPACING
-from .predictive_constants import ANSWERS, INTERVALS, SLOTS
+from .predictive_constants import ANSWERS, INTERVALS, SLOTS, STOPS
 
 
 class State(Record):
@@ -38,8 +38,16 @@ class State(Record):
     counts: float
     slow: Annotated[Array, (2,)]
     softer: Annotated[Array, (2,)]
-    unsure: Annotated[Array, (2, 3, 3)]
-    weight: Annotated[Array, (3,)]
+    opening: Annotated[Array, (2, STOPS)]  # of the hysteresis of the piezo: piezo_hysteresis.py
+    unsure: Annotated[Array, (2, 3 + STOPS, 3 + STOPS)]
+    weight: Annotated[Array, (3 + STOPS,)]
+    tells: Annotated[Array, (3 + STOPS,)]
+    stop_now: Annotated[Array, (2, STOPS)]  # at the measurement; mean until then; along the plan; and the drives there
+    stop_mean: Annotated[Array, (2, STOPS)]
+    stop_ahead: Annotated[Array, (2, STOPS)]
+    drive_now: Annotated[Array, (2,)]
+    drive_ahead: Annotated[Array, (2,)]
+    sent_ahead: Annotated[Array, (SLOTS, 2)]
     grip: float  # of positions alone: measured ratio; no measurement: zero
     calm: float  # forces in succession that were as expected
     off: float  # mean by which positions are off along x

@@ -7,7 +7,7 @@ from ...core.elementary import square
 from ...core.jit import kernel, routine
 from .map import raise_map
 from .nominal_plant import balance, beyond, look, nominal_bound
-from .predictive_constants import KNOWN, Constants
+from .predictive_constants import KNOWN, STOPS, Constants
 
 if TYPE_CHECKING:
     from .predictive_state import State
@@ -117,10 +117,12 @@ def take_height(p: Constants, s: "State") -> None:
 @kernel
 def variance(axis: int, friction: float, q: float, s: "State") -> float:
     """Of the force that unexplained.py expects to be left over."""
-    P, total = s.unsure, 0.0
-    h = (friction, 1.0, q)
-    for i in range(3):
-        for j in range(3):
+    P, h, total = s.unsure, s.tells, 0.0
+    h[0], h[1], h[2] = friction, 1.0, q
+    for i in range(STOPS):
+        h[3 + i] = s.stop_now[axis, i]
+    for i in range(3 + STOPS):
+        for j in range(3 + STOPS):
             total += h[i] * P[axis, i, j] * h[j]
     return max(total, 0.0)
 

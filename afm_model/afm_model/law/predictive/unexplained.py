@@ -1,28 +1,34 @@
-"""What the model of the scanner does not explain: gain of the lateral signal, slow force, stiffness of x and y.
+"""What the model of scanner and piezo does not explain: gain of the lateral signal, slow force, stiffness, hysteresis.
 
-A Kalman filter of three states an axis, docs/laws.md (8.6). The force that the last drive has left over moves no free
-scanner: it is friction, a slow force b (hysteresis, creep) and what a spring that is c stiffer holds,
+A Kalman filter an axis, docs/laws.md (8.6). The force that the last drive has left over moves no free scanner: it is
+friction, a slow force b (creep, drift), what a spring that is c stiffer holds, and what the hysteresis of the piezo
+takes from the drive by its stops D_i (piezo_hysteresis.py),
 
-    F = gamma f + b + c q,
+    F = gamma f + b + c q + sum_i o_i D_i,
 
-where f is friction as the lateral signal tells it. Friction turns with the motion, b and c q do not: that parts them.
+where f is friction as the lateral signal tells it. Friction turns with the motion, b and c q do not, D_i with the
+drive: that parts them.
 """
 
 import math
 
 from ...core.elementary import hypot, square
 from ...core.jit import kernel
+from ...core.records import Block
 from ...parts.signals import Measurement
 from .nominal_plant import balance
-from .predictive_constants import FLOOR, Constants
+from .piezo_hysteresis import effective
+from .predictive_constants import FLOOR, STOPS, Constants
 from .predictive_state import State
 from .sample_estimate import REST, variance
 
-_WALK = (1e-3, 2e-2, 5e-4)
-"""Their random walks in one time unit."""
+_WALK = (1e-3, 2e-2, 5e-4, 1e-4)
+"""Their random walks in one time unit, and that of an opening."""
 GAIN_LIMITS = (0.4, 2.5)
 SLIDING = 3e-3
 """Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
+_WIDEST = 0.25
+"""Largest opening; a stop takes from a drive, it never adds."""
 _SLOW = 2.0
 """Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
 SEEMS = 5.0
@@ -53,13 +59,19 @@ def left_over(axis: int, q: float, v: float, u: float, p: Constants, s: State) -
 
 
 @kernel
-def update(axis: int, innovation: float, friction: float, q: float, noise: float, p: Constants, s: State) -> None:
-    """Kalman update of an axis by the force that was not expected, where friction is this much."""
-    P = s.unsure
-    h = (friction, 1.0, q)
+def update(
+    axis: int, innovation: float, friction: float, q: float, stops: Block, noise: float, p: Constants, s: State
+) -> None:
+    """Kalman update of an axis by the force that was not expected, where friction is this much, and the stops."""
+    P, h = s.unsure, s.tells
+    h[0], h[1], h[2] = friction, 1.0, q
+    for i in range(STOPS):
+        h[3 + i] = stops[axis, i]
     total = noise * noise
-    for i in range(3):
-        s.weight[i] = P[axis, i, 0] * h[0] + P[axis, i, 1] * h[1] + P[axis, i, 2] * h[2]
+    for i in range(3 + STOPS):
+        s.weight[i] = 0.0
+        for j in range(3 + STOPS):
+            s.weight[i] += P[axis, i, j] * h[j]
         total += h[i] * s.weight[i]
     # What is off by more than noise is another force for a moment, of which the filter knows nothing.
     most = _SURE * math.sqrt(total)
@@ -67,17 +79,22 @@ def update(axis: int, innovation: float, friction: float, q: float, noise: float
     s.gain_of[axis] = min(max(s.gain_of[axis] + s.weight[0] * change, GAIN_LIMITS[0]), GAIN_LIMITS[1])
     s.slow[axis] += s.weight[1] * change
     s.softer[axis] += s.weight[2] * change
-    for i in range(3):
-        for j in range(3):
-            P[axis, i, j] -= s.weight[i] * s.weight[j] / total
+    for i in range(STOPS):
+        opening = s.opening[axis, i] + s.weight[3 + i] * change
+        s.opening[axis, i] = min(max(opening, 0.0), _WIDEST)
+    for i in range(3 + STOPS):
+        first, gain = p.first[min(i, 3)], s.weight[i] / total
+        for j in range(3 + STOPS):
+            P[axis, i, j] -= gain * s.weight[j]
         # What positions alone tell is known slowly.
-        walk = _WALK[i] if p.measured == 0 else _SLOWLY * _WALK[i]
+        walk = _WALK[min(i, 3)] if p.measured == 0 else _SLOWLY * _WALK[min(i, 3)]
         P[axis, i, i] = max(P[axis, i, i], 0.0) + walk * walk * p.hold
         # None is less certain than at the start: what is believed then stays so.
-        part = math.sqrt(min(p.first[i] * p.first[i] / P[axis, i, i], 1.0))
-        for j in range(3):
-            P[axis, i, j] *= part
-            P[axis, j, i] *= part
+        if P[axis, i, i] > first * first:
+            part = first / math.sqrt(P[axis, i, i])
+            for j in range(3 + STOPS):
+                P[axis, i, j] *= part
+                P[axis, j, i] *= part
 
 
 @kernel
@@ -104,7 +121,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * SLIDING * p.hold
     went = hypot(q - s.at_x, y.position[1] / p.x0 - s.at_y)
     if went < _SLOW * s.fastest * p.hold + SEEMS * p.position_noise:
-        update(0, left, signal, q, noise, p, s)
+        update(0, left, signal, q, s.stop_now, noise, p, s)
     s.learned[0], s.learned[1], s.learned[2] = s.gain_of[0], s.slow[0], s.softer[0]
     force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * q
     s.counts += min(p.hold / _SPAN, 1.0) * (force * force - s.counts)
@@ -140,14 +157,14 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
         s.told = 2.0
     if s.told == 2.0:
         noise = hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, s.X, s))) / t_x
-        update(1, across / t_x, f_y, s.Y, noise, p, s)
+        update(1, across / t_x, f_y, s.Y, s.stop_now, noise, p, s)
 
 
 @kernel
 def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Learn from measurement k; the scanner is in the state as it is there."""
     signal = y.lateral_force / p.lateral_force
-    u_x, u_y = y.drive[0] / p.volts[0], y.drive[1] / p.volts[1]
+    u_x, u_y = effective(0, y.drive[0] / p.volts[0], s), effective(1, y.drive[1] / p.volts[1], s)
     # A drive that came late, or was cut off, is not the one predicted with.
     known = s.started != 0.0 and k - s.last == 1
     known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
@@ -161,7 +178,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     if known and max(before, speed) <= REST * s.fastest:
         # At rest friction is what the drive in force leaves.
         held = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal)
-        update(0, held, signal, s.X, p.f_0 * FLOOR + p.force_noise, p, s)
+        update(0, held, signal, s.X, s.stop_now, p.f_0 * FLOOR + p.force_noise, p, s)
     elif known and _SLIDES * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
         phase = p.wave_number * (abs(d_x) + abs(d_y))
         noise = p.f_0 * (SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise
@@ -177,12 +194,12 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
             p_y = s.expected[1, 3] - s.gain_of[1] * mean * d_y / d_x
             across = (p_y * d_x - p_x * d_y) / (way * way)
         resists = left_over(0, s.X, s.V_X, u_x, p, s) - across * d_y
-        update(0, resists, mean, q_x, noise, p, s)
+        update(0, resists, mean, q_x, s.stop_mean, noise, p, s)
         if tells:
             turned = abs(d_x * s.V_Y - d_y * s.V_X) + abs(d_x * s.seen[1, 1] - d_y * s.seen[0, 1])
             noise += p.f_0 * turned / (way * s.fastest)
             resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
-            update(1, resists, mean * d_y / d_x, q_y, noise, p, s)
+            update(1, resists, mean * d_y / d_x, q_y, s.stop_mean, noise, p, s)
             s.told = max(s.told, 1.0)
     if p.slots > 1:
         learn_across(signal, u_x, u_y, p, s)

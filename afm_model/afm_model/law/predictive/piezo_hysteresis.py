@@ -1,0 +1,117 @@
+"""Hysteresis of the piezo, as the law learns it from its own drives, docs/laws.md (8.6).
+
+What a drive u does depends on the drives before it: w = u - sum_i o_i D_i. The stops D_i follow u as far as their
+thresholds r_i let them,
+
+    D_i = max(-r_i, min(r_i, D_i + change of u)),
+
+and the openings o_i are estimated in unexplained.py. That is the operator of Prandtl and Ishlinskii; M. Brokate, J.
+Sprekels, *Hysteresis and Phase Transitions*, Springer (1996), chapter 2. The law plans the effective drive w; what it
+sends is u.
+"""
+
+from ...core.jit import kernel
+from ...parts.signals import Measurement
+from .nominal_plant import drive_of_period
+from .predictive_constants import SLOTS, STOPS, Constants
+from .predictive_state import State
+
+_TRIALS = 30
+_ENOUGH = 1e-12
+
+
+@kernel
+def stop(axis: int, i: int, u: float, p: Constants, s: State) -> float:
+    """Stop i under a drive u that follows the last one of the plan."""
+    return max(-p.threshold[i], min(p.threshold[i], s.stop_ahead[axis, i] + u - s.drive_ahead[axis]))
+
+
+@kernel
+def advance(axis: int, u: float, p: Constants, s: State) -> float:
+    """Let the stops follow the drive u; the effective drive."""
+    w = u
+    for i in range(STOPS):
+        s.stop_ahead[axis, i] = stop(axis, i, u, p, s)
+        w -= s.opening[axis, i] * s.stop_ahead[axis, i]
+    s.drive_ahead[axis] = u
+    return w
+
+
+@kernel
+def drive_for(axis: int, w: float, p: Constants, s: State) -> float:
+    """The drive with this effect, by Newton's method: the effect has few straight pieces."""
+    u = w
+    for i in range(STOPS):
+        u += s.opening[axis, i] * s.stop_ahead[axis, i]
+    for _ in range(_TRIALS):
+        left, slope = w - u, 1.0
+        for i in range(STOPS):
+            D = stop(axis, i, u, p, s)
+            left += s.opening[axis, i] * D
+            if abs(D) < p.threshold[i]:
+                slope -= s.opening[axis, i]
+        u += left / slope
+        if abs(left) < _ENOUGH * (1.0 + abs(w)):
+            break
+    return u
+
+
+@kernel
+def follow_drives(k: int, y: Measurement, p: Constants, s: State) -> None:
+    """Let the stops follow the drives that were in force until measurement k; their means go to `s.stop_mean`."""
+    periods = min(max(k - s.last, 1), SLOTS) if s.started != 0.0 else 0
+    for axis in range(2):
+        if s.started == 0.0:
+            s.drive_now[axis] = y.drive[axis] / p.volts[axis]
+        s.drive_ahead[axis] = s.drive_now[axis]
+        for i in range(STOPS):
+            s.stop_ahead[axis, i] = s.stop_now[axis, i] if s.started != 0.0 else 0.0
+            s.stop_mean[axis, i] = 0.0
+        for ahead in range(periods):
+            for j in range(p.slots):
+                advance(axis, drive_of_period(s.last + ahead, j, axis, y, p, s), p, s)
+                for i in range(STOPS):
+                    s.stop_mean[axis, i] += s.stop_ahead[axis, i] / (p.slots * periods)
+        s.drive_now[axis] = s.drive_ahead[axis]
+        for i in range(STOPS):
+            s.stop_now[axis, i] = s.stop_ahead[axis, i]
+
+
+@kernel
+def effective(axis: int, u: float, s: State) -> float:
+    """What the drive u in force at the measurement does."""
+    for i in range(STOPS):
+        u -= s.opening[axis, i] * s.stop_now[axis, i]
+    return u
+
+
+@kernel
+def opens(axis: int, s: State) -> bool:
+    """Whether there is any hysteresis to reckon with."""
+    total = 0.0
+    for i in range(STOPS):
+        total += s.opening[axis, i]
+    return total > 0.0
+
+
+@kernel
+def plan_effective(p: Constants, s: State) -> None:
+    """Replace the drives on their way in the plan by what they do; they are kept in `s.sent_ahead`."""
+    for axis in range(2):
+        for j in range(p.delay if opens(axis, s) else 0):
+            u = s.plan[j, axis]
+            s.plan[j, axis] = advance(axis, u, p, s)
+            s.sent_ahead[j, axis] = u
+
+
+@kernel
+def plan_drives(planned: int, p: Constants, s: State) -> None:
+    """Replace what the drives of the plan are to do by the drives."""
+    for axis in range(2):
+        for j in range(planned if opens(axis, s) else 0):
+            if j < p.delay:
+                s.plan[j, axis] = s.sent_ahead[j, axis]
+            else:
+                u = drive_for(axis, s.plan[j, axis], p, s)
+                advance(axis, u, p, s)
+                s.plan[j, axis] = u

@@ -1,0 +1,85 @@
+"""Claims about the hysteresis of the piezo as the friction-predicting law learns it from its own drives."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from afm_model import ControllerParameters, build, simulate
+from afm_model.law.predictive.piezo_hysteresis import advance, drive_for
+from afm_model.law.predictive.predictive_constants import STOPS, Constants, values
+from afm_model.law.predictive.predictive_state import State, start
+from afm_model.piezo.ceramic import CERAMIC
+from afm_model.studies.contender import Contender
+from afm_model.studies.wrong_models import CASES, RATES, parameters_of, run_case
+
+from ..tables import record_of
+
+TOLD = build(ControllerParameters, {"law.kind": "predictive", "law.period": 2e-4, "law.surface": "known"})
+CASE = {case.title: case for case in CASES}
+WIDE = "hysteresis 5 %, creep 1.5 %"
+NEAR = (0.046, 0.048, 0.05, 0.052, 0.054)
+drives = st.lists(st.floats(-40.0, 40.0), min_size=1, max_size=30)
+openings = st.tuples(*[st.floats(0.0, 0.25)] * STOPS)
+
+
+def stops(given_openings):
+    """Constants and state of a law that believes these openings along y."""
+    p, s = record_of(Constants, **values(TOLD)), record_of(State, **start(TOLD))
+    s.opening[1] = given_openings
+    return p, s
+
+
+@given(drives, openings)
+def test_what_a_drive_does_is_that_of_play_operators(path, weights):
+    p, s = stops(weights)
+    plays = np.zeros(STOPS)
+    for u in path:
+        # As the ceramic computes it: the backlash of a gear follows the drive at a distance of its threshold.
+        plays = np.maximum(u - p.threshold, np.minimum(u + p.threshold, plays))
+        expected = (1.0 - sum(weights)) * u + plays @ weights
+        assert advance(1, u, p, s) == pytest.approx(expected, rel=1e-12, abs=1e-10)
+
+
+@given(drives, openings)
+def test_the_drive_sent_has_the_effect_that_was_planned(path, weights):
+    p, s = stops(weights)
+    for w in path:
+        assert advance(1, drive_for(1, w, p, s), p, s) == pytest.approx(w, rel=1e-10, abs=1e-10)
+
+
+def believed(case, rate, **own):
+    sim, told = parameters_of(CASE[case], RATES[rate], Contender("law", "predictive", own), 0.0, 0)
+    return sim, simulate(sim, told).estimates
+
+
+@pytest.mark.parametrize("rate", range(len(RATES)))
+def test_opening_is_found_and_none_where_there_is_none(rate):
+    sim, told = believed(WIDE, rate, surface="known")
+    piezo = CERAMIC.values(sim)
+    # Behind a turn no play follows the drive, far from it all do.
+    follow = piezo["weight"][:, 0].sum()
+    true = follow / (piezo["linear"][0] + follow)
+    assert true == pytest.approx(0.158, abs=1e-3)
+    found, deviation = told["hysteresis_x"][-1], told["hysteresis_x_deviation"][-1]
+    assert abs(found - true) < min(0.1 * true, 2.0 * deviation) and deviation < 0.2 * true
+    assert believed("the truth", rate, surface="known")[1]["hysteresis_x"][-1] < 0.01 * true
+
+
+@pytest.mark.parametrize(("rate", "with_it", "without"), [(0, 0.7, 1.2), (1, 4.0, 5.5), (2, 20.0, 30.0)])
+def test_hysteresis_that_is_learned_is_foretold(rate, with_it, without):
+    left = {}
+    for way in ("estimated", "none"):
+        law = Contender("law", "predictive", {"surface": "known", "hysteresis": way})
+        # In packets a throw depends on the last bit.
+        openings = [{f"piezo.hysteresis_{axis}": opening for axis in "xy"} for opening in NEAR]
+        cases = [CASE[WIDE]._replace(true={**CASE[WIDE].true, **each}) for each in openings]
+        left[way] = np.median([run_case(case, RATES[rate], law)["third"] for case in cases])
+    assert left["estimated"] < with_it < without < left["none"]
+
+
+def test_hysteresis_told_to_be_none_and_positions_alone_believe_in_none():
+    for own in ({"hysteresis": "none"}, {"feedback": "measured"}):
+        told = believed(WIDE, 1, **own)[1]
+        assert not np.any(told["hysteresis_x"]) and not np.any(told["hysteresis_y"])
+    assert not np.any(believed(WIDE, 1, hysteresis="none")[1]["hysteresis_x_deviation"])
