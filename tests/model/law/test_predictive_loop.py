@@ -43,7 +43,8 @@ def test_scanner_and_filter_are_separate(matrix):
 
 
 def test_filter_that_believes_its_model_forgets_nothing(loop):
-    held = Loop(2e-4, 1, surface="known", lateral_gain="nominal", slow_force="nominal", stiffness="nominal")
+    believed = {name: "nominal" for name in ("lateral_gain", "slow_force", "stiffness")}
+    held = Loop(2e-4, 1, surface="known", hysteresis="none", **believed)
     # What is believed is changed here alone, and nothing corrects it.
     change = np.zeros(10)
     change[len(PLANT) + ESTIMATES.index("slow")] = 1.0
