@@ -40,6 +40,10 @@ def test_scanner_and_filter_are_separate(matrix):
     n = len(PLANT)
     assert np.abs(matrix[n:, :n]).max() < 5e-2 * np.abs(matrix[n:, n:]).max()
     assert np.abs(matrix[:n, :n]).max() < 5e-3
+    # Where no hysteresis is learned, none.
+    without = Loop(2e-4, 1, surface="known", hysteresis="none").matrix()
+    assert np.abs(without[n:, :n]).max() < 1e-2 * np.abs(without[n:, n:]).max()
+    assert np.abs(without[:n, :n]).max() < 1e-3
 
 
 def test_filter_that_believes_its_model_forgets_nothing(loop):

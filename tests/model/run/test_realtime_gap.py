@@ -38,15 +38,20 @@ class StoppedLink(SimulatedLink):
 
 
 @pytest.mark.parametrize(
-    ("begin", "gap", "queue", "late"),
+    ("begin", "gap", "queue", "late", "within"),
     # The last one: behind the gap the scanner goes many waves of the sample between two measurements.
-    [(0.615, 0.25, 10, 0.0), (0.7, 0.3, 10, 0.0), (0.65, 0.5, 10, 0.0), (0.615, 0.25, 200, 0.6)],
+    [
+        (0.615, 0.25, 10, 0.0, 0.25),
+        (0.7, 0.3, 10, 0.0, 0.25),
+        (0.65, 0.5, 10, 0.0, 0.25),
+        (0.615, 0.25, 200, 0.6, 0.3),
+    ],
 )
 def test_run_at_1_ms_goes_on_behind_a_gap_that_is_longer_than_its_horizon(
-    begin: float, gap: float, queue: int, late: float
+    begin: float, gap: float, queue: int, late: float, within: float
 ) -> None:
     scenario = load_scenario("realtime_1ms")
-    parameters = changed(scenario.sim, {"run.duration": begin + gap + 0.4})
+    parameters = changed(scenario.sim, {"run.duration": begin + gap + within + 0.1})
     clock, period = VirtualClock(), parameters.plant.control_period
     link = StoppedLink(Controller(scenario.controller), clock, period, begin, begin + gap, queue, late)
     run = Run(parameters, link, clock, Listeners(), block_ticks=ticks_of_a_block(parameters))
@@ -55,7 +60,7 @@ def test_run_at_1_ms_goes_on_behind_a_gap_that_is_longer_than_its_horizon(
     while (deadline := run.deadline) is not None:
         clock.now = deadline
         run.step()
-        if clock.now > begin + gap + 0.3:
+        if clock.now > begin + gap + within:
             asked, position = run.instrument.orders.asked.position[:2], run.instrument.truth.position[:2]
             largest = max(largest, float(np.abs(position - asked).max()))
     snapshot = run.snapshot()

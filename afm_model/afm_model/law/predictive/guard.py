@@ -10,7 +10,7 @@ from ...core.elementary import exp, hypot, square
 from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .map import NODES
-from .predictive_constants import STOPS, Constants
+from .predictive_constants import STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
 from .sample_estimate import MEAN, REST, VALUE
 from .unexplained import GAIN_LIMITS, SEEMS
@@ -52,9 +52,9 @@ def forget(p: Constants, s: State) -> None:
         s.gain_of[axis], s.slow[axis], s.softer[axis] = 1.0, 0.0, 0.0
         for i in range(STOPS):
             s.opening[axis, i] = 0.0
-        for i in range(3 + STOPS):
-            for j in range(3 + STOPS):
-                s.unsure[axis, i, j] = square(p.first[min(i, 3)]) if i == j else 0.0
+        for i in range(UNEXPLAINED):
+            for j in range(UNEXPLAINED):
+                s.unsure[axis, i, j] = square(p.first[i]) if i == j else 0.0
     s.learned[0], s.learned[1], s.learned[2] = 1.0, 0.0, 0.0
 
 

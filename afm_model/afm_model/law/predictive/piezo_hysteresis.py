@@ -78,8 +78,9 @@ def follow_drives(k: int, y: Measurement, p: Constants, s: State) -> None:
 
 
 @kernel
-def effective(axis: int, u: float, s: State) -> float:
-    """What the drive u in force at the measurement does."""
+def effective(axis: int, y: Measurement, p: Constants, s: State) -> float:
+    """What the drive in force at a measurement does."""
+    u = y.drive[axis] / p.volts[axis]
     for i in range(STOPS):
         u -= s.opening[axis, i] * s.stop_now[axis, i]
     return u
@@ -98,20 +99,21 @@ def opens(axis: int, s: State) -> bool:
 def plan_effective(p: Constants, s: State) -> None:
     """Replace the drives on their way in the plan by what they do; they are kept in `s.sent_ahead`."""
     for axis in range(2):
-        for j in range(p.delay if opens(axis, s) else 0):
-            u = s.plan[j, axis]
-            s.plan[j, axis] = advance(axis, u, p, s)
-            s.sent_ahead[j, axis] = u
+        if not opens(axis, s):
+            continue
+        for j in range(p.delay):
+            s.sent_ahead[j, axis] = s.plan[j, axis]
+            s.plan[j, axis] = advance(axis, s.sent_ahead[j, axis], p, s)
 
 
 @kernel
 def plan_drives(planned: int, p: Constants, s: State) -> None:
     """Replace what the drives of the plan are to do by the drives."""
     for axis in range(2):
-        for j in range(planned if opens(axis, s) else 0):
-            if j < p.delay:
-                s.plan[j, axis] = s.sent_ahead[j, axis]
-            else:
-                u = drive_for(axis, s.plan[j, axis], p, s)
-                advance(axis, u, p, s)
-                s.plan[j, axis] = u
+        if not opens(axis, s):
+            continue
+        for j in range(p.delay):
+            s.plan[j, axis] = s.sent_ahead[j, axis]
+        for j in range(p.delay, planned):
+            s.plan[j, axis] = drive_for(axis, s.plan[j, axis], p, s)
+            advance(axis, s.plan[j, axis], p, s)

@@ -27,11 +27,13 @@ SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
 STOPS = 2
 """Stops of the hysteresis of the piezo: piezo_hysteresis.py."""
+UNEXPLAINED = 3 + STOPS
+"""Numbers of an axis that the model does not explain: gamma, b, c, openings."""
 _THRESHOLDS = (0.05, 0.2)
 """Of the stops, over the bound of friction: by twice that the drive turns with the motion."""
 FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
-FIRST = (0.3, 1.0, 0.03, 0.1)
+FIRST = (0.3, 1.0, 0.03, *STOPS * (0.1,))
 """Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2], an opening."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
@@ -63,7 +65,7 @@ class Constants(Record):
     surface: int
     identified: int
     adapts: int  # what the model does not explain is estimated, with these deviations at the start
-    first: Annotated[Array, (4,)]
+    first: Annotated[Array, (UNEXPLAINED,)]
     hysteretic: int  # the hysteresis of the piezo is estimated
     threshold: Annotated[Array, (STOPS,)]  # of its stops
     mu: float
@@ -122,7 +124,7 @@ def longest(parameters: Tree) -> int:
 def first_deviations(law: Tree) -> list[float]:
     """Standard deviations, at the start, of what the model does not explain; 0: it is believed."""
     known = "nominal" if law.feedback == "measured" else law.hysteresis
-    given = law.lateral_gain, law.slow_force, law.stiffness, known
+    given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (known,)
     return [size if way == "estimated" else 0.0 for size, way in zip(FIRST, given, strict=True)]
 
 

@@ -48,7 +48,7 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
         take_height(p, s)
     ratio = s.grip
     if p.identified and p.measured == 0:
-        u_x, u_y = effective(0, y.drive[0] / p.volts[0], s), effective(1, y.drive[1] / p.volts[1], s)
+        u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     if p.surface == LEARNED:
         s.doubt = 0.0

@@ -9,7 +9,7 @@ from ...core.elementary import exp
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .map import LENGTH, NODES, SPACING
-from .predictive_constants import ANSWERS, INTERVALS, SLOTS, STOPS
+from .predictive_constants import ANSWERS, INTERVALS, SLOTS, STOPS, UNEXPLAINED
 
 
 class State(Record):
@@ -39,9 +39,9 @@ class State(Record):
     slow: Annotated[Array, (2,)]
     softer: Annotated[Array, (2,)]
     opening: Annotated[Array, (2, STOPS)]  # of the hysteresis of the piezo: piezo_hysteresis.py
-    unsure: Annotated[Array, (2, 3 + STOPS, 3 + STOPS)]
-    weight: Annotated[Array, (3 + STOPS,)]
-    tells: Annotated[Array, (3 + STOPS,)]
+    unsure: Annotated[Array, (2, UNEXPLAINED, UNEXPLAINED)]
+    weight: Annotated[Array, (UNEXPLAINED,)]
+    tells: Annotated[Array, (UNEXPLAINED,)]  # row of the measurement
     stop_now: Annotated[Array, (2, STOPS)]  # at the measurement; mean until then; along the plan; and the drives there
     stop_mean: Annotated[Array, (2, STOPS)]
     stop_ahead: Annotated[Array, (2, STOPS)]

@@ -7,7 +7,7 @@ from ...core.elementary import square
 from ...core.jit import kernel, routine
 from .map import raise_map
 from .nominal_plant import balance, beyond, look, nominal_bound
-from .predictive_constants import KNOWN, STOPS, Constants
+from .predictive_constants import KNOWN, STOPS, UNEXPLAINED, Constants
 
 if TYPE_CHECKING:
     from .predictive_state import State
@@ -115,14 +115,20 @@ def take_height(p: Constants, s: "State") -> None:
 
 
 @kernel
+def write_row(axis: int, friction: float, q: float, stops: Any, s: "State") -> None:
+    """Write what a force left over tells of gamma, b, c and the openings into `s.tells`."""
+    s.tells[0], s.tells[1], s.tells[2] = friction, 1.0, q
+    for i in range(STOPS):
+        s.tells[3 + i] = stops[axis, i]
+
+
+@kernel
 def variance(axis: int, friction: float, q: float, s: "State") -> float:
     """Of the force that unexplained.py expects to be left over."""
+    write_row(axis, friction, q, s.stop_now, s)
     P, h, total = s.unsure, s.tells, 0.0
-    h[0], h[1], h[2] = friction, 1.0, q
-    for i in range(STOPS):
-        h[3 + i] = s.stop_now[axis, i]
-    for i in range(3 + STOPS):
-        for j in range(3 + STOPS):
+    for i in range(UNEXPLAINED):
+        for j in range(UNEXPLAINED):
             total += h[i] * P[axis, i, j] * h[j]
     return max(total, 0.0)
 

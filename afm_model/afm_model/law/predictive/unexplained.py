@@ -18,11 +18,11 @@ from ...core.records import Block
 from ...parts.signals import Measurement
 from .nominal_plant import balance
 from .piezo_hysteresis import effective
-from .predictive_constants import FLOOR, STOPS, Constants
+from .predictive_constants import FLOOR, STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
-from .sample_estimate import REST, variance
+from .sample_estimate import REST, variance, write_row
 
-_WALK = (1e-3, 2e-2, 5e-4, 1e-4)
+_WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,))
 """Their random walks in one time unit, and that of an opening."""
 GAIN_LIMITS = (0.4, 2.5)
 SLIDING = 3e-3
@@ -63,14 +63,12 @@ def update(
     axis: int, innovation: float, friction: float, q: float, stops: Block, noise: float, p: Constants, s: State
 ) -> None:
     """Kalman update of an axis by the force that was not expected, where friction is this much, and the stops."""
+    write_row(axis, friction, q, stops, s)
     P, h = s.unsure, s.tells
-    h[0], h[1], h[2] = friction, 1.0, q
-    for i in range(STOPS):
-        h[3 + i] = stops[axis, i]
     total = noise * noise
-    for i in range(3 + STOPS):
+    for i in range(UNEXPLAINED):
         s.weight[i] = 0.0
-        for j in range(3 + STOPS):
+        for j in range(UNEXPLAINED):
             s.weight[i] += P[axis, i, j] * h[j]
         total += h[i] * s.weight[i]
     # What is off by more than noise is another force for a moment, of which the filter knows nothing.
@@ -82,17 +80,17 @@ def update(
     for i in range(STOPS):
         opening = s.opening[axis, i] + s.weight[3 + i] * change
         s.opening[axis, i] = min(max(opening, 0.0), _WIDEST)
-    for i in range(3 + STOPS):
-        first, gain = p.first[min(i, 3)], s.weight[i] / total
-        for j in range(3 + STOPS):
+    for i in range(UNEXPLAINED):
+        first, gain = p.first[i], s.weight[i] / total
+        for j in range(UNEXPLAINED):
             P[axis, i, j] -= gain * s.weight[j]
         # What positions alone tell is known slowly.
-        walk = _WALK[min(i, 3)] if p.measured == 0 else _SLOWLY * _WALK[min(i, 3)]
+        walk = _WALK[i] if p.measured == 0 else _SLOWLY * _WALK[i]
         P[axis, i, i] = max(P[axis, i, i], 0.0) + walk * walk * p.hold
         # None is less certain than at the start: what is believed then stays so.
         if P[axis, i, i] > first * first:
             part = first / math.sqrt(P[axis, i, i])
-            for j in range(3 + STOPS):
+            for j in range(UNEXPLAINED):
                 P[axis, i, j] *= part
                 P[axis, j, i] *= part
 
@@ -164,7 +162,7 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
 def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Learn from measurement k; the scanner is in the state as it is there."""
     signal = y.lateral_force / p.lateral_force
-    u_x, u_y = effective(0, y.drive[0] / p.volts[0], s), effective(1, y.drive[1] / p.volts[1], s)
+    u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
     # A drive that came late, or was cut off, is not the one predicted with.
     known = s.started != 0.0 and k - s.last == 1
     known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
