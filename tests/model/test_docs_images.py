@@ -36,6 +36,17 @@ def test_slow_z_loop_smears_edges_and_the_law_of_x_and_y_decides_where_they_are(
     assert number(told["right", "the paper's law"][3]) == pytest.approx(1e9 * right.width, rel=0.1)
 
 
+def test_z_loop_that_swings_is_seen_in_the_deflection_and_not_in_the_height():
+    right, fast = (control.scan("the paper's law", gain, 3) for gain in ("right", "too fast"))
+    assert right.free == 0.0
+    assert fast.free > 0.1
+    assert control.faults(fast).height < 1.2 * control.faults(right).height
+    # The tip leaves the sample only where the deflection is off by that of the setpoint, 50 nm; a sine's rms is .71 of it.
+    assert fast.error > 0.7 * control.FORCE / 0.2
+    told = {(row[0], row[1]): row for row in table("control")}
+    assert number(told["right", "the paper's law"][6]) == pytest.approx(1e9 * right.error, rel=0.1)
+
+
 def test_edges_and_truth_of_the_figure_are_those_of_the_grating():
     # By hand: half of the valley is 1.4 um, less what the tip's radius (5.5 nm) and half of the slope (19 nm) take.
     inner = control.true_edges()[np.abs(control.true_edges()) < 2e-6]

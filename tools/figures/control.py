@@ -23,6 +23,7 @@ PIXELS, LINE_RATE, PERIOD, SAMPLE = 250, 1.0, 5e-5, 1e-5
 """Pixels of a line; lines (trace and retrace) a second; control period and period of the ADC [s]."""
 PITCH, TOP, STEP, ANGLE = 4e-6, 1.2e-6, 60e-9, 1.0
 """Of the grating: period, width of the ridges, height [m], angle of the slopes."""
+CHANNELS = ("z_loop", "z_loop_error", "truth/contact")
 FORCE = 10e-9
 SENSITIVITY = {"piezo.sensitivity_x": 450e-9, "piezo.sensitivity_y": 450e-9, "piezo.sensitivity_z": 70e-9}
 _LEVER, _SCANNER = LEVERS["ppp_lfmr"], SCANNERS["flexure_90um"]
@@ -35,7 +36,7 @@ INSTRUMENT: dict[str, Value] = {
     "plant.dt": 2.5e-6,
     "plant.control_period": PERIOD,
     "detector.sample_period": SAMPLE,
-    "detector.channels": "z_loop",
+    "detector.channels": ", ".join(CHANNELS),
     **SENSITIVITY,
     "piezo.kind": "ceramic",
     "piezo.hysteresis_x": 0.12,
@@ -85,6 +86,8 @@ class Picture:
 
     trace: _Array
     retrace: _Array
+    error: float  # of the deflection, rms over all samples but those of the first line [m]
+    free: float  # share of their time in which the tip does not touch
 
 
 @dataclass(frozen=True)
@@ -108,19 +111,22 @@ def scan(law: str, gain: str, lines: int) -> Picture:
     controller = Controller(build(ControllerParameters, told))
     half = round(0.5 / LINE_RATE / PERIOD)
     scope = Instrument(parameters, 2 * half, hashed=False)
-    row = [channel.name for channel in scope.channels].index("z_loop")
+    row, volts, contact = ([each.name for each in scope.channels].index(name) for name in CHANNELS)
     # From the middle to the right and back to the left: there the first line begins.
     scope.close_loop(controller, half // 2)
     scope.skip_block()
     scope.close_loop(controller, half)
     scope.skip_block()
-    images = np.empty((lines, 2, PIXELS))
+    images, squares, touching = np.empty((lines, 2, PIXELS)), np.empty(lines), np.empty(lines)
     for line in range(lines):
         scope.close_loop(controller, 2 * half)
-        z = scope.take_block().samples[row]
+        samples = scope.take_block().samples
         # The z loop moves the sample away from the tip where it is high.
-        images[line] = -z.reshape(2, PIXELS, -1).mean(axis=2)
-    return Picture(images[:, 0], images[:, 1, ::-1])
+        images[line] = -samples[row].reshape(2, PIXELS, -1).mean(axis=2)
+        squares[line] = np.mean(np.square(samples[volts] * parameters.detector.deflection_sensitivity))
+        touching[line] = samples[contact].mean()
+    error, free = math.sqrt(squares[1:].mean()), 1.0 - float(touching[1:].mean())
+    return Picture(images[:, 0], images[:, 1, ::-1], error, free)
 
 
 def places() -> _Array:
@@ -249,13 +255,14 @@ def table(pictures: dict[tuple[str, str], Picture]) -> list[str]:
     """Rows of a table of the page."""
     rows = [
         "| z loop | x, y | height, rms error [nm] | width of edges [nm] | largest displacement of an edge [nm] "
-        "| trace less retrace, rms [nm] |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| trace less retrace, rms [nm] | deflection error, rms of all samples [nm] | tip free of the sample |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for (law, gain), picture in pictures.items():
         told = faults(picture)
-        numbers = (told.height, told.width, told.largest, told.apart)
-        rows.append(f"| {gain} | {law} | " + " | ".join(_nanometres(each) for each in numbers) + " |")
+        numbers = (told.height, told.width, told.largest, told.apart, picture.error)
+        cells = [*map(_nanometres, numbers), f"{100.0 * picture.free:.2g} %"]
+        rows.append(f"| {gain} | {law} | {' | '.join(cells)} |")
     return rows
 
 
