@@ -31,9 +31,11 @@ class Rate(NamedTuple):
     period: float  # [s]
     delay_ticks: int
     packet: int = 1  # drives in an answer, for a law that has `law.packet`
+    stir: float = 0.0  # noise of the position sensors [m]: where the last bit decides, a case is several runs
 
 
-RATES = (Rate("50 us + 1", 5e-5, 1), Rate("200 us + 1", 2e-4, 1), Rate("1 ms packets", 1e-3, 1, 20))
+RATES = (Rate("50 us + 1", 5e-5, 1), Rate("200 us + 1", 2e-4, 1), Rate("1 ms packets", 1e-3, 1, 20, 1e-17))
+"""Between two measurements 1 ms apart the motion magnifies what the first ones differ by."""
 
 
 class Case(NamedTuple):
@@ -103,12 +105,12 @@ CASES = (
 """Wrong models, and references other than the usual one."""
 
 
-def _true(case: Case, noise: float) -> dict[str, Value]:
+def _true(case: Case, rate: Rate, noise: float) -> dict[str, Value]:
     """Parameters of the instrument in a case, with noise of a level."""
-    if noise == 0.0:
-        return dict(case.true)
-    drawn: dict[str, Value] = {name: noise * value for name, value in NOISE.items()}
-    return drawn | {"detector.adc_bits": 16} | dict(case.true)
+    drawn: dict[str, Value] = {"detector.position_noise": rate.stir} if rate.stir else {}
+    if noise != 0.0:
+        drawn = {name: noise * value for name, value in NOISE.items()} | {"detector.adc_bits": 16}
+    return drawn | dict(case.true)
 
 
 def parameters_of(
@@ -136,7 +138,7 @@ def parameters_of(
         news["piezo.dac_period"] = rate.period / rate.packet
         own |= {"law.packet": rate.packet, "law.spare": 1}
     own |= {name: value for name, value in case.own.items() if name in has}
-    true = _true(case, noise)
+    true = _true(case, rate, noise)
     sim = build(SimParameters, news | true | {"plant.seed": seed})
     own |= feedback_of(law, noisy=true.get("detector.noise", 0.0) != 0.0)
     timing = law_timing(own, sim)
@@ -147,9 +149,9 @@ def parameters_of(
     return sim, changed(controller, {name: float(plain[name]) * factor for name, factor in case.told.items()})
 
 
-def seeds(case: Case, noise: float = 0.0) -> int:
+def seeds(case: Case, rate: Rate, noise: float = 0.0) -> int:
     """How often a case is run."""
-    true = _true(case, noise)
+    true = _true(case, rate, noise)
     return SEEDS if any(float(true.get(name, 0.0)) != 0.0 for name in NOISE) else 1
 
 
@@ -165,7 +167,7 @@ def run_case(case: Case, rate: Rate, law: Contender, noise: float = 0.0) -> dict
         the runs; `worst`: the largest of `third`; `contact`: part of the time, the least; `load`: largest force on the
         tip [N]; `lost`: why the first run that is lost counts as that, "" if none is.
     """
-    runs = [_run(case, rate, law, noise, seed) for seed in range(seeds(case, noise))]
+    runs = [_run(case, rate, law, noise, seed) for seed in range(seeds(case, rate, noise))]
     return {
         "first": median(run["first"] for run in runs),
         "third": median(run["third"] for run in runs),

@@ -49,37 +49,45 @@ def test_the_drive_sent_has_the_effect_that_was_planned(path, weights):
 
 
 def believed(case, rate, **own):
-    sim, told = parameters_of(CASE[case], RATES[rate], Contender("law", "predictive", own), 0.0, 0)
+    sim, told = parameters_of(case, RATES[rate], Contender("law", "predictive", own), 0.0, 0)
     return sim, simulate(sim, told).estimates
+
+
+def opened(opening):
+    """The case of wide hysteresis, its opening another one."""
+    return CASE[WIDE]._replace(true={**CASE[WIDE].true, **{f"piezo.hysteresis_{axis}": opening for axis in "xy"}})
 
 
 @pytest.mark.parametrize("rate", range(len(RATES)))
 def test_opening_is_found_and_none_where_there_is_none(rate):
-    sim, told = believed(WIDE, rate, surface="known")
-    piezo = CERAMIC.values(sim)
-    # Behind a turn no play follows the drive, far from it all do.
-    follow = piezo["weight"][:, 0].sum()
-    true = follow / (piezo["linear"][0] + follow)
-    assert true == pytest.approx(0.158, abs=1e-3)
-    found, deviation = told["hysteresis_x"][-1], told["hysteresis_x_deviation"][-1]
-    assert abs(found - true) < min(0.1 * true, 2.0 * deviation) and deviation < 0.2 * true
-    assert believed("the truth", rate, surface="known")[1]["hysteresis_x"][-1] < 0.01 * true
+    found = []
+    # In packets, and at 200 us after two turns, one of them is a draw.
+    for opening in NEAR:
+        sim, told = believed(opened(opening), rate, surface="known")
+        piezo = CERAMIC.values(sim)
+        # Behind a turn no play follows the drive, far from it all do.
+        follow = piezo["weight"][:, 0].sum()
+        true = follow / (piezo["linear"][0] + follow)
+        assert true == pytest.approx(0.158 * opening / 0.05, rel=0.02)
+        deviation = told["hysteresis_x_deviation"][-1]
+        found.append(told["hysteresis_x"][-1] / true)
+        assert abs(found[-1] - 1.0) * true < 2.0 * deviation and deviation < 0.25 * true
+    assert abs(np.median(found) - 1.0) < 0.12
+    assert believed(CASE["the truth"], rate, surface="known")[1]["hysteresis_x"][-1] < 0.01 * true
 
 
-@pytest.mark.parametrize(("rate", "with_it", "without"), [(0, 0.7, 1.2), (1, 4.0, 5.5), (2, 20.0, 30.0)])
+@pytest.mark.parametrize(("rate", "with_it", "without"), [(0, 0.7, 1.2), (1, 3.0, 4.0), (2, 20.0, 30.0)])
 def test_hysteresis_that_is_learned_is_foretold(rate, with_it, without):
     left = {}
     for way in ("estimated", "none"):
         law = Contender("law", "predictive", {"surface": "known", "hysteresis": way})
         # In packets a throw depends on the last bit.
-        openings = [{f"piezo.hysteresis_{axis}": opening for axis in "xy"} for opening in NEAR]
-        cases = [CASE[WIDE]._replace(true={**CASE[WIDE].true, **each}) for each in openings]
-        left[way] = np.median([run_case(case, RATES[rate], law)["third"] for case in cases])
+        left[way] = np.median([run_case(opened(opening), RATES[rate], law)["third"] for opening in NEAR])
     assert left["estimated"] < with_it < without < left["none"]
 
 
 def test_hysteresis_told_to_be_none_and_positions_alone_believe_in_none():
     for own in ({"hysteresis": "none"}, {"feedback": "measured"}):
-        told = believed(WIDE, 1, **own)[1]
+        told = believed(CASE[WIDE], 1, **own)[1]
         assert not np.any(told["hysteresis_x"]) and not np.any(told["hysteresis_y"])
-    assert not np.any(believed(WIDE, 1, hysteresis="none")[1]["hysteresis_x_deviation"])
+    assert not np.any(believed(CASE[WIDE], 1, hysteresis="none")[1]["hysteresis_x_deviation"])

@@ -111,4 +111,16 @@ def test_noise_is_added_to_any_case_and_the_law_is_told_by_its_feedback():
     sim, controller = parameters_of(case, RATE["50 us + 1"], contender("predictive"), noise=2.0)
     assert (sim.detector.noise, sim.detector.position_noise, sim.detector.adc_bits) == (2e-3, 1e-10, 16)
     assert sim.detector.lateral_gain == 1.1 and controller.law.feedback == "measured"
-    assert (seeds(case), seeds(case, 2.0), seeds(CASE["noise"])) == (1, SEEDS, SEEDS)
+    rate = RATE["50 us + 1"]
+    assert (seeds(case, rate), seeds(case, rate, 2.0), seeds(CASE["noise"], rate)) == (1, SEEDS, SEEDS)
+
+
+def test_a_case_in_packets_is_several_runs_that_differ_by_less_than_any_sensor_sees():
+    from afm_model.studies.wrong_models import SEEDS, parameters_of, seeds
+
+    case, rate = CASE["friction x 2"], RATE["1 ms packets"]
+    sim, controller = parameters_of(case, rate, contender("predictive"))
+    assert seeds(case, rate) == SEEDS
+    assert sim.detector.position_noise == 1e-17 and controller.law.feedback == "full"
+    row = run_case(case, rate, contender("predictive"))
+    assert row["worst"] > 1.2 * row["third"]

@@ -83,23 +83,27 @@ def ask_of(axis: int, i: int, held: float, p: Constants, s: State) -> None:
 
 
 @kernel
-def ask_of_z(first: float, n: int, p: Constants, s: State) -> None:
-    """Height of the scanner that keeps the tip at its setpoint; bound of friction if it does."""
-    for i in range(n + 1):
-        ahead = first + i * p.tau
-        look(s.path[i, 0, 0], s.path[i, 1, 0], p, s)
+def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) -> None:
+    """Height of the scanner that keeps the tip at its setpoint, and bound of friction if it does, over n intervals.
+
+    From interval `at` on, where the tip is off the reference by an error that vanishes evenly until their end.
+    """
+    for i in range(at, at + n + 1):
+        ahead = s.first + i * p.tau
+        left = 1.0 - (i - at) / n
+        look(s.path[i, 0, 0] + left * e_x, s.path[i, 1, 0] + left * e_y, p, s)
         z_r = s.p[2] + ahead * (s.v[2] + 0.5 * ahead * s.acc[2])
         load = p.w + p.eta_c2 * (z_r - p.a)
         delta = p.delta + p.delta_curvature * s.curvature + p.delta_load * (load - p.load_0)
         s.path[i, 2, 0] = z_r + delta - s.height
         s.friction[i] = s.here * nominal_bound(load, p, s)
-    for i in range(n + 1):
-        before, after = max(i - 1, 0), min(i + 1, n)
+    for i in range(at, at + n + 1):
+        before, after = max(i - 1, at), min(i + 1, at + n)
         s.path[i, 2, 1] = (s.path[after, 2, 0] - s.path[before, 2, 0]) / ((after - before) * p.tau)
-    for i in range(n):
+    for i in range(at, at + n):
         s.friction[i] = 0.5 * (s.friction[i] + s.friction[i + 1])
         z = 0.5 * (s.path[i, 2, 0] + s.path[i + 1, 2, 0])
-        ask_of(2, i, (p.w + p.eta_c2 * (s.p[2] - z - p.a)) / (p.mu + 1.0), p, s)
+        ask_of(2, i, (p.w + p.eta_c2 * (s.p[2] - z - p.a)) / (p.mu + 1.0) + s.slow[2] + s.softer[2] * z, p, s)
 
 
 @routine
@@ -107,7 +111,8 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
     """Write path, friction, direction and what is asked for n fine intervals from the time `first` on."""
     continue_reference(0, first, n, p, s)
     continue_reference(1, first, n, p, s)
-    ask_of_z(first, n, p, s)
+    s.first = first
+    ask_of_z(0, n, 0.0, 0.0, p, s)
     for i in range(n):
         v_x, v_y = rate(i, 0, s), rate(i, 1, s)
         # A drive that is held cannot turn with friction inside its slot: there the scanner rests for a moment.

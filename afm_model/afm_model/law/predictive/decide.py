@@ -3,6 +3,7 @@
 import math
 
 from ...core.jit import kernel, routine
+from .asked import ask_of_z
 from .nominal_plant import move
 from .predictive_constants import Constants
 from .predictive_state import State
@@ -10,6 +11,9 @@ from .predictive_state import State
 _MOST = 0.2
 """Largest turn of the direction of friction: the more the drive points across the line the farther friction that is
 lower than believed lets it throw the tip across."""
+_BESIDE = 0.5
+"""Part of the predicted error of x and y by which z is asked for beside the reference. With all of it the loop does not
+bear a drive that comes a period late."""
 
 
 @kernel
@@ -25,6 +29,13 @@ def drive(axis: int, at: int, e: float, e_rate: float, p: Constants, s: State) -
 def decide(at: int, slot: int, p: Constants, s: State) -> None:
     """Write the drive of a slot that begins with the fine interval `at` into the plan, from the predicted state."""
     e_x, e_y = s.X - s.path[at, 0, 0], s.Y - s.path[at, 1, 0]
+    # In radians of the shortest wave; more than one is too far for z to follow.
+    far = math.sqrt(e_x * e_x + e_y * e_y) * p.wave_number
+    if p.back > 0:
+        # The tip rides on the sample where it is. Of a z that is asked for along the reference the load would change with
+        # the error, and friction with it: a spring that pushes away, stronger than the gain of a slow loop.
+        beside = _BESIDE if far < 1.0 else 0.0
+        ask_of_z(at, p.back, beside * e_x, beside * e_y, p, s)
     e_z, e_zrate = s.Z - s.path[at, 2, 0], s.V_Z - s.path[at, 2, 1]
     u_z = drive(2, at, e_z, e_zrate, p, s)
     # Friction in the slot opposes the motion towards the line as well: the direction of the reference, turned.
@@ -55,10 +66,8 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
             changed_x += change * (p.G[0, j, 0] * p.Gamma[0, 0] + p.G[0, j, 1] * p.Gamma[0, 1])
             change = s.gain_of[1] * (f * d_y / size - s.friction[at + j] * s.direction[at + j, 1])
             changed_y += change * (p.G[1, j, 0] * p.Gamma[1, 0] + p.G[1, j, 1] * p.Gamma[1, 1])
-    # Of positions alone an error is taken back by no more than a radian of the shortest wave in a response: farther z
-    # could not follow, and the tip would leave the sample.
-    far = math.sqrt(e_x * e_x + e_y * e_y) * p.wave_number
     if p.measured != 0 and far > 1.0:
+        # Taken back by no more than that in a response: the tip would leave the sample.
         e_x, e_y = e_x / far, e_y / far
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y

@@ -100,7 +100,8 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         s.V_X = 0.0 if stick else (p_x - j_x) * n_x
         s.V_Y = 0.0 if stick else (p_y - j_y) * n_y
         rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
-        s.V_Z = ((1.0 - d_z) * s.V_Z + h * (u_z - p.stiffness[2] * s.Z - rest)) / (1.0 + d_z)
+        z = u_z - s.slow[2] - (p.stiffness[2] + s.softer[2]) * s.Z
+        s.V_Z = ((1.0 - d_z) * s.V_Z + h * (z - rest)) / (1.0 + d_z)
         s.X += half * s.V_X
         s.Y += half * s.V_Y
         s.Z += half * s.V_Z
@@ -121,7 +122,7 @@ def take_load(y: Measurement, p: Constants, s: "State") -> None:
     # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
     # after a correction.
     held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
-    rise = y.drive[2] / p.volts[2] - p.stiffness[2] * s.Z - p.damping[2] * s.V_Z - held
+    rise = y.drive[2] / p.volts[2] - s.slow[2] - (p.stiffness[2] + s.softer[2]) * s.Z - p.damping[2] * s.V_Z - held
     phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
     follows = p.height * phase_rate * phase_rate
     s.rise = rise - min(max(rise, -follows), follows)

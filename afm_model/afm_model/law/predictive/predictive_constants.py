@@ -35,6 +35,8 @@ FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
 FIRST = (0.3, 1.0, 0.03, *STOPS * (0.1,))
 """Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2], an opening."""
+FIRST_Z = (0.0, 0.003, 0.03, *STOPS * (0.0,))
+"""The same along z [w0^2 z0]; with positions alone nothing is estimated there."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5
@@ -56,6 +58,7 @@ class Constants(Record):
     longest: int  # drives of an answer with all that, those in force before it included
     fine: int  # fine intervals in a slot
     horizon: int  # fine intervals in the horizon
+    back: int  # fine intervals in a response, over which z is asked for beside the reference; 0: it is not
     tau: float  # length of a fine interval
     refined: int  # one: the drive of a slot is long and refined
     turn: float  # lambda of the direction of friction
@@ -65,7 +68,7 @@ class Constants(Record):
     surface: int
     identified: int
     adapts: int  # what the model does not explain is estimated, with these deviations at the start
-    first: Annotated[Array, (UNEXPLAINED,)]
+    first: Annotated[Array, (3, UNEXPLAINED)]
     hysteretic: int  # the hysteresis of the piezo is estimated
     threshold: Annotated[Array, (STOPS,)]  # of its stops
     mu: float
@@ -109,7 +112,7 @@ class Constants(Record):
     Phi: Annotated[Array, (3, 2, 2)]
     Gamma: Annotated[Array, (3, 2)]
     G: Annotated[Array, (3, INTERVALS, 2)]
-    Gamma_hold: Annotated[Array, (2, 2)]  # of the free x and y over a control period
+    Gamma_hold: Annotated[Array, (3, 2)]  # of the free axes over a control period
     L: Annotated[Array, (2,)]  # of the observer along z
     free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
     of_drive: Annotated[Array, (2,)]
@@ -121,11 +124,12 @@ def longest(parameters: Tree) -> int:
     return int(law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve)
 
 
-def first_deviations(law: Tree) -> list[float]:
-    """Standard deviations, at the start, of what the model does not explain; 0: it is believed."""
-    known = "nominal" if law.feedback == "measured" else law.hysteresis
-    given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (known,)
-    return [size if way == "estimated" else 0.0 for size, way in zip(FIRST, given, strict=True)]
+def first_deviations(law: Tree) -> list[list[float]]:
+    """Standard deviations, at the start, of what the model does not explain of each axis; 0: it is believed."""
+    full = law.feedback == "full"
+    given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (law.hysteresis if full else "nominal",)
+    sizes = FIRST, FIRST, FIRST_Z if full else len(FIRST) * (0.0,)
+    return [[size if way == "estimated" else 0.0 for size, way in zip(each, given, strict=True)] for each in sizes]
 
 
 def least_bound(law: Tree) -> float:
@@ -190,7 +194,7 @@ def values(parameters: Tree) -> Numbers:
     noise = law.position_noise / x0
     L = observer_gains(stiffness[2], damping[2], hold, FLOOR * square(eta_c) / mu, law.position_noise / z0)
     first = first_deviations(law)
-    of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(2)]
+    of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(3)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
     return {
         "hold": hold,
@@ -202,6 +206,8 @@ def values(parameters: Tree) -> Numbers:
         "longest": longest(parameters),
         "fine": division.fine,
         "horizon": n,
+        # In packets the next drive follows soon, in a long hold z cannot follow, and the noise of a position is no error.
+        "back": round(division.response / (slot / division.fine)) if slots == 1 and slot <= LONG and not measured else 0,
         "tau": slot / division.fine,
         "refined": slot > LONG and n + division.fine <= INTERVALS,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),
@@ -210,9 +216,9 @@ def values(parameters: Tree) -> Numbers:
         "dt": slot / steps,
         "surface": SURFACES[law.surface],
         # Friction that is believed in leaves no signal to compare with.
-        "adapts": identified and any(first),
+        "adapts": identified and any(map(any, first)),
         "first": first,
-        "hysteretic": identified and first[3] > 0.0,
+        "hysteretic": identified and first[0][3] > 0.0,
         "threshold": [f_0 * each for each in _THRESHOLDS],
         "identified": identified,
         "mu": mu,

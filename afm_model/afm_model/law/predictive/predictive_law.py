@@ -52,10 +52,10 @@ class PredictiveLaw(SampledLaw):
         "estimated", description="force on the scanner per lateral signal, over that of the model"
     )
     slow_force: Literal["nominal", "estimated"] = Field(
-        "estimated", description="force along x and y that the model does not contain, such as that of creep and drift"
+        "estimated", description="force that the model does not contain, such as that of creep and drift"
     )
     stiffness: Literal["nominal", "estimated"] = Field(
-        "estimated", description="stiffness of x and y beyond that of the model"
+        "estimated", description="stiffness of the scanner over that of the model; of z the sensitivity is part of it"
     )
     hysteresis: Literal["none", "estimated"] = Field(
         "estimated",
@@ -138,6 +138,12 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
             yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(s.unsure[i, k, k], 0.0))))
         yield LawEstimate(f"hysteresis_{axis}", "1", float(s.opening[i].sum()))
         yield LawEstimate(f"hysteresis_{axis}_deviation", "1", math.sqrt(max(float(s.unsure[i, 3:, 3:].sum()), 0.0)))
+    for name, unit, k, value, scale in (
+        ("slow_force_z", "N", 1, s.slow[2] * p.normal_force, p.normal_force),
+        ("stiffness_z", "1", 2, 1.0 + s.softer[2] / p.stiffness[2], 1.0 / p.stiffness[2]),
+    ):
+        yield LawEstimate(name, unit, float(value))
+        yield LawEstimate(f"{name}_deviation", unit, float(scale * math.sqrt(max(s.unsure[2, k, k], 0.0))))
     # Over a known surface the ratio is a mean, and what one measurement of it is off is told.
     variance = (
         s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if p.surface != KNOWN else p.ratio_noise * p.ratio_noise

@@ -28,21 +28,22 @@ class State(Record):
     estimate: Annotated[Array, (6,)]  # position and rate there
     seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
     signal: float  # lateral force there
-    # What the model does not explain along x and y, unexplained.py: gamma, b, c, their covariance, a place to compute.
-    gain_of: Annotated[Array, (2,)]
-    # What was predicted of x and y for this measurement: position, rate; drive; mean friction until then.
-    expected: Annotated[Array, (2, 4)]
+    # What the model does not explain, unexplained.py: gamma, b, c, their covariance, a place to compute. Along z b and c
+    # alone: there is no friction, and no hysteresis is learned.
+    gain_of: Annotated[Array, (3,)]
+    # What was predicted for this measurement: position, rate; drive; of x and y mean friction until then.
+    expected: Annotated[Array, (3, 4)]
     impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
     told: float  # one: y has been observed, two: its direction is too; of positions alone: the model is contradicted
     learned: Annotated[Array, (3,)]  # of positions alone: gamma, b, c of x, and the mean square force that they explain
     counts: float
-    slow: Annotated[Array, (2,)]
-    softer: Annotated[Array, (2,)]
-    opening: Annotated[Array, (2, STOPS)]  # of the hysteresis of the piezo: piezo_hysteresis.py
-    unsure: Annotated[Array, (2, UNEXPLAINED, UNEXPLAINED)]
+    slow: Annotated[Array, (3,)]
+    softer: Annotated[Array, (3,)]
+    opening: Annotated[Array, (3, STOPS)]  # of the hysteresis of the piezo: piezo_hysteresis.py
+    unsure: Annotated[Array, (3, UNEXPLAINED, UNEXPLAINED)]
     weight: Annotated[Array, (UNEXPLAINED,)]
     tells: Annotated[Array, (UNEXPLAINED,)]  # row of the measurement
-    stop_now: Annotated[Array, (2, STOPS)]  # at the measurement; mean until then; along the plan; and the drives there
+    stop_now: Annotated[Array, (3, STOPS)]  # at the measurement; mean until then; along the plan; and the drives there
     stop_mean: Annotated[Array, (2, STOPS)]
     stop_ahead: Annotated[Array, (2, STOPS)]
     drive_now: Annotated[Array, (2,)]
@@ -103,6 +104,7 @@ class State(Record):
     gripped: float
     misfit_H: float  # mean square of what heights and ratios are off the map, over their variance
     misfit: float
+    misfit_z: float  # the same of the force along z
     map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior
     map_ratio: Annotated[Array, (NODES,)]
     covariance: Annotated[Array, (NODES, NODES)]
@@ -118,6 +120,7 @@ class State(Record):
     sum_pa: Annotated[Array, (2,)]
     sum_pp: Annotated[Array, (2,)]
     omega: Annotated[Array, (2,)]
+    first: float  # time from the measurement to the first of the fine intervals
     path: Annotated[Array, (INTERVALS + 1, 3, 2)]  # reference at the ends of the fine intervals: X, Y, Z and rates
     asked: Annotated[Array, (INTERVALS, 3, 2)]  # what each fine interval asks for
     friction: Annotated[Array, (INTERVALS + 1,)]  # bound of friction in it

@@ -16,14 +16,17 @@ from ...core.elementary import hypot, square
 from ...core.jit import kernel
 from ...core.records import Block
 from ...parts.signals import Measurement
+from .map import CONSISTENT, FORGET, misfit_of
 from .nominal_plant import balance
 from .piezo_hysteresis import effective
-from .predictive_constants import FLOOR, STOPS, UNEXPLAINED, Constants
+from .predictive_constants import FLOOR, KNOWN, STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
 from .sample_estimate import REST, variance, write_row
 
 _WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,))
 """Their random walks in one time unit, and that of an opening."""
+_WALK_Z = (0.0, 1e-5, 1e-4, *STOPS * (0.0,))
+"""The same along z."""
 GAIN_LIMITS = (0.4, 2.5)
 SLIDING = 3e-3
 """Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
@@ -38,8 +41,14 @@ _SLOWLY = 0.02
 SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
 COUNTS = 0.01
-"""Force over that of friction that contradicts the model. Of positions alone: an rms one, down to half of it; twice as
-much does so at once."""
+"""Of positions alone: rms force over that of friction that contradicts the model, later half of it; twice as much does
+so at once."""
+_COUNTS_ACROSS = 0.003
+"""In packets: the same across the motion."""
+_UNEVEN_Z = 0.02
+"""Noise of the force along z, over that of a change of the load by the largest height of the sample."""
+_UNSEEN = 0.3
+"""And over a surface that is seen under the tip only, a radian on."""
 _SPAN = 100.0
 """Time of that mean [1/w0]."""
 _SURE = 3.0
@@ -81,11 +90,11 @@ def update(
         opening = s.opening[axis, i] + s.weight[3 + i] * change
         s.opening[axis, i] = min(max(opening, 0.0), _WIDEST)
     for i in range(UNEXPLAINED):
-        first, gain = p.first[i], s.weight[i] / total
+        first, gain = p.first[axis, i], s.weight[i] / total
         for j in range(UNEXPLAINED):
             P[axis, i, j] -= gain * s.weight[j]
         # What positions alone tell is known slowly.
-        walk = _WALK[i] if p.measured == 0 else _SLOWLY * _WALK[i]
+        walk = _WALK_Z[i] if axis == 2 else _WALK[i] if p.measured == 0 else _SLOWLY * _WALK[i]
         P[axis, i, i] = max(P[axis, i, i], 0.0) + walk * walk * p.hold
         # None is less certain than at the start: what is believed then stays so.
         if P[axis, i, i] > first * first:
@@ -96,8 +105,20 @@ def update(
 
 
 @kernel
+def give_up(axis: int, p: Constants, s: State) -> None:
+    """Believe the model again, as at the start."""
+    s.gain_of[axis], s.slow[axis], s.softer[axis] = 1.0, 0.0, 0.0
+    for i in range(STOPS):
+        s.opening[axis, i] = 0.0
+    for i in range(UNEXPLAINED):
+        for j in range(UNEXPLAINED):
+            s.unsure[axis, i, j] = square(p.first[axis, i]) if i == j else 0.0
+
+
+@kernel
 def expect(slot: int, p: Constants, s: State) -> None:
     """Keep the scanner predicted to the end of a slot, the drive in it, and the mean friction so far."""
+    s.expected[2, 0], s.expected[2, 1], s.expected[2, 2] = s.Z, s.V_Z, s.plan[slot, 2]
     for axis in range(2):
         s.expected[axis, 0], s.expected[axis, 1] = (s.X, s.V_X) if axis == 0 else (s.Y, s.V_Y)
         s.expected[axis, 2] = s.plan[slot, axis]
@@ -151,11 +172,37 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
     across = t_x * left_y - t_y * left_x
     # The faster the tip the later it turns.
     turning = p.f_0 * (1.0 + square(speed / s.fastest))
-    if abs(across) > COUNTS * turning:
+    if abs(across) > _COUNTS_ACROSS * turning:
         s.told = 2.0
     if s.told == 2.0:
         noise = hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, s.X, s))) / t_x
         update(1, across / t_x, f_y, s.Y, s.stop_now, noise, p, s)
+
+
+@kernel
+def learn_of_z(u: float, p: Constants, s: State) -> None:
+    """Learn of z from what the drive u of the last period has left over; the scanner is in the state as it is now.
+
+    There the load is the only other force. It is not the one predicted where the tip is at another place than
+    predicted, or the surface another one.
+    """
+    if abs(u - s.expected[2, 2]) >= SAME * p.stiffness[2] * p.height:
+        return
+    phase = p.wave_number * hypot(s.X - s.expected[0, 0], s.Y - s.expected[1, 0])
+    if p.surface != KNOWN:
+        phase += _UNSEEN * min(p.wave_number * s.fastest * p.hold, 1.0)
+    noise = p.eta_c2 / (p.mu + 1.0) * p.height * (_UNEVEN_Z + phase)
+    innovation = left_over(2, s.Z, s.V_Z, u, p, s)
+    s.misfit_z += FORGET * (misfit_of(innovation, 1.0, variance(2, 0.0, s.Z, s) + noise * noise) - s.misfit_z)
+    if s.misfit_z > CONSISTENT:
+        # What contradicts itself is given up.
+        give_up(2, p, s)
+        s.misfit_z = math.inf
+    else:
+        update(2, innovation, 0.0, s.Z, s.stop_now, noise, p, s)
+        # More than what is likely at the start is another mistake, such as of the delay.
+        s.slow[2] = min(max(s.slow[2], -p.first[2, 1]), p.first[2, 1])
+        s.softer[2] = min(max(s.softer[2], -p.first[2, 2]), p.first[2, 2])
 
 
 @kernel
@@ -166,6 +213,8 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     # A drive that came late, or was cut off, is not the one predicted with.
     known = s.started != 0.0 and k - s.last == 1
     known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
+    if known:
+        learn_of_z(y.drive[2] / p.volts[2], p, s)
     before, speed = hypot(s.seen[0, 1], s.seen[1, 1]), hypot(s.V_X, s.V_Y)
     d_x, d_y = s.X - s.seen[0, 0], s.Y - s.seen[1, 0]
     q_x, q_y = s.X - 0.5 * d_x, s.Y - 0.5 * d_y
