@@ -113,7 +113,7 @@ def wrong() -> str:
 
 
 def asked() -> str:
-    """What was asked of `predictive`, and what it reaches in its worst row: the median of a row's runs, of all the worst."""
+    """What was asked of `predictive`, and what its worst row reaches: the median of a row's runs, of all the worst."""
     found = {(row["law"], row["case"], row["rate"]): row for row in rows(PREDICTIVE)}
     lines = []
     for title, cases, limits in ASKED:

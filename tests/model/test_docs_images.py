@@ -41,7 +41,7 @@ def test_z_loop_that_swings_is_seen_in_the_deflection_and_not_in_the_height():
     assert right.free == 0.0
     assert fast.free > 0.1
     assert control.faults(fast).height < 1.2 * control.faults(right).height
-    # The tip leaves the sample only where the deflection is off by that of the setpoint, 50 nm; a sine's rms is .71 of it.
+    # The tip leaves the sample only where the deflection is off by that of the setpoint; a sine's rms is .71 of it.
     assert fast.error > 0.7 * control.FORCE / 0.2
     told = {(row[0], row[1]): row for row in table("control")}
     assert number(told["right", "the paper's law"][6]) == pytest.approx(1e9 * right.error, rel=0.1)

@@ -109,7 +109,7 @@ def _true(case: Case, rate: Rate, noise: float) -> dict[str, Value]:
     """Parameters of the instrument in a case, with noise of a level."""
     drawn: dict[str, Value] = {"detector.position_noise": rate.stir} if rate.stir else {}
     if noise != 0.0:
-        drawn = {name: noise * value for name, value in NOISE.items()} | {"detector.adc_bits": 16}
+        drawn = {"detector.adc_bits": 16, **{name: noise * value for name, value in NOISE.items()}}
     return drawn | dict(case.true)
 
 

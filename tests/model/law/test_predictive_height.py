@@ -34,10 +34,8 @@ def test_a_wrong_sensitivity_along_z_is_found(rate, surface):
 
 @pytest.mark.parametrize("rate", range(len(RATES)))
 def test_it_costs_nothing_then_and_something_where_it_is_not_learned(rate):
-    left = [
-        run_case(Z_5_PERCENT, RATES[rate], Contender("law", "predictive", {"surface": "known", "stiffness": way}))["third"]
-        for way in ("estimated", "nominal")
-    ]
+    laws = [Contender("law", "predictive", {"surface": "known", "stiffness": way}) for way in ("estimated", "nominal")]
+    left = [run_case(Z_5_PERCENT, RATES[rate], law)["third"] for law in laws]
     assert left[0] < 0.1
     assert rate == 0 or left[1] > 3.0 * left[0]
 

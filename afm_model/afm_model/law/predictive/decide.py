@@ -32,8 +32,8 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
     # In radians of the shortest wave; more than one is too far for z to follow.
     far = math.sqrt(e_x * e_x + e_y * e_y) * p.wave_number
     if p.back > 0:
-        # The tip rides on the sample where it is. Of a z that is asked for along the reference the load would change with
-        # the error, and friction with it: a spring that pushes away, stronger than the gain of a slow loop.
+        # The tip rides on the sample where it is. Were z asked for along the reference the load would change with the
+        # error, and friction with it: a spring that pushes away, stronger than the gain of a slow loop.
         beside = _BESIDE if far < 1.0 else 0.0
         ask_of_z(at, p.back, beside * e_x, beside * e_y, p, s)
     e_z, e_zrate = s.Z - s.path[at, 2, 0], s.V_Z - s.path[at, 2, 1]

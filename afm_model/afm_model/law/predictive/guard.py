@@ -6,7 +6,7 @@ docs/laws.md, (8.7), (8.8).
 
 import math
 
-from ...core.elementary import exp, hypot, square
+from ...core.elementary import exp, hypot
 from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .map import NODES

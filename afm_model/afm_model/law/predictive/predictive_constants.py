@@ -206,8 +206,8 @@ def values(parameters: Tree) -> Numbers:
         "longest": longest(parameters),
         "fine": division.fine,
         "horizon": n,
-        # In packets the next drive follows soon, in a long hold z cannot follow, and the noise of a position is no error.
-        "back": round(division.response / (slot / division.fine)) if slots == 1 and slot <= LONG and not measured else 0,
+        # In packets the next drive follows soon, in a long hold z cannot follow, and noise of a position is no error.
+        "back": round(division.response / (slot / division.fine)) * (slots == 1 and slot <= LONG and not measured),
         "tau": slot / division.fine,
         "refined": slot > LONG and n + division.fine <= INTERVALS,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),

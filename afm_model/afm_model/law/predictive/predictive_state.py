@@ -28,8 +28,8 @@ class State(Record):
     estimate: Annotated[Array, (6,)]  # position and rate there
     seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
     signal: float  # lateral force there
-    # What the model does not explain, unexplained.py: gamma, b, c, their covariance, a place to compute. Along z b and c
-    # alone: there is no friction, and no hysteresis is learned.
+    # What the model does not explain, unexplained.py: gamma, b, c, their covariance, a place to compute. Along z only
+    # b and c: there is no friction, and no hysteresis is learned.
     gain_of: Annotated[Array, (3,)]
     # What was predicted for this measurement: position, rate; drive; of x and y mean friction until then.
     expected: Annotated[Array, (3, 4)]
