@@ -1,8 +1,11 @@
-"""Claims about the C of `make bench`: it is the plant of afm_model, on every branch, not a lookalike."""
+"""Claims about `make bench`: its C is the plant of afm_model, on every branch, and what it measures can be built."""
 
 import numpy as np
 import pytest
-from bench import kernel
+from bench import kernel, lever
+
+from afm_model import InstrumentParameters, build
+from afm_model.plant.presets import LEVERS
 
 
 def test_c_and_numba_take_the_same_steps_through_lost_and_made_contact(tmp_path, rng):
@@ -42,3 +45,10 @@ def test_measure_gives_ratios(tmp_path):
     for name in kernel.FLAGS:
         assert result[name]["ratio"] == pytest.approx(numba["ns_per_step"] / result[name]["ns_per_step"])
     assert np.isfinite(result["c"]["ratio"])
+
+
+def test_every_cantilever_is_measured_with_steps_that_it_allows():
+    cases = lever.cases()
+    assert set(LEVERS) <= set(cases)
+    for values in cases.values():
+        build(InstrumentParameters, values)
