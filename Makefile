@@ -15,7 +15,7 @@ help:
 	@echo "make scan    approach, scan an image, withdraw; picture, .gwy, recording, table in out/scan; ARGS="--mode tapping""
 	@echo "make test    run all tests; what fails first is kept in out/first_failures.txt"
 	@echo "make test-long many more examples at random, and the long tests (SEED=...: the same again)"
-	@echo "make bits    compare every bit of some 70 short runs with those kept (python tests/bits.py --write: keep these)"
+	@echo "make bits    compare every bit of some 85 short runs with those kept (python tests/bits.py --write: keep these)"
 	@echo "make build   set up and build only; then: . ./env.sh"
 	@echo "make lint    check style and types"
 	@echo "make site    all pages as a site, with a reference made from the code: out/site/index.html"
