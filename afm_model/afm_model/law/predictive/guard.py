@@ -6,14 +6,14 @@ docs/laws.md, (8.7), (8.8).
 
 import math
 
-from ...core.elementary import exp, hypot
+from ...core.elementary import exp, hypot, square
 from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .map import NODES
-from .predictive_constants import Constants
+from .predictive_constants import STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
 from .sample_estimate import MEAN, REST, VALUE
-from .unexplained import GAIN_LIMITS, SEEMS, give_up
+from .unexplained import GAIN_LIMITS, SEEMS
 
 _FAR = 0.5
 """Innovation, or error that grows while the tip slips, over what standing still would cost."""
@@ -47,9 +47,14 @@ def forget(p: Constants, s: State) -> None:
     s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
     if p.measured != 0:
         s.ratio[VALUE] = s.ratio[MEAN] = min(max(_BELOW * s.ratio[VALUE], _RATIO_LIMITS[0]), _RATIO_LIMITS[1])
-    s.told = s.counts = s.misfit = s.misfit_H = s.misfit_z = 0.0
+    s.told = s.counts = s.misfit = s.misfit_H = 0.0
     for axis in range(3):
-        give_up(axis, p, s)
+        s.gain_of[axis], s.slow[axis], s.softer[axis] = 1.0, 0.0, 0.0
+        for i in range(STOPS):
+            s.opening[axis, i] = 0.0
+        for i in range(UNEXPLAINED):
+            for j in range(UNEXPLAINED):
+                s.unsure[axis, i, j] = square(p.first[axis, i]) if i == j else 0.0
     s.learned[0], s.learned[1], s.learned[2] = 1.0, 0.0, 0.0
 
 

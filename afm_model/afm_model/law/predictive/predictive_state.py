@@ -104,7 +104,6 @@ class State(Record):
     gripped: float
     misfit_H: float  # mean square of what heights and ratios are off the map, over their variance
     misfit: float
-    misfit_z: float  # the same of the force along z
     map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior
     map_ratio: Annotated[Array, (NODES,)]
     covariance: Annotated[Array, (NODES, NODES)]

@@ -16,7 +16,6 @@ from ...core.elementary import hypot, square
 from ...core.jit import kernel
 from ...core.records import Block
 from ...parts.signals import Measurement
-from .map import CONSISTENT, FORGET, misfit_of
 from .nominal_plant import balance
 from .piezo_hysteresis import effective
 from .predictive_constants import FLOOR, KNOWN, STOPS, UNEXPLAINED, Constants
@@ -43,14 +42,14 @@ SAME = 0.005
 COUNTS = 0.01
 """Of positions alone: rms force over that of friction that contradicts the model, later half of it; twice as much does
 so at once."""
+_SPAN = 100.0
+"""Time of that mean [1/w0]."""
 _COUNTS_ACROSS = 0.003
-"""In packets: the same across the motion."""
+"""In packets: force across the motion over that of friction that contradicts the model."""
 _UNEVEN_Z = 0.02
 """Noise of the force along z, over that of a change of the load by the largest height of the sample."""
 _UNSEEN = 0.3
 """And over a surface that is seen under the tip only, a radian on."""
-_SPAN = 100.0
-"""Time of that mean [1/w0]."""
 _SURE = 3.0
 """Standard deviations."""
 _SLIDES = 0.2
@@ -102,17 +101,6 @@ def update(
             for j in range(UNEXPLAINED):
                 P[axis, i, j] *= part
                 P[axis, j, i] *= part
-
-
-@kernel
-def give_up(axis: int, p: Constants, s: State) -> None:
-    """Believe the model again, as at the start."""
-    s.gain_of[axis], s.slow[axis], s.softer[axis] = 1.0, 0.0, 0.0
-    for i in range(STOPS):
-        s.opening[axis, i] = 0.0
-    for i in range(UNEXPLAINED):
-        for j in range(UNEXPLAINED):
-            s.unsure[axis, i, j] = square(p.first[axis, i]) if i == j else 0.0
 
 
 @kernel
@@ -192,17 +180,10 @@ def learn_of_z(u: float, p: Constants, s: State) -> None:
     if p.surface != KNOWN:
         phase += _UNSEEN * min(p.wave_number * s.fastest * p.hold, 1.0)
     noise = p.eta_c2 / (p.mu + 1.0) * p.height * (_UNEVEN_Z + phase)
-    innovation = left_over(2, s.Z, s.V_Z, u, p, s)
-    s.misfit_z += FORGET * (misfit_of(innovation, 1.0, variance(2, 0.0, s.Z, s) + noise * noise) - s.misfit_z)
-    if s.misfit_z > CONSISTENT:
-        # What contradicts itself is given up.
-        give_up(2, p, s)
-        s.misfit_z = math.inf
-    else:
-        update(2, innovation, 0.0, s.Z, s.stop_now, noise, p, s)
-        # More than what is likely at the start is another mistake, such as of the delay.
-        s.slow[2] = min(max(s.slow[2], -p.first[2, 1]), p.first[2, 1])
-        s.softer[2] = min(max(s.softer[2], -p.first[2, 2]), p.first[2, 2])
+    update(2, left_over(2, s.Z, s.V_Z, u, p, s), 0.0, s.Z, s.stop_now, noise, p, s)
+    # More than what is likely at the start is another mistake, such as of the delay.
+    s.slow[2] = min(max(s.slow[2], -p.first[2, 1]), p.first[2, 1])
+    s.softer[2] = min(max(s.softer[2], -p.first[2, 2]), p.first[2, 2])
 
 
 @kernel
