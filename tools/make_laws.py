@@ -117,19 +117,21 @@ def asked() -> str:
     found = {(row["law"], row["case"], row["rate"]): row for row in rows(PREDICTIVE)}
     lines = []
     for title, cases, limits in ASKED:
+        counted = "worst" if title == "all" else "third"
         for rate, most in zip((rate.title for rate in RATES), limits, strict=True):
             reached, met = [], True
             for law, limit in zip(PREDICTIVE, most, strict=True):
-                counted = "worst" if title == "all" else "third"
                 errors = {case: found[law, case, rate][counted] for case in cases}
                 worst = max(errors, key=lambda case: errors[case])
                 over = sum(error > limit for error in errors.values())
                 met &= not over
-                named = f" ({worst}; {over} of {len(cases)} rows)" if len(cases) > 1 else ""
                 shown = number(errors[worst]) if math.isfinite(errors[worst]) else "diverged"
-                largest = number(found[law, worst, rate]["worst"])
-                named = f" ({largest})" if len(cases) == 1 and largest != shown else named
-                reached.append(f"**{shown}**{named}" if over else shown + (named if len(cases) == 1 else ""))
+                largest, more = number(found[law, worst, rate]["worst"]), ""
+                if len(cases) > 1 and over:
+                    more = f" ({worst}; {over} of {len(cases)} rows)"
+                elif len(cases) == 1 and largest != shown:
+                    more = f" ({largest})"
+                reached.append((f"**{shown}**" if over else shown) + more)
             wanted = " / ".join(f"{limit:g}" for limit in (most if len(set(most)) > 1 else most[:1]))
             reason = "" if met else WHY.get((title, rate), "no bound known")
             lines.append([title, rate, wanted, " / ".join(reached), reason])

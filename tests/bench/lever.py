@@ -18,8 +18,7 @@ TICKS = 200
 
 def cases() -> dict[str, dict[str, Any]]:
     """Parameters of what is measured, by name; a cantilever that is made to tap with steps that resolve its modes."""
-    made: dict[str, dict[str, Any]]
-    made = {name: {"plant.lever": name} for name in LEVERS}
+    made: dict[str, dict[str, Any]] = {name: {"plant.lever": name} for name in LEVERS}
     for name, lever in LEVERS.items():
         if lever.f0 > 50e3:
             made[name]["plant.dt"] = 1e-7

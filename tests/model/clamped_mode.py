@@ -18,6 +18,11 @@ class ClampedMode(NamedTuple):
     end: float  # its shape at the free end
     slope: float  # of the shape there, times the length
 
+    @property
+    def stiffness(self) -> float:
+        """Over the spring constant of the beam."""
+        return self.wave_number**4 * self.mean_square / (3.0 * self.end**2)
+
 
 @cache
 def clamped_mode(number: int) -> ClampedMode:

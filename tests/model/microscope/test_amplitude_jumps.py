@@ -10,7 +10,8 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
-from afm_model.microscope import AmplitudeCurve
+from afm_model.microscope import AmplitudeCurve, Local
+from afm_model.microscope.results import Outcome
 
 from ..clamped_mode import clamped_mode
 from .test_tune import driven
@@ -47,7 +48,7 @@ class Beam:
     def __init__(self, modes: int, free: float, force: Force):
         each = [clamped_mode(number) for number in range(modes)]
         self.modes, self.force, self.base = modes, force, free / INERTIA / Q
-        self.k = np.array([K * m.wave_number**4 * m.mean_square / (3.0 * m.end**2) for m in each])
+        self.k = np.array([K * m.stiffness for m in each])
         self.w = np.array([m.over_first for m in each])
         self.by_base = np.array([m.mean * m.end / m.mean_square for m in each])
         self.rest = 1.0 / K - float(np.sum(1.0 / self.k))  # modes beyond: a static compliance
@@ -152,6 +153,14 @@ def ends_of_branches(modes: int, free: float, hamaker: float, work: float) -> li
     return found
 
 
+def followed(microscope: Local, gap: float, curve: AmplitudeCurve) -> tuple[Outcome, np.ndarray, np.ndarray]:
+    """The outcome of a curve from `gap` [m] on; distance of the undeflected tip and A exp(-i phi) [m], a row a way."""
+    z0 = microscope.instrument.orders.onboard.z
+    outcome = microscope.execute(curve)
+    found = {name: each.values for name, each in outcome.result.variables.items()}
+    return outcome, gap - (found["z"] - z0), found["amplitude"] * np.exp(-1j * found["phase"])
+
+
 def jumps(free: float, hamaker: float, work: float, **values: float | str) -> np.ndarray:
     """Distances at which amplitude and phase jump, on the way there and back."""
     last, first, begin = 0.65 * free, free, 34.0
@@ -160,17 +169,13 @@ def jumps(free: float, hamaker: float, work: float, **values: float | str) -> np
     lever = {"plant__lever": "ppp_fmr", "plant__Q": Q, "plant__tilt": 0.0, "plant__gap": gap, "plant__K": 4.5e9}
     drive = {"onboard__drive_amplitude": free * 1e-9 / INERTIA / Q, "onboard__time_constant": 50e-6}
     microscope = driven(**lever | sample | drive | values, plant__tau=1.0)
-    z0 = microscope.instrument.orders.onboard.z
     ramp = (first - last) * 1e-9
     curve = AmplitudeCurve(begin=begin * 1e-9, ramp=ramp, rate=RATE, settle=5e-3, points=2000)
-    outcome = microscope.execute(curve)
+    outcome, apart, motion = followed(microscope, gap, curve)
     # In the jump itself the averaged plant does not hold for a moment.
     assert (outcome.status, outcome.message[:30]) in {("complete", ""), ("complete", "plant.kind = averaged did not ")}
-    found = {name: each.values for name, each in outcome.result.variables.items()}
-    zc = 1e9 * (gap - (found["z"] - z0))
-    motion = found["amplitude"] * np.exp(-1j * found["phase"])
     where = np.abs(np.diff(motion)).argmax(1)
-    return np.array([0.5 * (d[i] + d[i + 1]) for d, i in zip(zc, where, strict=True)])
+    return np.array([0.5 * (d[i] + d[i + 1]) for d, i in zip(1e9 * apart, where, strict=True)])
 
 
 AVERAGED = {

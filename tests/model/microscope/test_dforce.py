@@ -5,6 +5,7 @@ of our first mode is that of its spring, and the tip is driven, not the base. It
 """
 
 import math
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,11 +16,16 @@ from afm_model.analysis import tapping_energy
 from afm_model.microscope import AmplitudeCurve
 
 from ..clamped_mode import clamped_mode
+from .test_amplitude_jumps import followed
 from .test_tune import driven
 
-PAGE = Path(__file__).resolve().parents[3] / "docs" / "dynamic.md"
-MODE = clamped_mode(0)
-STIFFER = MODE.wave_number**4 * MODE.mean_square / (3.0 * MODE.end**2)
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "tools"))
+
+from figures.page import read  # noqa: E402
+
+PAGE = ROOT / "docs" / "dynamic.md"
+STIFFER = clamped_mode(0).stiffness
 """Stiffness of the first mode over the spring constant."""
 SHOWN = 2.0 / 3.0 * 1.3765
 """Deflection that the photodiode shows over that of the end, in the first mode."""
@@ -59,11 +65,10 @@ class Row(NamedTuple):
 def rows(name: str) -> list[Row]:
     """Of the page: [nm], [deg], [1e-20 J]."""
     found = []
-    for line in PAGE.read_text().partition("<!-- dforce -->")[2].partition("<!-- end -->")[0].splitlines():
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if cells[0] == name:
-            pairs = [tuple(float(each) for each in cell.split(" / ")) for cell in cells[2:]]
-            found.append(Row(float(cells[1]), *pairs))
+    for case, distance, *cells in read(PAGE, "dforce"):
+        if case == name:
+            pairs = [tuple(float(each) for each in cell.split(" / ")) for cell in cells]
+            found.append(Row(float(distance), *pairs))
     return found
 
 
@@ -79,16 +84,13 @@ def motion(case: Case, distances: np.ndarray) -> np.ndarray:
     given: dict[str, Any] = {f"plant__{name}": each for name, each in lever.items()}
     given |= {f"onboard__{name}": each for name, each in drive.items()}
     microscope = driven(**given, detector__sample_period=20.0 * case.dt)
-    z0 = microscope.instrument.orders.onboard.z
     curve = AmplitudeCurve(begin=gap - first, ramp=first - last, rate=4e-8, settle=0.01, points=800)
-    outcome = microscope.execute(curve)
+    outcome, apart, shown = followed(microscope, gap, curve)
     assert outcome.status == "complete"
-    found = {name: each.values for name, each in outcome.result.variables.items()}
-    apart = gap - (found["z"] - z0) + CONTACT
     ways = []
-    for d, A, phase in zip(apart, found["amplitude"] / SHOWN, found["phase"], strict=True):
+    for d, moved in zip(apart + CONTACT, shown / SHOWN, strict=True):
         at = np.argsort(d)
-        ways.append(np.interp(1e-9 * distances, d[at], (A * np.exp(-1j * phase))[at]))
+        ways.append(np.interp(1e-9 * distances, d[at], moved[at]))
     return np.mean(ways, axis=0)
 
 

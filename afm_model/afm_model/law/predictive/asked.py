@@ -89,7 +89,7 @@ def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) ->
     From interval `at` on, where the tip is off the reference by an error that vanishes evenly until their end.
     """
     for i in range(at, at + n + 1):
-        ahead = s.first + i * p.tau
+        ahead = s.path_begins + i * p.tau
         left = 1.0 - (i - at) / n
         look(s.path[i, 0, 0] + left * e_x, s.path[i, 1, 0] + left * e_y, p, s)
         z_r = s.p[2] + ahead * (s.v[2] + 0.5 * ahead * s.acc[2])
@@ -111,7 +111,7 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
     """Write path, friction, direction and what is asked for n fine intervals from the time `first` on."""
     continue_reference(0, first, n, p, s)
     continue_reference(1, first, n, p, s)
-    s.first = first
+    s.path_begins = first
     ask_of_z(0, n, 0.0, 0.0, p, s)
     for i in range(n):
         v_x, v_y = rate(i, 0, s), rate(i, 1, s)

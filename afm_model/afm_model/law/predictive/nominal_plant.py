@@ -69,7 +69,7 @@ def nominal_bound(load: float, p: Constants, s: "State") -> float:
 
 @kernel
 def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
-    """What the drive leaves for friction at rest, in units of the lateral signal."""
+    """What the drive leaves at rest: for friction, in units of the lateral signal, or along z for the load."""
     return (u - s.slow[axis] - (p.stiffness[axis] + s.softer[axis]) * q) / s.gain_of[axis]
 
 
@@ -100,8 +100,7 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         s.V_X = 0.0 if stick else (p_x - j_x) * n_x
         s.V_Y = 0.0 if stick else (p_y - j_y) * n_y
         rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
-        z = u_z - s.slow[2] - (p.stiffness[2] + s.softer[2]) * s.Z
-        s.V_Z = ((1.0 - d_z) * s.V_Z + h * (z - rest)) / (1.0 + d_z)
+        s.V_Z = ((1.0 - d_z) * s.V_Z + h * (balance(2, u_z, s.Z, p, s) - rest)) / (1.0 + d_z)
         s.X += half * s.V_X
         s.Y += half * s.V_Y
         s.Z += half * s.V_Z
@@ -122,7 +121,7 @@ def take_load(y: Measurement, p: Constants, s: "State") -> None:
     # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
     # after a correction.
     held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
-    rise = y.drive[2] / p.volts[2] - s.slow[2] - (p.stiffness[2] + s.softer[2]) * s.Z - p.damping[2] * s.V_Z - held
+    rise = balance(2, y.drive[2] / p.volts[2], s.Z, p, s) - p.damping[2] * s.V_Z - held
     phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
     follows = p.height * phase_rate * phase_rate
     s.rise = rise - min(max(rise, -follows), follows)

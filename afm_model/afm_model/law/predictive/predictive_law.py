@@ -126,24 +126,18 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
 
 def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     """What it believes of the microscope, each with its standard deviation, and how far it distrusts its model."""
-    for i, axis in enumerate("xy"):
-        of_model = p.stiffness[i]
-        told = (
-            ("lateral_gain", "1", s.gain_of[i], 1.0),
-            ("slow_force", "N", s.slow[i] * p.lateral_force, p.lateral_force),
-            ("stiffness", "1", 1.0 + s.softer[i] / of_model, 1.0 / of_model),
-        )
-        for k, (name, unit, value, scale) in enumerate(told):
+    for i, axis in enumerate("xyz"):
+        force, of_model = p.normal_force if axis == "z" else p.lateral_force, p.stiffness[i]
+        told = [
+            ("lateral_gain", "1", s.gain_of[i], s.unsure[i, 0, 0], 1.0),
+            ("slow_force", "N", s.slow[i] * force, s.unsure[i, 1, 1], force),
+            ("stiffness", "1", 1.0 + s.softer[i] / of_model, s.unsure[i, 2, 2], 1.0 / of_model),
+            ("hysteresis", "1", s.opening[i].sum(), s.unsure[i, 3:, 3:].sum(), 1.0),
+        ]
+        # Along z there is no friction, and no hysteresis is learned.
+        for name, unit, value, variance, scale in told[1:3] if axis == "z" else told:
             yield LawEstimate(f"{name}_{axis}", unit, float(value))
-            yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(s.unsure[i, k, k], 0.0))))
-        yield LawEstimate(f"hysteresis_{axis}", "1", float(s.opening[i].sum()))
-        yield LawEstimate(f"hysteresis_{axis}_deviation", "1", math.sqrt(max(float(s.unsure[i, 3:, 3:].sum()), 0.0)))
-    for name, unit, k, value, scale in (
-        ("slow_force_z", "N", 1, s.slow[2] * p.normal_force, p.normal_force),
-        ("stiffness_z", "1", 2, 1.0 + s.softer[2] / p.stiffness[2], 1.0 / p.stiffness[2]),
-    ):
-        yield LawEstimate(name, unit, float(value))
-        yield LawEstimate(f"{name}_deviation", unit, float(scale * math.sqrt(max(s.unsure[2, k, k], 0.0))))
+            yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(variance, 0.0))))
     # Over a known surface the ratio is a mean, and what one measurement of it is off is told.
     variance = (
         s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if p.surface != KNOWN else p.ratio_noise * p.ratio_noise

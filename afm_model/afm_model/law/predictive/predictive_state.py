@@ -119,7 +119,7 @@ class State(Record):
     sum_pa: Annotated[Array, (2,)]
     sum_pp: Annotated[Array, (2,)]
     omega: Annotated[Array, (2,)]
-    first: float  # time from the measurement to the first of the fine intervals
+    path_begins: float  # time from the measurement to the first of the fine intervals
     path: Annotated[Array, (INTERVALS + 1, 3, 2)]  # reference at the ends of the fine intervals: X, Y, Z and rates
     asked: Annotated[Array, (INTERVALS, 3, 2)]  # what each fine interval asks for
     friction: Annotated[Array, (INTERVALS + 1,)]  # bound of friction in it
