@@ -82,6 +82,8 @@ def elementary() -> Hashes:
         np.fft.rfft(x).view(float),
     ]
     by_numpy += [matrix @ matrix, np.linalg.solve(matrix, x[:12]), np.linalg.eigvalsh(matrix + matrix.T)]
+    tall = x[:3000].reshape(1000, 3)  # as in a fit of scipy
+    by_numpy += [tall.T @ tall, *np.linalg.svd(tall, full_matrices=False)]
     return {"compiled": digest([compiled(x)]), "numpy": digest(by_numpy)}
 
 
@@ -275,6 +277,8 @@ def main() -> int:
     parser.add_argument("parts", nargs="*", help="only compositions whose names contain one of these")
     arguments = parser.parse_args()
     names = [name for name in NAMES if not arguments.parts or any(part in name for part in arguments.parts)]
+    if arguments.write and arguments.parts and set(names) & set(FITTED) and other_machine():
+        parser.error("results of fits are those of this machine, the file is of another: write all compositions")
     hashes = kept()["hashes"]
     differ = [f"{name}: there is no such composition any more" for name in hashes if name not in NAMES]
     begin = time.process_time()
@@ -290,7 +294,9 @@ def main() -> int:
     elif differ and (sentence := other_machine()):
         print(sentence)
     if arguments.write:
-        content = {"functions": elementary(), "hashes": {name: hashes[name] for name in NAMES if name in hashes}}
+        # Results of fits and of functions are those of one machine: they are kept together.
+        functions = kept()["functions"] if arguments.parts else elementary()
+        content = {"functions": functions, "hashes": {name: hashes[name] for name in NAMES if name in hashes}}
         FILE.write_text(json.dumps(content, indent=1) + "\n")
     return 1 if faults and not arguments.write else 0
 

@@ -133,8 +133,9 @@ def test_full_disk_is_told_and_writing_resumes_with_the_gap_as_an_event(small_di
         recorder.spin_until(told)
         # The next flush fails, half a second later at most; status and diagnostics follow at once.
         assert "No space left on device" in recorder.told.detail
-        recorder.spin_until(lambda: recorder.diagnostics[-1].level == DiagnosticStatus.ERROR)
-        assert "No space left on device" in recorder.diagnostics[-1].message
+        reports = recorder.diagnostics
+        recorder.spin_until(lambda: reports and reports[-1].level == DiagnosticStatus.ERROR)
+        assert "No space left on device" in reports[-1].message
         first = publish_for(recorder, 0.7, first)
         recorder.instrument.publish_status(InstrumentStatus.FINISHED, first)
         score = Score(ticks=first, rms=Vector3(x=1e-9, y=2e-9, z=3e-9))
