@@ -8,8 +8,8 @@ the way. How well it is known is told by the Riccati equation. A drive that answ
 is held: the error at the end of its period is at least the uncertainty of the prediction to there. The bend of the
 surface is the largest that the law assumes; a flatter one leaves less.
 
-Surface: of friction over a surface that is seen under the tip only, once a period, the part is left that those
-measurements do not determine, whoever computes the drive.
+Surface: of a surface that is seen under the tip only, once a period, the part is left that those measurements do not
+determine, whoever computes the drive.
 
 Edge: friction that falls by a tenth at once throws the tip, until a drive comes that answers the first measurement
 behind the edge.
@@ -86,39 +86,62 @@ def uncertainties(period: float, delay: int) -> tuple[float, float]:
     return percent * math.sqrt(after[0, 0]), percent * math.sqrt(ahead[0, 0])
 
 
-def of_surface(period: float, delay: int) -> tuple[float, float]:
+def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float, float]:
     """What a surface seen under the tip only leaves, with positions and rates known exactly.
 
     The height is a Gaussian process with all wave numbers up to `law.wave_number` alike, as large as that of a wave of
-    `law.height`. A law knows friction at this measurement and all before, and the drive at a time is decided a delay
-    and up to a period before it.
+    `law.height`. It changes friction by the load and by its curvature. A law knows height and friction at this
+    measurement and all before, and the drive at a time is decided a delay and up to a period before it. Until then an
+    error changes height and friction as well: a spring that pushes back or away, by the slope there, which is that of
+    the shortest wave.
 
     Parameters
     ----------
     period : float [s]
     delay : int
         Control periods.
+    strength : float
+        Friction over the nominal one.
 
     Returns
     -------
     (friction, error) : floats
-        Rms of what is not known of the ripple of friction at the end of that time, over the ripple; rms error of an
-        axis there [% of the amplitude].
+        Rms of what is not known of the friction that the curvature makes at the end of that time, over the rms of that
+        of a wave; rms error of an axis there [% of the amplitude], over all places of the wave.
     """
     p = constants(period, delay, packet=20)
-    end, wave = (delay + 1) * p["hold"], 2.0 * p["wave_number"] * SPEED / math.sqrt(2.0)
-    ahead = (np.arange(400) + 0.5) * end / 400
-    seen = -p["hold"] * np.arange(40)
+    q = 2.0 * p["wave_number"] / math.sqrt(2.0)
+    end, rate = (delay + 1) * p["hold"], q * SPEED
+    step = end / 400
+    ahead, seen = (np.arange(400) + 0.5) * step, -p["hold"] * np.arange(40)
+    wave_numbers = (np.arange(200) + 0.5) / 200
 
-    def covariance(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-        return 0.5 * p["ripple"] ** 2 * np.sinc(wave * (a[:, None] - b) / math.pi)
+    def waves(times: NDArray[np.float64], of_height: float, of_curvature: float) -> NDArray[np.float64]:
+        phases = np.outer(rate * times, wave_numbers)
+        sizes = of_height - of_curvature * np.square(wave_numbers)
+        return np.hstack([np.cos(phases) * sizes, np.sin(phases) * sizes])
 
-    known = covariance(seen, seen) + p["ratio_noise"] ** 2 * np.eye(len(seen))
-    left = covariance(ahead, ahead) - covariance(ahead, seen) @ np.linalg.solve(known, covariance(seen, ahead))
-    mean = p["stiffness"][:2].mean(), p["damping"][:2].mean()
-    response = np.array([transition(*mean, end - t)[0][0, 1] for t in ahead]) * p["f_0"] * end / len(ahead)
-    friction = math.sqrt(2.0 * left[-1, -1]) / p["ripple"]
-    return friction, 100.0 * math.sqrt(response @ left @ response) / (AMPLITUDE * math.sqrt(2.0))
+    # Relative changes of friction with the height: by the load, and by the curvature of the shortest wave.
+    by_load, by_curvature = p["eta_c2"] * p["f_load"], p["ripple"] / p["height"]
+    known = np.vstack([waves(seen, 1.0, 0.0) / p["height_noise"], waves(seen, 0.0, by_curvature) / p["ratio_noise"]])
+    certain = 8.0 * wave_numbers.size / p["height"] ** 2 * np.eye(2 * wave_numbers.size)
+    of_waves = np.linalg.inv(certain + known.T @ known)
+    curved = waves(ahead[-1:], 0.0, by_curvature)
+    friction = math.sqrt(8.0 * (curved @ of_waves @ curved.T).item()) / p["ripple"]
+    changes = waves(ahead, by_load, by_curvature)
+    left = np.square(strength * p["f_0"]) * changes @ of_waves @ changes.T
+    stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
+    pushes = strength * p["f_0"] * (by_load - by_curvature) * 0.5 * p["height"] * q
+    squares = []
+    for place in np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False):
+        # Error at the end by a push in each step before, backwards.
+        response, of_end = np.empty(400), np.array([1.0, 0.0])
+        for i in reversed(range(400)):
+            spring = stiffness + pushes * math.sin(place + rate * ahead[i])
+            response[i] = of_end[1] * step
+            of_end = of_end + step * np.array([-spring * of_end[1], of_end[0] - damping * of_end[1]])
+        squares.append(response @ left @ response)
+    return friction, 100.0 * math.sqrt(np.mean(squares)) / (AMPLITUDE * math.sqrt(2.0))
 
 
 def thrown(time: float) -> float:
@@ -199,11 +222,14 @@ RATES = (("50 us", 5e-5), ("100 us", 1e-4), ("200 us", 2e-4), ("250 us", 2.5e-4)
 def tables() -> dict[str, str]:
     """Each table by its mark in the page."""
     noise = ["| period + delay | estimate, rms [%] | at the end of the drive, rms [%] | 3 deviations [%] |"]
-    surface = ["| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations [%] |"]
+    surface = [
+        "| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations [%] "
+        "| of friction x 1.5 [%] | x 2 [%] |"
+    ]
     edge = ["| period + delay | edge just before a measurement [%] | just behind one [%] | in the row of patches [%] |"]
     drift = ["| drift of an axis | after one period [%] | after three [%] |"]
     stable = ["| period | drives as expected | one period later | two |"]
-    for rows, columns in ((noise, 4), (surface, 4), (edge, 4), (drift, 3), (stable, 4)):
+    for rows, columns in ((noise, 4), (surface, 6), (edge, 4), (drift, 3), (stable, 4)):
         rows.append("| " + " | ".join(["---"] * columns) + " |")
     for name, rate in (("1e-15 m/s", 1e-15), ("2 nm/min, a design of low drift", 3e-11), ("1 nm/s", 1e-9)):
         drift.append(f"| {name} | {of_drift(rate, 1):.2g} | {of_drift(rate):.2g} |")
@@ -212,7 +238,8 @@ def tables() -> dict[str, str]:
         noise.append(f"| {name} + 1 | {now:.2f} | {later:.2f} | {3.0 * later:.2f} |")
     for name, period in RATES:
         friction, error = of_surface(period, 1)
-        surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {3.0 * error:.2g} |")
+        more = " | ".join(f"{3.0 * of_surface(period, 1, each)[1]:.2g}" for each in (1.0, 1.5, 2.0))
+        surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {more} |")
         edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
     found = {"noise": noise, "surface": surface, "edge": edge, "drift": drift, "stability": stable}

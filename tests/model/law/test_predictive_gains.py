@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
-from law_bounds import PAGE, constants, of_drift, of_edges, of_surface, radius, tables
+from law_bounds import AMPLITUDE, PAGE, SPEED, constants, of_drift, of_edges, of_surface, radius, tables
 from make_docs import between_marks
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
@@ -102,9 +102,44 @@ def test_radius_is_how_fast_the_error_decays():
 def test_what_a_surface_leaves_falls_with_the_period():
     friction, error = of_surface(2e-4, 1)
     assert of_surface(2e-5, 1)[1] < 0.02 * error
-    assert friction < 0.1 < of_surface(1e-3, 1)[0] < 1.0
+    assert friction < 0.5 * of_surface(1e-3, 1)[0] < 0.5
     # Nothing that the law has found out is below what can be known: 0.2 % is its largest error.
     assert error < 0.2
+    # Where friction is stronger an error pushes away.
+    assert of_surface(1e-3, 1, 2.0)[1] > 6.0 * of_surface(1e-3, 1)[1]
+
+
+def test_what_a_surface_leaves_is_what_drawn_surfaces_leave_whose_mean_is_foreseen():
+    p, rng = constants(1e-3, 1, packet=20), np.random.default_rng(5)
+    strength, waves, size = 1.5, 40, 300
+    rate = 2.0 * p["wave_number"] * SPEED / math.sqrt(2.0)
+    k = (np.arange(waves) + 0.5) / waves
+    drawn = rng.normal(size=(2 * waves, size)) * p["height"] / math.sqrt(8.0 * waves)
+
+    def heights(t, curved=False):
+        sizes = np.square(k) if curved else np.ones(waves)
+        return np.hstack([np.cos(np.outer(rate * t, k)) * sizes, np.sin(np.outer(rate * t, k)) * sizes])
+
+    seen = -p["hold"] * np.arange(40)
+    by_curvature = p["ripple"] / p["height"]
+    told = np.vstack([heights(seen), by_curvature * heights(seen, True)])
+    noise = np.repeat([p["height_noise"], p["ratio_noise"]], seen.size)
+    # Least squares with the prior as further measurements of zero.
+    A = np.vstack([told / noise[:, None], np.eye(2 * waves) * math.sqrt(8.0 * waves) / p["height"]])
+    measured = (told @ drawn + rng.normal(size=(noise.size, size)) * noise[:, None]) / noise[:, None]
+    found = np.linalg.lstsq(A, np.vstack([measured, np.zeros_like(drawn)]), rcond=None)[0]
+    # The error under the drive for what was found, friction and load at the place where the tip is.
+    f, by_load = strength * p["f_0"], p["eta_c2"] * p["f_load"]
+    places, h = rng.uniform(0.0, 2.0 * math.pi, size), 0.01
+    e, v = np.zeros(size), np.zeros(size)
+    for t in np.arange(0.0, 2.0 * p["hold"], h) + 0.5 * h:
+        missing = (by_load * heights(np.array([t])) - by_curvature * heights(np.array([t]), True)) @ (drawn - found)
+        slope = 0.5 * p["height"] * rate / SPEED * np.sin(places + rate * t)
+        force = f * missing[0] + (f * (by_load - by_curvature) * slope + p["stiffness"][:2].mean()) * e
+        v -= h * (force + p["damping"][:2].mean() * v)
+        e += h * v
+    percent = 100.0 * np.sqrt(np.mean(np.square(e))) / (AMPLITUDE * math.sqrt(2.0))
+    assert percent == pytest.approx(of_surface(1e-3, 1, strength)[1], rel=0.15)
 
 
 def test_what_an_edge_leaves_is_the_way_of_the_scanner_until_a_drive_can_answer_it():

@@ -9,10 +9,11 @@ import math
 from ...core.elementary import exp, hypot, square
 from ...core.jit import kernel
 from ...parts.signals import Measurement
+from .continuation import forget_places
 from .map import NODES
-from .predictive_constants import STOPS, UNEXPLAINED, Constants
+from .predictive_constants import FOLLOWED, MEAN, STOPS, UNEXPLAINED, VALUE, Constants
 from .predictive_state import State
-from .sample_estimate import MEAN, REST, VALUE
+from .sample_estimate import REST
 from .unexplained import GAIN_LIMITS, SEEMS
 
 _FAR = 0.5
@@ -123,8 +124,9 @@ def begin_anew(p: Constants, s: State) -> None:
     A bound of friction that is to be found is approached from below.
     """
     forget(p, s)
+    forget_places(s)
     s.calm_ticks, s.slips, s.patience, s.reserve_end = 0.0, 0.0, 0.0, -1
-    for i in range(10):
+    for i in range(FOLLOWED):
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
     for i in range(NODES):
         s.map_H[i] = s.map_ratio[i] = 0.0

@@ -10,8 +10,9 @@ from ...core.jit import kernel, routine
 from ...core.records import Block, numbers_at, pointer_at
 from ...parts.signals import Measurement
 from ...sample.paper import surface
+from .continuation import HEIGHT, RATIO, go_on
 from .map import read_map
-from .predictive_constants import ANSWERS, KNOWN, LEARNED, SLOTS, Constants
+from .predictive_constants import ANSWERS, KNOWN, LEARNED, MEAN, SLOPE_X, SLOPE_Y, SLOTS, VALUE, Constants
 
 if TYPE_CHECKING:
     from .predictive_state import State
@@ -21,23 +22,39 @@ REACH = 0.7
 
 
 @kernel
-def beyond(f: Any, d_x: float, d_y: float, p: Constants) -> float:
+def fade(d_x: float, d_y: float, p: Constants) -> tuple[float, float]:
+    """Phase of the shortest wave in a step d, and the part of what is followed that has given way to the mean there."""
+    phase = p.wave_number * (abs(d_x) + abs(d_y))
+    return phase, 1.0 - exp(REACH - phase) if phase > REACH else 0.0
+
+
+@kernel
+def faded(f: Any, d_x: float, d_y: float, phase: float, gone: float) -> float:
     """A quantity of the sample a step d beyond where it is known, from its value, slopes and mean.
 
     It is continued along its slope as far as its shortest wave allows; farther on its mean is what is most likely.
     """
-    phase = p.wave_number * (abs(d_x) + abs(d_y))
     if phase <= REACH:
-        return f[0] + f[1] * d_x + f[2] * d_y
-    value = f[0] + (f[1] * d_x + f[2] * d_y) * REACH / phase
-    return value + (1.0 - exp(REACH - phase)) * (f[8] - value)
+        return f[VALUE] + f[SLOPE_X] * d_x + f[SLOPE_Y] * d_y
+    value = f[VALUE] + (f[SLOPE_X] * d_x + f[SLOPE_Y] * d_y) * REACH / phase
+    return value + gone * (f[MEAN] - value)
+
+
+@kernel
+def beyond(f: Any, d_x: float, d_y: float, p: Constants) -> float:
+    """As `faded`, for one quantity."""
+    return faded(f, d_x, d_y, *fade(d_x, d_y, p))
 
 
 @routine
 def look(x: float, y: float, p: Constants, s: "State") -> None:
     """Height, curvature and strength of friction of the sample at (x, y)."""
     s.mapped = s.mapped_H = 0.0
-    s.here = beyond(s.ratio, x - s.at_x, y - s.at_y, p)
+    d_x, d_y = x - s.at_x, y - s.at_y
+    phase = gone = 0.0
+    if s.goes_on[HEIGHT] == 0.0 or s.goes_on[RATIO] == 0.0:
+        phase, gone = fade(d_x, d_y, p)
+    s.here = go_on(x, y, RATIO, s) if s.goes_on[RATIO] > 0.0 else faded(s.ratio, d_x, d_y, phase, gone)
     if p.surface == KNOWN:
         # State and Constants have the fields of Surface and of the sample's constants.
         known: Any = (s, p)
@@ -45,7 +62,7 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
         return
     s.curvature = 0.0
     s.strength = 1.0
-    s.height = beyond(s.H, x - s.at_x, y - s.at_y, p)
+    s.height = go_on(x, y, HEIGHT, s) if s.goes_on[HEIGHT] > 0.0 else faded(s.H, d_x, d_y, phase, gone)
     if p.surface == LEARNED:
         read_map(x, y, p, s)
 
@@ -81,29 +98,31 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
     """
     half = 0.5 * h
     d_x, d_y, d_z = half * p.damping[0], half * p.damping[1], half * p.damping[2]
+    # Friction is in units of the lateral signal: a scanner that a unit of it pushes gamma times is lighter.
+    m_x, m_y = 1.0 / s.gain_of[0], 1.0 / s.gain_of[1]
+    n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
+    X, Y, Z, V_X, V_Y, V_Z = s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z
     for _ in range(steps):
-        s.X += half * s.V_X
-        s.Y += half * s.V_Y
-        s.Z += half * s.V_Z
-        look(s.X, s.Y, p, s)
-        tip = s.Z + s.height - p.delta - p.delta_curvature * s.curvature
+        X += half * V_X
+        Y += half * V_Y
+        Z += half * V_Z
+        look(X, Y, p, s)
+        tip = Z + s.height - p.delta - p.delta_curvature * s.curvature
         load = p.w + p.eta_c2 * (tip - p.a)
-        # Friction is in units of the lateral signal: a scanner that a unit of it pushes gamma times is lighter.
-        m_x, m_y = 1.0 / s.gain_of[0], 1.0 / s.gain_of[1]
-        p_x = m_x * (1.0 - d_x) * s.V_X + h * balance(0, u_x, s.X, p, s)
-        p_y = m_y * (1.0 - d_y) * s.V_Y + h * balance(1, u_y, s.Y, p, s)
+        p_x = m_x * (1.0 - d_x) * V_X + h * balance(0, u_x, X, p, s)
+        p_y = m_y * (1.0 - d_y) * V_Y + h * balance(1, u_y, Y, p, s)
         f = s.here * nominal_bound(load, p, s)
-        n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
-        j_x, j_y, stick = friction_impulse(p_x, p_y, s.V_X, s.V_Y, n_x, n_y, h * f)
+        j_x, j_y, stick = friction_impulse(p_x, p_y, V_X, V_Y, n_x, n_y, h * f)
         s.impulse[0] += j_x
         s.impulse[1] += j_y
-        s.V_X = 0.0 if stick else (p_x - j_x) * n_x
-        s.V_Y = 0.0 if stick else (p_y - j_y) * n_y
+        V_X = 0.0 if stick else (p_x - j_x) * n_x
+        V_Y = 0.0 if stick else (p_y - j_y) * n_y
         rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
-        s.V_Z = ((1.0 - d_z) * s.V_Z + h * (balance(2, u_z, s.Z, p, s) - rest)) / (1.0 + d_z)
-        s.X += half * s.V_X
-        s.Y += half * s.V_Y
-        s.Z += half * s.V_Z
+        V_Z = ((1.0 - d_z) * V_Z + h * (balance(2, u_z, Z, p, s) - rest)) / (1.0 + d_z)
+        X += half * V_X
+        Y += half * V_Y
+        Z += half * V_Z
+    s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z = X, Y, Z, V_X, V_Y, V_Z
 
 
 @kernel

@@ -29,6 +29,14 @@ STOPS = 2
 """Stops of the hysteresis of the piezo: piezo_hysteresis.py."""
 UNEXPLAINED = 3 + STOPS
 """Numbers of an axis that the model does not explain: gamma, b, c, openings."""
+VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
+"""What is followed of height and friction: value and slopes; covariances of value and slope; direction of the last
+step; mean, phase gone in it."""
+FOLLOWED = GONE + 1
+POINTS = 12
+"""Last places from which the surface is continued in packets: continuation.py."""
+TABLE = 33
+"""Places for which it is continued."""
 _THRESHOLDS = (0.05, 0.2)
 """Of the stops, over the bound of friction: by twice that the drive turns with the motion."""
 FLOOR = 2e-4
@@ -90,6 +98,7 @@ class Constants(Record):
     wave_number: float
     ripple: float  # of the strength, from that curvature
     measured: int
+    looks_ahead: int  # one: the surface is continued from the last places
     bumps: float  # ripple of the ratio over the surface as it is known
     corner: Vector  # where a straight reference turns back; 0: not known
     position_noise: float
@@ -240,6 +249,7 @@ def values(parameters: Tree) -> Numbers:
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
         "measured": measured,
+        "looks_ahead": slots > 1 and not measured and not exact,
         "bumps": ripple if identified and not exact else 0.0,
         "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,

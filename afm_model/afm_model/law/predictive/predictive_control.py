@@ -4,6 +4,7 @@ from ...core.elementary import square
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask, take_reference
+from .continuation import look_ahead
 from .decide import decide, refine
 from .flight import answer, extend, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
@@ -50,6 +51,8 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
     if p.identified and p.measured == 0:
         u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
+    if p.looks_ahead != 0:
+        look_ahead(measured_height(p, s), ratio, p, s)
     if p.surface == LEARNED:
         s.doubt = 0.0
         if p.measured != 0:

@@ -12,8 +12,7 @@ from ...parts.part import LawEstimate, Tree
 from ..sampled import SampledLaw
 from .gains import grid
 from .observer import RATIO
-from .predictive_constants import INTERVALS, KNOWN, LONGEST_DELAY, SLOTS, SURFACES, longest
-from .sample_estimate import OF_VALUE, VALUE
+from .predictive_constants import INTERVALS, KNOWN, LONGEST_DELAY, OF_VALUE, SLOTS, SURFACES, VALUE, longest
 
 
 class PredictiveLaw(SampledLaw):

@@ -9,7 +9,7 @@ from ...core.elementary import exp
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .map import LENGTH, NODES, SPACING
-from .predictive_constants import ANSWERS, INTERVALS, SLOTS, STOPS, UNEXPLAINED
+from .predictive_constants import ANSWERS, FOLLOWED, INTERVALS, POINTS, SLOTS, STOPS, TABLE, UNEXPLAINED
 
 
 class State(Record):
@@ -72,9 +72,27 @@ class State(Record):
     at_x: float  # where the scanner was at the last measurement
     at_y: float
     # Height of the sample under the tip there, and its slopes along the way: sample_estimate.py.
-    H: Annotated[Array, (10,)]
-    ratio: Annotated[Array, (10,)]  # bound of friction over the nominal one there, in the same way
+    H: Annotated[Array, (FOLLOWED,)]
+    ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it
+    # How height and ratio go on, continuation.py: the last places, what was found there, how many count.
+    place: Annotated[Array, (POINTS, 2)]
+    found: Annotated[Array, (POINTS, 2)]
+    places: Annotated[Array, (2,)]
+    along: Annotated[Array, (POINTS,)]  # their phases from the last one, along the way and beside it
+    beside: Annotated[Array, (POINTS,)]
+    circle_along: Annotated[Array, (POINTS, 2)]  # sine and cosine of them
+    circle_beside: Annotated[Array, (POINTS, 2)]
+    alike: Annotated[Array, (POINTS, POINTS)]  # covariance over that of the surface, its factor, weights
+    factor: Annotated[Array, (POINTS, POINTS)]
+    weigh: Annotated[Array, (POINTS, 2)]
+    ahead: Annotated[Array, (TABLE, 2, 2)]  # the table: where its middle is, wave vector of its phases
+    here_x: float
+    here_y: float
+    wave_x: float
+    wave_y: float
+    offset_ahead: Annotated[Array, (2,)]
+    goes_on: Annotated[Array, (2,)]  # one: the table counts
     mapped: float
     offset_H: float  # of the height and the ratio followed from the map
     offset: float

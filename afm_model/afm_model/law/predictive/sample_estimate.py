@@ -7,7 +7,23 @@ from ...core.elementary import square
 from ...core.jit import kernel, routine
 from .map import raise_map
 from .nominal_plant import balance, beyond, look, nominal_bound
-from .predictive_constants import KNOWN, STOPS, UNEXPLAINED, Constants
+from .predictive_constants import (
+    FOLLOWED,
+    GONE,
+    KNOWN,
+    MEAN,
+    OF_BOTH,
+    OF_SLOPE,
+    OF_VALUE,
+    SLOPE_X,
+    SLOPE_Y,
+    STOPS,
+    UNEXPLAINED,
+    VALUE,
+    WAY_X,
+    WAY_Y,
+    Constants,
+)
 
 if TYPE_CHECKING:
     from .predictive_state import State
@@ -20,15 +36,12 @@ REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
-VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
-"""What is followed: value and slopes; covariances of value and slope; direction of the last step; mean, phase gone in
-it."""
 
 
 @kernel
 def begin(f: Any, value: float, size: float, floor: float, p: Constants) -> None:
     """Begin to follow a quantity of amplitude `size`."""
-    for i in range(10):
+    for i in range(FOLLOWED):
         f[i] = 0.0
     f[VALUE] = f[MEAN] = value
     f[OF_VALUE] = floor * floor

@@ -1,0 +1,151 @@
+"""How a surface that is not known goes on ahead of the tip, in packets."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_t
+
+from afm_model.law.predictive.continuation import HEIGHT, RATIO, go_on, look_ahead, solve, take_place
+from afm_model.law.predictive.nominal_plant import beyond
+from afm_model.law.predictive.predictive_constants import MEAN, POINTS, VALUE, Constants, values
+from afm_model.law.predictive.predictive_state import State, start
+from afm_model.law.predictive.sample_estimate import begin, follow
+from afm_model.parameters import ControllerParameters, build
+from afm_model.studies.contender import contender
+from afm_model.studies.wrong_models import CASES, RATES, run_case
+
+from ..tables import record_of
+
+
+def records(**law):
+    """Constants and state of the law in packets, with a reference that moves a radian of the surface in a period."""
+    given = {"law.kind": "predictive", "law.period": 1e-3, "law.packet": 20, "law.surface": "observed"}
+    parameters = build(ControllerParameters, given | {f"law.{k}": v for k, v in law.items()})
+    p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
+    s.v[0] = s.v[1] = 0.1
+    return p, s
+
+
+def surface(phase, seed, waves=8):
+    """Waves up to the shortest one, all alike, over the range of a surface: a phase is along the way."""
+    rng = np.random.default_rng(seed)
+    sizes, lengths, shifts = rng.normal(size=waves), rng.uniform(size=waves), rng.uniform(0.0, 2.0 * math.pi, waves)
+    return 0.5 + 0.5 / math.sqrt(waves) * sum(
+        a * math.cos(k * phase + b) for a, k, b in zip(sizes, lengths, shifts, strict=True)
+    )
+
+
+def wave(p, phase):
+    """Height of the shortest wave."""
+    return 0.5 * p.height * (1.0 - math.cos(phase))
+
+
+def walk(p, s, places, height, ratio):
+    """Follow height and ratio, functions of the phase, over these places along the diagonal."""
+    for i, phase in enumerate(places):
+        s.X = s.Y = phase / (2.0 * p.wave_number)
+        for f, found, size in ((s.H, height(phase), p.height), (s.ratio, ratio(phase), p.ripple)):
+            if i == 0:
+                begin(f, found, size, p.ratio_noise, p)
+            else:
+                follow(f, found, s.X - s.at_x, s.Y - s.at_y, size, p.ratio_noise, p)
+        if i > 0:
+            look_ahead(height(phase), ratio(phase), p, s)
+        s.at_x, s.at_y = s.X, s.Y
+
+
+def ahead(p, s, c, phase):
+    """What is expected at a place on the diagonal."""
+    return go_on(phase / (2.0 * p.wave_number), phase / (2.0 * p.wave_number), c, s)
+
+
+def test_weights_and_likelihood_are_those_of_scipy():
+    p, s = records()
+    rng = np.random.default_rng(2)
+    for _ in range(POINTS):
+        s.at_x, s.at_y = s.X, s.Y
+        s.X, s.Y = s.X + rng.uniform(0.5, 1.5), s.Y + rng.uniform(0.5, 1.5)
+        take_place(rng.normal(), 1.0, p, s)
+    s.places[HEIGHT] = POINTS
+    direction = np.array([s.X - s.at_x, s.Y - s.at_y]) / math.hypot(s.X - s.at_x, s.Y - s.at_y)
+    q = p.wave_number * np.abs(direction).sum()
+    off = q * (np.array(s.place) - [s.X, s.Y])
+    along, beside = off @ direction, off @ [-direction[1], direction[0]]
+
+    def alike(d):
+        return np.sinc((d[:, None] - d) / math.pi)
+
+    found = np.array(s.found)[:, HEIGHT]
+    told, expected = [], []
+    for noise in (1e-3, 1e-1):
+        K = alike(along) * alike(beside) + noise * np.eye(POINTS)
+        told.append(solve(HEIGHT, noise, 0.1, 0.7, s))
+        # A wave of height 0.7 has the variance 0.7^2 / 8; its prior counts as much as four measurements.
+        expected.append(2.0 * multivariate_t(np.full(POINTS, 0.1), K * 0.7**2 / 8.0, df=4).logpdf(found))
+        assert np.array(s.weigh)[:, HEIGHT] == pytest.approx(np.linalg.solve(K, found - 0.1), rel=1e-7)
+    assert told[1] - told[0] == pytest.approx(expected[1] - expected[0], rel=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_radians_ahead_a_surface_is_found_two_and_a_half_times_better_than_by_value_and_slope(seed):
+    missed, by_slope = [], []
+    for end in np.arange(12.0, 24.0):
+        p, s = records()
+        walk(p, s, np.arange(0.0, end), lambda x, size=p.height: size * surface(x, seed), lambda x: 1.0)
+        true = p.height * surface(end + 1.0, seed)
+        step = 2.0 / (2.0 * p.wave_number)
+        missed.append((ahead(p, s, HEIGHT, end + 1.0) - true) / p.height)
+        by_slope.append((beyond(s.H, step, step, p) - true) / p.height)
+    rms = np.sqrt(np.mean(np.square(missed)))
+    assert rms < 0.08 and rms < 0.4 * np.sqrt(np.mean(np.square(by_slope)))
+
+
+def test_a_wave_of_the_shortest_length_is_continued_within_a_sixth_of_it():
+    p, s = records()
+    walk(p, s, np.arange(0.0, 15.0), lambda x: wave(p, x), lambda x: 1.0 + 0.5 * p.ripple * math.cos(x))
+    for phase in np.linspace(14.0, 16.0, 9):
+        assert ahead(p, s, HEIGHT, phase) == pytest.approx(wave(p, phase), abs=p.height / 6.0)
+        assert ahead(p, s, RATIO, phase) == pytest.approx(1.0 + 0.5 * p.ripple * math.cos(phase), abs=0.2 * p.ripple)
+
+
+def test_a_step_of_friction_is_another_surface_and_height_goes_on():
+    p, s = records()
+    walk(p, s, np.arange(0.0, 15.0), lambda x: wave(p, x), lambda x: 1.0 if x < 13.5 else 0.9)
+    assert s.places[RATIO] == 1.0 and s.goes_on[RATIO] == 0.0
+    assert s.places[HEIGHT] == POINTS and s.goes_on[HEIGHT] == 1.0
+
+
+def test_what_does_not_repeat_itself_is_not_believed_nor_continued_without_bound():
+    p, s = records()
+    rng = np.random.default_rng(4)
+    drawn = {float(x): rng.uniform(0.0, 1.0) for x in np.arange(0.0, 15.0, 0.5)}
+    walk(p, s, list(drawn), lambda x: p.height * drawn[x], lambda x: 1.0)
+    far = [abs(ahead(p, s, HEIGHT, x) - s.offset_ahead[HEIGHT]) for x in np.linspace(0.0, 24.0, 97)]
+    assert max(far) < 0.75 * p.height
+    # At the tip it is what is followed.
+    assert ahead(p, s, HEIGHT, 14.5) == pytest.approx(s.H[VALUE])
+    assert s.H[MEAN] == pytest.approx(0.5 * p.height, abs=0.2 * p.height)
+
+
+def test_places_farther_apart_than_the_surface_allows_are_not_continued():
+    p, s = records()
+    s.v[0] = s.v[1] = 0.3
+    walk(p, s, np.arange(0.0, 45.0, 3.0), lambda x: wave(p, x), lambda x: 1.0)
+    assert not np.any(s.goes_on)
+
+
+@pytest.mark.parametrize("law", [{"surface": "known"}, {"packet": 1}, {"feedback": "measured"}])
+def test_it_is_for_packets_over_a_surface_that_is_not_known_with_all_rates_measured(law):
+    assert records(**law)[0].looks_ahead == 0
+    assert records()[0].looks_ahead == 1
+
+
+@pytest.mark.parametrize(
+    ("title", "median", "worst"),
+    [("the truth", 3.0, 3.0), ("resonances -5 %", 3.5, 5.0), ("friction x 1.5", 8.0, 30.0)],
+)
+def test_in_packets_with_nothing_known_what_is_left_is_near_the_bound(title, median, worst):
+    case = next(case for case in CASES if case.title == title)
+    told = run_case(case, RATES[2], contender("predictive surface=observed"))
+    assert told["third"] < median and told["worst"] < worst and not told["lost"]
