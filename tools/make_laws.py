@@ -139,10 +139,10 @@ def asked() -> str:
 
 
 def noise() -> str:
-    """`predictive` with positions alone and noise in every row, in single drives."""
-    found = rows(PREDICTIVE, 1.0, TITLES[:2])
+    """`predictive` with positions alone and noise in every row."""
+    found = rows(PREDICTIVE, 1.0)
     lines = []
-    for rate in TITLES[:2]:
+    for rate in TITLES:
         of_rate = [[row for row in found if row["rate"] == rate and row["law"] == law] for law in PREDICTIVE]
         lines.append([f"{rate}, median", *(number(median(row["third"] for row in each)) for each in of_rate)])
         worst = [max(each, key=lambda row: row["worst"]) for each in of_rate]
