@@ -135,8 +135,8 @@ def test_places_farther_apart_than_the_surface_allows_are_not_continued():
     assert not np.any(s.goes_on)
 
 
-@pytest.mark.parametrize("law", [{"surface": "known"}, {"packet": 1}, {"feedback": "measured"}])
-def test_it_is_for_packets_over_a_surface_that_is_not_known_with_all_rates_measured(law):
+@pytest.mark.parametrize("law", [{"packet": 1}, {"feedback": "measured"}])
+def test_it_is_for_packets_with_all_rates_measured(law):
     assert records(**law)[0].looks_ahead == 0
     assert records()[0].looks_ahead == 1
 

@@ -62,7 +62,7 @@ def test_the_covariance_is_carried_as_the_free_scanner_and_friction_say(rng):
     F[[AT_X, SPEED], RATIO] = brakes
     F[[AT_X, SPEED], SLOPE] = 0.5 * way * brakes
     F[RATIO, SLOPE] = way
-    Q = p.uneven**2 * np.outer(F[:, RATIO], F[:, RATIO])
+    Q = p.uneven[s.unknown] ** 2 * np.outer(F[:, RATIO], F[:, RATIO])
     Q[3:] = Q[:, 3:] = 0.0
     Q[AT_Y, AT_Y] += p.astray**2
     assert s.P == pytest.approx(F @ P @ F.T + Q, rel=1e-12)

@@ -11,7 +11,7 @@ from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .continuation import forget_places
 from .map import NODES
-from .predictive_constants import FOLLOWED, MEAN, STOPS, UNEXPLAINED, VALUE, Constants
+from .predictive_constants import FOLLOWED, KNOWN, MEAN, STOPS, UNEXPLAINED, VALUE, Constants
 from .predictive_state import State
 from .sample_estimate import REST
 from .unexplained import GAIN_LIMITS, SEEMS
@@ -125,6 +125,7 @@ def begin_anew(p: Constants, s: State) -> None:
     """
     forget(p, s)
     forget_places(s)
+    s.unknown, s.contradicts = int(p.surface != KNOWN), 0.0
     s.calm_ticks, s.slips, s.patience, s.reserve_end = 0.0, 0.0, 0.0, -1
     for i in range(FOLLOWED):
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0

@@ -12,7 +12,7 @@ from ...parts.signals import Measurement
 from ...sample.paper import surface
 from .continuation import HEIGHT, RATIO, go_on
 from .map import read_map
-from .predictive_constants import ANSWERS, KNOWN, LEARNED, MEAN, SLOPE_X, SLOPE_Y, SLOTS, VALUE, Constants
+from .predictive_constants import ANSWERS, LEARNED, MEAN, SLOPE_X, SLOPE_Y, SLOTS, VALUE, Constants
 
 if TYPE_CHECKING:
     from .predictive_state import State
@@ -46,6 +46,14 @@ def beyond(f: Any, d_x: float, d_y: float, p: Constants) -> float:
     return faded(f, d_x, d_y, *fade(d_x, d_y, p))
 
 
+@kernel
+def look_at_known(x: float, y: float, p: Constants, s: "State") -> None:
+    """Height, curvature and strength of friction at (x, y) of the sample that was told."""
+    # State and Constants have the fields of Surface and of the sample's constants.
+    known: Any = (s, p)
+    surface(x, y, known[0], known[1], 0)
+
+
 @routine
 def look(x: float, y: float, p: Constants, s: "State") -> None:
     """Height, curvature and strength of friction of the sample at (x, y)."""
@@ -55,10 +63,8 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
     if s.goes_on[HEIGHT] == 0.0 or s.goes_on[RATIO] == 0.0:
         phase, gone = fade(d_x, d_y, p)
     s.here = go_on(x, y, RATIO, s) if s.goes_on[RATIO] > 0.0 else faded(s.ratio, d_x, d_y, phase, gone)
-    if p.surface == KNOWN:
-        # State and Constants have the fields of Surface and of the sample's constants.
-        known: Any = (s, p)
-        surface(x, y, known[0], known[1], 0)
+    if s.unknown == 0:
+        look_at_known(x, y, p, s)
         return
     s.curvature = 0.0
     s.strength = 1.0

@@ -89,7 +89,7 @@ def begin_observer(p: Constants, s: State) -> None:
     s.P[:] = 0.0
     s.P[AT_X, AT_X] = s.P[AT_Y, AT_Y] = square(p.position_noise)
     s.P[RATIO, RATIO] = square(UNKNOWN) * p.identified
-    s.P[SLOPE, SLOPE] = square(p.bumps * p.wave_number)
+    s.P[SLOPE, SLOPE] = square(p.bumps[s.unknown] * p.wave_number)
     s.calm = s.across = s.grip = s.off = 0.0
 
 
@@ -111,7 +111,7 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
     carry_covariance(P, F, s.half)
     # What counts is the largest error: the largest second derivative of a wave, not its rms one.
     q = p.wave_number * (abs(t_x) + abs(t_y))
-    bend = square(p.bumps * (_ON_MAP if s.mapped > 0.0 else 1.0) * q * q * way)
+    bend = square(p.bumps[s.unknown] * (_ON_MAP if s.mapped > 0.0 else 1.0) * q * q * way)
     P[RATIO, RATIO] += 0.25 * bend * way * way
     P[RATIO, SLOPE] += 0.5 * bend * way
     P[SLOPE, RATIO] += 0.5 * bend * way
@@ -119,7 +119,7 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
     for i in range(3):
         for j in range(3):
             # The load is not quite static.
-            P[i, j] += square(p.uneven) * F[i, RATIO] * F[j, RATIO]
+            P[i, j] += square(p.uneven[s.unknown]) * F[i, RATIO] * F[j, RATIO]
     turned = square(p.astray)
     P[AT_X, AT_X] += turned * t_y * t_y
     P[AT_Y, AT_Y] += turned * t_x * t_x
@@ -229,10 +229,10 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
             # The slope is along the way: that turns back.
             P[SLOPE, i], P[i, SLOPE] = -P[SLOPE, i], -P[i, SLOPE]
     if s.mapped > 0.0:
-        P[SLOPE, SLOPE] = square(_ON_MAP * p.bumps * p.wave_number)
+        P[SLOPE, SLOPE] = square(_ON_MAP * p.bumps[s.unknown] * p.wave_number)
     for _ in range(min(periods, ANSWERS) if way > 0.0 else 0):
         carry(way / periods, t_x, t_y, nominal, p, s)
-    P[RATIO, RATIO] += square(p.wander) * periods
+    P[RATIO, RATIO] += square(p.wander[s.unknown]) * periods
     resting = s.V_X == 0.0 and s.V_Y == 0.0
     if resting:
         rest(s)
@@ -271,11 +271,11 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
         s.grip = 0.0
     s.V_X, s.V_Y = speed * t_x, speed * t_y
     s.ratio[VALUE] = ratio + s.change[RATIO]
-    steepest = p.bumps * q
+    steepest = p.bumps[s.unknown] * q
     slope = min(max(slope + s.change[SLOPE], -steepest), steepest)
     s.ratio[SLOPE_X], s.ratio[SLOPE_Y], s.ratio[WAY_X], s.ratio[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
     # The mean is that of the way gone, at most over a few waves; over a known surface nothing else is left.
     s.ratio[GONE] = min(s.ratio[GONE] + q * way, 8.0 * math.pi)
     part = min(q * way / s.ratio[GONE], 1.0) if s.ratio[GONE] > 0.0 else 0.0
     s.ratio[MEAN] += part * (s.ratio[VALUE] - s.ratio[MEAN])
-    s.ratio[MEAN] = min(max(s.ratio[MEAN], s.ratio[VALUE] - p.bumps), s.ratio[VALUE] + p.bumps)
+    s.ratio[MEAN] = min(max(s.ratio[MEAN], s.ratio[VALUE] - p.bumps[s.unknown]), s.ratio[VALUE] + p.bumps[s.unknown])

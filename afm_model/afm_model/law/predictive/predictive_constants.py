@@ -99,13 +99,14 @@ class Constants(Record):
     ripple: float  # of the strength, from that curvature
     measured: int
     looks_ahead: int  # one: the surface is continued from the last places
-    bumps: float  # ripple of the ratio over the surface as it is known
+    # Over a known surface, over one that is not:
+    bumps: Annotated[Array, (2,)]  # ripple of the ratio over the surface as it is known
     corner: Vector  # where a straight reference turns back; 0: not known
     position_noise: float
     force_noise: float  # of friction measured along x
-    uneven: float  # rms of the ratio over a known surface about its mean
+    uneven: Annotated[Array, (2,)]  # rms of the ratio about its mean, in a control period
     astray: float  # the same in a control period
-    wander: float  # rms change of the ratio in a control period
+    wander: Annotated[Array, (2,)]  # rms change of the ratio in a control period
     least_bound: float
     height_noise: float
     ratio_noise: float
@@ -196,7 +197,7 @@ def values(parameters: Tree) -> Numbers:
     f_0, up, down = bound(0.0, load_0), bound(small, load_0), bound(-small, load_0)
     dn = 1e-3 * L_s
     delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
-    measured, exact, identified = law.feedback == "measured", law.surface == "known", law.friction == "identified"
+    measured, identified = law.feedback == "measured", law.friction == "identified"
     height_noise = hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
     ratio_noise = hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
     ripple = abs(up - down) / (2.0 * small * f_0) * square(law.wave_number * x0) * law.height / z0
@@ -249,14 +250,14 @@ def values(parameters: Tree) -> Numbers:
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
         "measured": measured,
-        "looks_ahead": slots > 1 and not measured and not exact,
-        "bumps": ripple if identified and not exact else 0.0,
+        "looks_ahead": slots > 1 and not measured,
+        "bumps": [0.0, ripple * identified],
         "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,
         "force_noise": ratio_noise * f_0,
-        "uneven": _UNEVEN if exact else ratio_noise,
+        "uneven": [_UNEVEN, ratio_noise],
         "astray": _ASTRAY * hold,
-        "wander": (_UNEVEN * math.sqrt(8.0 / _WAVE) if exact else FLOOR) * math.sqrt(hold) * identified,
+        "wander": [each * math.sqrt(hold) * identified for each in (_UNEVEN * math.sqrt(8.0 / _WAVE), FLOOR)],
         "least_bound": least_bound(law),
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,

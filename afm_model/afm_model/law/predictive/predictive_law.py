@@ -12,7 +12,7 @@ from ...parts.part import LawEstimate, Tree
 from ..sampled import SampledLaw
 from .gains import grid
 from .observer import RATIO
-from .predictive_constants import INTERVALS, KNOWN, LONGEST_DELAY, OF_VALUE, SLOTS, SURFACES, VALUE, longest
+from .predictive_constants import INTERVALS, LONGEST_DELAY, OF_VALUE, SLOTS, SURFACES, VALUE, longest
 
 
 class PredictiveLaw(SampledLaw):
@@ -139,7 +139,7 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
             yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(variance, 0.0))))
     # Over a known surface the ratio is a mean, and what one measurement of it is off is told.
     variance = (
-        s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if p.surface != KNOWN else p.ratio_noise * p.ratio_noise
+        s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     )
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
@@ -148,8 +148,12 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
 
 
 def remark(state: Any) -> str:
-    """How often its guard has distrusted the model, and whether it does now."""
-    if state.fallbacks == 0.0:
-        return ""
-    now = f"; distrust now {state.distrust:.2g} of 1" if state.distrust > 0.0 else ""
-    return f"the model did not explain the measurements: fell back to open loop {state.fallbacks:.0f} times{now}"
+    """How often its guard has distrusted the model, and whether it does now; whether the known surface is another."""
+    told = []
+    if state.fallbacks > 0.0:
+        now = f"; distrust now {state.distrust:.2g} of 1" if state.distrust > 0.0 else ""
+        times = f"{state.fallbacks:.0f} times{now}"
+        told.append(f"the model did not explain the measurements: fell back to open loop {times}")
+    if state.contradicts > 0.0 and state.unknown:
+        told.append("the height measured is not that of sample.*: the surface is followed as law.surface = observed")
+    return "; ".join(told)

@@ -72,6 +72,8 @@ class State(Record):
     at_x: float  # where the scanner was at the last measurement
     at_y: float
     # Height of the sample under the tip there, and its slopes along the way: sample_estimate.py.
+    unknown: int  # one: the surface is not known, or not the one that was told; mean square by which it is another
+    contradicts: float
     H: Annotated[Array, (FOLLOWED,)]
     ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it

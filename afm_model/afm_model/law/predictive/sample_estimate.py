@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 from ...core.elementary import square
 from ...core.jit import kernel, routine
 from .map import raise_map
-from .nominal_plant import balance, beyond, look, nominal_bound
+from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound
 from .predictive_constants import (
     FOLLOWED,
     GONE,
-    KNOWN,
     MEAN,
     OF_BOTH,
     OF_SLOPE,
@@ -32,6 +31,12 @@ ROUGH = 0.35
 """Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
 JUMP = 6.0
 """Standard deviations beyond which an innovation is another surface."""
+_ANOTHER = 0.0225
+"""Mean square by which a known surface is off the measured height, over its own, from which on it is another."""
+_ONE_ALONE = 4.0
+"""The most that one measurement counts, over that."""
+_THE_SAME = 0.25
+"""Part of that below which it is the one that was told again."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
 _INDEX = 10.0
@@ -128,6 +133,26 @@ def take_height(p: Constants, s: "State") -> None:
 
 
 @kernel
+def doubt_surface(p: Constants, s: "State") -> None:
+    """Compare the surface that was told with the height that is measured; as long as it is another it is not known."""
+    look_at_known(s.X, s.Y, p, s)
+    H = measured_height(p, s)
+    off = square((H + p.delta_curvature * s.curvature - s.height) / p.height)
+    noise = square(p.height_noise / p.height)
+    if p.measured != 0:
+        noise += square(p.wave_number) * (s.P[0, 0] + s.P[1, 1])
+    most = _ANOTHER + 4.0 * noise
+    phase = p.wave_number * (abs(s.X - s.at_x) + abs(s.Y - s.at_y))
+    part = min(phase / (2.0 * math.pi), 1.0) if s.started != 0.0 else 0.0
+    s.contradicts += part * (min(off, _ONE_ALONE * most) - s.contradicts)
+    if s.unknown == 0 and s.contradicts > most:
+        s.unknown, s.slips = 1, 0.0
+        begin(s.H, H, p.height, p.height_noise, p)
+    elif s.unknown != 0 and s.contradicts < _THE_SAME * most:
+        s.unknown, s.slips = 0, 0.0
+
+
+@kernel
 def write_row(axis: int, friction: float, q: float, stops: Any, s: "State") -> None:
     """Write what a force left over tells of gamma, b, c and the openings into `s.tells`."""
     s.tells[0], s.tells[1], s.tells[2] = friction, 1.0, q
@@ -186,7 +211,7 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     measured = force * speed / (s.V_X * nominal)
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
     s.slips += 1.0
-    if p.surface == KNOWN:
+    if s.unknown == 0:
         # Nothing of it is left to follow but what changes slowly: the mean over a wave of the surface.
         phase = p.wave_number * (abs(d_x) + abs(d_y))
         if abs(measured - s.ratio[VALUE]) > JUMP * p.ratio_noise:

@@ -18,7 +18,7 @@ from ...core.records import Block
 from ...parts.signals import Measurement
 from .nominal_plant import balance
 from .piezo_hysteresis import effective
-from .predictive_constants import FLOOR, KNOWN, STOPS, UNEXPLAINED, Constants
+from .predictive_constants import FLOOR, STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
 from .sample_estimate import REST, variance, write_row
 
@@ -177,7 +177,7 @@ def learn_of_z(u: float, p: Constants, s: State) -> None:
     if abs(u - s.expected[2, 2]) >= SAME * p.stiffness[2] * p.height:
         return
     phase = p.wave_number * hypot(s.X - s.expected[0, 0], s.Y - s.expected[1, 0])
-    if p.surface != KNOWN:
+    if s.unknown != 0:
         phase += _UNSEEN * min(p.wave_number * s.fastest * p.hold, 1.0)
     noise = p.eta_c2 / (p.mu + 1.0) * p.height * (_UNEVEN_Z + phase)
     update(2, left_over(2, s.Z, s.V_Z, u, p, s), 0.0, s.Z, s.stop_now, noise, p, s)

@@ -1,0 +1,87 @@
+"""A surface that was told as known and is another: the law finds out, says so and follows what it sees."""
+
+import math
+
+import pytest
+
+from afm_model import ControllerParameters, SimParameters, build, simulate
+from afm_model.law.predictive.guard import begin_anew
+from afm_model.law.predictive.predictive_constants import Constants, values
+from afm_model.law.predictive.predictive_state import State, start
+from afm_model.law.predictive.sample_estimate import doubt_surface
+from afm_model.studies.contender import contender
+from afm_model.studies.wrong_models import CASES, RATES, parameters_of, run_case
+
+from ..tables import record_of
+
+KNOWN = {"law.kind": "predictive", "law.surface": "known"}
+CASE = {case.title: case for case in CASES}
+
+
+def walk(p, s, waves, height):
+    """Move along the diagonal by so many waves of the surface, its height over that told."""
+    for _ in range(math.ceil(40 * waves)):
+        s.at_x, s.at_y = s.X, s.Y
+        s.X = s.Y = s.X + math.pi / (40 * p.k_x)
+        s.Q = height * p.beta * math.sin(p.k_x * s.X) ** 2 - p.delta - p.delta_load * (s.load - p.load_0)
+        doubt_surface(p, s)
+        s.started = 1.0
+
+
+def records(**law):
+    """Constants and state of the law."""
+    parameters = build(ControllerParameters, KNOWN | {f"law.{name}": value for name, value in law.items()})
+    p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
+    begin_anew(p, s)
+    return p, s
+
+
+@pytest.mark.parametrize("height", [0.6, 1.5, 2.0])
+def test_another_height_is_found_out_within_two_waves_and_the_true_one_is_known_again(height):
+    p, s = records()
+    walk(p, s, 2, height)
+    assert s.unknown == 1
+    walk(p, s, 3, 1.0)
+    assert s.unknown == 0
+
+
+@pytest.mark.parametrize("height", [0.9, 1.0, 1.1])
+def test_a_tenth_of_the_height_is_no_other_surface(height):
+    p, s = records()
+    walk(p, s, 5, height)
+    assert s.unknown == 0
+
+
+def test_one_measurement_alone_is_no_other_surface():
+    p, s = records()
+    walk(p, s, 2, 1.0)
+    s.at_x, s.at_y, s.X, s.Y, s.Q = s.X, s.Y, s.X + 0.5, s.Y + 0.5, 10.0
+    doubt_surface(p, s)
+    assert s.unknown == 0
+
+
+def test_a_surface_that_was_not_told_is_never_known():
+    assert records(surface="observed")[1].unknown == records(surface="learned")[1].unknown == 1
+
+
+@pytest.mark.parametrize(
+    ("title", "rate", "most"),
+    [("height x 2", 0, 0.5), ("height x 2", 1, 0.6), ("drift 1 nm/s", 0, 7.6), ("drift 1 nm/s", 1, 7.7)],
+)
+def test_told_as_known_another_surface_leaves_no_more_than_one_that_is_not_known(title, rate, most):
+    told = run_case(CASE[title], RATES[rate], contender("predictive surface=known"))
+    assert told["third"] < most and not told["lost"]
+
+
+def test_it_says_so():
+    sim, controller = parameters_of(CASE["height x 2"], RATES[1], contender("predictive surface=known"))
+    remark = simulate(sim, controller).remark
+    assert remark == "the height measured is not that of sample.*: the surface is followed as law.surface = observed"
+
+
+@pytest.mark.parametrize("rate", RATES, ids=[rate.title for rate in RATES])
+@pytest.mark.parametrize("seed", range(2))
+def test_noise_is_no_other_surface(rate, seed):
+    sim, controller = parameters_of(CASE["noise"], rate, contender("predictive surface=known"), seed=seed)
+    assert isinstance(sim, SimParameters) and controller.law.feedback == "measured"
+    assert simulate(sim, controller).remark == ""
