@@ -138,9 +138,7 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
             yield LawEstimate(f"{name}_{axis}", unit, float(value))
             yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(variance, 0.0))))
     # Over a known surface the ratio is a mean, and what one measurement of it is off is told.
-    variance = (
-        s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
-    )
+    variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
     yield LawEstimate("distrust", "1", float(s.distrust))
