@@ -14,7 +14,7 @@ from .observer import AT_X, AT_Y, begin_observer, observe_scanner
 from .piezo_hysteresis import effective, follow_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, Constants
 from .predictive_state import State
-from .sample_estimate import doubt_surface, measured_height, take_height, take_ratio
+from .sample_estimate import TOUCHES, doubt_surface, measured_height, take_height, take_ratio
 from .unexplained import expect, explain, explain_measured
 
 
@@ -45,14 +45,14 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
 def take_sample(y: Measurement, p: Constants, s: State) -> None:
     """Learn from the measurement what is to be learned of the sample."""
     take_load(y, p, s)
-    if p.surface == KNOWN:
-        doubt_surface(p, s)
     if s.unknown != 0:
         take_height(p, s)
     ratio = s.grip
     if p.identified and p.measured == 0:
         u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
+    if p.surface == KNOWN and ratio > TOUCHES:
+        doubt_surface(p, s)
     if p.looks_ahead != 0 and s.unknown != 0:
         look_ahead(measured_height(p, s), ratio, p, s)
     if p.surface == LEARNED:

@@ -35,6 +35,8 @@ _ANOTHER = 0.0225
 """Mean square by which a known surface is off the measured height, over its own, from which on it is another."""
 _ONE_ALONE = 4.0
 """The most that one measurement counts, over that."""
+TOUCHES = 0.1
+"""Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
 _THE_SAME = 0.25
 """Part of that below which it is the one that was told again."""
 REST = 0.02
@@ -134,7 +136,10 @@ def take_height(p: Constants, s: "State") -> None:
 
 @kernel
 def doubt_surface(p: Constants, s: "State") -> None:
-    """Compare the surface that was told with the height that is measured; as long as it is another it is not known."""
+    """Compare the surface that was told with the height that is measured; as long as it is another it is not known.
+
+    To be called where the tip slips on the sample.
+    """
     look_at_known(s.X, s.Y, p, s)
     H = measured_height(p, s)
     off = square((H + p.delta_curvature * s.curvature - s.height) / p.height)
