@@ -149,3 +149,10 @@ def test_in_packets_with_nothing_known_what_is_left_is_near_the_bound(title, med
     case = next(case for case in CASES if case.title == title)
     told = run_case(case, RATES[2], contender("predictive surface=observed"))
     assert told["third"] < median and told["worst"] < worst and not told["lost"]
+
+
+def test_a_place_that_is_no_number_or_off_the_table_is_answered():
+    p, s = records()
+    walk(p, s, np.arange(0.0, 15.0), lambda x: wave(p, x), lambda x: 1.0)
+    for x in (math.nan, math.inf, -math.inf, 1e300):
+        assert math.isfinite(go_on(x, x, HEIGHT, s))

@@ -32,6 +32,8 @@ _FREEDOM = 4.0
 """Measurements that the assumed variance of the surface counts as much as."""
 _MOST = 0.7
 """Farthest from the mean, over the range of the surface: a wave reaches half of it."""
+_LEAST_RATIO = 0.1
+"""Of friction, of which the ripple is a part."""
 _OTHER = 2.0
 """What is found as far off in these units is another surface."""
 
@@ -156,7 +158,9 @@ def tabulate(most: tuple[float, float], s: "State") -> None:
 def of_table(x: float, y: float, c: int, s: "State") -> float:
     """What the table has for (x, y), over the mean."""
     at = (s.wave_x * (x - s.here_x) + s.wave_y * (y - s.here_y)) / _PITCH + TABLE // 2
-    at = min(max(at, 0.0), TABLE - 1.001)
+    if not 0.0 <= at <= TABLE - 1.001:
+        # Nor is what is no number a place of the table.
+        at = 0.0 if at < 0.0 else TABLE - 1.001
     i = int(at)
     f, g = at - i, 1.0 - (at - i)
     before = (1.0 + 2.0 * f) * s.ahead[i, c, 0] + f * s.ahead[i, c, 1]
@@ -177,7 +181,7 @@ def look_ahead(H: float, ratio: float, p: Constants, s: "State") -> None:
     followed is new.
     """
     found, mean = (H, ratio), (s.H[MEAN], s.ratio[MEAN])
-    sizes = (p.height, p.ripple * s.ratio[MEAN])
+    sizes = (p.height, p.ripple * max(s.ratio[MEAN], _LEAST_RATIO))
     if ratio > 0.0 and p.wave_number * (abs(s.X - s.at_x) + abs(s.Y - s.at_y)) > _APART:
         for c in range(2):
             if s.goes_on[c] > 0.0 and abs(found[c] - go_on(s.X, s.Y, c, s)) > _OTHER * sizes[c]:
