@@ -35,6 +35,8 @@ _ANOTHER = 0.0225
 """Mean square by which a known surface is off the measured height, over its own, from which on it is another."""
 _ONE_ALONE = 4.0
 """The most that one measurement counts, over that."""
+_LONGER = 6.0
+"""Waves over which it is compared there."""
 TOUCHES = 0.1
 """Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
 _THE_SAME = 0.25
@@ -148,7 +150,9 @@ def doubt_surface(p: Constants, s: "State") -> None:
         noise += square(p.wave_number) * (s.P[0, 0] + s.P[1, 1])
     most = _ANOTHER + 4.0 * noise
     phase = p.wave_number * (abs(s.X - s.at_x) + abs(s.Y - s.at_y))
-    part = min(phase / (2.0 * math.pi), 1.0) if s.started != 0.0 else 0.0
+    # In packets of positions alone a tip that is thrown is estimated at a wrong place for some measurements.
+    waves = _LONGER if p.measured != 0 and p.slots > 1 else 1.0
+    part = min(phase / (2.0 * math.pi * waves), 1.0) if s.started != 0.0 else 0.0
     s.contradicts += part * (min(off, _ONE_ALONE * most) - s.contradicts)
     if s.unknown == 0 and s.contradicts > most:
         s.unknown, s.slips = 1, 0.0
