@@ -238,8 +238,9 @@ def tables() -> dict[str, str]:
         noise.append(f"| {name} + 1 | {now:.2f} | {later:.2f} | {3.0 * later:.2f} |")
     for name, period in RATES:
         friction, error = of_surface(period, 1)
-        more = " | ".join(f"{3.0 * of_surface(period, 1, each)[1]:.2g}" for each in (1.0, 1.5, 2.0))
-        surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {more} |")
+        errors = [error, *(of_surface(period, 1, each)[1] for each in (1.5, 2.0))]
+        deviations = " | ".join(f"{3.0 * each:.2g}" for each in errors)
+        surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {deviations} |")
         edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
     found = {"noise": noise, "surface": surface, "edge": edge, "drift": drift, "stability": stable}

@@ -6,23 +6,19 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_t
 
-from afm_model.law.predictive.continuation import HEIGHT, RATIO, go_on, look_ahead, solve, take_place
+from afm_model.law.predictive.continuation import FRICTION, HEIGHT, go_on, look_ahead, solve, take_place
 from afm_model.law.predictive.nominal_plant import beyond
-from afm_model.law.predictive.predictive_constants import MEAN, POINTS, VALUE, Constants, values
-from afm_model.law.predictive.predictive_state import State, start
+from afm_model.law.predictive.predictive_constants import MEAN, POINTS, VALUE
 from afm_model.law.predictive.sample_estimate import begin, follow
-from afm_model.parameters import ControllerParameters, build
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASES, RATES, run_case
 
-from ..tables import record_of
+from . import predictive_records
 
 
 def records(**law):
     """Constants and state of the law in packets, with a reference that moves a radian of the surface in a period."""
-    given = {"law.kind": "predictive", "law.period": 1e-3, "law.packet": 20, "law.surface": "observed"}
-    parameters = build(ControllerParameters, given | {f"law.{k}": v for k, v in law.items()})
-    p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
+    p, s = predictive_records.records(**{"period": 1e-3, "packet": 20, "surface": "observed"} | law)
     s.v[0] = s.v[1] = 0.1
     return p, s
 
@@ -106,13 +102,13 @@ def test_a_wave_of_the_shortest_length_is_continued_within_a_sixth_of_it():
     walk(p, s, np.arange(0.0, 15.0), lambda x: wave(p, x), lambda x: 1.0 + 0.5 * p.ripple * math.cos(x))
     for phase in np.linspace(14.0, 16.0, 9):
         assert ahead(p, s, HEIGHT, phase) == pytest.approx(wave(p, phase), abs=p.height / 6.0)
-        assert ahead(p, s, RATIO, phase) == pytest.approx(1.0 + 0.5 * p.ripple * math.cos(phase), abs=0.2 * p.ripple)
+        assert ahead(p, s, FRICTION, phase) == pytest.approx(1.0 + 0.5 * p.ripple * math.cos(phase), abs=0.2 * p.ripple)
 
 
 def test_a_step_of_friction_is_another_surface_and_height_goes_on():
     p, s = records()
     walk(p, s, np.arange(0.0, 15.0), lambda x: wave(p, x), lambda x: 1.0 if x < 13.5 else 0.9)
-    assert s.places[RATIO] == 1.0 and s.goes_on[RATIO] == 0.0
+    assert s.places[FRICTION] == 1.0 and s.goes_on[FRICTION] == 0.0
     assert s.places[HEIGHT] == POINTS and s.goes_on[HEIGHT] == 1.0
 
 

@@ -8,25 +8,15 @@ import pytest
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive import PREDICTIVE
 from afm_model.law.predictive.asked import continue_reference, take_reference
-from afm_model.law.predictive.guard import begin_anew
 from afm_model.law.predictive.map import NODES, read_map, write_map
 from afm_model.law.predictive.nominal_plant import beyond
-from afm_model.law.predictive.predictive_constants import Constants, values
-from afm_model.law.predictive.predictive_state import State, start
 from afm_model.law.predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 from afm_model.parts.signals import Measurement
 
 from ..tables import record_of
+from .predictive_records import records
 
 X0, W0 = 2.5e-10, 1e4
-
-
-def records(**law):
-    """Constants and state of the law."""
-    parameters = build(ControllerParameters, {"law.kind": "predictive", **{f"law.{k}": v for k, v in law.items()}})
-    p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
-    begin_anew(p, s)
-    return p, s
 
 
 SINE = (

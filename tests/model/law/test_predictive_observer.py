@@ -5,15 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from afm_model import Controller, ControllerParameters, Instrument, build
-from afm_model.law.predictive.guard import begin_anew
+from afm_model import Controller, Instrument
 from afm_model.law.predictive.nominal_plant import look, nominal_bound
 from afm_model.law.predictive.observer import (
-    AT_X,
-    AT_Y,
-    RATIO,
-    SLOPE,
-    SPEED,
     begin_observer,
     carry,
     correct,
@@ -22,11 +16,9 @@ from afm_model.law.predictive.observer import (
     take_ratio_seen,
     weigh,
 )
-from afm_model.law.predictive.predictive_constants import Constants, values
-from afm_model.law.predictive.predictive_state import State, start
-from afm_model.law.predictive.sample_estimate import VALUE
+from afm_model.law.predictive.predictive_constants import AT_X, AT_Y, RATIO, SLOPE, SPEED, VALUE
 
-from ..tables import record_of
+from . import predictive_records
 from .test_predictive import NOISE, NOTHING, PERIOD, error, parameters, run, smoothness
 
 MEASURED = {"law.feedback": "measured", **NOTHING}
@@ -35,10 +27,8 @@ DIAGONAL = math.sqrt(0.5)
 
 def records(**law):
     """Constants and state of the law over a known surface, the tip slipping along x."""
-    told = {"law.kind": "predictive", "law.feedback": "measured", "law.period": 2e-4, "law.surface": "known"}
-    made = build(ControllerParameters, told | {f"law.{k}": v for k, v in law.items()})
-    p, s = record_of(Constants, **values(made)), record_of(State, **start(made))
-    begin_anew(p, s)
+    told = {"feedback": "measured", "period": 2e-4, "surface": "known"}
+    p, s = predictive_records.records(**told | law)
     begin_observer(p, s)
     s.V_X, s.v[0], s.fastest, s.ratio[VALUE] = 0.1, 0.1, 0.1, 0.75
     s.weights[RATIO] = 1.0

@@ -8,21 +8,16 @@ import pytest
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive.asked import ask
 from afm_model.law.predictive.decide import decide, left_by, refine
-from afm_model.law.predictive.guard import begin_anew
-from afm_model.law.predictive.predictive_constants import Constants, values
-from afm_model.law.predictive.predictive_state import State, start
+from afm_model.law.predictive.predictive_constants import values
 
-from ..tables import record_of
+from .predictive_records import records
 
 SCANNER = ("X", "Y", "Z", "V_X", "V_Y", "V_Z")
 
 
 def decided(rng, **law):
     """Constants, and a state with the drive of least squares, somewhere on a sine of 20 x0 with its scanner near it."""
-    told = {"law.kind": "predictive", "law.period": 1e-3, "law.surface": "known", "law.friction": "nominal"}
-    parameters = build(ControllerParameters, told | {f"law.{name}": value for name, value in law.items()})
-    p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
-    begin_anew(p, s)
+    p, s = records(**{"period": 1e-3, "surface": "known", "friction": "nominal"} | law)
     w, phase = 0.005, rng.uniform(0.0, 2.0 * math.pi)
     for axis in range(2):
         s.p[axis], s.v[axis] = 20.0 * math.sin(phase), 20.0 * w * math.cos(phase)

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
-from afm_model.law.predictive.guard import begin_anew
-from afm_model.law.predictive.predictive_constants import Constants, values
-from afm_model.law.predictive.predictive_state import State, start
 from afm_model.law.predictive.sample_estimate import doubt_surface
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASES, RATES, parameters_of, run_case
 
-from ..tables import record_of
+from .predictive_records import records
 
-KNOWN = {"law.kind": "predictive", "law.surface": "known"}
+LAW = {"law.kind": "predictive", "law.surface": "known", "law.period": 5e-5, "law.delay_ticks": 1}
 CASE = {case.title: case for case in CASES}
 
 
@@ -29,17 +26,9 @@ def walk(p, s, waves, height):
         s.started = 1.0
 
 
-def records(**law):
-    """Constants and state of the law."""
-    parameters = build(ControllerParameters, KNOWN | {f"law.{name}": value for name, value in law.items()})
-    p, s = record_of(Constants, **values(parameters)), record_of(State, **start(parameters))
-    begin_anew(p, s)
-    return p, s
-
-
 @pytest.mark.parametrize("height", [0.6, 1.5, 2.0])
 def test_another_height_is_found_out_within_two_waves_and_the_true_one_is_known_again(height):
-    p, s = records()
+    p, s = records(surface="known")
     walk(p, s, 2, height)
     assert s.unknown == 1
     walk(p, s, 3, 1.0)
@@ -48,13 +37,13 @@ def test_another_height_is_found_out_within_two_waves_and_the_true_one_is_known_
 
 @pytest.mark.parametrize("height", [0.9, 1.0, 1.1])
 def test_a_tenth_of_the_height_is_no_other_surface(height):
-    p, s = records()
+    p, s = records(surface="known")
     walk(p, s, 5, height)
     assert s.unknown == 0
 
 
 def test_one_measurement_alone_is_no_other_surface():
-    p, s = records()
+    p, s = records(surface="known")
     walk(p, s, 2, 1.0)
     s.at_x, s.at_y, s.X, s.Y, s.Q = s.X, s.Y, s.X + 0.5, s.Y + 0.5, 10.0
     doubt_surface(p, s)
@@ -90,7 +79,7 @@ def test_noise_is_no_other_surface(rate, seed):
 
 def test_a_tip_in_the_air_measures_no_height():
     sim = build(SimParameters, {"plant.control_period": 5e-5, "plant.delay_ticks": 1})
-    law = Controller(build(ControllerParameters, KNOWN | {"law.period": 5e-5, "law.delay_ticks": 1}))
+    law = Controller(build(ControllerParameters, LAW))
     instrument, lifted = Instrument(sim, 2000), 0
     for tick in range(2000):
         drive = np.array(law.answer(instrument.measurement, tick * 5e-5))

@@ -15,7 +15,7 @@ from .predictive_constants import MEAN, POINTS, TABLE, VALUE, Constants
 if TYPE_CHECKING:
     from .predictive_state import State
 
-HEIGHT, RATIO = range(2)
+HEIGHT, FRICTION = range(2)
 _FEWEST = 4.0
 """Places from which on they are continued."""
 _APART = 0.1
@@ -100,12 +100,12 @@ def take_place(H: float, ratio: float, p: Constants, s: "State") -> None:
         for c in range(2):
             s.place[i, c], s.found[i, c] = s.place[i + 1, c], s.found[i + 1, c]
     s.place[POINTS - 1, 0], s.place[POINTS - 1, 1] = s.X, s.Y
-    s.found[POINTS - 1, HEIGHT], s.found[POINTS - 1, RATIO] = H, ratio
+    s.found[POINTS - 1, HEIGHT], s.found[POINTS - 1, FRICTION] = H, ratio
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
     way = math.sqrt(d_x * d_x + d_y * d_y)
     t_x, t_y = d_x / way, d_y / way
     q = p.wave_number * (abs(t_x) + abs(t_y))
-    s.here_x, s.here_y, s.wave_x, s.wave_y = s.X, s.Y, q * t_x, q * t_y
+    s.wave_x, s.wave_y = q * t_x, q * t_y
     for i in range(POINTS):
         d_x, d_y = s.place[i, 0] - s.X, s.place[i, 1] - s.Y
         s.along[i] = s.wave_x * d_x + s.wave_y * d_y
@@ -135,7 +135,7 @@ def solve_likeliest(c: int, mean: float, size: float, s: "State") -> None:
 def tabulate(most: tuple[float, float], s: "State") -> None:
     """Write what is ahead of the tip and behind it, over the mean, into the table: values, and slopes in its pitch."""
     for i in range(TABLE):
-        s.ahead[i, HEIGHT, 0] = s.ahead[i, HEIGHT, 1] = s.ahead[i, RATIO, 0] = s.ahead[i, RATIO, 1] = 0.0
+        s.ahead[i, HEIGHT, 0] = s.ahead[i, HEIGHT, 1] = s.ahead[i, FRICTION, 0] = s.ahead[i, FRICTION, 1] = 0.0
     sin_step, cos_step = sincos(_PITCH)
     for j in range(POINTS):
         beside = sinc(s.beside[j], s.circle_beside[j, 0], 1.0)[0]
@@ -157,7 +157,8 @@ def tabulate(most: tuple[float, float], s: "State") -> None:
 @kernel
 def of_table(x: float, y: float, c: int, s: "State") -> float:
     """What the table has for (x, y), over the mean."""
-    at = (s.wave_x * (x - s.here_x) + s.wave_y * (y - s.here_y)) / _PITCH + TABLE // 2
+    d_x, d_y = x - s.place[POINTS - 1, 0], y - s.place[POINTS - 1, 1]
+    at = (s.wave_x * d_x + s.wave_y * d_y) / _PITCH + TABLE // 2
     if not 0.0 <= at <= TABLE - 1.001:
         # Nor is what is no number a place of the table.
         at = 0.0 if at < 0.0 else TABLE - 1.001
@@ -190,7 +191,7 @@ def look_ahead(H: float, ratio: float, p: Constants, s: "State") -> None:
         take_place(H, ratio, p, s)
         for c in range(2):
             solve_likeliest(c, mean[c], sizes[c], s)
-        tabulate((_MOST * sizes[HEIGHT], _MOST * sizes[RATIO]), s)
+        tabulate((_MOST * sizes[HEIGHT], _MOST * sizes[FRICTION]), s)
     fine = p.wave_number * (abs(s.v[0]) + abs(s.v[1])) * p.hold < _COARSE
     now = (s.H[VALUE], s.ratio[VALUE])
     for c in range(2):

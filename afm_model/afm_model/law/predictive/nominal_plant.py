@@ -10,7 +10,7 @@ from ...core.jit import kernel, routine
 from ...core.records import Block, numbers_at, pointer_at
 from ...parts.signals import Measurement
 from ...sample.paper import surface
-from .continuation import HEIGHT, RATIO, go_on
+from .continuation import FRICTION, HEIGHT, go_on
 from .map import read_map
 from .predictive_constants import ANSWERS, LEARNED, MEAN, SLOPE_X, SLOPE_Y, SLOTS, VALUE, Constants
 
@@ -60,9 +60,9 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
     s.mapped = s.mapped_H = 0.0
     d_x, d_y = x - s.at_x, y - s.at_y
     phase = gone = 0.0
-    if s.goes_on[HEIGHT] == 0.0 or s.goes_on[RATIO] == 0.0:
+    if s.goes_on[HEIGHT] == 0.0 or s.goes_on[FRICTION] == 0.0:
         phase, gone = fade(d_x, d_y, p)
-    s.here = go_on(x, y, RATIO, s) if s.goes_on[RATIO] > 0.0 else faded(s.ratio, d_x, d_y, phase, gone)
+    s.here = go_on(x, y, FRICTION, s) if s.goes_on[FRICTION] > 0.0 else faded(s.ratio, d_x, d_y, phase, gone)
     if s.unknown == 0:
         look_at_known(x, y, p, s)
         return

@@ -12,11 +12,25 @@ from ...core.jit import kernel, routine
 from ...core.records import Block
 from ...parts.signals import Measurement
 from .nominal_plant import balance, look, nominal_bound, run_copy, take_load
-from .predictive_constants import ANSWERS, GONE, MEAN, SLOPE_X, SLOPE_Y, VALUE, WAY_X, WAY_Y, Constants
+from .predictive_constants import (
+    ANSWERS,
+    AT_X,
+    AT_Y,
+    GONE,
+    MEAN,
+    RATIO,
+    SLOPE,
+    SLOPE_X,
+    SLOPE_Y,
+    SPEED,
+    VALUE,
+    WAY_X,
+    WAY_Y,
+    Constants,
+)
 from .predictive_state import State
 from .sample_estimate import REST
 
-AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
 UNKNOWN = 0.25
 """Standard deviation of the ratio at the start."""
 _SURE = 5.0

@@ -33,6 +33,8 @@ VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE =
 """What is followed of height and friction: value and slopes; covariances of value and slope; direction of the last
 step; mean, phase gone in it."""
 FOLLOWED = GONE + 1
+AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
+"""States of the filter of positions alone: observer.py."""
 POINTS = 12
 """Last places from which the surface is continued in packets: continuation.py."""
 TABLE = 33

@@ -10,11 +10,11 @@ from .flight import answer, extend, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
 from .nominal_plant import level, predict, take_load
-from .observer import AT_X, AT_Y, begin_observer, observe_scanner
+from .observer import begin_observer, observe_scanner
 from .piezo_hysteresis import effective, follow_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, Constants
 from .predictive_state import State
-from .sample_estimate import TOUCHES, doubt_surface, measured_height, take_height, take_ratio
+from .sample_estimate import TOUCHES, doubt_surface, measured_height, place_variance, take_height, take_ratio
 from .unexplained import expect, explain, explain_measured
 
 
@@ -60,7 +60,7 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
         if p.measured != 0:
             # An estimate that is off by more than noise explains is wrong by that.
             off = square(y.position[0] / p.x0 - s.X) + square(y.position[1] / p.x0 - s.Y)
-            s.doubt = s.P[AT_X, AT_X] + s.P[AT_Y, AT_Y] + max(off - square(3.0 * p.position_noise), 0.0)
+            s.doubt = place_variance(s) + max(off - square(3.0 * p.position_noise), 0.0)
         write_map(measured_height(p, s), ratio, p, s)
 
 

@@ -11,8 +11,7 @@ from ...core.schema import NonNegative, Positive, Unit
 from ...parts.part import LawEstimate, Tree
 from ..sampled import SampledLaw
 from .gains import grid
-from .observer import RATIO
-from .predictive_constants import INTERVALS, LONGEST_DELAY, OF_VALUE, SLOTS, SURFACES, VALUE, longest
+from .predictive_constants import INTERVALS, LONGEST_DELAY, OF_VALUE, RATIO, SLOTS, SURFACES, VALUE, longest
 
 
 class PredictiveLaw(SampledLaw):

@@ -88,9 +88,7 @@ class State(Record):
     alike: Annotated[Array, (POINTS, POINTS)]  # covariance over that of the surface, its factor, weights
     factor: Annotated[Array, (POINTS, POINTS)]
     weigh: Annotated[Array, (POINTS, 2)]
-    ahead: Annotated[Array, (TABLE, 2, 2)]  # the table: where its middle is, wave vector of its phases
-    here_x: float
-    here_y: float
+    ahead: Annotated[Array, (TABLE, 2, 2)]  # the table about the last place; wave vector of its phases
     wave_x: float
     wave_y: float
     offset_ahead: Annotated[Array, (2,)]

@@ -8,6 +8,8 @@ from ...core.jit import kernel, routine
 from .map import raise_map
 from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound
 from .predictive_constants import (
+    AT_X,
+    AT_Y,
     FOLLOWED,
     GONE,
     MEAN,
@@ -32,15 +34,16 @@ ROUGH = 0.35
 JUMP = 6.0
 """Standard deviations beyond which an innovation is another surface."""
 _ANOTHER = 0.0225
-"""Mean square by which a known surface is off the measured height, over its own, from which on it is another."""
+"""Mean square over a wave by which a known surface is off the measured height, over its own, from which on it is
+another."""
+_THE_SAME = 0.25
+"""Part of that below which it is the one that was told again."""
 _ONE_ALONE = 4.0
 """The most that one measurement counts, over that."""
 _LONGER = 6.0
-"""Waves over which it is compared there."""
+"""Waves in place of one, in packets with positions alone."""
 TOUCHES = 0.1
 """Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
-_THE_SAME = 0.25
-"""Part of that below which it is the one that was told again."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
 _INDEX = 10.0
@@ -137,6 +140,12 @@ def take_height(p: Constants, s: "State") -> None:
 
 
 @kernel
+def place_variance(s: "State") -> float:
+    """Of a position that is estimated, of x and y together."""
+    return s.P[AT_X, AT_X] + s.P[AT_Y, AT_Y]
+
+
+@kernel
 def doubt_surface(p: Constants, s: "State") -> None:
     """Compare the surface that was told with the height that is measured; as long as it is another it is not known.
 
@@ -147,7 +156,7 @@ def doubt_surface(p: Constants, s: "State") -> None:
     off = square((H + p.delta_curvature * s.curvature - s.height) / p.height)
     noise = square(p.height_noise / p.height)
     if p.measured != 0:
-        noise += square(p.wave_number) * (s.P[0, 0] + s.P[1, 1])
+        noise += square(p.wave_number) * place_variance(s)
     most = _ANOTHER + 4.0 * noise
     phase = p.wave_number * (abs(s.X - s.at_x) + abs(s.Y - s.at_y))
     # In packets of positions alone a tip that is thrown is estimated at a wrong place for some measurements.
