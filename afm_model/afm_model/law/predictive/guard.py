@@ -10,6 +10,7 @@ from ...core.elementary import exp, hypot, square
 from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .continuation import forget_places
+from .gain_of_y import forget_gain_of_y
 from .map import NODES
 from .predictive_constants import FOLLOWED, KNOWN, MEAN, STOPS, UNEXPLAINED, VALUE, Constants
 from .predictive_state import State
@@ -56,7 +57,9 @@ def forget(p: Constants, s: State) -> None:
         for i in range(UNEXPLAINED):
             for j in range(UNEXPLAINED):
                 s.unsure[axis, i, j] = square(p.first[axis, i]) if i == j else 0.0
-    s.learned[0], s.learned[1], s.learned[2] = 1.0, 0.0, 0.0
+    s.learned[:] = 0.0
+    s.learned[0] = 1.0
+    forget_gain_of_y(s)
 
 
 @kernel
@@ -80,10 +83,10 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
         far *= 0.5
     off = hypot(e_x, e_y)
     # Positions alone do not tell how fast a tip is that runs far from the reference: it is not handed over.
-    runs = p.measured != 0 and s.distrust == 1.0 and off > far
-    runs = runs and hypot(s.X - s.at_x, s.Y - s.at_y) > REST * way + noise
+    moved = p.measured == 0 or hypot(s.X - s.at_x, s.Y - s.at_y) > REST * way + noise
+    runs = p.measured != 0 and s.distrust == 1.0 and off > far and moved
     s.patience *= exp(-p.hold / _FORGIVES)
-    if runs or (slips and (missed > far or (leaves and off > far))):
+    if runs or (slips and ((missed > far and moved) or (leaves and off > far))):
         if s.distrust < 0.5:
             s.fallbacks += 1.0
             s.patience = max(1.0, _LATER * s.patience) if p.measured != 0 else 1.0

@@ -1,7 +1,8 @@
-"""The nominal plant: what a drive does to the scanner, set-valued friction included; a copy of it that runs along from
-measurement to measurement; the load on the tip, from the deflection.
+"""The nominal plant: what a drive does to the scanner, set-valued friction included; the load on the tip, from the
+deflection.
 """
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from ...contact.friction import friction_impulse
@@ -12,7 +13,7 @@ from ...parts.signals import Measurement
 from ...sample.paper import surface
 from .continuation import FRICTION, HEIGHT, go_on
 from .map import read_map
-from .predictive_constants import ANSWERS, LEARNED, MEAN, SLOPE_X, SLOPE_Y, SLOTS, VALUE, Constants
+from .predictive_constants import ANSWERS, LEARNED, MEAN, SLOPE_X, SLOPE_Y, VALUE, Constants
 
 if TYPE_CHECKING:
     from .predictive_state import State
@@ -96,6 +97,22 @@ def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
     return (u - s.slow[axis] - (p.stiffness[axis] + s.softer[axis]) * q) / s.gain_of[axis]
 
 
+@kernel
+def as_one_mass(p_x: float, p_y: float, n_x: float, n_y: float, radius: float) -> tuple[float, float]:
+    """The momentum of this size along which friction lies near rest, where the axes have unequal masses 1/n.
+
+    Friction lies along the velocity that is left, n (p - j), and not along p: to first order in what the masses differ
+    by. Without it the tip would slide off the balance of forces by n_y / n_x.
+    """
+    size = math.sqrt(p_x * p_x + p_y * p_y)
+    if size <= radius or radius <= 0.0:
+        return p_x, p_y
+    rest = 0.5 * (n_x + n_y) * (size / radius - 1.0)
+    q_x, q_y = p_x * n_x / (n_x + rest), p_y * n_y / (n_y + rest)
+    scale = size / math.sqrt(q_x * q_x + q_y * q_y)
+    return q_x * scale, q_y * scale
+
+
 @routine
 def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants, s: "State") -> None:
     """Move the scanner on by so many steps of length h [1/w0] under a constant drive.
@@ -107,6 +124,7 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
     # Friction is in units of the lateral signal: a scanner that a unit of it pushes gamma times is lighter.
     m_x, m_y = 1.0 / s.gain_of[0], 1.0 / s.gain_of[1]
     n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
+    alike = s.gain_of[0] == s.gain_of[1]
     X, Y, Z, V_X, V_Y, V_Z = s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z
     for _ in range(steps):
         X += half * V_X
@@ -118,7 +136,8 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         p_x = m_x * (1.0 - d_x) * V_X + h * balance(0, u_x, X, p, s)
         p_y = m_y * (1.0 - d_y) * V_Y + h * balance(1, u_y, Y, p, s)
         f = s.here * nominal_bound(load, p, s)
-        j_x, j_y, stick = friction_impulse(p_x, p_y, V_X, V_Y, n_x, n_y, h * f)
+        q_x, q_y = (p_x, p_y) if alike else as_one_mass(p_x, p_y, n_x, n_y, h * f)
+        j_x, j_y, stick = friction_impulse(q_x, q_y, V_X, V_Y, n_x, n_y, h * f)
         s.impulse[0] += j_x
         s.impulse[1] += j_y
         V_X = 0.0 if stick else (p_x - j_x) * n_x
@@ -168,13 +187,3 @@ def drive_of_period(k: int, j: int, axis: int, y: Measurement, p: Constants, s: 
         return y.drive[axis] / p.volts[axis]
     at = max(0, min((k - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
     return drives_of(kept, p, s)[3 * at + axis]
-
-
-@kernel
-def run_copy(k: int, y: Measurement, p: Constants, s: "State") -> None:
-    """Move the copy of the plant from the last measurement to measurement k, under the drives that were in force."""
-    for ahead in range(min(max(k - s.last, 1), SLOTS)):
-        for j in range(p.slots):
-            at = s.last + ahead
-            u_x, u_y = drive_of_period(at, j, 0, y, p, s), drive_of_period(at, j, 1, y, p, s)
-            predict(u_x, u_y, drive_of_period(at, j, 2, y, p, s), p, s)

@@ -11,7 +11,9 @@ from ...core.elementary import hypot, square
 from ...core.jit import kernel, routine
 from ...core.records import Block
 from ...parts.signals import Measurement
-from .nominal_plant import balance, look, nominal_bound, run_copy, take_load
+from .gain_of_y import believe_gain_of_y, carry_gain_of_y, learn_gain_of_y
+from .nominal_plant import balance, look, nominal_bound, take_load
+from .piezo_hysteresis import effective, pass_drives
 from .predictive_constants import (
     ANSWERS,
     AT_X,
@@ -37,14 +39,14 @@ _SURE = 5.0
 """Standard deviations beyond which a difference is not noise, in none of a million measurements."""
 _STOPS = 3.0
 """The same for friction that is too low, and for a speed that is not zero."""
-_ENOUGH = 5.0
-"""Forces in succession as expected after which one that is not is let pass: the contact rings for a moment."""
+_OFF = 4.0
+"""Standard deviations from which on friction of the copy is not the measured one."""
+_RINGS = 5e-4
+"""Change of friction in a time unit between two measurements of it, over its bound, that no line has."""
 _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction."""
 _NEAR = 0.01
 """Step of the derivatives of the nominal bound [x0]."""
-_SPAN = 10.0
-"""Time of the mean by which positions are off [1/w0]."""
 _ON_MAP = 0.3
 """Bend of the ratio that a map leaves, over that of the surface."""
 
@@ -79,10 +81,14 @@ def weigh(noise: float, s: State) -> float:
 
 
 @kernel
-def correct(innovation: float, variance: float, s: State) -> None:
-    """Correct by the measurement last weighed, which was off by so much from what the copy predicts."""
+def correct(innovation: float, variance: float, told: float, learns: bool, s: State) -> None:
+    """Correct by the measurement last weighed, which was off by so much from what the copy predicts.
+
+    The two others are those of `gain_of_y.learn_gain_of_y`.
+    """
     for i in range(5):
         innovation -= s.weights[i] * s.change[i]
+    learn_gain_of_y(innovation, variance, told, learns, s)
     for i in range(5):
         s.change[i] += s.gains[i] * innovation / variance
         for j in range(5):
@@ -90,11 +96,11 @@ def correct(innovation: float, variance: float, s: State) -> None:
 
 
 @kernel
-def take(i: int, innovation: float, noise: float, s: State) -> None:
+def take(i: int, innovation: float, noise: float, learns: bool, s: State) -> None:
     """Correct by a measurement of state i with this variance."""
     s.weights[:] = 0.0
     s.weights[i] = 1.0
-    correct(innovation, weigh(noise, s), s)
+    correct(innovation, weigh(noise, s), 0.0, learns, s)
 
 
 @kernel
@@ -104,7 +110,8 @@ def begin_observer(p: Constants, s: State) -> None:
     s.P[AT_X, AT_X] = s.P[AT_Y, AT_Y] = square(p.position_noise)
     s.P[RATIO, RATIO] = square(UNKNOWN) * p.identified
     s.P[SLOPE, SLOPE] = square(p.bumps[s.unknown] * p.wave_number)
-    s.calm = s.across = s.grip = s.off = 0.0
+    s.moved_by_more[:] = 0.0
+    s.across = s.grip = s.off_force = 0.0
 
 
 @kernel
@@ -144,26 +151,22 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
 @kernel
 def rest(s: State) -> None:
     """What rests has no speed that is uncertain."""
+    s.moved_by_more[SPEED] = 0.0
     for i in range(5):
         s.P[SPEED, i] = s.P[i, SPEED] = 0.0
 
 
 @kernel
-def explains(miss: float, p: Constants) -> float:
-    """Error of the ratio that displaces the slipping tip by `miss` in a control period."""
-    return min(miss / (p.of_drive[0] * p.f_0), UNKNOWN)
-
-
-@kernel
 def doubt(miss: float, t_x: float, t_y: float, p: Constants, s: State) -> None:
     """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
+    s.moved_by_more[:] = 0.0
     speed = min(abs(miss) / p.hold, s.fastest)
     for i, t in ((AT_X, t_x), (AT_Y, t_y)):
         s.P[i, i] += miss * miss
         s.P[i, SPEED] += abs(miss) * speed * t
         s.P[SPEED, i] += abs(miss) * speed * t
     s.P[SPEED, SPEED] += speed * speed
-    s.P[RATIO, RATIO] += square(explains(abs(miss), p)) * p.identified
+    s.P[RATIO, RATIO] += square(min(abs(miss) / (p.of_drive[0] * p.f_0), UNKNOWN)) * p.identified
 
 
 @kernel
@@ -185,19 +188,14 @@ def see_ratio(t_x: float, t_y: float, size: float, nominal: float, p: Constants,
 
 
 @kernel
-def take_ratio_seen(innovation: float, noise: float, missed: float, p: Constants, s: State) -> bool:
+def take_ratio_seen(innovation: float, noise: float, told: float, missed: float, p: Constants, s: State) -> bool:
     """Correct by the ratio that is seen in the lateral force, by the row `s.weights`; whether the tip seems to slip.
 
-    It is never more than that of the bound. Less tells something while the tip slips only. As that is estimated, the
-    ratio falls no faster than the steepest slope of the surface lets it, or by what explains that the tip went further
-    than the copy by `missed`: then it slips.
+    It is never more than that of the bound. Less tells something while the tip slips only: while the copy does, or
+    where the tip went further than the copy by `missed`.
     """
-    fall = 0.0
-    if s.V_X != 0.0 or s.V_Y != 0.0:
-        fall = p.ripple * p.wave_number * (abs(s.v[0]) + abs(s.v[1])) * p.hold
-    if missed > 0.0:
-        fall = max(fall, explains(missed, p))
-    if innovation < 0.0 and fall == 0.0:
+    slips = s.V_X != 0.0 or s.V_Y != 0.0 or missed > 0.0
+    if innovation < 0.0 and not slips:
         return False
     variance = weigh(noise, s)
     slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
@@ -207,31 +205,73 @@ def take_ratio_seen(innovation: float, noise: float, missed: float, p: Constants
         rest(s)
         return False
     expected = innovation * innovation <= _SURE * _SURE * variance
-    calm = s.calm
-    s.calm = calm + 1.0 if expected else 0.0
     if not expected:
-        if calm >= _ENOUGH:
-            return False
-        s.P[RATIO, RATIO] += square(innovation if innovation > 0.0 else min(-innovation, fall)) * p.identified
+        s.P[RATIO, RATIO] += square(innovation) * p.identified
         variance = weigh(noise, s)
-    if s.gains[RATIO] * innovation < -fall * variance:
-        innovation = -fall * variance / s.gains[RATIO]
-    correct(innovation, variance, s)
-    return innovation * innovation <= _SURE * _SURE * variance and fall > 0.0
+    correct(innovation, variance, told, False, s)
+    return innovation * innovation <= _SURE * _SURE * variance and slips
+
+
+@kernel
+def copied_friction(u_x: float, u_y: float, p: Constants, s: State) -> float:
+    """Friction along x of the copy under this drive, its bound by its own load."""
+    look(s.X, s.Y, p, s)
+    tip = s.Z + s.height - p.delta - p.delta_curvature * s.curvature
+    f = s.here * nominal_bound(p.w + p.eta_c2 * (tip - p.a), p, s)
+    speed = hypot(s.V_X, s.V_Y)
+    if speed > 0.0:
+        return f * s.V_X / speed
+    b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
+    size = hypot(b_x, b_y)
+    return b_x * min(f / size, 1.0) if size > 0.0 else 0.0
+
+
+@kernel
+def follow_force(force: float, u_x: float, u_y: float, p: Constants, s: State) -> None:
+    """Move the copy by what its friction was off the measured one in a control period, if that is more than noise.
+
+    Friction as it is measured knows whether the tip slips, and of no surface.
+    """
+    off = copied_friction(u_x, u_y, p, s) - force
+    mean = 0.5 * (off + s.off_force)
+    s.off_force = off
+    noise = hypot(p.force_noise, p.f_0 * _RINGS * p.hold)
+    if s.V_X == 0.0 and s.V_Y == 0.0:
+        noise = hypot(noise, p.stiffness[0] * math.sqrt(s.P[AT_X, AT_X]))
+    b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
+    if abs(mean) < _OFF * noise or abs(b_x) < _TELLS * hypot(b_x, b_y):
+        return
+    push_x, push_y = s.gain_of[0] * mean, s.gain_of[1] * mean * b_y / b_x
+    s.X += p.Gamma_hold[0, 0] * push_x
+    s.V_X += p.Gamma_hold[0, 1] * push_x
+    s.Y += p.Gamma_hold[1, 0] * push_y
+    s.V_Y += p.Gamma_hold[1, 1] * push_y
+    if s.V_X * b_x + s.V_Y * b_y < 0.0:
+        # Friction turns no motion round.
+        s.V_X, s.V_Y = 0.0, 0.0
+
+
+@kernel
+def lean(y: Measurement, p: Constants, s: State) -> tuple[float, float, float]:
+    """Direction and size of what the drive leaves at rest where the copy is, which is looked at."""
+    look(s.X, s.Y, p, s)
+    b_x, b_y = balance(0, effective(0, y, p, s), s.X, p, s), balance(1, effective(1, y, p, s), s.Y, p, s)
+    size = hypot(b_x, b_y)
+    return (b_x / size, b_y / size, size) if size > 0.0 else (1.0, 0.0, 0.0)
 
 
 @routine
 def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s: State) -> None:
     """Run the copy up to measurement k, and correct it and the ratio by the positions x, y_ and the lateral force."""
     from_x, from_y, periods = s.X, s.Y, max(k - s.last, 1)
-    run_copy(k, y, p, s)
+    force = y.lateral_force / p.lateral_force
+    pass_drives(k, y, True, p, s)
+    if p.slots == 1 and periods == 1:
+        follow_force(force, effective(0, y, p, s), effective(1, y, p, s), p, s)
     take_load(y, p, s)
-    look(s.X, s.Y, p, s)
+    t_x, t_y, size = lean(y, p, s)
     P, ratio, nominal = s.P, s.here, nominal_bound(s.load, p, s)
-    b_x = balance(0, y.drive[0] / p.volts[0], s.X, p, s)
-    b_y = balance(1, y.drive[1] / p.volts[1], s.Y, p, s)
-    size = hypot(b_x, b_y)
-    t_x, t_y = (b_x / size, b_y / size) if size > 0.0 else (1.0, 0.0)
+    s.bound = ratio * nominal
     way = hypot(s.X - from_x, s.Y - from_y)
     slope = s.ratio[SLOPE_X] * t_x + s.ratio[SLOPE_Y] * t_y
     s.change[:] = 0.0
@@ -246,34 +286,42 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
         P[SLOPE, SLOPE] = square(_ON_MAP * p.bumps[s.unknown] * p.wave_number)
     for _ in range(min(periods, ANSWERS) if way > 0.0 else 0):
         carry(way / periods, t_x, t_y, nominal, p, s)
+        if p.slots == 1:
+            carry_gain_of_y(way / periods, t_x, t_y, p, s)
     P[RATIO, RATIO] += square(p.wander[s.unknown]) * periods
     resting = s.V_X == 0.0 and s.V_Y == 0.0
     if resting:
         rest(s)
-    noise, force = square(p.position_noise), y.lateral_force / p.lateral_force
+    noise = square(p.position_noise)
     along = (x - s.X) * t_x + (y_ - s.Y) * t_y
     known = t_x * t_x * P[AT_X, AT_X] + 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_y * t_y * P[AT_Y, AT_Y]
     missed = along if along * along > _SURE * _SURE * (known + noise) else 0.0
     if missed != 0.0:
         doubt(missed, t_x, t_y, p, s)
-    s.off += min(p.hold / _SPAN, 1.0) * (x - s.X - s.off)
-    off, stiffness = b_x - force, p.stiffness[0]
-    likely = square(off) < _SURE * _SURE * (square(stiffness) * P[AT_X, AT_X] + square(p.force_noise))
-    if resting and way == 0.0 and p.slots == 1 and likely:
-        # At rest friction is what the drive leaves, which tells the position; the less the more measured positions are
-        # off from it: then a force that is not known displaces the scanner.
-        take(AT_X, off / stiffness, square(p.force_noise / stiffness) + square(_STOPS * s.off), s)
-    s.grip = 0.0
+        if p.slots > 1:
+            # Direction and bound of friction are those where the tip is, not those where the copy has gone.
+            s.X, s.Y = x, y_
+            t_x, t_y, size = lean(y, p, s)
+            ratio, nominal = s.here, nominal_bound(s.load, p, s)
+    s.grip, most = 0.0, math.inf
     if size > 0.0 and abs(t_x) > _TELLS:
         see_ratio(t_x, t_y, size, nominal, p, s)
         # Where the tip runs fast its load is not that at rest, and where it goes far its surface is another.
         went = hypot(x - from_x, y_ - from_y) / (periods * p.hold)
         swing = p.f_load * p.height * square(q * min(s.V_X * t_x + s.V_Y * t_y, went))
         seen, of_seen = force / (t_x * nominal), square(p.ratio_noise / t_x) + swing * swing
-        if take_ratio_seen(seen - ratio, of_seen, missed, p, s):
+        if p.slots > 1:
+            # What moves less than expected may rest: friction that was not seen is not believed in.
+            most = max(ratio, seen)
+        # Where more gain leaves less along y, the direction of the balance is nearer to x.
+        if take_ratio_seen(seen - ratio, of_seen, ratio * t_y * t_y, missed, p, s):
             s.grip = max(seen, 0.0)
-    take(AT_X, x - s.X, noise, s)
-    take(AT_Y, y_ - s.Y, noise, s)
+    # Not in the first slip, while friction is not known either.
+    learns = p.adapts != 0 and p.slots == 1 and s.grip > 0.0 and missed == 0.0 and s.ratio[GONE] > 2.0 * math.pi
+    take(AT_X, x - s.X, noise, learns, s)
+    take(AT_Y, y_ - s.Y, noise, learns, s)
+    if p.adapts != 0 and p.slots == 1:
+        believe_gain_of_y(p, s)
     s.across = t_y * t_y * P[AT_X, AT_X] - 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_x * t_x * P[AT_Y, AT_Y]
     s.X += s.change[AT_X]
     s.Y += s.change[AT_Y]
@@ -284,7 +332,7 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     if speed <= REST * s.fastest:
         s.grip = 0.0
     s.V_X, s.V_Y = speed * t_x, speed * t_y
-    s.ratio[VALUE] = ratio + s.change[RATIO]
+    s.ratio[VALUE] = min(ratio + s.change[RATIO], most)
     steepest = p.bumps[s.unknown] * q
     slope = min(max(slope + s.change[SLOPE], -steepest), steepest)
     s.ratio[SLOPE_X], s.ratio[SLOPE_Y], s.ratio[WAY_X], s.ratio[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y

@@ -10,9 +10,9 @@ Sprekels, *Hysteresis and Phase Transitions*, Springer (1996), chapter 2. The la
 sends is u.
 """
 
-from ...core.jit import kernel
+from ...core.jit import kernel, routine
 from ...parts.signals import Measurement
-from .nominal_plant import drive_of_period
+from .nominal_plant import drive_of_period, predict
 from .predictive_constants import SLOTS, STOPS, Constants
 from .predictive_state import State
 
@@ -56,9 +56,12 @@ def drive_for(axis: int, w: float, p: Constants, s: State) -> float:
     return u
 
 
-@kernel
-def follow_drives(k: int, y: Measurement, p: Constants, s: State) -> None:
-    """Let the stops follow the drives that were in force until measurement k; their means go to `s.stop_mean`."""
+@routine
+def pass_drives(k: int, y: Measurement, moves: bool, p: Constants, s: State) -> None:
+    """Let the stops follow the drives that were in force until measurement k, and the copy of the plant if it moves.
+
+    The means of the stops go to `s.stop_mean`.
+    """
     periods = min(max(k - s.last, 1), SLOTS) if s.started != 0.0 else 0
     for axis in range(2):
         if s.started == 0.0:
@@ -67,11 +70,20 @@ def follow_drives(k: int, y: Measurement, p: Constants, s: State) -> None:
         for i in range(STOPS):
             s.stop_ahead[axis, i] = s.stop_now[axis, i] if s.started != 0.0 else 0.0
             s.stop_mean[axis, i] = 0.0
-        for ahead in range(periods):
-            for j in range(p.slots):
-                advance(axis, drive_of_period(s.last + ahead, j, axis, y, p, s), p, s)
+    for ahead in range(periods):
+        for j in range(p.slots):
+            for axis in range(3):
+                s.drive_passed[axis] = drive_of_period(s.last + ahead, j, axis, y, p, s)
+                if p.slots == 1 and ahead == periods - 1:
+                    # Whatever the delay is: the drive that was in force.
+                    s.drive_passed[axis] = y.drive[axis] / p.volts[axis]
+            w_x, w_y = advance(0, s.drive_passed[0], p, s), advance(1, s.drive_passed[1], p, s)
+            if moves:
+                predict(w_x, w_y, s.drive_passed[2], p, s)
+            for axis in range(2):
                 for i in range(STOPS):
                     s.stop_mean[axis, i] += s.stop_ahead[axis, i] / (p.slots * periods)
+    for axis in range(2):
         s.drive_now[axis] = s.drive_ahead[axis]
         for i in range(STOPS):
             s.stop_now[axis, i] = s.stop_ahead[axis, i]

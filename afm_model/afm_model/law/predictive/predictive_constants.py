@@ -43,8 +43,11 @@ _THRESHOLDS = (0.05, 0.2)
 """Of the stops, over the bound of friction: by twice that the drive turns with the motion."""
 FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
-FIRST = (0.3, 1.0, 0.03, *STOPS * (0.1,))
-"""Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2], an opening."""
+FIRST = (0.3, 1.0, 0.03, *STOPS * (0.05,))
+"""Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2], an opening.
+
+With more of an opening a turn of a motion that is not steady is taken for hysteresis.
+"""
 FIRST_Z = (0.0, 0.003, 0.03, *STOPS * (0.0,))
 """The same along z [w0^2 z0]; with positions alone nothing is estimated there."""
 _WAVE = 63.0
@@ -54,6 +57,8 @@ _UNEVEN = 3e-5
 the deflection tells, what is not static."""
 _ASTRAY = 1.3e-4
 """Rms change of the position across the motion in a time unit, that the copy does not know [x0]."""
+_UNSEEN = 10.0
+"""Acceleration along z that is not known, over a surface that is not: what z is estimated wrong by is taken for it."""
 _STEP = 0.05
 """Longest step of the prediction [1/w0]."""
 
@@ -125,7 +130,7 @@ class Constants(Record):
     Gamma: Annotated[Array, (3, 2)]
     G: Annotated[Array, (3, INTERVALS, 2)]
     Gamma_hold: Annotated[Array, (3, 2)]  # of the free axes over a control period
-    L: Annotated[Array, (2,)]  # of the observer along z
+    L: Annotated[Array, (2, 2)]  # of the observer along z, in the same way
     free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
     of_drive: Annotated[Array, (2,)]
 
@@ -139,7 +144,7 @@ def longest(parameters: Tree) -> int:
 def first_deviations(law: Tree) -> list[list[float]]:
     """Standard deviations, at the start, of what the model does not explain of each axis; 0: it is believed."""
     full = law.feedback == "full"
-    given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (law.hysteresis if full else "nominal",)
+    given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (law.hysteresis,)
     sizes = FIRST, FIRST, FIRST_Z if full else len(FIRST) * (0.0,)
     return [[size if way == "estimated" else 0.0 for size, way in zip(each, given, strict=True)] for each in sizes]
 
@@ -204,7 +209,11 @@ def values(parameters: Tree) -> Numbers:
     ratio_noise = hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
     ripple = abs(up - down) / (2.0 * small * f_0) * square(law.wave_number * x0) * law.height / z0
     noise = law.position_noise / x0
-    L = observer_gains(stiffness[2], damping[2], hold, FLOOR * square(eta_c) / mu, law.position_noise / z0)
+    disturbance = FLOOR * square(eta_c) / mu
+    L = [
+        observer_gains(stiffness[2], damping[2], hold, factor * disturbance, law.position_noise / z0)
+        for factor in (1.0, _UNSEEN)
+    ]
     first = first_deviations(law)
     of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(3)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
@@ -218,8 +227,8 @@ def values(parameters: Tree) -> Numbers:
         "longest": longest(parameters),
         "fine": division.fine,
         "horizon": n,
-        # In packets the next drive follows soon, in a long hold z cannot follow, and noise of a position is no error.
-        "back": round(division.response / (slot / division.fine)) * (slots == 1 and slot <= LONG and not measured),
+        # In packets the next drive follows soon, and in a long hold z cannot follow.
+        "back": round(division.response / (slot / division.fine)) * (slots == 1 and slot <= LONG),
         "tau": slot / division.fine,
         "refined": slot > LONG and n + division.fine <= INTERVALS,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),
@@ -263,7 +272,7 @@ def values(parameters: Tree) -> Numbers:
         "least_bound": least_bound(law),
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
-        "L": L,
+        "L": np.array(L),
         "Gamma_hold": np.array(of_hold),
         "free": free,
         "of_drive": of_drive,

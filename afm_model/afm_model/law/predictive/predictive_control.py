@@ -11,7 +11,7 @@ from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
 from .nominal_plant import level, predict, take_load
 from .observer import begin_observer, observe_scanner
-from .piezo_hysteresis import effective, follow_drives, plan_drives, plan_effective
+from .piezo_hysteresis import effective, pass_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, Constants
 from .predictive_state import State
 from .sample_estimate import TOUCHES, doubt_surface, measured_height, place_variance, take_height, take_ratio
@@ -24,6 +24,8 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
     x, y_, z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
     # What led to a fallback is no estimate to go on from.
     if p.measured == 0 or s.started == 0.0 or s.distrust == 1.0:
+        if p.hysteretic != 0:
+            pass_drives(k, y, False, p, s)
         speed = p.x0 * p.w0
         s.X, s.Y, s.Z = x, y_, z
         s.V_X = y.velocity[0] / speed if p.measured == 0 else 0.0
@@ -35,8 +37,8 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
         s.V_X, s.V_Y, s.V_Z = s.estimate[3], s.estimate[4], s.estimate[5]
         observe_scanner(k, x, y_, y, p, s)
         missed = z - s.Z
-        s.Z += p.L[0] * missed
-        s.V_Z += p.L[1] * missed
+        s.Z += p.L[s.unknown, 0] * missed
+        s.V_Z += p.L[s.unknown, 1] * missed
     s.estimate[0], s.estimate[1], s.estimate[2] = s.X, s.Y, s.Z
     s.estimate[3], s.estimate[4], s.estimate[5] = s.V_X, s.V_Y, s.V_Z
 
@@ -73,8 +75,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     k = int(t * p.w0 / p.hold + 0.5)
     recall(k, y, p, s)
     observe(k, y, p, s)
-    if p.hysteretic != 0:
-        follow_drives(k, y, p, s)
     if p.adapts and p.measured == 0:
         explain(k, y, p, s)
     elif p.adapts:

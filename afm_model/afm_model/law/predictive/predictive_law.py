@@ -58,7 +58,7 @@ class PredictiveLaw(SampledLaw):
     hysteresis: Literal["none", "estimated"] = Field(
         "estimated",
         description="hysteresis of the piezo along x and y, the part by which it is less sensitive behind a turn of "
-        "the drive; with feedback=measured: none",
+        "the drive; with feedback=measured: that of y is taken to be as that of x",
     )
     corner_x: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="preview: places +-corner_x at which a reference straight along x turns back; 0: none is known"

@@ -35,7 +35,8 @@ class State(Record):
     expected: Annotated[Array, (3, 4)]
     impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
     told: float  # one: y has been observed, two: its direction is too; of positions alone: the model is contradicted
-    learned: Annotated[Array, (3,)]  # of positions alone: gamma, b, c of x, and the mean square force that they explain
+    # Of positions alone: gamma, b, c and openings of x, and the mean square force that they explain.
+    learned: Annotated[Array, (UNEXPLAINED,)]
     counts: float
     slow: Annotated[Array, (3,)]
     softer: Annotated[Array, (3,)]
@@ -48,10 +49,16 @@ class State(Record):
     stop_ahead: Annotated[Array, (2, STOPS)]
     drive_now: Annotated[Array, (2,)]
     drive_ahead: Annotated[Array, (2,)]
+    drive_passed: Annotated[Array, (3,)]
     sent_ahead: Annotated[Array, (SLOTS, 2)]
     grip: float  # of positions alone: measured ratio; no measurement: zero
-    calm: float  # forces in succession that were as expected
-    off: float  # mean by which positions are off along x
+    off_force: float  # by which friction of the copy was off the measured one
+    # gain_of_y.py: the gain of y over that of x, found since that, variance, what it does to the states of observer.py.
+    more_gain: float
+    more_found: float
+    variance_of_more: float
+    moved_by_more: Annotated[Array, (5,)]
+    bound: float  # of friction, as it is estimated
     P: Annotated[Array, (5, 5)]  # covariance of the states of observer.py
     carried: Annotated[Array, (5, 5)]  # what a Kalman filter needs between two steps
     half: Annotated[Array, (5, 5)]

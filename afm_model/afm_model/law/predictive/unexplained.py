@@ -11,6 +11,7 @@ drive: that parts them.
 """
 
 import math
+from typing import Any
 
 from ...core.elementary import hypot, square
 from ...core.jit import kernel
@@ -35,11 +36,15 @@ _SLOW = 2.0
 """Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
 SEEMS = 5.0
 """Standard deviations of a position by which a tip may seem to have moved."""
+NOTHING = (1.0, 0.0, 0.0, *STOPS * (0.0,))
+"""Gamma, b, c and openings of a model that explains all."""
+_KNOWN = 0.1
+"""Deviation of the gain of x over that at the start below which y is taken to be as x."""
 _SLOWLY = 0.02
 """Part of that random walk that positions alone are allowed to follow."""
 SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
-COUNTS = 0.01
+COUNTS = 0.003
 """Of positions alone: rms force over that of friction that contradicts the model, later half of it; twice as much does
 so at once."""
 _SPAN = 100.0
@@ -115,6 +120,14 @@ def expect(slot: int, p: Constants, s: State) -> None:
 
 
 @kernel
+def believe(axis: int, numbers: Any, s: State) -> None:
+    """Believe in these gamma, b, c and openings of an axis."""
+    s.gain_of[axis], s.slow[axis], s.softer[axis] = numbers[0], numbers[1], numbers[2]
+    for i in range(STOPS):
+        s.opening[axis, i] = numbers[3 + i]
+
+
+@kernel
 def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """Learn from positions alone: what a drive holds in place but for friction, the motion being slow.
 
@@ -123,23 +136,38 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """
     signal = y.lateral_force / p.lateral_force
     q = y.position[0] / p.x0
-    s.gain_of[0], s.slow[0], s.softer[0] = s.learned[0], s.learned[1], s.learned[2]
-    left = s.gain_of[0] * (balance(0, y.drive[0] / p.volts[0], q, p, s) - signal)
+    believe(0, s.learned, s)
+    left = s.gain_of[0] * (balance(0, effective(0, y, p, s), q, p, s) - signal)
     noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * SLIDING * p.hold
+    # Where the motion is not steady the drive does not hold it.
+    noise += abs(s.V_X - s.seen[0, 1]) / p.hold
+    s.seen[0, 1] = s.V_X
     went = hypot(q - s.at_x, y.position[1] / p.x0 - s.at_y)
     if went < _SLOW * s.fastest * p.hold + SEEMS * p.position_noise:
         update(0, left, signal, q, s.stop_now, noise, p, s)
     s.learned[0], s.learned[1], s.learned[2] = s.gain_of[0], s.slow[0], s.softer[0]
     force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * q
-    s.counts += min(p.hold / _SPAN, 1.0) * (force * force - s.counts)
-    if abs(force) > 2.0 * COUNTS * p.f_0:
-        s.counts = max(s.counts, force * force)
+    for i in range(STOPS):
+        s.learned[3 + i] = s.opening[0, i]
+        force += s.opening[0, i] * s.stop_now[0, i]
+    of_force = variance(0, signal, q, s)
+    s.counts += min(p.hold / _SPAN, 1.0) * (square(force) - of_force - s.counts)
+    if abs(force) > 2.0 * COUNTS * p.f_0 + _SURE * math.sqrt(of_force):
+        s.counts = max(s.counts, square(force) - of_force)
     least = COUNTS * p.f_0 * (0.5 if s.told != 0.0 else 1.0)
     s.told = 1.0 if s.counts > least * least else 0.0
     if s.told == 0.0:
-        s.gain_of[0], s.slow[0], s.softer[0] = 1.0, 0.0, 0.0
-    # A force along y cannot be told from the noise of a direction: gain and spring are taken to be as wrong as along x.
-    s.gain_of[1], s.softer[1] = s.gain_of[0], s.softer[0] * p.stiffness[1] / p.stiffness[0]
+        believe(0, NOTHING, s)
+    # Spring and hysteresis are taken to be as wrong as along x, since no force tells them; the gain is found. Where the
+    # tip does not move along x nothing is known of it.
+    if s.unsure[0, 0, 0] < square(_KNOWN * p.first[0, 0]):
+        s.gain_of[1], s.softer[1] = s.gain_of[0], s.softer[0] * p.stiffness[1] / p.stiffness[0]
+        for i in range(STOPS):
+            s.opening[1, i] = s.opening[0, i]
+    else:
+        believe(1, NOTHING, s)
+    s.gain_of[1] = min(max(s.gain_of[1] + s.more_gain, GAIN_LIMITS[0]), GAIN_LIMITS[1])
+    s.unsure[1, 0, 0] = s.unsure[0, 0, 0] + s.variance_of_more
 
 
 @kernel
