@@ -57,18 +57,19 @@ def learn_gain_of_y(innovation: float, variance: float, told: float, learns: boo
 
 
 @kernel
-def carry_gain_of_y(way: float, t_x: float, t_y: float, p: Constants, s: State) -> None:
+def carry_gain_of_y(way: float, t_x: float, t_y: float, bound: float, p: Constants, s: State) -> None:
     """Carry what the gain does to the states through a period, in which the tip goes so far along t.
 
-    The transition of the states is in `s.carried`. More gain along y is a force against the motion, the part t_y^2 of
-    friction along it and t_x t_y across; across, friction turns the motion until nothing is left.
+    Friction on the way has this bound; the transition of the states is in `s.carried`. More gain along y is a force
+    against the motion, the part t_y^2 of friction along it and t_x t_y across; across, friction turns the motion until
+    nothing is left.
     """
     F, moved = s.carried, s.moved_by_more
     for i in range(5):
         s.gains[i] = 0.0
         for k in range(5):
             s.gains[i] += F[i, k] * moved[k]
-    along, across = -s.bound * t_y * t_y, -way * t_x * t_y
+    along, across = -bound * t_y * t_y, -way * t_x * t_y
     moved[AT_X] = s.gains[AT_X] + p.of_drive[0] * along * t_x - across * t_y
     moved[AT_Y] = s.gains[AT_Y] + p.of_drive[0] * along * t_y + across * t_x
     moved[SPEED] = s.gains[SPEED] + p.of_drive[1] * along

@@ -271,7 +271,6 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     take_load(y, p, s)
     t_x, t_y, size = lean(y, p, s)
     P, ratio, nominal = s.P, s.here, nominal_bound(s.load, p, s)
-    s.bound = ratio * nominal
     way = hypot(s.X - from_x, s.Y - from_y)
     slope = s.ratio[SLOPE_X] * t_x + s.ratio[SLOPE_Y] * t_y
     s.change[:] = 0.0
@@ -287,7 +286,7 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     for _ in range(min(periods, ANSWERS) if way > 0.0 else 0):
         carry(way / periods, t_x, t_y, nominal, p, s)
         if p.slots == 1:
-            carry_gain_of_y(way / periods, t_x, t_y, p, s)
+            carry_gain_of_y(way / periods, t_x, t_y, ratio * nominal, p, s)
     P[RATIO, RATIO] += square(p.wander[s.unknown]) * periods
     resting = s.V_X == 0.0 and s.V_Y == 0.0
     if resting:

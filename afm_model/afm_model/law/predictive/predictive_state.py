@@ -58,7 +58,6 @@ class State(Record):
     more_found: float
     variance_of_more: float
     moved_by_more: Annotated[Array, (5,)]
-    bound: float  # of friction, as it is estimated
     P: Annotated[Array, (5, 5)]  # covariance of the states of observer.py
     carried: Annotated[Array, (5, 5)]  # what a Kalman filter needs between two steps
     half: Annotated[Array, (5, 5)]
