@@ -81,6 +81,7 @@ CASES = (
     Case("height x 2", {"sample.beta": 25e-9}),
     Case("hysteresis .5 %", _ceramic(0.005)),
     Case("hysteresis 5 %, creep 1.5 %", _ceramic(0.05, 0.015)),
+    Case("creep 1.5 %", _ceramic(0.0, 0.015)),
     Case("drift 1e-15 m/s", {"drift.rate_x": 1e-15, "drift.rate_y": 1e-15}),
     Case("drift 1 nm/s", {"drift.rate_x": 1e-9, "drift.rate_y": 1e-9}),
     Case("position noise 1e-18 m", {"detector.position_noise": 1e-18}),

@@ -10,6 +10,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
 from law_loop import ESTIMATES, PLANT, Loop, multiplier
 
+NO_MEMORY = {"hysteresis": "none", "creep": "none"}
+
 
 @pytest.fixture(scope="module")
 def loop() -> Loop:
@@ -23,12 +25,17 @@ def matrix(loop) -> np.ndarray:
 
 def test_a_deviation_is_smaller_after_a_period_told_and_a_period_late(matrix):
     assert max(abs(np.linalg.eigvals(matrix))) < 1.0
-    assert multiplier(Loop(2e-4, 1, 1, surface="known")) < 1.0
+    assert multiplier(Loop(2e-4, 1, 1, omega=60.0, surface="known", **NO_MEMORY)) < 1.0
+
+
+def test_at_a_corner_the_loop_has_no_matrix():
+    # There the tip is at the speed that is rest.
+    assert np.isnan(multiplier(Loop(2e-4, 1, omega=50.0, surface="known", **NO_MEMORY)))
 
 
 def test_matrix_of_one_period_foretells_the_next_one():
     # Openings that are zero stand at their limit, where what a period makes of a deviation has a corner.
-    loop = Loop(2e-4, 1, surface="known", hysteresis="none")
+    loop = Loop(2e-4, 1, surface="known", **NO_MEMORY)
     matrix = loop.matrix()
     # Far from the eigenvectors; what is left after a period is what the numbers looked at carry on.
     change = np.concatenate([np.zeros(len(PLANT)), [1.0, -2.0, 1.5, 0.5, 1.0, -1.0]])
@@ -44,16 +51,16 @@ def test_scanner_and_filter_are_separate(matrix):
     assert np.abs(matrix[n:, :n]).max() < 5e-2 * np.abs(matrix[n:, n:]).max()
     assert np.abs(matrix[:n, :n]).max() < 5e-3
     # Where no hysteresis is learned, none.
-    without = Loop(2e-4, 1, surface="known", hysteresis="none").matrix()
+    without = Loop(2e-4, 1, surface="known", **NO_MEMORY).matrix()
     assert np.abs(without[n:, :n]).max() < 1e-2 * np.abs(without[n:, n:]).max()
     assert np.abs(without[:n, :n]).max() < 1e-3
 
 
 def test_filter_that_believes_its_model_forgets_nothing(loop):
     believed = {name: "nominal" for name in ("lateral_gain", "slow_force", "stiffness")}
-    held = Loop(2e-4, 1, surface="known", hysteresis="none", **believed)
+    held = Loop(2e-4, 1, surface="known", **NO_MEMORY, **believed)
     # What is believed is changed here alone, and nothing corrects it.
     change = np.zeros(10)
-    change[len(PLANT) + ESTIMATES.index("slow")] = 1.0
-    assert held.left(change, held.ticks)[len(PLANT) + ESTIMATES.index("slow")] == pytest.approx(1.0, rel=1e-6)
-    assert abs(loop.left(change, loop.ticks)[len(PLANT) + ESTIMATES.index("slow")]) < 1.0
+    change[len(PLANT) + ESTIMATES.index("slow force")] = 1.0
+    assert held.left(change, held.ticks)[len(PLANT) + ESTIMATES.index("slow force")] == pytest.approx(1.0, rel=1e-6)
+    assert abs(loop.left(change, loop.ticks)[len(PLANT) + ESTIMATES.index("slow force")]) < 1.0

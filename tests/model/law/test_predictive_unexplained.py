@@ -27,7 +27,8 @@ def believes(gain_x, gain_y):
     s = record_of(State, **start(build(ControllerParameters, PACKETS)))
     begin_anew(p, s)
     s.fastest = SPEED
-    s.gain_of[0], s.gain_of[1] = gain_x, gain_y
+    for axis, gain in enumerate((gain_x, gain_y)):
+        s.gain_of[axis] = s.learned[axis, 0] = gain
     s.unsure[0] = 1e-12 * np.eye(len(s.unsure[0]))
     return p, s
 

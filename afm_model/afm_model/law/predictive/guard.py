@@ -12,10 +12,10 @@ from ...parts.signals import Measurement
 from .continuation import forget_places
 from .gain_of_y import forget_gain_of_y
 from .map import NODES
-from .predictive_constants import FOLLOWED, KNOWN, MEAN, STOPS, UNEXPLAINED, VALUE, Constants
+from .predictive_constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Constants
 from .predictive_state import State
 from .sample_estimate import REST
-from .unexplained import GAIN_LIMITS, SEEMS
+from .unexplained import GAIN_LIMITS, NOTHING, SEEMS, believe
 
 _FAR = 0.5
 """Innovation, or error that grows while the tip slips, over what standing still would cost."""
@@ -51,14 +51,11 @@ def forget(p: Constants, s: State) -> None:
         s.ratio[VALUE] = s.ratio[MEAN] = min(max(_BELOW * s.ratio[VALUE], _RATIO_LIMITS[0]), _RATIO_LIMITS[1])
     s.told = s.counts = s.misfit = s.misfit_H = 0.0
     for axis in range(3):
-        s.gain_of[axis], s.slow[axis], s.softer[axis] = 1.0, 0.0, 0.0
-        for i in range(STOPS):
-            s.opening[axis, i] = 0.0
         for i in range(UNEXPLAINED):
+            s.learned[axis, i] = NOTHING[i]
             for j in range(UNEXPLAINED):
                 s.unsure[axis, i, j] = square(p.first[axis, i]) if i == j else 0.0
-    s.learned[:] = 0.0
-    s.learned[0] = 1.0
+        believe(axis, NOTHING, s)
     forget_gain_of_y(s)
 
 

@@ -13,7 +13,7 @@ from ...core.records import Block
 from ...parts.signals import Measurement
 from .gain_of_y import believe_gain_of_y, carry_gain_of_y, learn_gain_of_y
 from .nominal_plant import balance, look, nominal_bound, take_load
-from .piezo_hysteresis import effective, pass_drives
+from .piezo_memory import effective, pass_drives
 from .predictive_constants import (
     ANSWERS,
     AT_X,

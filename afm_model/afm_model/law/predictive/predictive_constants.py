@@ -7,7 +7,7 @@ import numpy as np
 
 from ...contact.friction import bound_of_load
 from ...contact.jkr import indentation_of_u, radius_at_zero_load, u_of_load
-from ...core.elementary import cbrt, exp, hypot, square
+from ...core.elementary import cbrt, exp, expm1, hypot, log, square
 from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from ...parts.signals import LONGEST_HORIZON
@@ -26,9 +26,15 @@ LONGEST_DELAY = 30
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
 STOPS = 2
-"""Stops of the hysteresis of the piezo: piezo_hysteresis.py."""
-UNEXPLAINED = 3 + STOPS
-"""Numbers of an axis that the model does not explain: gamma, b, c, openings."""
+"""Stops of the hysteresis of the piezo: piezo_memory.py."""
+LAGS = 6
+"""Time constants of its creep."""
+MEMORY = STOPS + 1
+"""What the drives before take: stops, creep."""
+UNEXPLAINED = 3 + MEMORY
+"""Numbers of an axis that the model does not explain: gamma, b, c, openings, creep."""
+CREEP = 3 + STOPS
+"""The last of them."""
 VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
 """What is followed of height and friction: value and slopes; covariances of value and slope; direction of the last
 step; mean, phase gone in it."""
@@ -41,14 +47,20 @@ TABLE = 33
 """Places for which it is continued."""
 _THRESHOLDS = (0.05, 0.2)
 """Of the stops, over the bound of friction: by twice that the drive turns with the motion."""
+_LAG_TIMES = (1e-3, 4e-3, 16e-3, 64e-3, 256e-3, 1.024)
+"""Time constants of creep [s]. What is faster is over within a period of packets; what is slower is a slow force."""
+A_DECADE = log(10.0) / log(4.0)
+"""Creep in a decade of time, over that of a lag."""
 FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
-FIRST = (0.3, 1.0, 0.03, *STOPS * (0.05,))
-"""Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2], an opening.
+FIRST = (0.3, 1.0, 0.03, *STOPS * (0.05,), 0.007)
+"""Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2], opening, creep.
 
 With more of an opening a turn of a motion that is not steady is taken for hysteresis.
 """
-FIRST_Z = (0.0, 0.003, 0.03, *STOPS * (0.0,))
+_OPENING_PACKET = 0.1
+"""That of an opening in packets, where few measurements tell it."""
+FIRST_Z = (0.0, 0.003, 0.03, *MEMORY * (0.0,))
 """The same along z [w0^2 z0]; with positions alone nothing is estimated there."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
@@ -59,8 +71,12 @@ _ASTRAY = 1.3e-4
 """Rms change of the position across the motion in a time unit, that the copy does not know [x0]."""
 _UNSEEN = 10.0
 """Acceleration along z that is not known, over a surface that is not: what z is estimated wrong by is taken for it."""
-_STEP = 0.05
-"""Longest step of the prediction [1/w0]."""
+_STEP = 0.125
+"""Longest step of the prediction [1/w0], which begins anew at each measurement."""
+_STEP_COPY = 0.05
+"""With positions alone, where the copy of the plant goes on from step to step."""
+_STEP_PHASE = 0.25
+"""And the phase of the fastest resonance in a step."""
 
 
 class Constants(Record):
@@ -84,8 +100,10 @@ class Constants(Record):
     identified: int
     adapts: int  # what the model does not explain is estimated, with these deviations at the start
     first: Annotated[Array, (3, UNEXPLAINED)]
-    hysteretic: int  # the hysteresis of the piezo is estimated
-    threshold: Annotated[Array, (STOPS,)]  # of its stops
+    remembers: int  # hysteresis or creep of the piezo are estimated
+    threshold: Annotated[Array, (STOPS,)]  # of the stops
+    lag_left: Annotated[Array, (LAGS,)]  # what of a lag is left after a slot, and its mean in the slot
+    lag_mean: Annotated[Array, (LAGS,)]
     mu: float
     w: float
     a: float
@@ -144,8 +162,9 @@ def longest(parameters: Tree) -> int:
 def first_deviations(law: Tree) -> list[list[float]]:
     """Standard deviations, at the start, of what the model does not explain of each axis; 0: it is believed."""
     full = law.feedback == "full"
-    given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (law.hysteresis,)
-    sizes = FIRST, FIRST, FIRST_Z if full else len(FIRST) * (0.0,)
+    given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (law.hysteresis,), law.creep
+    of_x = FIRST if law.packet == 1 else (*FIRST[:3], *STOPS * (_OPENING_PACKET,), FIRST[CREEP])
+    sizes = of_x, of_x, FIRST_Z if full else len(FIRST) * (0.0,)
     return [[size if way == "estimated" else 0.0 for size, way in zip(each, given, strict=True)] for each in sizes]
 
 
@@ -166,6 +185,7 @@ def values(parameters: Tree) -> Numbers:
     w0, x0, z0 = scales.w0, scales.x0, scales.z0
     mu, m_c = scanner.mass_ratio, cantilever.m_c
     lateral_force, normal_force = mu * m_c * square(w0) * x0, m_c * square(w0) * z0
+    measured, identified = law.feedback == "measured", law.friction == "identified"
     hold = law.period * w0
     slots, spare = law.packet, law.spare
     slot = hold / slots
@@ -184,7 +204,8 @@ def values(parameters: Tree) -> Numbers:
     n = division.fine * division.holds
     for i in range(3):
         G[i, :n] = of_axis[i].G
-    steps = math.ceil(slot / _STEP - 1e-9)
+    step = min(_STEP_COPY if measured else _STEP, _STEP_PHASE / math.sqrt(stiffness.max()))
+    steps = math.ceil(slot / step - 1e-9)
     # Contact at the load of a resting cantilever, and how it changes with curvature and load.
     r = contact.R / z0
     L_s = contact.pull_off_force / normal_force
@@ -204,7 +225,6 @@ def values(parameters: Tree) -> Numbers:
     f_0, up, down = bound(0.0, load_0), bound(small, load_0), bound(-small, load_0)
     dn = 1e-3 * L_s
     delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
-    measured, identified = law.feedback == "measured", law.friction == "identified"
     height_noise = hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
     ratio_noise = hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
     ripple = abs(up - down) / (2.0 * small * f_0) * square(law.wave_number * x0) * law.height / z0
@@ -239,8 +259,10 @@ def values(parameters: Tree) -> Numbers:
         # Friction that is believed in leaves no signal to compare with.
         "adapts": identified and any(map(any, first)),
         "first": first,
-        "hysteretic": identified and first[0][3] > 0.0,
+        "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],
+        "lag_left": [exp(-slot / (each * w0)) for each in _LAG_TIMES],
+        "lag_mean": [-expm1(-slot / (each * w0)) * each * w0 / slot for each in _LAG_TIMES],
         "identified": identified,
         "mu": mu,
         "w": w,

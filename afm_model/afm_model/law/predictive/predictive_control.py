@@ -11,7 +11,7 @@ from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
 from .nominal_plant import level, predict, take_load
 from .observer import begin_observer, observe_scanner
-from .piezo_hysteresis import effective, pass_drives, plan_drives, plan_effective
+from .piezo_memory import effective, pass_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, Constants
 from .predictive_state import State
 from .sample_estimate import TOUCHES, doubt_surface, measured_height, place_variance, take_height, take_ratio
@@ -24,7 +24,7 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
     x, y_, z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
     # What led to a fallback is no estimate to go on from.
     if p.measured == 0 or s.started == 0.0 or s.distrust == 1.0:
-        if p.hysteretic != 0:
+        if p.remembers != 0:
             pass_drives(k, y, False, p, s)
         speed = p.x0 * p.w0
         s.X, s.Y, s.Z = x, y_, z
@@ -85,7 +85,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     s.at_x, s.at_y = s.X, s.Y
     if p.surface == LEARNED and p.measured != 0 and p.slots == 1:
         level(p, s)
-    if p.hysteretic != 0:
+    if p.remembers != 0:
         plan_effective(p, s)
     # A drive is refined with what the next hold asks for.
     ask(p.delay * p.slot, p.horizon + max(p.count - 1, p.refined) * p.fine, p, s)
@@ -112,7 +112,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         for i in range(planned):
             for axis in range(3):
                 s.plan[i, axis] = y.drive[axis] / p.volts[axis]
-    elif p.hysteretic != 0:
+    elif p.remembers != 0:
         plan_drives(planned, p, s)
     remember(k, planned, p, s)
     answer(planned, u, p, s)

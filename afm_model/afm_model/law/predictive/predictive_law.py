@@ -11,7 +11,19 @@ from ...core.schema import NonNegative, Positive, Unit
 from ...parts.part import LawEstimate, Tree
 from ..sampled import SampledLaw
 from .gains import grid
-from .predictive_constants import INTERVALS, LONGEST_DELAY, OF_VALUE, RATIO, SLOTS, SURFACES, VALUE, longest
+from .predictive_constants import (
+    A_DECADE,
+    CREEP,
+    INTERVALS,
+    LONGEST_DELAY,
+    OF_VALUE,
+    RATIO,
+    SLOTS,
+    STOPS,
+    SURFACES,
+    VALUE,
+    longest,
+)
 
 
 class PredictiveLaw(SampledLaw):
@@ -59,6 +71,11 @@ class PredictiveLaw(SampledLaw):
         "estimated",
         description="hysteresis of the piezo along x and y, the part by which it is less sensitive behind a turn of "
         "the drive; with feedback=measured: that of y is taken to be as that of x",
+    )
+    creep: Literal["none", "estimated"] = Field(
+        "estimated",
+        description="creep of the piezo along x and y, the part of a step of the drive that follows in a decade; "
+        "with feedback=measured: that of y is taken to be as that of x",
     )
     corner_x: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="preview: places +-corner_x at which a reference straight along x turns back; 0: none is known"
@@ -130,7 +147,8 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
             ("lateral_gain", "1", s.gain_of[i], s.unsure[i, 0, 0], 1.0),
             ("slow_force", "N", s.slow[i] * force, s.unsure[i, 1, 1], force),
             ("stiffness", "1", 1.0 + s.softer[i] / of_model, s.unsure[i, 2, 2], 1.0 / of_model),
-            ("hysteresis", "1", s.opening[i].sum(), s.unsure[i, 3:, 3:].sum(), 1.0),
+            ("hysteresis", "1", s.takes[i, :STOPS].sum(), s.unsure[i, 3:CREEP, 3:CREEP].sum(), 1.0),
+            ("creep", "1", s.takes[i, STOPS] * A_DECADE, s.unsure[i, CREEP, CREEP], A_DECADE),
         ]
         # Along z there is no friction, and no hysteresis is learned.
         for name, unit, value, variance, scale in told[1:3] if axis == "z" else told:

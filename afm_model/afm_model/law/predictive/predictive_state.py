@@ -9,7 +9,7 @@ from ...core.elementary import exp
 from ...core.records import Array, Integers, Record
 from ...parts.part import Numbers, Tree
 from .map import LENGTH, NODES, SPACING
-from .predictive_constants import ANSWERS, FOLLOWED, INTERVALS, POINTS, SLOTS, STOPS, TABLE, UNEXPLAINED
+from .predictive_constants import ANSWERS, FOLLOWED, INTERVALS, LAGS, MEMORY, POINTS, SLOTS, TABLE, UNEXPLAINED
 
 
 class State(Record):
@@ -28,25 +28,29 @@ class State(Record):
     estimate: Annotated[Array, (6,)]  # position and rate there
     seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
     signal: float  # lateral force there
-    # What the model does not explain, unexplained.py: gamma, b, c, their covariance, a place to compute. Along z only
-    # b and c: there is no friction, and no hysteresis is learned.
+    # What the model does not explain, unexplained.py: gamma, b, c, openings and creep as they are estimated, and their
+    # covariance; as they are believed. Along z only b and c: there is no friction, and no hysteresis is learned.
+    learned: Annotated[Array, (3, UNEXPLAINED)]
+    unsure: Annotated[Array, (3, UNEXPLAINED, UNEXPLAINED)]
     gain_of: Annotated[Array, (3,)]
+    slow: Annotated[Array, (3,)]
+    softer: Annotated[Array, (3,)]
+    takes: Annotated[Array, (3, MEMORY)]
+    likely: Annotated[Array, (UNEXPLAINED,)]  # places to compute; row of the measurement
+    weight: Annotated[Array, (UNEXPLAINED,)]
+    tells: Annotated[Array, (UNEXPLAINED,)]
     # What was predicted for this measurement: position, rate; drive; of x and y mean friction until then.
     expected: Annotated[Array, (3, 4)]
     impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
     told: float  # one: y has been observed, two: its direction is too; of positions alone: the model is contradicted
-    # Of positions alone: gamma, b, c and openings of x, and the mean square force that they explain.
-    learned: Annotated[Array, (UNEXPLAINED,)]
-    counts: float
-    slow: Annotated[Array, (3,)]
-    softer: Annotated[Array, (3,)]
-    opening: Annotated[Array, (3, STOPS)]  # of the hysteresis of the piezo: piezo_hysteresis.py
-    unsure: Annotated[Array, (3, UNEXPLAINED, UNEXPLAINED)]
-    weight: Annotated[Array, (UNEXPLAINED,)]
-    tells: Annotated[Array, (UNEXPLAINED,)]  # row of the measurement
-    stop_now: Annotated[Array, (3, STOPS)]  # at the measurement; mean until then; along the plan; and the drives there
-    stop_mean: Annotated[Array, (2, STOPS)]
-    stop_ahead: Annotated[Array, (2, STOPS)]
+    counts: float  # of positions alone: the mean square force that what is learned explains
+    # piezo_memory.py: stops and what creep has still to bring at the measurement, mean until then, along the plan; the
+    # lags of creep; the drives there.
+    memory_now: Annotated[Array, (3, MEMORY)]
+    memory_mean: Annotated[Array, (2, MEMORY)]
+    memory_ahead: Annotated[Array, (2, MEMORY)]
+    lag_now: Annotated[Array, (2, LAGS)]
+    lag_ahead: Annotated[Array, (2, LAGS)]
     drive_now: Annotated[Array, (2,)]
     drive_ahead: Annotated[Array, (2,)]
     drive_passed: Annotated[Array, (3,)]

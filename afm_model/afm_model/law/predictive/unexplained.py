@@ -1,13 +1,13 @@
-"""What the model of scanner and piezo does not explain: gain of the lateral signal, slow force, stiffness, hysteresis.
+"""What the model does not explain: gain of the lateral signal, slow force, stiffness, memory of the piezo.
 
 A Kalman filter an axis, docs/laws.md (8.6). The force that the last drive has left over moves no free scanner: it is
-friction, a slow force b (creep, drift), what a spring that is c stiffer holds, and what the hysteresis of the piezo
-takes from the drive by its stops D_i (piezo_hysteresis.py),
+friction, a slow force b (drift), what a spring that is c stiffer holds, and what the piezo takes from the drive by
+hysteresis, stops D_i, and creep C (piezo_memory.py),
 
-    F = gamma f + b + c q + sum_i o_i D_i,
+    F = gamma f + b + c q + sum_i o_i D_i + k C,
 
-where f is friction as the lateral signal tells it. Friction turns with the motion, b and c q do not, D_i with the
-drive: that parts them.
+where f is friction as the lateral signal tells it. Friction turns with the motion, b and c q do not, D_i and C with the
+drive, C for a while: that parts them.
 """
 
 import math
@@ -18,26 +18,28 @@ from ...core.jit import kernel
 from ...core.records import Block
 from ...parts.signals import Measurement
 from .nominal_plant import balance
-from .piezo_hysteresis import effective
-from .predictive_constants import FLOOR, STOPS, UNEXPLAINED, Constants
+from .piezo_memory import effective
+from .predictive_constants import CREEP, FLOOR, MEMORY, STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
 from .sample_estimate import REST, variance, write_row
 
-_WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,))
-"""Their random walks in one time unit, and that of an opening."""
-_WALK_Z = (0.0, 1e-5, 1e-4, *STOPS * (0.0,))
+_WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,), 1e-5)
+"""Their random walks in one time unit, those of an opening and of creep."""
+_WALK_Z = (0.0, 1e-5, 1e-4, *MEMORY * (0.0,))
 """The same along z."""
 GAIN_LIMITS = (0.4, 2.5)
 SLIDING = 3e-3
 """Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
-_WIDEST = 0.25
-"""Largest opening; a stop takes from a drive, it never adds."""
+_MOST = (*STOPS * (0.25,), 0.03)
+"""Largest openings and creep; they take from a drive, and never add."""
+_CERTAIN = 2.0
+"""Standard deviations from which on there is creep."""
 _SLOW = 2.0
 """Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
 SEEMS = 5.0
 """Standard deviations of a position by which a tip may seem to have moved."""
-NOTHING = (1.0, 0.0, 0.0, *STOPS * (0.0,))
-"""Gamma, b, c and openings of a model that explains all."""
+NOTHING = (1.0, 0.0, 0.0, *MEMORY * (0.0,))
+"""Gamma, b, c, openings and creep of a model that explains all."""
 _KNOWN = 0.1
 """Deviation of the gain of x over that at the start below which y is taken to be as x."""
 _SLOWLY = 0.02
@@ -72,12 +74,58 @@ def left_over(axis: int, q: float, v: float, u: float, p: Constants, s: State) -
 
 
 @kernel
+def believe(axis: int, numbers: Any, s: State) -> None:
+    """Believe in these gamma, b, c, openings and creep of an axis."""
+    s.gain_of[axis], s.slow[axis], s.softer[axis] = numbers[0], numbers[1], numbers[2]
+    for i in range(MEMORY):
+        s.takes[axis, i] = numbers[3 + i]
+
+
+@kernel
+def put(axis: int, i: int, value: float, numbers: Any, s: State) -> None:
+    """Put number i of an axis to a value, and the others to what is most likely then."""
+    P, off = s.unsure, value - numbers[i]
+    if P[axis, i, i] > 0.0:
+        for j in range(UNEXPLAINED):
+            if j != i:
+                numbers[j] += off * P[axis, j, i] / P[axis, i, i]
+    numbers[i] = value
+
+
+@kernel
+def limit(axis: int, numbers: Any, s: State) -> None:
+    """Keep the numbers of an axis within their limits."""
+    for i in range(MEMORY):
+        most = min(max(numbers[3 + i], 0.0), _MOST[i])
+        if most != numbers[3 + i]:
+            put(axis, 3 + i, most, numbers, s)
+    for i in range(MEMORY):
+        numbers[3 + i] = min(max(numbers[3 + i], 0.0), _MOST[i])
+    numbers[0] = min(max(numbers[0], GAIN_LIMITS[0]), GAIN_LIMITS[1])
+
+
+@kernel
+def believe_learned(axis: int, s: State) -> None:
+    """Believe in what is estimated of an axis, and in no creep until it is certain."""
+    for i in range(UNEXPLAINED):
+        s.likely[i] = s.learned[axis, i]
+    if s.likely[CREEP] < _CERTAIN * math.sqrt(s.unsure[axis, CREEP, CREEP]):
+        put(axis, CREEP, 0.0, s.likely, s)
+        limit(axis, s.likely, s)
+    believe(axis, s.likely, s)
+
+
+@kernel
 def update(
-    axis: int, innovation: float, friction: float, q: float, stops: Block, noise: float, p: Constants, s: State
+    axis: int, innovation: float, friction: float, q: float, memory: Block, noise: float, p: Constants, s: State
 ) -> None:
-    """Kalman update of an axis by the force that was not expected, where friction is this much, and the stops."""
-    write_row(axis, friction, q, stops, s)
-    P, h = s.unsure, s.tells
+    """Kalman update of an axis by the force that is not believed in, where friction, place and memory are these."""
+    write_row(axis, friction, q, memory, s)
+    P, h, x = s.unsure, s.tells, s.learned
+    innovation -= h[0] * (x[axis, 0] - s.gain_of[axis]) + h[1] * (x[axis, 1] - s.slow[axis])
+    innovation -= h[2] * (x[axis, 2] - s.softer[axis])
+    for i in range(MEMORY):
+        innovation -= h[3 + i] * (x[axis, 3 + i] - s.takes[axis, i])
     total = noise * noise
     for i in range(UNEXPLAINED):
         s.weight[i] = 0.0
@@ -87,12 +135,8 @@ def update(
     # What is off by more than noise is another force for a moment, of which the filter knows nothing.
     most = _SURE * math.sqrt(total)
     change = min(max(innovation, -most), most) / total
-    s.gain_of[axis] = min(max(s.gain_of[axis] + s.weight[0] * change, GAIN_LIMITS[0]), GAIN_LIMITS[1])
-    s.slow[axis] += s.weight[1] * change
-    s.softer[axis] += s.weight[2] * change
-    for i in range(STOPS):
-        opening = s.opening[axis, i] + s.weight[3 + i] * change
-        s.opening[axis, i] = min(max(opening, 0.0), _WIDEST)
+    for i in range(UNEXPLAINED):
+        x[axis, i] += s.weight[i] * change
     for i in range(UNEXPLAINED):
         first, gain = p.first[axis, i], s.weight[i] / total
         for j in range(UNEXPLAINED):
@@ -106,6 +150,8 @@ def update(
             for j in range(UNEXPLAINED):
                 P[axis, i, j] *= part
                 P[axis, j, i] *= part
+    limit(axis, x[axis], s)
+    believe_learned(axis, s)
 
 
 @kernel
@@ -120,14 +166,6 @@ def expect(slot: int, p: Constants, s: State) -> None:
 
 
 @kernel
-def believe(axis: int, numbers: Any, s: State) -> None:
-    """Believe in these gamma, b, c and openings of an axis."""
-    s.gain_of[axis], s.slow[axis], s.softer[axis] = numbers[0], numbers[1], numbers[2]
-    for i in range(STOPS):
-        s.opening[axis, i] = numbers[3 + i]
-
-
-@kernel
 def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """Learn from positions alone: what a drive holds in place but for friction, the motion being slow.
 
@@ -136,7 +174,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """
     signal = y.lateral_force / p.lateral_force
     q = y.position[0] / p.x0
-    believe(0, s.learned, s)
+    believe_learned(0, s)
     left = s.gain_of[0] * (balance(0, effective(0, y, p, s), q, p, s) - signal)
     noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * SLIDING * p.hold
     # Where the motion is not steady the drive does not hold it.
@@ -144,12 +182,10 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     s.seen[0, 1] = s.V_X
     went = hypot(q - s.at_x, y.position[1] / p.x0 - s.at_y)
     if went < _SLOW * s.fastest * p.hold + SEEMS * p.position_noise:
-        update(0, left, signal, q, s.stop_now, noise, p, s)
-    s.learned[0], s.learned[1], s.learned[2] = s.gain_of[0], s.slow[0], s.softer[0]
+        update(0, left, signal, q, s.memory_now, noise, p, s)
     force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * q
-    for i in range(STOPS):
-        s.learned[3 + i] = s.opening[0, i]
-        force += s.opening[0, i] * s.stop_now[0, i]
+    for i in range(MEMORY):
+        force += s.takes[0, i] * s.memory_now[0, i]
     of_force = variance(0, signal, q, s)
     s.counts += min(p.hold / _SPAN, 1.0) * (square(force) - of_force - s.counts)
     if abs(force) > 2.0 * COUNTS * p.f_0 + _SURE * math.sqrt(of_force):
@@ -162,8 +198,8 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     # tip does not move along x nothing is known of it.
     if s.unsure[0, 0, 0] < square(_KNOWN * p.first[0, 0]):
         s.gain_of[1], s.softer[1] = s.gain_of[0], s.softer[0] * p.stiffness[1] / p.stiffness[0]
-        for i in range(STOPS):
-            s.opening[1, i] = s.opening[0, i]
+        for i in range(MEMORY):
+            s.takes[1, i] = s.takes[0, i]
     else:
         believe(1, NOTHING, s)
     s.gain_of[1] = min(max(s.gain_of[1] + s.more_gain, GAIN_LIMITS[0]), GAIN_LIMITS[1])
@@ -192,7 +228,7 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
         s.told = 2.0
     if s.told == 2.0:
         noise = hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, s.X, s))) / t_x
-        update(1, across / t_x, f_y, s.Y, s.stop_now, noise, p, s)
+        update(1, across / t_x, f_y, s.Y, s.memory_now, noise, p, s)
 
 
 @kernel
@@ -208,10 +244,11 @@ def learn_of_z(u: float, p: Constants, s: State) -> None:
     if s.unknown != 0:
         phase += _UNSEEN * min(p.wave_number * s.fastest * p.hold, 1.0)
     noise = p.eta_c2 / (p.mu + 1.0) * p.height * (_UNEVEN_Z + phase)
-    update(2, left_over(2, s.Z, s.V_Z, u, p, s), 0.0, s.Z, s.stop_now, noise, p, s)
+    update(2, left_over(2, s.Z, s.V_Z, u, p, s), 0.0, s.Z, s.memory_now, noise, p, s)
     # More than what is likely at the start is another mistake, such as of the delay.
-    s.slow[2] = min(max(s.slow[2], -p.first[2, 1]), p.first[2, 1])
-    s.softer[2] = min(max(s.softer[2], -p.first[2, 2]), p.first[2, 2])
+    for i in range(1, 3):
+        s.learned[2, i] = min(max(s.learned[2, i], -p.first[2, i]), p.first[2, i])
+    believe(2, s.learned[2], s)
 
 
 @kernel
@@ -234,7 +271,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     if known and max(before, speed) <= REST * s.fastest:
         # At rest friction is what the drive in force leaves.
         held = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal)
-        update(0, held, signal, s.X, s.stop_now, p.f_0 * FLOOR + p.force_noise, p, s)
+        update(0, held, signal, s.X, s.memory_now, p.f_0 * FLOOR + p.force_noise, p, s)
     elif known and _SLIDES * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
         phase = p.wave_number * (abs(d_x) + abs(d_y))
         noise = p.f_0 * (SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise
@@ -250,17 +287,17 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
             p_y = s.expected[1, 3] - s.gain_of[1] * mean * d_y / d_x
             across = (p_y * d_x - p_x * d_y) / (way * way)
         resists = left_over(0, s.X, s.V_X, u_x, p, s) - across * d_y
-        update(0, resists, mean, q_x, s.stop_mean, noise, p, s)
+        update(0, resists, mean, q_x, s.memory_mean, noise, p, s)
         if tells:
             turned = abs(d_x * s.V_Y - d_y * s.V_X) + abs(d_x * s.seen[1, 1] - d_y * s.seen[0, 1])
             noise += p.f_0 * turned / (way * s.fastest)
             resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
-            update(1, resists, mean * d_y / d_x, q_y, s.stop_mean, noise, p, s)
+            update(1, resists, mean * d_y / d_x, q_y, s.memory_mean, noise, p, s)
             s.told = max(s.told, 1.0)
     if p.slots > 1:
         learn_across(signal, u_x, u_y, p, s)
     if s.told == 0.0:
         # As long as nothing is known of y: what is wrong about friction is so along both.
-        s.gain_of[1] = s.gain_of[0]
+        s.gain_of[1] = s.learned[1, 0] = s.gain_of[0]
     s.seen[0, 0], s.seen[0, 1], s.seen[1, 0], s.seen[1, 1] = s.X, s.V_X, s.Y, s.V_Y
     s.signal = signal

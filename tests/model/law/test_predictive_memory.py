@@ -1,4 +1,4 @@
-"""Claims about the hysteresis of the piezo as the friction-predicting law learns it from its own drives."""
+"""Claims about hysteresis and creep of the piezo as the friction-predicting law learns them from its own drives."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afm_model import ControllerParameters, build, simulate
-from afm_model.law.predictive.piezo_hysteresis import advance, drive_for
-from afm_model.law.predictive.predictive_constants import STOPS, Constants, values
+from afm_model.law.predictive.piezo_memory import advance, drive_for
+from afm_model.law.predictive.predictive_constants import A_DECADE, LAGS, STOPS, Constants, values
 from afm_model.law.predictive.predictive_state import State, start
 from afm_model.piezo.ceramic import CERAMIC
 from afm_model.studies.contender import Contender
@@ -21,18 +21,19 @@ WIDE = "hysteresis 5 %, creep 1.5 %"
 NEAR = (0.046, 0.048, 0.05, 0.052, 0.054)
 drives = st.lists(st.floats(-40.0, 40.0), min_size=1, max_size=30)
 openings = st.tuples(*[st.floats(0.0, 0.25)] * STOPS)
+creeps = st.floats(0.0, 0.03)
 
 
-def stops(given_openings):
-    """Constants and state of a law that believes these openings along y."""
+def takes(given_openings, creep=0.0):
+    """Constants and state of a law that believes these openings and this creep of a lag along y."""
     p, s = record_of(Constants, **values(TOLD)), record_of(State, **start(TOLD))
-    s.opening[1] = given_openings
+    s.takes[1] = (*given_openings, creep)
     return p, s
 
 
 @given(drives, openings)
 def test_what_a_drive_does_is_that_of_play_operators(path, weights):
-    p, s = stops(weights)
+    p, s = takes(weights)
     plays = np.zeros(STOPS)
     for u in path:
         # As the ceramic computes it: the backlash of a gear follows the drive at a distance of its threshold.
@@ -41,9 +42,33 @@ def test_what_a_drive_does_is_that_of_play_operators(path, weights):
         assert advance(1, u, p, s) == pytest.approx(expected, rel=1e-12, abs=1e-10)
 
 
-@given(drives, openings)
-def test_the_drive_sent_has_the_effect_that_was_planned(path, weights):
-    p, s = stops(weights)
+@given(drives, creeps)
+def test_what_a_drive_does_creeps_as_lags_do(path, creep):
+    p, s = takes(STOPS * (0.0,), creep)
+    fine = 400
+    time = (np.arange(fine) + 0.5) / fine * float(p.slot)
+    times = 1e-3 * 4.0 ** np.arange(LAGS) * float(p.w0)
+    for n, u in enumerate(path):
+        # What each step of the drives until now has not brought yet, in the mean over this slot.
+        steps = np.diff([0.0, *path[: n + 1]])
+        since = (n - np.arange(n + 1))[:, None, None] * float(p.slot) + time[None, :, None]
+        left = (steps[:, None, None] * np.exp(-since / times)).sum(axis=(0, 2)).mean()
+        assert advance(1, u, p, s) == pytest.approx(u - creep * left, rel=1e-6, abs=1e-7)
+
+
+def test_creep_follows_the_logarithm_of_time():
+    p, s = takes(STOPS * (0.0,), 0.01)
+    slots = round(1.0 / (float(p.slot) / float(p.w0)))
+    effect = np.array([advance(1, 1.0, p, s) for _ in range(slots)])
+    time = (np.arange(slots) + 0.5) / slots
+    for begin in (0.003, 0.01, 0.03):
+        a, b = np.interp((begin, 10.0 * begin), time, effect)
+        assert b - a == pytest.approx(0.01 * A_DECADE, rel=0.08)
+
+
+@given(drives, openings, creeps)
+def test_the_drive_sent_has_the_effect_that_was_planned(path, weights, creep):
+    p, s = takes(weights, creep)
     for w in path:
         assert advance(1, drive_for(1, w, p, s), p, s) == pytest.approx(w, rel=1e-10, abs=1e-10)
 
@@ -58,7 +83,7 @@ def opened(opening):
     return CASE[WIDE]._replace(true={**CASE[WIDE].true, **{f"piezo.hysteresis_{axis}": opening for axis in "xy"}})
 
 
-@pytest.mark.parametrize(("rate", "off"), [(0, 0.17), (1, 0.17), (2, 0.3)])
+@pytest.mark.parametrize(("rate", "off"), [(0, 0.17), (1, 0.22), (2, 0.3)])
 def test_opening_is_found_and_none_where_there_is_none(rate, off):
     found = []
     # In packets, and at 200 us after two turns, one of them is a draw.
@@ -76,26 +101,39 @@ def test_opening_is_found_and_none_where_there_is_none(rate, off):
     assert believed(CASE["the truth"], rate, surface="known")[1]["hysteresis_x"][-1] < 0.01 * true
 
 
-@pytest.mark.parametrize(("rate", "with_it", "without"), [(1, 2.8, 3.0), (2, 22.0, 28.0)])
+@pytest.mark.parametrize(("rate", "off"), [(0, 0.07), (1, 0.15), (2, 0.25)])
+def test_creep_is_found_and_none_where_there_is_none(rate, off):
+    for creep in (0.01, 0.015, 0.02):
+        case = CASE["creep 1.5 %"]
+        told = believed(case._replace(true={**case.true, "piezo.creep": creep}), rate, surface="known")[1]
+        for axis in "xy":
+            assert abs(told[f"creep_{axis}"][-1] - creep) < 3.0 * told[f"creep_{axis}_deviation"][-1]
+        assert told["creep_x"][-1] == pytest.approx(creep, rel=off)
+    truth = believed(CASE["the truth"], rate, surface="known")[1]
+    assert max(truth["creep_x"][-1], truth["creep_y"][-1]) < 1e-6
+
+
+@pytest.mark.parametrize(("rate", "with_it", "without"), [(1, 2.8, 3.0), (2, 8.0, 28.0)])
 def test_hysteresis_that_is_learned_is_foretold(rate, with_it, without):
     left = {}
     for way in ("estimated", "none"):
-        law = Contender("law", "predictive", {"surface": "known", "hysteresis": way})
+        law = Contender("law", "predictive", {"surface": "known", "hysteresis": way, "creep": way})
         # In packets a throw depends on the last bit.
         left[way] = np.median([run_case(opened(opening), RATES[rate], law)["third"] for opening in NEAR])
     assert left["estimated"] < with_it < without < left["none"]
 
 
-def test_hysteresis_told_to_be_none_is_none():
-    told = believed(CASE[WIDE], 1, hysteresis="none")[1]
-    assert not np.any(told["hysteresis_x"]) and not np.any(told["hysteresis_y"])
-    assert not np.any(told["hysteresis_x_deviation"])
+def test_what_is_told_to_be_none_is_none():
+    for name, other in (("hysteresis", "creep"), ("creep", "hysteresis")):
+        told = believed(CASE[WIDE], 1, **{name: "none"})[1]
+        assert not np.any(told[f"{name}_x"]) and not np.any(told[f"{name}_y"])
+        assert not np.any(told[f"{name}_x_deviation"]) and np.any(told[f"{other}_x"])
 
 
 @pytest.mark.parametrize(("rate", "with_it", "without"), [(0, 7.0, 8.0), (1, 14.0, 20.0)])
 def test_positions_alone_foretell_hysteresis_too(rate, with_it, without):
     left = {}
     for way in ("estimated", "none"):
-        law = Contender("law", "predictive", {"surface": "observed", "hysteresis": way})
+        law = Contender("law", "predictive", {"surface": "observed", "hysteresis": way, "creep": way})
         left[way] = run_case(CASE[WIDE], RATES[rate], law, 1.0)["third"]
     assert left["estimated"] < with_it < without < left["none"]
