@@ -165,7 +165,7 @@ def test_a_copy_that_rests_while_friction_is_less_than_what_holds_it_slips():
     s.V_X, s.off_force = 0.0, 0.0
     # A drive that is held by less than the bound: the copy rests, and all of it is friction.
     u_x = 0.9 * 0.75 * float(p.f_0) + float(p.stiffness[0]) * s.X
-    held = copied_friction(u_x, float(p.stiffness[1]) * s.Y, p, s)
+    held = copied_friction(0.9 * 0.75 * float(p.f_0), 0.0, p, s)
     assert held == pytest.approx(0.9 * 0.75 * p.f_0)
     x = s.X
     follow_force(held, u_x, float(p.stiffness[1]) * s.Y, p, s)

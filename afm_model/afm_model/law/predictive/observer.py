@@ -213,15 +213,14 @@ def take_ratio_seen(innovation: float, noise: float, told: float, missed: float,
 
 
 @kernel
-def copied_friction(u_x: float, u_y: float, p: Constants, s: State) -> float:
-    """Friction along x of the copy under this drive, its bound by its own load."""
+def copied_friction(b_x: float, b_y: float, p: Constants, s: State) -> float:
+    """Friction along x of the copy, its bound by its own load, where the drive leaves this at rest."""
     look(s.X, s.Y, p, s)
     tip = s.Z + s.height - p.delta - p.delta_curvature * s.curvature
     f = s.here * nominal_bound(p.w + p.eta_c2 * (tip - p.a), p, s)
     speed = hypot(s.V_X, s.V_Y)
     if speed > 0.0:
         return f * s.V_X / speed
-    b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
     size = hypot(b_x, b_y)
     return b_x * min(f / size, 1.0) if size > 0.0 else 0.0
 
@@ -232,13 +231,13 @@ def follow_force(force: float, u_x: float, u_y: float, p: Constants, s: State) -
 
     Friction as it is measured knows whether the tip slips, and of no surface.
     """
-    off = copied_friction(u_x, u_y, p, s) - force
+    b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
+    off = copied_friction(b_x, b_y, p, s) - force
     mean = 0.5 * (off + s.off_force)
     s.off_force = off
     noise = hypot(p.force_noise, p.f_0 * _RINGS * p.hold)
     if s.V_X == 0.0 and s.V_Y == 0.0:
         noise = hypot(noise, p.stiffness[0] * math.sqrt(s.P[AT_X, AT_X]))
-    b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
     if abs(mean) < _OFF * noise or abs(b_x) < _TELLS * hypot(b_x, b_y):
         return
     push_x, push_y = s.gain_of[0] * mean, s.gain_of[1] * mean * b_y / b_x

@@ -119,7 +119,7 @@ def believe_learned(axis: int, s: State) -> None:
 def update(
     axis: int, innovation: float, friction: float, q: float, memory: Block, noise: float, p: Constants, s: State
 ) -> None:
-    """Kalman update of an axis by the force that is not believed in, where friction, place and memory are these."""
+    """Kalman update of an axis by the force that what is believed does not explain, with these friction, place, memory."""
     write_row(axis, friction, q, memory, s)
     P, h, x = s.unsure, s.tells, s.learned
     innovation -= h[0] * (x[axis, 0] - s.gain_of[axis]) + h[1] * (x[axis, 1] - s.slow[axis])
