@@ -119,7 +119,7 @@ def believe_learned(axis: int, s: State) -> None:
 def update(
     axis: int, innovation: float, friction: float, q: float, memory: Block, noise: float, p: Constants, s: State
 ) -> None:
-    """Kalman update of an axis by the force that what is believed does not explain, with these friction, place, memory."""
+    """Kalman update of an axis by a force that what is believed does not explain, with this friction, place, memory."""
     write_row(axis, friction, q, memory, s)
     P, h, x = s.unsure, s.tells, s.learned
     innovation -= h[0] * (x[axis, 0] - s.gain_of[axis]) + h[1] * (x[axis, 1] - s.slow[axis])
@@ -127,19 +127,21 @@ def update(
     for i in range(MEMORY):
         innovation -= h[3 + i] * (x[axis, 3 + i] - s.takes[axis, i])
     total = noise * noise
-    for i in range(UNEXPLAINED):
+    # Along z there are b and c alone.
+    begin, end = (1, 3) if axis == 2 else (0, UNEXPLAINED)
+    for i in range(begin, end):
         s.weight[i] = 0.0
-        for j in range(UNEXPLAINED):
+        for j in range(begin, end):
             s.weight[i] += P[axis, i, j] * h[j]
         total += h[i] * s.weight[i]
     # What is off by more than noise is another force for a moment, of which the filter knows nothing.
     most = _SURE * math.sqrt(total)
     change = min(max(innovation, -most), most) / total
-    for i in range(UNEXPLAINED):
+    for i in range(begin, end):
         x[axis, i] += s.weight[i] * change
-    for i in range(UNEXPLAINED):
+    for i in range(begin, end):
         first, gain = p.first[axis, i], s.weight[i] / total
-        for j in range(UNEXPLAINED):
+        for j in range(begin, end):
             P[axis, i, j] -= gain * s.weight[j]
         # What positions alone tell is known slowly.
         walk = _WALK_Z[i] if axis == 2 else _WALK[i] if p.measured == 0 else _SLOWLY * _WALK[i]
@@ -147,11 +149,12 @@ def update(
         # None is less certain than at the start: what is believed then stays so.
         if P[axis, i, i] > first * first:
             part = first / math.sqrt(P[axis, i, i])
-            for j in range(UNEXPLAINED):
+            for j in range(begin, end):
                 P[axis, i, j] *= part
                 P[axis, j, i] *= part
-    limit(axis, x[axis], s)
-    believe_learned(axis, s)
+    if axis < 2:
+        limit(axis, x[axis], s)
+        believe_learned(axis, s)
 
 
 @kernel
