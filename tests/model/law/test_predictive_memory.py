@@ -7,13 +7,15 @@ from hypothesis import strategies as st
 
 from afm_model import ControllerParameters, build, simulate
 from afm_model.law.predictive.piezo_memory import advance, drive_for
-from afm_model.law.predictive.predictive_constants import A_DECADE, LAGS, STOPS, Constants, values
+from afm_model.law.predictive.predictive_constants import A_DECADE, CREEP, LAGS, STOPS, Constants, values
 from afm_model.law.predictive.predictive_state import State, start
+from afm_model.law.predictive.unexplained import believe_learned
 from afm_model.piezo.ceramic import CERAMIC
 from afm_model.studies.contender import Contender
 from afm_model.studies.wrong_models import CASES, RATES, parameters_of, run_case
 
 from ..tables import record_of
+from .predictive_records import records
 
 TOLD = build(ControllerParameters, {"law.kind": "predictive", "law.period": 2e-4, "law.surface": "known"})
 CASE = {case.title: case for case in CASES}
@@ -111,6 +113,19 @@ def test_creep_is_found_and_none_where_there_is_none(rate, off):
         assert told["creep_x"][-1] == pytest.approx(creep, rel=off)
     truth = believed(CASE["the truth"], rate, surface="known")[1]
     assert max(truth["creep_x"][-1], truth["creep_y"][-1]) < 1e-6
+
+
+def test_creep_is_believed_where_it_is_certain_and_friction_turns_the_drive():
+    p, s = records(period=2e-4, surface="known")
+    s.learned[0, CREEP] = 0.01
+    for deviation, part, believed_in in ((0.0049, 0.9, 0.01), (0.0051, 0.9, 0.0), (0.0049, 1.1, 0.0)):
+        s.unsure[0, CREEP, CREEP] = deviation**2
+        # What is told with it is as if there were none.
+        s.unsure[0, 1, CREEP] = s.unsure[0, CREEP, 1] = -0.5 * deviation**2
+        s.learned[0, 1], s.reach = 2.0, part * 10.0 * float(p.f_0) / float(p.stiffness[0])
+        believe_learned(0, p, s)
+        assert s.takes[0, STOPS] == believed_in
+        assert s.slow[0] == pytest.approx(2.0 + 0.5 * (0.01 - believed_in))
 
 
 @pytest.mark.parametrize(("rate", "with_it", "without"), [(1, 2.8, 3.0), (2, 8.0, 28.0)])

@@ -34,6 +34,10 @@ _MOST = (*STOPS * (0.25,), 0.03)
 """Largest openings and creep; they take from a drive, and never add."""
 _CERTAIN = 2.0
 """Standard deviations from which on there is creep."""
+_TURNED = 10.0
+"""Drive for the travel over friction, up to which friction turns the drive, by steps. Beyond, hysteresis of a form that
+no stop has would be taken for creep.
+"""
 _SLOW = 2.0
 """Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
 SEEMS = 5.0
@@ -105,11 +109,12 @@ def limit(axis: int, numbers: Any, s: State) -> None:
 
 
 @kernel
-def believe_learned(axis: int, s: State) -> None:
-    """Believe in what is estimated of an axis, and in no creep until it is certain."""
+def believe_learned(axis: int, p: Constants, s: State) -> None:
+    """Believe in what is estimated of an axis, and in creep where it is certain and friction turns the drive."""
     for i in range(UNEXPLAINED):
         s.likely[i] = s.learned[axis, i]
-    if s.likely[CREEP] < _CERTAIN * math.sqrt(s.unsure[axis, CREEP, CREEP]):
+    certain = s.likely[CREEP] >= _CERTAIN * math.sqrt(s.unsure[axis, CREEP, CREEP])
+    if not certain or p.stiffness[axis] * s.reach > _TURNED * p.f_0:
         put(axis, CREEP, 0.0, s.likely, s)
         limit(axis, s.likely, s)
     believe(axis, s.likely, s)
@@ -154,7 +159,7 @@ def update(
                 P[axis, j, i] *= part
     if axis < 2:
         limit(axis, x[axis], s)
-        believe_learned(axis, s)
+        believe_learned(axis, p, s)
 
 
 @kernel
@@ -177,7 +182,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """
     signal = y.lateral_force / p.lateral_force
     q = y.position[0] / p.x0
-    believe_learned(0, s)
+    believe_learned(0, p, s)
     left = s.gain_of[0] * (balance(0, effective(0, y, p, s), q, p, s) - signal)
     noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * SLIDING * p.hold
     # Where the motion is not steady the drive does not hold it.
