@@ -5,19 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afm_model import ControllerParameters, build, simulate
+from afm_model import simulate
 from afm_model.law.predictive.piezo_memory import advance, drive_for
-from afm_model.law.predictive.predictive_constants import A_DECADE, CREEP, LAGS, STOPS, Constants, values
-from afm_model.law.predictive.predictive_state import State, start
+from afm_model.law.predictive.predictive_constants import A_DECADE, CREEP, LAGS, STOPS
 from afm_model.law.predictive.unexplained import believe_learned
 from afm_model.piezo.ceramic import CERAMIC
 from afm_model.studies.contender import Contender
 from afm_model.studies.wrong_models import CASES, RATES, parameters_of, run_case
 
-from ..tables import record_of
 from .predictive_records import records
 
-TOLD = build(ControllerParameters, {"law.kind": "predictive", "law.period": 2e-4, "law.surface": "known"})
+TOLD = {"period": 2e-4, "surface": "known"}
 CASE = {case.title: case for case in CASES}
 WIDE = "hysteresis 5 %, creep 1.5 %"
 NEAR = (0.046, 0.048, 0.05, 0.052, 0.054)
@@ -28,7 +26,7 @@ creeps = st.floats(0.0, 0.03)
 
 def takes(given_openings, creep=0.0):
     """Constants and state of a law that believes these openings and this creep of a lag along y."""
-    p, s = record_of(Constants, **values(TOLD)), record_of(State, **start(TOLD))
+    p, s = records(**TOLD)
     s.takes[1] = (*given_openings, creep)
     return p, s
 
@@ -116,7 +114,7 @@ def test_creep_is_found_and_none_where_there_is_none(rate, off):
 
 
 def test_creep_is_believed_where_it_is_certain_and_friction_turns_the_drive():
-    p, s = records(period=2e-4, surface="known")
+    p, s = records(**TOLD)
     s.learned[0, CREEP] = 0.01
     for deviation, part, believed_in in ((0.0049, 0.9, 0.01), (0.0051, 0.9, 0.0), (0.0049, 1.1, 0.0)):
         s.unsure[0, CREEP, CREEP] = deviation**2

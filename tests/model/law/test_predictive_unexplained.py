@@ -5,27 +5,22 @@ import math
 import numpy as np
 import pytest
 
-from afm_model import ControllerParameters, SimParameters, build
-from afm_model.law.predictive.guard import begin_anew
-from afm_model.law.predictive.predictive_constants import Constants, values
-from afm_model.law.predictive.predictive_state import State, start
+from afm_model import SimParameters, build
 from afm_model.law.predictive.unexplained import learn_across
 from afm_model.piezo.ceramic import CERAMIC
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASES, RATES, run_case
 
-from ..tables import record_of
+from .predictive_records import records
 
-PACKETS = {"law.kind": "predictive", "law.period": 1e-3, "law.packet": 20, "law.surface": "known"}
+PACKETS = {"period": 1e-3, "packet": 20, "surface": "known"}
 GAIN_X, GAIN_Y = 1.04, 0.97
 FRICTION, SPEED = 17.0, 0.14
 
 
 def believes(gain_x, gain_y):
     """Constants and state of the law, sure of x."""
-    p = record_of(Constants, **values(build(ControllerParameters, PACKETS)))
-    s = record_of(State, **start(build(ControllerParameters, PACKETS)))
-    begin_anew(p, s)
+    p, s = records(**PACKETS)
     s.fastest = SPEED
     for axis, gain in enumerate((gain_x, gain_y)):
         s.gain_of[axis] = s.learned[axis, 0] = gain

@@ -251,10 +251,10 @@ def follow_force(force: float, u_x: float, u_y: float, p: Constants, s: State) -
 
 
 @kernel
-def lean(y: Measurement, p: Constants, s: State) -> tuple[float, float, float]:
+def lean(u_x: float, u_y: float, p: Constants, s: State) -> tuple[float, float, float]:
     """Direction and size of what the drive leaves at rest where the copy is, which is looked at."""
     look(s.X, s.Y, p, s)
-    b_x, b_y = balance(0, effective(0, y, p, s), s.X, p, s), balance(1, effective(1, y, p, s), s.Y, p, s)
+    b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
     size = hypot(b_x, b_y)
     return (b_x / size, b_y / size, size) if size > 0.0 else (1.0, 0.0, 0.0)
 
@@ -265,10 +265,11 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     from_x, from_y, periods = s.X, s.Y, max(k - s.last, 1)
     force = y.lateral_force / p.lateral_force
     pass_drives(k, y, True, p, s)
+    u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
     if p.slots == 1 and periods == 1:
-        follow_force(force, effective(0, y, p, s), effective(1, y, p, s), p, s)
+        follow_force(force, u_x, u_y, p, s)
     take_load(y, p, s)
-    t_x, t_y, size = lean(y, p, s)
+    t_x, t_y, size = lean(u_x, u_y, p, s)
     P, ratio, nominal = s.P, s.here, nominal_bound(s.load, p, s)
     way = hypot(s.X - from_x, s.Y - from_y)
     slope = s.ratio[SLOPE_X] * t_x + s.ratio[SLOPE_Y] * t_y
@@ -299,7 +300,7 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
         if p.slots > 1:
             # Direction and bound of friction are those where the tip is, not those where the copy has gone.
             s.X, s.Y = x, y_
-            t_x, t_y, size = lean(y, p, s)
+            t_x, t_y, size = lean(u_x, u_y, p, s)
             ratio, nominal = s.here, nominal_bound(s.load, p, s)
     s.grip, most = 0.0, math.inf
     if size > 0.0 and abs(t_x) > _TELLS:

@@ -54,8 +54,9 @@ def advance(axis: int, u: float, p: Constants, s: State) -> float:
 def drive_for(axis: int, w: float, p: Constants, s: State) -> float:
     """The drive with this effect, by Newton's method: the effect has few straight pieces."""
     before = s.drive_ahead[axis]
-    crept = s.takes[axis, STOPS] * to_creep(axis, before, p, s)
-    creep = s.takes[axis, STOPS] * (to_creep(axis, before + 1.0, p, s) - to_creep(axis, before, p, s))
+    at_rest = to_creep(axis, before, p, s)
+    crept = s.takes[axis, STOPS] * at_rest
+    creep = s.takes[axis, STOPS] * (to_creep(axis, before + 1.0, p, s) - at_rest)
     u = before
     for _ in range(_TRIALS):
         left, slope = w - u + crept + creep * (u - before), 1.0 - creep
