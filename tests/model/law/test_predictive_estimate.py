@@ -9,7 +9,7 @@ from afm_model import ControllerParameters, build
 from afm_model.law.predictive import PREDICTIVE
 from afm_model.law.predictive.asked import continue_reference, take_reference
 from afm_model.law.predictive.map import NODES, read_map, write_map
-from afm_model.law.predictive.nominal_plant import beyond
+from afm_model.law.predictive.nominal_plant import REACH, beyond
 from afm_model.law.predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 from afm_model.parts.signals import Measurement
 
@@ -72,7 +72,10 @@ def test_far_ahead_the_mean_is_what_is_expected():
     p, s = records()
     s.H[VALUE], s.H[SLOPE_X], s.H[MEAN] = 0.1, 0.02, 0.06
     assert beyond(s.H, 0.5, 0.0, p) == pytest.approx(0.11, rel=1e-12)
-    assert beyond(s.H, 60.0, 0.0, p) == pytest.approx(0.06, abs=1e-6)
+    # Two radians beyond a fifth is left, of the value along its slope; then it fades as the square of the way.
+    value = 0.1 + 0.02 * REACH / p.wave_number
+    assert beyond(s.H, (REACH + 2.0) / p.wave_number, 0.0, p) == pytest.approx(0.06 + 0.2 * (value - 0.06), rel=1e-12)
+    assert beyond(s.H, 600.0, 0.0, p) == pytest.approx(0.06, abs=2e-6)
 
 
 def travel(p, s, ways, noise, rng):

@@ -23,7 +23,7 @@ def test_a_wrong_sensitivity_along_z_is_found(rate, surface):
     p = values(told)
     k = p["stiffness"][2]
     follows = 2.0 * (p["wave_number"] * 50.0 * 5e-9 / p["x0"] / p["w0"]) ** 2
-    most = 0.05 * (k - p["eta_c2"] / (p["mu"] + 1.0)) / k
+    most = 0.05 * (k - p["of_both"] * p["eta_c2"]) / k
     spring, deviation = believed["stiffness_z"][-1] - 1.0, believed["stiffness_z_deviation"][-1]
     # Nothing known in packets: the height is a guess.
     off = 1e-3 if RATES[rate].packet == 1 or surface != "observed" else 1e-2

@@ -103,7 +103,7 @@ def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) ->
     for i in range(at, at + n):
         s.friction[i] = 0.5 * (s.friction[i] + s.friction[i + 1])
         z = 0.5 * (s.path[i, 2, 0] + s.path[i + 1, 2, 0])
-        ask_of(2, i, (p.w + p.eta_c2 * (s.p[2] - z - p.a)) / (p.mu + 1.0) + s.slow[2] + s.softer[2] * z, p, s)
+        ask_of(2, i, p.of_both * (p.w + p.eta_c2 * (s.p[2] - z - p.a)) + s.slow[2] + s.softer[2] * z, p, s)
 
 
 @routine
@@ -121,8 +121,8 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
         if v_x * m_x + v_y * m_y <= 0.0:
             v_x, v_y = m_x, m_y
         speed = math.sqrt(v_x * v_x + v_y * v_y)
-        s.direction[i, 0] = v_x / speed if speed > 0.0 else 0.0
-        s.direction[i, 1] = v_y / speed if speed > 0.0 else 0.0
+        scale = 1.0 / speed if speed > 0.0 else 0.0
+        s.direction[i, 0], s.direction[i, 1] = scale * v_x, scale * v_y
         for axis in range(2):
             q = 0.5 * (s.path[i, axis, 0] + s.path[i + 1, axis, 0])
             held = s.gain_of[axis] * s.friction[i] * s.direction[i, axis] + s.slow[axis] + s.softer[axis] * q

@@ -26,8 +26,8 @@ _PITCH = 0.5
 """Phase between two places of the table; the tip is in its middle."""
 _LEAST = (1e-5, 1e-4)
 """Least variance of a measured height and ratio, over that of the surface."""
-_LEVELS = 5
-"""Variances that are tried, each ten times the one before."""
+_LEVELS = (1e4, 1e3, 1e2, 1e1, 1.0)
+"""Variances that are tried, over that."""
 _FREEDOM = 4.0
 """Measurements that the assumed variance of the surface counts as much as."""
 _MOST = 0.7
@@ -120,13 +120,13 @@ def take_place(H: float, ratio: float, p: Constants, s: "State") -> None:
 @kernel
 def solve_likeliest(c: int, mean: float, size: float, s: "State") -> None:
     """Solve for the weights of the places with the variance of a measurement that makes them most likely."""
-    likeliest, noise, each = -math.inf, 0.0, _LEAST[c]
-    for _ in range(_LEVELS):
-        likely = solve(c, each, mean, size, s)
+    likeliest, level = -math.inf, _LEVELS[0]
+    for each in _LEVELS:
+        likely = solve(c, each * _LEAST[c], mean, size, s)
         if likely > likeliest:
-            likeliest, noise = likely, each
-        each *= 10.0
-    solve(c, noise, mean, size, s)
+            likeliest, level = likely, each
+    if level != _LEVELS[-1]:
+        solve(c, level * _LEAST[c], mean, size, s)
     for i in range(POINTS - int(s.places[c])):
         s.weigh[i, c] = 0.0
 

@@ -19,10 +19,12 @@ bear a drive that comes a period late."""
 @kernel
 def drive(axis: int, at: int, e: float, e_rate: float, p: Constants, s: State) -> float:
     """Least squares drive of one axis from interval `at` on, error e at its beginning."""
-    u = -p.K[axis, 0] * e - p.K[axis, 1] * e_rate
+    # Two sums: none waits for the other.
+    u, u_rate = -p.K[axis, 0] * e, -p.K[axis, 1] * e_rate
     for j in range(p.horizon):
-        u += p.G[axis, j, 0] * s.asked[at + j, axis, 0] + p.G[axis, j, 1] * s.asked[at + j, axis, 1]
-    return u
+        u += p.G[axis, j, 0] * s.asked[at + j, axis, 0]
+        u_rate += p.G[axis, j, 1] * s.asked[at + j, axis, 1]
+    return u + u_rate
 
 
 @routine

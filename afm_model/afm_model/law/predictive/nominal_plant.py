@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from ...contact.friction import friction_impulse
-from ...core.elementary import exp
 from ...core.jit import kernel, routine
 from ...core.records import Block, numbers_at, pointer_at
 from ...parts.signals import Measurement
@@ -26,7 +25,9 @@ REACH = 0.7
 def fade(d_x: float, d_y: float, p: Constants) -> tuple[float, float]:
     """Phase of the shortest wave in a step d, and the part of what is followed that has given way to the mean there."""
     phase = p.wave_number * (abs(d_x) + abs(d_y))
-    return phase, 1.0 - exp(REACH - phase) if phase > REACH else 0.0
+    far = max(phase - REACH, 0.0)
+    far *= 1.0 + 0.5 * far
+    return phase, far / (1.0 + far)
 
 
 @kernel
@@ -92,39 +93,47 @@ def nominal_bound(load: float, p: Constants, s: "State") -> float:
 
 
 @kernel
-def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
-    """What the drive leaves at rest: for friction, in units of the lateral signal, or along z for the load."""
-    return (u - s.slow[axis] - (p.stiffness[axis] + s.softer[axis]) * q) / s.gain_of[axis]
+def left_at_rest(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
+    """What the drive leaves at rest: for friction, or along z for the load."""
+    return u - s.slow[axis] - (p.stiffness[axis] + s.softer[axis]) * q
 
 
 @kernel
-def as_one_mass(p_x: float, p_y: float, n_x: float, n_y: float, radius: float) -> tuple[float, float]:
-    """The momentum of this size along which friction lies near rest, where the axes have unequal masses 1/n.
+def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
+    """The same for friction in units of the lateral signal."""
+    return left_at_rest(axis, u, q, p, s) / s.gain_of[axis]
 
-    Friction lies along the velocity that is left, n (p - j), and not along p: to first order in what the masses differ
-    by. Without it the tip would slide off the balance of forces by n_y / n_x.
+
+@kernel
+def as_one_mass(p_x: float, p_y: float, uneven: float, radius: float) -> tuple[float, float]:
+    """The momentum p turned to where friction lies near rest, for axes of unequal masses; uneven: 4 (n_x - n_y)/(n_x + n_y).
+
+    Friction lies along the velocity that is left, n (p - j), and not along p: to first order in what the velocities
+    per momentum n differ by. Without it the tip would slide off the balance of forces by n_y / n_x.
     """
-    size = math.sqrt(p_x * p_x + p_y * p_y)
-    if size <= radius or radius <= 0.0:
+    size2, most2 = p_x * p_x + p_y * p_y, radius * radius
+    if size2 <= most2:
         return p_x, p_y
-    rest = 0.5 * (n_x + n_y) * (size / radius - 1.0)
-    q_x, q_y = p_x * n_x / (n_x + rest), p_y * n_y / (n_y + rest)
-    scale = size / math.sqrt(q_x * q_x + q_y * q_y)
-    return q_x * scale, q_y * scale
+    # 2 (s - 1)/(3 s + 1) is 1 - 1/sqrt(s) for s near one.
+    turn = uneven * (size2 - most2) * p_x * p_y / ((3.0 * size2 + most2) * size2)
+    return p_x + turn * p_y, p_y - turn * p_x
 
 
 @routine
 def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants, s: "State") -> None:
     """Move the scanner on by so many steps of length h [1/w0] under a constant drive.
 
-    Half drift, kick, half drift as in docs/theory.md (37) to (41). Along z tip and sample move as one.
+    Half drift, kick, half drift as in docs/theory.md (37) to (41). Along z tip and sample move as one. The impulse of
+    friction on x and y goes to `s.impulse`.
     """
     half = 0.5 * h
     d_x, d_y, d_z = half * p.damping[0], half * p.damping[1], half * p.damping[2]
     # Friction is in units of the lateral signal: a scanner that a unit of it pushes gamma times is lighter.
     m_x, m_y = 1.0 / s.gain_of[0], 1.0 / s.gain_of[1]
     n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
-    alike = s.gain_of[0] == s.gain_of[1]
+    uneven = 4.0 * (n_x - n_y) / (n_x + n_y) if s.gain_of[0] != s.gain_of[1] else 0.0
+    n_z = 1.0 / (1.0 + d_z)
+    sum_x = sum_y = 0.0
     X, Y, Z, V_X, V_Y, V_Z = s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z
     for _ in range(steps):
         X += half * V_X
@@ -133,27 +142,27 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         look(X, Y, p, s)
         tip = Z + s.height - p.delta - p.delta_curvature * s.curvature
         load = p.w + p.eta_c2 * (tip - p.a)
-        p_x = m_x * (1.0 - d_x) * V_X + h * balance(0, u_x, X, p, s)
-        p_y = m_y * (1.0 - d_y) * V_Y + h * balance(1, u_y, Y, p, s)
+        p_x = m_x * ((1.0 - d_x) * V_X + h * left_at_rest(0, u_x, X, p, s))
+        p_y = m_y * ((1.0 - d_y) * V_Y + h * left_at_rest(1, u_y, Y, p, s))
         f = s.here * nominal_bound(load, p, s)
-        q_x, q_y = (p_x, p_y) if alike else as_one_mass(p_x, p_y, n_x, n_y, h * f)
+        q_x, q_y = as_one_mass(p_x, p_y, uneven, h * f) if uneven != 0.0 else (p_x, p_y)
         j_x, j_y, stick = friction_impulse(q_x, q_y, V_X, V_Y, n_x, n_y, h * f)
-        s.impulse[0] += j_x
-        s.impulse[1] += j_y
+        sum_x += j_x
+        sum_y += j_y
         V_X = 0.0 if stick else (p_x - j_x) * n_x
         V_Y = 0.0 if stick else (p_y - j_y) * n_y
-        rest = (p.w + p.eta_c2 * (s.height - p.delta - p.a)) / (p.mu + 1.0)
-        V_Z = ((1.0 - d_z) * V_Z + h * (balance(2, u_z, Z, p, s) - rest)) / (1.0 + d_z)
+        held = p.of_both * (p.w + p.eta_c2 * (s.height - p.delta - p.a))
+        V_Z = n_z * ((1.0 - d_z) * V_Z + h * (left_at_rest(2, u_z, Z, p, s) - held))
         X += half * V_X
         Y += half * V_Y
         Z += half * V_Z
     s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z = X, Y, Z, V_X, V_Y, V_Z
+    s.impulse[0], s.impulse[1] = sum_x, sum_y
 
 
 @kernel
 def predict(u_x: float, u_y: float, u_z: float, p: Constants, s: "State") -> None:
-    """Move the scanner on by a slot under a constant drive; write the impulse of friction into the state."""
-    s.impulse[0] = s.impulse[1] = 0.0
+    """Move the scanner on by a slot under a constant drive."""
     move(u_x, u_y, u_z, p.dt, p.steps, p, s)
 
 
@@ -164,8 +173,8 @@ def take_load(y: Measurement, p: Constants, s: "State") -> None:
     s.load = p.w + p.eta_c2 * (s.Q - p.a)
     # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
     # after a correction.
-    held = (p.w + p.eta_c2 * (s.Q - s.Z - p.a)) / (p.mu + 1.0)
-    rise = balance(2, y.drive[2] / p.volts[2], s.Z, p, s) - p.damping[2] * s.V_Z - held
+    held = p.of_both * (p.w + p.eta_c2 * (s.Q - s.Z - p.a))
+    rise = left_at_rest(2, y.drive[2] / p.volts[2], s.Z, p, s) - p.damping[2] * s.V_Z - held
     phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
     follows = p.height * phase_rate * phase_rate
     s.rise = rise - min(max(rise, -follows), follows)

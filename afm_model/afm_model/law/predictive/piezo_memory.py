@@ -13,7 +13,7 @@ u.
 
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement
-from .nominal_plant import drive_of_period, predict
+from .nominal_plant import drive_of_period, move
 from .predictive_constants import LAGS, MEMORY, SLOTS, STOPS, Constants
 from .predictive_state import State
 
@@ -99,7 +99,7 @@ def pass_drives(k: int, y: Measurement, moves: bool, p: Constants, s: State) -> 
                     s.drive_passed[axis] = y.drive[axis] / p.volts[axis]
             w_x, w_y = advance(0, s.drive_passed[0], p, s), advance(1, s.drive_passed[1], p, s)
             if moves:
-                predict(w_x, w_y, s.drive_passed[2], p, s)
+                move(w_x, w_y, s.drive_passed[2], p.dt_copy, p.steps_copy, p, s)
             for axis in range(2):
                 for i in range(MEMORY):
                     s.memory_mean[axis, i] += s.memory_ahead[axis, i] / (p.slots * periods)
@@ -137,7 +137,7 @@ def plan_effective(p: Constants, s: State) -> None:
     for axis in range(2):
         if not remembers(axis, s):
             continue
-        for j in range(p.delay):
+        for j in range(s.delay):
             s.sent_ahead[j, axis] = s.plan[j, axis]
             s.plan[j, axis] = advance(axis, s.sent_ahead[j, axis], p, s)
 
@@ -148,8 +148,8 @@ def plan_drives(planned: int, p: Constants, s: State) -> None:
     for axis in range(2):
         if not remembers(axis, s):
             continue
-        for j in range(p.delay):
+        for j in range(s.delay):
             s.plan[j, axis] = s.sent_ahead[j, axis]
-        for j in range(p.delay, planned):
+        for j in range(s.delay, planned):
             s.plan[j, axis] = drive_for(axis, s.plan[j, axis], p, s)
             advance(axis, s.plan[j, axis], p, s)

@@ -23,6 +23,8 @@ LONG = 4.0
 """Longest time for which a drive is held without being refined [1/w0]."""
 LONGEST_DELAY = 30
 """Control periods."""
+LATER = 2
+"""Control periods by which the delay may be longer than told."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
 STOPS = 2
@@ -62,6 +64,12 @@ _OPENING_PACKET = 0.1
 """That of an opening in packets, where few measurements tell it."""
 FIRST_Z = (0.0, 0.003, 0.03, *MEMORY * (0.0,))
 """The same along z [w0^2 z0]; with positions alone nothing is estimated there."""
+_WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,), 1e-5)
+"""Random walks of these in one time unit."""
+_WALK_Z = (0.0, 1e-5, 1e-4, *MEMORY * (0.0,))
+"""The same along z."""
+_SLOWLY = 0.02
+"""Part of a random walk that positions alone are allowed to follow."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5
@@ -74,7 +82,7 @@ _UNSEEN = 10.0
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05
-"""With positions alone, where the copy of the plant goes on from step to step."""
+"""The same of the copy of the plant of positions alone, which goes on from step to step."""
 _STEP_PHASE = 0.25
 """And the phase of the fastest resonance in a step."""
 
@@ -83,7 +91,9 @@ class Constants(Record):
     hold: float  # control period [1/w0]
     slot: float  # time between two drives of an answer
     slots: int  # slots in a control period
-    delay: int  # slots until the drive of an answer is in force
+    delay: int  # slots until the drive of an answer is in force, as told; the most that is found; one: it is sought
+    most_delay: int
+    finds_delay: int
     count: int  # drives in an answer, without the reserve
     reserve: int  # drives of the reserve
     longest: int  # drives of an answer with all that, those in force before it included
@@ -96,15 +106,18 @@ class Constants(Record):
     ring: float  # part of a change of the load by which it still rings after a slot
     steps: int  # of the prediction in a slot
     dt: float
+    steps_copy: int  # and of the copy of the plant
+    dt_copy: float
     surface: int
     identified: int
     adapts: int  # what the model does not explain is estimated, with these deviations at the start
     first: Annotated[Array, (3, UNEXPLAINED)]
+    walk: Annotated[Array, (3, UNEXPLAINED)]  # variance by which that grows in a control period
     remembers: int  # hysteresis or creep of the piezo are estimated
     threshold: Annotated[Array, (STOPS,)]  # of the stops
     lag_left: Annotated[Array, (LAGS,)]  # what of a lag is left after a slot, and its mean in the slot
     lag_mean: Annotated[Array, (LAGS,)]
-    mu: float
+    of_both: float  # part of a force on tip and scanner, along z, that the scanner feels
     w: float
     a: float
     eta_c2: float
@@ -153,10 +166,17 @@ class Constants(Record):
     of_drive: Annotated[Array, (2,)]
 
 
-def longest(parameters: Tree) -> int:
-    """Drives of the longest answer, those in force before it included."""
+def longest(parameters: Tree, more: int = 0) -> int:
+    """Drives of the longest answer, those in force before it included, with so many more control periods of delay."""
     law = parameters.law
-    return int(law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve)
+    return int(law.packet * (law.delay_ticks + more + 1 + law.spare) + law.reserve)
+
+
+def more_delay(parameters: Tree) -> int:
+    """Control periods by which the delay can be found to be longer than told."""
+    if parameters.law.delay == "nominal":
+        return 0
+    return next((more for more in range(LATER, 0, -1) if longest(parameters, more) <= SLOTS), 0)
 
 
 def first_deviations(law: Tree) -> list[list[float]]:
@@ -187,7 +207,7 @@ def values(parameters: Tree) -> Numbers:
     lateral_force, normal_force = mu * m_c * square(w0) * x0, m_c * square(w0) * z0
     measured, identified = law.feedback == "measured", law.friction == "identified"
     hold = law.period * w0
-    slots, spare = law.packet, law.spare
+    slots, spare, more = law.packet, law.spare, more_delay(parameters)
     slot = hold / slots
     division = grid(slot, law.response * w0)
     eta = {axis: 2.0 * math.pi * getattr(scanner, f"f_{axis}") / w0 for axis in "xyz"}
@@ -204,8 +224,8 @@ def values(parameters: Tree) -> Numbers:
     n = division.fine * division.holds
     for i in range(3):
         G[i, :n] = of_axis[i].G
-    step = min(_STEP_COPY if measured else _STEP, _STEP_PHASE / math.sqrt(stiffness.max()))
-    steps = math.ceil(slot / step - 1e-9)
+    fastest = _STEP_PHASE / math.sqrt(stiffness.max())
+    steps, steps_copy = (math.ceil(slot / min(each, fastest) - 1e-9) for each in (_STEP, _STEP_COPY))
     # Contact at the load of a resting cantilever, and how it changes with curvature and load.
     r = contact.R / z0
     L_s = contact.pull_off_force / normal_force
@@ -242,9 +262,11 @@ def values(parameters: Tree) -> Numbers:
         "slot": slot,
         "slots": slots,
         "delay": law.delay_ticks * slots,
+        "most_delay": (law.delay_ticks + more) * slots,
+        "finds_delay": law.delay == "estimated",
         "count": slots * (1 + spare),
         "reserve": law.reserve,
-        "longest": longest(parameters),
+        "longest": longest(parameters, more),
         "fine": division.fine,
         "horizon": n,
         # In packets the next drive follows soon, and in a long hold z cannot follow.
@@ -255,16 +277,19 @@ def values(parameters: Tree) -> Numbers:
         "ring": exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
         "steps": steps,
         "dt": slot / steps,
+        "steps_copy": steps_copy,
+        "dt_copy": slot / steps_copy,
         "surface": SURFACES[law.surface],
         # Friction that is believed in leaves no signal to compare with.
         "adapts": identified and any(map(any, first)),
         "first": first,
+        "walk": np.square((_WALK, _WALK, _WALK_Z)) * square(_SLOWLY if measured else 1.0) * hold,
         "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],
         "lag_left": [exp(-slot / (each * w0)) for each in _LAG_TIMES],
         "lag_mean": [-expm1(-slot / (each * w0)) * each * w0 / slot for each in _LAG_TIMES],
         "identified": identified,
-        "mu": mu,
+        "of_both": 1.0 / (mu + 1.0),
         "w": w,
         "a": a,
         "eta_c2": square(eta_c),

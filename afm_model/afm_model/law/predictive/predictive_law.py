@@ -77,6 +77,11 @@ class PredictiveLaw(SampledLaw):
         description="creep of the piezo along x and y, the part of a step of the drive that follows in a decade; "
         "with feedback=measured: that of y is taken to be as that of x",
     )
+    delay: Literal["nominal", "estimated"] = Field(
+        "estimated",
+        description="control periods until a drive is in force: nominal: law.delay_ticks; estimated: what the "
+        "measurements tell, from law.delay_ticks on",
+    )
     corner_x: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="preview: places +-corner_x at which a reference straight along x turns back; 0: none is known"
     )
@@ -158,12 +163,13 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
+    yield LawEstimate("delay", "s", float(s.delay * p.slot / p.w0))
     yield LawEstimate("distrust", "1", float(s.distrust))
     yield LawEstimate("fallbacks", "1", float(s.fallbacks))
 
 
 def remark(state: Any) -> str:
-    """How often its guard has distrusted the model, and whether it does now; whether the known surface is another."""
+    """How often its guard has distrusted the model, and whether it does now; what is not as it was told."""
     told = []
     if state.fallbacks > 0.0:
         now = f"; distrust now {state.distrust:.2g} of 1" if state.distrust > 0.0 else ""
@@ -171,4 +177,8 @@ def remark(state: Any) -> str:
         told.append(f"the model did not explain the measurements: fell back to open loop {times}")
     if state.contradicts > 0.0 and state.unknown:
         told.append("the height measured is not that of sample.*: the surface is followed as law.surface = observed")
+    if state.off_told != 0:
+        periods = "control period" if abs(state.off_told) == 1 else "control periods"
+        way = "later" if state.off_told > 0 else "earlier"
+        told.append(f"drives come into force {abs(state.off_told)} {periods} {way} than law.delay_ticks: found, and used")
     return "; ".join(told)

@@ -23,10 +23,6 @@ from .predictive_constants import CREEP, FLOOR, MEMORY, STOPS, UNEXPLAINED, Cons
 from .predictive_state import State
 from .sample_estimate import REST, variance, write_row
 
-_WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,), 1e-5)
-"""Their random walks in one time unit, those of an opening and of creep."""
-_WALK_Z = (0.0, 1e-5, 1e-4, *MEMORY * (0.0,))
-"""The same along z."""
 GAIN_LIMITS = (0.4, 2.5)
 SLIDING = 3e-3
 """Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
@@ -46,8 +42,6 @@ NOTHING = (1.0, 0.0, 0.0, *MEMORY * (0.0,))
 """Gamma, b, c, openings and creep of a model that explains all."""
 _KNOWN = 0.1
 """Deviation of the gain of x over that at the start below which y is taken to be as x."""
-_SLOWLY = 0.02
-"""Part of that random walk that positions alone are allowed to follow."""
 SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
 COUNTS = 0.003
@@ -148,9 +142,7 @@ def update(
         first, gain = p.first[axis, i], s.weight[i] / total
         for j in range(begin, end):
             P[axis, i, j] -= gain * s.weight[j]
-        # What positions alone tell is known slowly.
-        walk = _WALK_Z[i] if axis == 2 else _WALK[i] if p.measured == 0 else _SLOWLY * _WALK[i]
-        P[axis, i, i] = max(P[axis, i, i], 0.0) + walk * walk * p.hold
+        P[axis, i, i] = max(P[axis, i, i], 0.0) + p.walk[axis, i]
         # None is less certain than at the start: what is believed then stays so.
         if P[axis, i, i] > first * first:
             part = first / math.sqrt(P[axis, i, i])
@@ -251,7 +243,7 @@ def learn_of_z(u: float, p: Constants, s: State) -> None:
     phase = p.wave_number * hypot(s.X - s.expected[0, 0], s.Y - s.expected[1, 0])
     if s.unknown != 0:
         phase += _UNSEEN * min(p.wave_number * s.fastest * p.hold, 1.0)
-    noise = p.eta_c2 / (p.mu + 1.0) * p.height * (_UNEVEN_Z + phase)
+    noise = p.of_both * p.eta_c2 * p.height * (_UNEVEN_Z + phase)
     update(2, left_over(2, s.Z, s.V_Z, u, p, s), 0.0, s.Z, s.memory_now, noise, p, s)
     # More than what is likely at the start is another mistake, such as of the delay.
     for i in range(1, 3):
