@@ -39,6 +39,21 @@ def test_a_push_that_no_model_explains_makes_it_fall_back_say_so_and_return():
     assert max(abs(y.position - y.reference_position)[:2]) < 0.01 * 5e-9
 
 
+@pytest.mark.parametrize("surface", ["observed", "learned"])
+def test_a_tip_that_was_lifted_off_the_sample_is_brought_back(surface):
+    period = 1e-3
+    sim = build(SimParameters, PLANT | {"plant.control_period": period, "piezo.dac_period": period})
+    instrument, law = Instrument(sim, 241), Controller(made(period=period, surface=surface))
+    touches = []
+    for tick in range(240):
+        drive = np.array(law.answer(instrument.measurement, tick * period))
+        drive[0] *= 21.0 if tick == 60 else 1.0
+        instrument.tick(drive, tick)
+        touches.append(abs(record_at(instrument.measurement, 0, Measurement).lateral_force) > 1e-8)
+    # The setpoint is the deflection of a free cantilever: what is measured in the air looks like a surface.
+    assert all(touches[:60]) and not all(touches[60:90]) and np.mean(touches[150:]) > 0.9
+
+
 @pytest.mark.parametrize("feedback", ["full", "measured"])
 @pytest.mark.parametrize("surface", ["known", "observed", "learned"])
 def test_a_measurement_that_is_no_number_is_answered_by_the_drive_in_force_and_forgotten(feedback, surface):

@@ -95,7 +95,7 @@ def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) ->
         z_r = s.p[2] + ahead * (s.v[2] + 0.5 * ahead * s.acc[2])
         load = p.w + p.eta_c2 * (z_r - p.a)
         delta = p.delta + p.delta_curvature * s.curvature + p.delta_load * (load - p.load_0)
-        s.path[i, 2, 0] = z_r + delta - s.height
+        s.path[i, 2, 0] = z_r + delta - s.height + s.approach
         s.friction[i] = s.here * nominal_bound(load, p, s)
     for i in range(at, at + n + 1):
         before, after = max(i - 1, at), min(i + 1, at + n)

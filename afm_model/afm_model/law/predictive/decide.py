@@ -31,12 +31,12 @@ def drive(axis: int, at: int, e: float, e_rate: float, p: Constants, s: State) -
 def decide(at: int, slot: int, p: Constants, s: State) -> None:
     """Write the drive of a slot that begins with the fine interval `at` into the plan, from the predicted state."""
     e_x, e_y = s.X - s.path[at, 0, 0], s.Y - s.path[at, 1, 0]
-    # In radians of the shortest wave; more than one is too far for z to follow.
+    # In radians of the shortest wave.
     far = math.sqrt(e_x * e_x + e_y * e_y) * p.wave_number
     if p.back > 0:
         # The tip rides on the sample where it is. Were z asked for along the reference the load would change with the
         # error, and friction with it: a spring that pushes away, stronger than the gain of a slow loop.
-        beside = _BESIDE if far < 1.0 else 0.0
+        beside = _BESIDE / max(far, 1.0)
         ask_of_z(at, p.back, beside * e_x, beside * e_y, p, s)
     e_z, e_zrate = s.Z - s.path[at, 2, 0], s.V_Z - s.path[at, 2, 1]
     u_z = drive(2, at, e_z, e_zrate, p, s)
@@ -68,9 +68,9 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
             changed_x += change * (p.G[0, j, 0] * p.Gamma[0, 0] + p.G[0, j, 1] * p.Gamma[0, 1])
             change = s.gain_of[1] * (f * d_y / size - s.friction[at + j] * s.direction[at + j, 1])
             changed_y += change * (p.G[1, j, 0] * p.Gamma[1, 0] + p.G[1, j, 1] * p.Gamma[1, 1])
-    if p.measured != 0 and far > 1.0:
-        # Taken back by no more than that in a response: the tip would leave the sample.
-        e_x, e_y = e_x / far, e_y / far
+    if far > p.taken:
+        # Taken back by no more than that in a response: the tip would be thrown beyond, or leave the sample.
+        e_x, e_y = e_x * p.taken / far, e_y * p.taken / far
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y
     s.plan[slot, 2] = u_z

@@ -14,7 +14,6 @@ from .nominal_plant import drives_of, predict
 from .predictive_constants import ANSWERS, SLOTS, Constants
 from .predictive_state import State
 
-
 _IN_A_ROW = 10
 """Answers that tell of more delay until it is believed."""
 

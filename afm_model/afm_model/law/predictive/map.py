@@ -25,11 +25,11 @@ NEAR = 0.4
 FADE = 1.5e-5
 """Part of the variance of the prior that returns in a radian of the shortest wave: in a few waves that of one
 measurement."""
-KNOWN_WELL = 1e-2
+KNOWN_WELL = 3e-2
 """Variance over that of the prior below which the map counts."""
 AGE = 2.0 * math.pi
 """Phase of the shortest wave that the tip must have gone since its first visit before the map counts at a place."""
-CONSISTENT, CONSISTENT_MEASURED = 4.0, 2.0
+CONSISTENT, CONSISTENT_MEASURED = 4.0, 8.0
 """Mean square of what a measurement is off the map, over its variance, from which on the map is wrong; the same where
 positions alone are measured: there noise makes it about 1 where the map is right, otherwise it is far less."""
 FARTHEST = 100.0

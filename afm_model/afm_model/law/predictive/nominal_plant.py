@@ -2,7 +2,6 @@
 deflection.
 """
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from ...contact.friction import friction_impulse
@@ -106,10 +105,11 @@ def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
 
 @kernel
 def as_one_mass(p_x: float, p_y: float, uneven: float, radius: float) -> tuple[float, float]:
-    """The momentum p turned to where friction lies near rest, for axes of unequal masses; uneven: 4 (n_x - n_y)/(n_x + n_y).
+    """The momentum p turned to where friction lies near rest, for axes of unequal masses.
 
-    Friction lies along the velocity that is left, n (p - j), and not along p: to first order in what the velocities
-    per momentum n differ by. Without it the tip would slide off the balance of forces by n_y / n_x.
+    Friction lies along the velocity that is left, n (p - j), and not along p: to first order in what the velocities per
+    momentum n differ by, uneven = 4 (n_x - n_y) / (n_x + n_y). Without it the tip would slide off the balance of forces
+    by n_y / n_x.
     """
     size2, most2 = p_x * p_x + p_y * p_y, radius * radius
     if size2 <= most2:

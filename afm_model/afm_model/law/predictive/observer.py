@@ -47,6 +47,14 @@ _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction."""
 _NEAR = 0.01
 """Step of the derivatives of the nominal bound [x0]."""
+_NIS = 0.05
+"""Weight of one measurement in the mean normalised innovation squared, which is one where the model is right:
+Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, Wiley (2001), 5.4.
+"""
+_DOUBTS = 1.5
+"""Value of it from which on the model is trusted less."""
+_LESS = 300.0
+"""By so many times the variance of the ratio over a known surface, for each unit beyond."""
 _ON_MAP = 0.3
 """Bend of the ratio that a map leaves, over that of the surface."""
 
@@ -112,6 +120,7 @@ def begin_observer(p: Constants, s: State) -> None:
     s.P[SLOPE, SLOPE] = square(p.bumps[s.unknown] * p.wave_number)
     s.moved_by_more[:] = 0.0
     s.across = s.grip = s.off_force = 0.0
+    s.nis = 1.0
 
 
 @kernel
@@ -137,10 +146,11 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
     P[RATIO, SLOPE] += 0.5 * bend * way
     P[SLOPE, RATIO] += 0.5 * bend * way
     P[SLOPE, SLOPE] += bend
+    # The load is not quite static, and less so where the measured positions are off by more than they should be.
+    uneven = square(p.uneven[s.unknown]) + square(p.uneven[0]) * _LESS * max(s.nis - _DOUBTS, 0.0)
     for i in range(3):
         for j in range(3):
-            # The load is not quite static.
-            P[i, j] += square(p.uneven[s.unknown]) * F[i, RATIO] * F[j, RATIO]
+            P[i, j] += uneven * F[i, RATIO] * F[j, RATIO]
     turned = square(p.astray)
     P[AT_X, AT_X] += turned * t_y * t_y
     P[AT_Y, AT_Y] += turned * t_x * t_x
@@ -294,7 +304,9 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     noise = square(p.position_noise)
     along = (x - s.X) * t_x + (y_ - s.Y) * t_y
     known = t_x * t_x * P[AT_X, AT_X] + 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_y * t_y * P[AT_Y, AT_Y]
-    missed = along if along * along > _SURE * _SURE * (known + noise) else 0.0
+    off = along * along / (known + noise)
+    s.nis += _NIS * (min(off, _SURE * _SURE) - s.nis)
+    missed = along if off > _SURE * _SURE else 0.0
     if missed != 0.0:
         doubt(missed, t_x, t_y, p, s)
         if p.slots > 1:

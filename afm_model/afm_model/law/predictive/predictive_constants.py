@@ -79,6 +79,8 @@ _ASTRAY = 1.3e-4
 """Rms change of the position across the motion in a time unit, that the copy does not know [x0]."""
 _UNSEEN = 10.0
 """Acceleration along z that is not known, over a surface that is not: what z is estimated wrong by is taken for it."""
+_TAKEN, _TAKEN_MEASURED = 3.0, 1.0
+"""Error that is taken back in a response at most, in radians of the shortest wave; the same of an estimated one."""
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05
@@ -102,6 +104,7 @@ class Constants(Record):
     back: int  # fine intervals in a response, over which z is asked for beside the reference; 0: it is not
     tau: float  # length of a fine interval
     refined: int  # one: the drive of a slot is long and refined
+    taken: float  # radians of the shortest wave by which an error is taken back at most
     turn: float  # lambda of the direction of friction
     ring: float  # part of a change of the load by which it still rings after a slot
     steps: int  # of the prediction in a slot
@@ -273,6 +276,7 @@ def values(parameters: Tree) -> Numbers:
         "back": round(division.response / (slot / division.fine)) * (slots == 1 and slot <= LONG),
         "tau": slot / division.fine,
         "refined": slot > LONG and n + division.fine <= INTERVALS,
+        "taken": _TAKEN_MEASURED if measured else _TAKEN,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),
         "ring": exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
         "steps": steps,

@@ -180,5 +180,5 @@ def remark(state: Any) -> str:
     if state.off_told != 0:
         periods = "control period" if abs(state.off_told) == 1 else "control periods"
         way = "later" if state.off_told > 0 else "earlier"
-        told.append(f"drives come into force {abs(state.off_told)} {periods} {way} than law.delay_ticks: found, and used")
+        told.append(f"drives come into force {abs(state.off_told)} {periods} {way} than law.delay_ticks; that is used")
     return "; ".join(told)

@@ -61,6 +61,7 @@ class State(Record):
     drive_passed: Annotated[Array, (3,)]
     sent_ahead: Annotated[Array, (SLOTS, 2)]
     grip: float  # of positions alone: measured ratio; no measurement: zero
+    nis: float  # of positions alone: mean square of the innovations along the motion over their variance
     off_force: float  # by which friction of the copy was off the measured one
     # gain_of_y.py: the gain of y over that of x, found since that, variance, what it does to the states of observer.py.
     more_gain: float
@@ -83,6 +84,7 @@ class State(Record):
     Q: float  # the tip
     load: float  # on it
     doubt: float  # variance of an estimated position
+    approach: float  # by which the sample is asked for nearer, while there is no friction
     rise: float  # acceleration along z by more than following the surface takes
     at_x: float  # where the scanner was at the last measurement
     at_y: float

@@ -44,6 +44,8 @@ _LONGER = 6.0
 """Waves in place of one, in packets with positions alone."""
 TOUCHES = 0.1
 """Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
+APPROACH = 0.005
+"""By so much nearer to the sample than it is the tip is asked for, where it is not [z0]: 5 um/s at 50 us."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
 _INDEX = 10.0
