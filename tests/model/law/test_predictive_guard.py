@@ -71,6 +71,13 @@ def test_a_measurement_that_is_no_number_is_answered_by_the_drive_in_force_and_f
     assert law.state.distrust == 0.0
 
 
+def test_a_tip_that_was_thrown_far_is_not_thrown_farther_by_what_takes_it_back():
+    # One run of five was lost: 50 % became 900.
+    case = next(case for case in CASES if case.title == "height x 2")
+    told = run_case(case, RATES[2], contender("predictive surface=known"))
+    assert not told["lost"] and told["worst"] < 80.0
+
+
 def test_what_it_believes_is_told_with_its_deviation_and_can_be_fixed():
     sim = build(SimParameters, PLANT | {"detector.lateral_gain": 1.1})
     told = simulate(sim, made()).estimates

@@ -4,7 +4,7 @@ import math
 
 from ...core.jit import kernel, routine
 from .asked import ask_of_z
-from .nominal_plant import move
+from .nominal_plant import friction_turns_drive, move
 from .predictive_constants import Constants
 from .predictive_state import State
 
@@ -68,7 +68,7 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
             changed_x += change * (p.G[0, j, 0] * p.Gamma[0, 0] + p.G[0, j, 1] * p.Gamma[0, 1])
             change = s.gain_of[1] * (f * d_y / size - s.friction[at + j] * s.direction[at + j, 1])
             changed_y += change * (p.G[1, j, 0] * p.Gamma[1, 0] + p.G[1, j, 1] * p.Gamma[1, 1])
-    if far > p.taken:
+    if far > p.taken and (p.measured != 0 or friction_turns_drive(0, p, s)):
         # Taken back by no more than that in a response: the tip would be thrown beyond, or leave the sample.
         e_x, e_y = e_x * p.taken / far, e_y * p.taken / far
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x

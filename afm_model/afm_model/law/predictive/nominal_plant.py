@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 REACH = 0.7
 """Phase of the shortest wave up to which a slope is continued."""
+_TURNED = 10.0
+"""Drive for the travel over friction, up to which friction turns the drive."""
 
 
 @kernel
@@ -89,6 +91,12 @@ def level(p: Constants, s: "State") -> None:
 def nominal_bound(load: float, p: Constants, s: "State") -> float:
     """Bound of friction of the contact as it is believed to be, at the place looked at."""
     return s.strength * (p.f_0 + s.curvature * (p.f_1 + p.f_2 * s.curvature)) * (1.0 + p.f_load * (load - p.load_0))
+
+
+@kernel
+def friction_turns_drive(axis: int, p: Constants, s: "State") -> bool:
+    """Whether friction turns the drive by steps: on a long way it is a small part of the drive for the travel."""
+    return p.stiffness[axis] * s.reach <= _TURNED * p.f_0
 
 
 @kernel

@@ -17,7 +17,7 @@ from ...core.elementary import hypot, square
 from ...core.jit import kernel
 from ...core.records import Block
 from ...parts.signals import Measurement
-from .nominal_plant import balance
+from .nominal_plant import balance, friction_turns_drive
 from .piezo_memory import effective
 from .predictive_constants import CREEP, FLOOR, MEMORY, STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
@@ -30,10 +30,6 @@ _MOST = (*STOPS * (0.25,), 0.03)
 """Largest openings and creep; they take from a drive, and never add."""
 _CERTAIN = 2.0
 """Standard deviations from which on there is creep."""
-_TURNED = 10.0
-"""Drive for the travel over friction, up to which friction turns the drive, by steps. Beyond, hysteresis of a form that
-no stop has would be taken for creep.
-"""
 _SLOW = 2.0
 """Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
 SEEMS = 5.0
@@ -108,7 +104,8 @@ def believe_learned(axis: int, p: Constants, s: State) -> None:
     for i in range(UNEXPLAINED):
         s.likely[i] = s.learned[axis, i]
     certain = s.likely[CREEP] >= _CERTAIN * math.sqrt(s.unsure[axis, CREEP, CREEP])
-    if not certain or p.stiffness[axis] * s.reach > _TURNED * p.f_0:
+    # On a long way hysteresis of a form that no stop has would be taken for creep.
+    if not certain or not friction_turns_drive(axis, p, s):
         put(axis, CREEP, 0.0, s.likely, s)
         limit(axis, s.likely, s)
     believe(axis, s.likely, s)
