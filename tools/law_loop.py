@@ -58,8 +58,7 @@ class Loop:
         sim: dict[str, Any] = {"plant.control_period": period, "plant.delay_ticks": delay + late}
         sim |= {f"reference.omega_{axis}": omega for axis in "xy"}
         told: dict[str, Any] = {"law.kind": "predictive", "law.period": period, "law.delay_ticks": delay}
-        # Otherwise it finds the delay, and none of its drives is late.
-        told["law.delay"] = "nominal"
+        told |= {"law.delay": "nominal"}  # otherwise it finds the delay, and none of its drives is late
         if packet > 1:
             sim["piezo.dac_period"] = period / packet
             told |= {"law.packet": packet, "law.spare": 1}

@@ -25,7 +25,7 @@ from make_docs import between_marks
 from afm_bringup.compare_robust import robust_laws, robust_picture, robust_table
 from afm_model.core.registry import names
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, run_case
+from afm_model.studies.wrong_models import CASE, CASES, RATES, run_case
 
 PAGE = Path(__file__).parent.parent / "docs" / "laws.md"
 PICTURE = PAGE.parent / "figures" / "robust.png"
@@ -80,7 +80,7 @@ WHY: dict[tuple[str, str], str] = {
 
 def _row(of: tuple[str, str, str, float]) -> Row:
     law, case, rate, noise = of
-    chosen = next(each for each in CASES if each.title == case), next(each for each in RATES if each.title == rate)
+    chosen = CASE[case], next(each for each in RATES if each.title == rate)
     return {"law": law, "case": case, "rate": rate, **run_case(*chosen, contender(law), noise)}
 
 

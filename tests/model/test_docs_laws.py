@@ -15,14 +15,14 @@ from figures.page import read  # noqa: E402
 
 from afm_bringup.compare_robust import robust_table  # noqa: E402
 from afm_model.studies.contender import contender  # noqa: E402
-from afm_model.studies.wrong_models import CASES, RATES, run_case  # noqa: E402
+from afm_model.studies.wrong_models import CASE, CASES, RATES, run_case  # noqa: E402
 
 PAGE = ROOT / "docs" / "laws.md"
 
 
 def cell_of(case: str, rate: str) -> str:
     """What the table of wrong models has for `predictive` there, run now."""
-    chosen = next(each for each in CASES if each.title == case), next(each for each in RATES if each.title == rate)
+    chosen = CASE[case], next(each for each in RATES if each.title == rate)
     rows = [
         {"law": law, "case": case, "rate": rate, **run_case(*chosen, contender(law))} for law in make_laws.PREDICTIVE
     ]

@@ -104,6 +104,7 @@ CASES = (
     Case("along y alone", _sine(amplitude_x=0.0)),
 )
 """Wrong models, and references other than the usual one."""
+CASE = {case.title: case for case in CASES}
 
 
 def _true(case: Case, rate: Rate, noise: float) -> dict[str, Value]:

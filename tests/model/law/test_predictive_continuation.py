@@ -11,7 +11,7 @@ from afm_model.law.predictive.nominal_plant import beyond
 from afm_model.law.predictive.predictive_constants import MEAN, POINTS, VALUE
 from afm_model.law.predictive.sample_estimate import begin, follow
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, run_case
+from afm_model.studies.wrong_models import CASE, RATES, run_case
 
 from . import predictive_records
 
@@ -142,7 +142,7 @@ def test_it_is_for_packets_with_all_rates_measured(law):
     [("the truth", 3.0, 3.0), ("resonances -5 %", 3.5, 5.0), ("friction x 1.5", 8.0, 30.0)],
 )
 def test_in_packets_with_nothing_known_what_is_left_is_near_the_bound(title, median, worst):
-    case = next(case for case in CASES if case.title == title)
+    case = CASE[title]
     told = run_case(case, RATES[2], contender("predictive surface=observed"))
     assert told["third"] < median and told["worst"] < worst and not told["lost"]
 

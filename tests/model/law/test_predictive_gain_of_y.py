@@ -10,11 +10,9 @@ from afm_model.law.predictive.gain_of_y import forget_gain_of_y, learn_gain_of_y
 from afm_model.law.predictive.nominal_plant import as_one_mass, move
 from afm_model.law.predictive.observer import weigh
 from afm_model.studies.contender import Contender
-from afm_model.studies.wrong_models import CASES, RATES, parameters_of
+from afm_model.studies.wrong_models import CASE, RATES, parameters_of
 
 from .test_predictive_observer import covariance, records
-
-CASE = {case.title: case for case in CASES}
 
 
 @pytest.mark.parametrize("gains", [(1.0, 1.0), (1.04, 0.98), (0.8, 1.2)])

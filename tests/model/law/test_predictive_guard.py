@@ -7,7 +7,7 @@ from afm_model import Controller, ControllerParameters, Instrument, SimParameter
 from afm_model.core.records import record_at
 from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, parameters_of, run_case
+from afm_model.studies.wrong_models import CASE, RATES, parameters_of, run_case
 
 LAW = {"law.kind": "predictive", "law.delay_ticks": 0}
 PLANT = {"run.duration": 0.13, "plant.control_period": 5e-5, "plant.delay_ticks": 0}
@@ -73,7 +73,7 @@ def test_a_measurement_that_is_no_number_is_answered_by_the_drive_in_force_and_f
 
 def test_a_tip_that_was_thrown_far_is_not_thrown_farther_by_what_takes_it_back():
     # One run of five was lost: 50 % became 900.
-    case = next(case for case in CASES if case.title == "height x 2")
+    case = CASE["height x 2"]
     told = run_case(case, RATES[2], contender("predictive surface=known"))
     assert not told["lost"] and told["worst"] < 80.0
 
@@ -127,7 +127,7 @@ def test_after_each_further_fallback_trust_returns_later():
     ],
 )
 def test_with_positions_alone_noise_and_a_wrong_model_it_stays_with_the_reference(rate, surface, title, seed, limit):
-    case = next(case for case in CASES if case.title == title)
+    case = CASE[title]
     rated = next(each for each in RATES if each.title == rate)
     sim, told = parameters_of(case, rated, contender(f"predictive surface={surface}"), 1.0, seed)
     assert told.law.feedback == "measured"
@@ -138,7 +138,7 @@ def test_with_positions_alone_noise_and_a_wrong_model_it_stays_with_the_referenc
 
 def test_a_map_that_measurements_contradict_is_not_read():
     """On patches the map would foresee the edge where it was a period ago, blurred: without it the error is smaller."""
-    case = next(case for case in CASES if case.title == "patches x .9")
+    case = CASE["patches x .9"]
     learned, observed = (
         run_case(case, RATES[0], contender(f"predictive surface={surface}"))["third"]
         for surface in ("learned", "observed")

@@ -6,9 +6,8 @@ import pytest
 from afm_model import simulate
 from afm_model.law.predictive.predictive_constants import values
 from afm_model.studies.contender import Contender
-from afm_model.studies.wrong_models import CASES, RATES, Case, parameters_of, run_case
+from afm_model.studies.wrong_models import CASE, RATES, Case, parameters_of, run_case
 
-CASE = {case.title: case for case in CASES}
 Z_5_PERCENT = Case("sensitivity of z +5 %", {}, {"piezo.sensitivity_z": 1.05})
 
 

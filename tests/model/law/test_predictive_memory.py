@@ -11,12 +11,11 @@ from afm_model.law.predictive.predictive_constants import A_DECADE, CREEP, LAGS,
 from afm_model.law.predictive.unexplained import believe_learned
 from afm_model.piezo.ceramic import CERAMIC
 from afm_model.studies.contender import Contender
-from afm_model.studies.wrong_models import CASES, RATES, parameters_of, run_case
+from afm_model.studies.wrong_models import CASE, RATES, parameters_of, run_case
 
 from .predictive_records import records
 
 TOLD = {"period": 2e-4, "surface": "known"}
-CASE = {case.title: case for case in CASES}
 WIDE = "hysteresis 5 %, creep 1.5 %"
 NEAR = (0.046, 0.048, 0.05, 0.052, 0.054)
 drives = st.lists(st.floats(-40.0, 40.0), min_size=1, max_size=30)

@@ -8,12 +8,11 @@ import pytest
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
 from afm_model.law.predictive.sample_estimate import doubt_surface
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, parameters_of, run_case
+from afm_model.studies.wrong_models import CASE, RATES, parameters_of, run_case
 
 from .predictive_records import records
 
 LAW = {"law.kind": "predictive", "law.surface": "known", "law.period": 5e-5, "law.delay_ticks": 1}
-CASE = {case.title: case for case in CASES}
 
 
 def walk(p, s, waves, height):

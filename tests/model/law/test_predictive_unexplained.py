@@ -9,7 +9,7 @@ from afm_model import SimParameters, build
 from afm_model.law.predictive.unexplained import learn_across
 from afm_model.piezo.ceramic import CERAMIC
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, run_case
+from afm_model.studies.wrong_models import CASE, RATES, run_case
 
 from .predictive_records import records
 
@@ -65,7 +65,7 @@ def test_motion_along_y_and_a_tip_that_nearly_rests_tell_nothing(angle, speed):
 
 @pytest.mark.parametrize(("surface", "most"), [("known", 1.0), ("learned", 2.0)])
 def test_packets_bear_a_resonance_of_one_axis_that_is_told_wrong(surface, most):
-    case = next(each for each in CASES if each.title == "resonance of x +2 %")
+    case = CASE["resonance of x +2 %"]
     row = run_case(case, RATES[2], contender(f"predictive surface={surface}"))
     assert row["worst"] < most and not row["lost"]
 

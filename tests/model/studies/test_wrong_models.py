@@ -3,9 +3,8 @@
 import pytest
 
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, Rate, run_case
+from afm_model.studies.wrong_models import CASE, RATES, Rate, run_case
 
-CASE = {case.title: case for case in CASES}
 RATE = {rate.title: rate for rate in RATES}
 
 

@@ -1,4 +1,4 @@
-"""Which drives are on their way, slot by slot, and the reserve behind those of an answer.
+"""Drives on their way, slot by slot, the delay until they are in force, and the reserve behind those of an answer.
 
 Each answer adds a few drives to the reserve and keeps the others. They bridge a controller, or a machine, that stands
 still for longer than an answer can be planned ahead in one go. The scanner is predicted from where the last reserve

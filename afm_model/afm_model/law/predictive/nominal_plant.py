@@ -112,18 +112,18 @@ def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
 
 
 @kernel
-def as_one_mass(p_x: float, p_y: float, uneven: float, radius: float) -> tuple[float, float]:
+def as_one_mass(p_x: float, p_y: float, unlike: float, radius: float) -> tuple[float, float]:
     """The momentum p turned to where friction lies near rest, for axes of unequal masses.
 
     Friction lies along the velocity that is left, n (p - j), and not along p: to first order in what the velocities per
-    momentum n differ by, uneven = 4 (n_x - n_y) / (n_x + n_y). Without it the tip would slide off the balance of forces
+    momentum n differ by, unlike = 4 (n_x - n_y) / (n_x + n_y). Without it the tip would slide off the balance of forces
     by n_y / n_x.
     """
     size2, most2 = p_x * p_x + p_y * p_y, radius * radius
     if size2 <= most2:
         return p_x, p_y
     # 2 (s - 1)/(3 s + 1) is 1 - 1/sqrt(s) for s near one.
-    turn = uneven * (size2 - most2) * p_x * p_y / ((3.0 * size2 + most2) * size2)
+    turn = unlike * (size2 - most2) * p_x * p_y / ((3.0 * size2 + most2) * size2)
     return p_x + turn * p_y, p_y - turn * p_x
 
 
@@ -139,7 +139,7 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
     # Friction is in units of the lateral signal: a scanner that a unit of it pushes gamma times is lighter.
     m_x, m_y = 1.0 / s.gain_of[0], 1.0 / s.gain_of[1]
     n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
-    uneven = 4.0 * (n_x - n_y) / (n_x + n_y) if s.gain_of[0] != s.gain_of[1] else 0.0
+    unlike = 4.0 * (n_x - n_y) / (n_x + n_y) if s.gain_of[0] != s.gain_of[1] else 0.0
     n_z = 1.0 / (1.0 + d_z)
     sum_x = sum_y = 0.0
     X, Y, Z, V_X, V_Y, V_Z = s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z
@@ -153,7 +153,7 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         p_x = m_x * ((1.0 - d_x) * V_X + h * left_at_rest(0, u_x, X, p, s))
         p_y = m_y * ((1.0 - d_y) * V_Y + h * left_at_rest(1, u_y, Y, p, s))
         f = s.here * nominal_bound(load, p, s)
-        q_x, q_y = as_one_mass(p_x, p_y, uneven, h * f) if uneven != 0.0 else (p_x, p_y)
+        q_x, q_y = as_one_mass(p_x, p_y, unlike, h * f) if unlike != 0.0 else (p_x, p_y)
         j_x, j_y, stick = friction_impulse(q_x, q_y, V_X, V_Y, n_x, n_y, h * f)
         sum_x += j_x
         sum_y += j_y

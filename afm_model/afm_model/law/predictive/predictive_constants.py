@@ -182,6 +182,11 @@ def more_delay(parameters: Tree) -> int:
     return next((more for more in range(LATER, 0, -1) if longest(parameters, more) <= SLOTS), 0)
 
 
+def kept(parameters: Tree) -> int:
+    """Drives that are kept of each answer: as many as it can have at the longest delay that is found."""
+    return longest(parameters, more_delay(parameters))
+
+
 def first_deviations(law: Tree) -> list[list[float]]:
     """Standard deviations, at the start, of what the model does not explain of each axis; 0: it is believed."""
     full = law.feedback == "full"
@@ -210,7 +215,7 @@ def values(parameters: Tree) -> Numbers:
     lateral_force, normal_force = mu * m_c * square(w0) * x0, m_c * square(w0) * z0
     measured, identified = law.feedback == "measured", law.friction == "identified"
     hold = law.period * w0
-    slots, spare, more = law.packet, law.spare, more_delay(parameters)
+    slots, spare = law.packet, law.spare
     slot = hold / slots
     division = grid(slot, law.response * w0)
     eta = {axis: 2.0 * math.pi * getattr(scanner, f"f_{axis}") / w0 for axis in "xyz"}
@@ -265,11 +270,11 @@ def values(parameters: Tree) -> Numbers:
         "slot": slot,
         "slots": slots,
         "delay": law.delay_ticks * slots,
-        "most_delay": (law.delay_ticks + more) * slots,
+        "most_delay": (law.delay_ticks + more_delay(parameters)) * slots,
         "finds_delay": law.delay == "estimated",
         "count": slots * (1 + spare),
         "reserve": law.reserve,
-        "longest": longest(parameters, more),
+        "longest": kept(parameters),
         "fine": division.fine,
         "horizon": n,
         # In packets the next drive follows soon, and in a long hold z cannot follow.
