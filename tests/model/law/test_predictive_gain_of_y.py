@@ -74,6 +74,15 @@ def test_the_gain_of_y_is_found_within_its_deviation(title, true):
         assert abs(off) < max(4.0 * found["lateral_gain_y_deviation"][-1], 0.005)
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_wrong_along_both_axes_is_not_taken_for_a_gain_of_y(seed):
+    # Found before that of x was known it was 5 % off, for two periods.
+    law = Contender("law", "predictive", {"surface": "learned"})
+    found = simulate(*parameters_of(CASE["mass ratio +10 %"], RATES[1], law, 1.0, seed)).estimates
+    later = slice(len(found["time"]) // 6, None)
+    assert np.max(np.abs(found["lateral_gain_y"][later] - 1.1)) < 0.005
+
+
 def test_it_stays_that_of_x_where_it_is_the_same():
     sim, told = parameters_of(CASE["the truth"], RATES[0], Contender("law", "predictive", {}), 1.0, 0)
     found = simulate(sim, told).estimates

@@ -14,6 +14,7 @@ from afm_model.law.predictive.observer import (
     correct,
     doubt,
     follow_force,
+    rests_for_certain,
     see_ratio,
     take_ratio_seen,
     weigh,
@@ -23,6 +24,8 @@ from afm_model.law.predictive.predictive_constants import AT_X, AT_Y, RATIO, SLO
 from . import predictive_records
 from .test_predictive import NOISE, NOTHING, PERIOD, error, parameters, run, smoothness
 
+SLIPS = 1.0
+"""What the drive leaves over friction of a tip that slips for certain."""
 MEASURED = {"law.feedback": "measured", **NOTHING}
 DIAGONAL = math.sqrt(0.5)
 
@@ -135,7 +138,7 @@ def test_the_ratio_seen_in_the_lateral_force_depends_on_the_place_as_its_row_say
 def test_friction_that_holds_more_than_is_believed_raises_the_bound_at_once_even_at_rest():
     p, s = records()
     s.V_X = 0.0
-    take_ratio_seen(0.15, 1e-7, 0.5, 0.0, p, s)
+    take_ratio_seen(0.15, 1e-7, 0.5, 0.0, SLIPS, p, s)
     assert s.change[RATIO] == pytest.approx(0.15, abs=1e-4)
 
 
@@ -143,39 +146,75 @@ def test_less_friction_than_is_believed_tells_nothing_at_rest():
     p, s = records()
     s.V_X = 0.0
     before = s.P[RATIO, RATIO]
-    assert not take_ratio_seen(-0.5, 1e-7, 0.5, 0.0, p, s)
+    assert not take_ratio_seen(-0.5, 1e-7, 0.5, 0.0, SLIPS, p, s)
     assert (s.change[RATIO], s.P[RATIO, RATIO]) == (0.0, before)
 
 
 def test_less_friction_while_the_tip_slips_is_believed_at_once():
     p, s = records()
-    take_ratio_seen(-0.5, 1e-7, 0.5, 0.0, p, s)
+    take_ratio_seen(-0.5, 1e-7, 0.5, 0.0, SLIPS, p, s)
     assert s.change[RATIO] == pytest.approx(-0.5, abs=1e-4)
 
 
 def test_less_friction_at_a_speed_that_may_be_zero_is_rest():
     p, s = records()
     s.P[RATIO, RATIO], s.P[SPEED, SPEED] = 1e-8, 0.05**2
-    assert not take_ratio_seen(-0.01, 1e-7, 0.5, 0.0, p, s)
+    assert not take_ratio_seen(-0.01, 1e-7, 0.5, 0.0, SLIPS, p, s)
     assert (s.V_X, s.P[SPEED, SPEED], s.change[RATIO]) == (0.0, 0.0, 0.0)
 
 
-def test_a_copy_that_rests_while_friction_is_less_than_what_holds_it_slips():
+@pytest.mark.parametrize("doubtful", ["ratio", "place"])
+def test_a_copy_rests_for_certain_only_where_no_likely_bound_lets_the_tip_slip(doubtful):
+    p, s = records()
+    s.load, deviation = float(p.load_0), 0.01
+    s.P[:] = 0.0
+    if doubtful == "ratio":
+        s.P[RATIO, RATIO] = deviation**2
+    else:
+        # Along both axes alike: so far along t that the spring takes the same.
+        s.P[AT_X, AT_X] = s.P[AT_Y, AT_Y] = (deviation * float(p.f_0 / p.stiffness[0])) ** 2
+    look(s.X, s.Y, p, s)
+    f = s.here * nominal_bound(s.load, p, s)
+    s.V_X = 0.0
+    leaves = [part * nominal_bound(s.load, p, s) for part in (0.04, 0.02)]
+    assert [rests_for_certain(0.6, 0.8, f - each, p, s) for each in leaves] == [True, False]
+    s.V_X = 1e-3
+    assert not rests_for_certain(0.6, 0.8, 0.0, p, s)
+
+
+@pytest.mark.parametrize(("held", "rests"), [(0.0, True), (SLIPS, False)])
+def test_much_less_friction_than_is_believed_is_rest_where_it_is_all_that_the_drive_leaves(held, rests):
+    p, s = records()
+    s.P[RATIO, RATIO], s.P[SPEED, SPEED] = 1e-8, 1e-8
+    # Friction that is less by so little is noise, or that of a load that rings.
+    take_ratio_seen(-0.0005, 1e-7, 0.5, 0.0, held, p, s)
+    assert s.V_X == 0.1
+    take_ratio_seen(-0.02, 1e-7, 0.5, 0.0, held, p, s)
+    assert (s.V_X, bool(s.P[SPEED, SPEED] == 0.0)) == ((0.0, True) if rests else (0.1, False))
+
+
+@pytest.mark.parametrize("rested", [False, True])
+def test_a_copy_that_rests_while_friction_is_less_than_what_holds_it_slips(rested):
     p, s = records()
     s.V_X, s.off_force = 0.0, 0.0
     # A drive that is held by less than the bound: the copy rests, and all of it is friction.
-    u_x = 0.9 * 0.75 * float(p.f_0) + float(p.stiffness[0]) * s.X
+    u_x, u_y = 0.9 * 0.75 * float(p.f_0) + float(p.stiffness[0]) * s.X, float(p.stiffness[1]) * s.Y
     held = copied_friction(0.9 * 0.75 * float(p.f_0), 0.0, p, s)
     assert held == pytest.approx(0.9 * 0.75 * p.f_0)
+    # Off by noise, or less.
+    noise = float(np.hypot(p.force_noise, p.stiffness[0] * np.sqrt(s.P[AT_X, AT_X])))
     x = s.X
-    follow_force(held, u_x, float(p.stiffness[1]) * s.Y, p, s)
+    follow_force(held - noise, u_x, u_y, rested, p, s)
     assert (s.X, s.V_X) == (x, 0.0)
-    # Measured friction is less by 4 % of the bound, now and a period ago: that moves it.
-    off = 0.04 * float(p.f_0)
-    s.off_force = off
-    follow_force(held - off, u_x, float(p.stiffness[1]) * s.Y, p, s)
-    assert s.X - x == pytest.approx(p.Gamma_hold[0, 0] * off)
-    assert s.V_X == pytest.approx(p.Gamma_hold[0, 1] * off)
+    moved = []
+    for off in (0.04 * float(p.f_0), 0.05 * float(p.f_0)):
+        # Measured friction is less by that, in the mean of a period: at its end if the tip starts in it.
+        s.X, s.V_X, s.off_force = x, 0.0, 0.0 if rested else off
+        follow_force(held - off, u_x, u_y, rested, p, s)
+        moved.append((s.X - x, s.V_X))
+    # What is beyond noise moves it.
+    assert np.subtract(moved[1], moved[0]) == pytest.approx(0.01 * p.f_0 * p.Gamma_hold[0], rel=1e-9)
+    assert 0.8 < moved[0][1] / (0.04 * p.f_0 * p.Gamma_hold[0, 1]) < 1.0
 
 
 @pytest.mark.parametrize(("seed", "first", "periods"), [(0, 0.5, 1.0), (1, 2.0, 3.0), (2, 2.0, 3.0)])

@@ -8,6 +8,7 @@ import pytest
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive.asked import ask
 from afm_model.law.predictive.decide import decide, left_by, refine
+from afm_model.law.predictive.nominal_plant import bound_at
 from afm_model.law.predictive.predictive_constants import values
 
 from .predictive_records import records
@@ -50,6 +51,23 @@ def test_a_drive_for_a_reference_at_rest_is_not_refined(rng):
     first = np.array(s.plan[0])
     refine(0, p, s)
     assert np.array_equal(s.plan[0], first)
+
+
+@pytest.mark.parametrize(("behind", "freed"), [(2.0, True), (-2.0, False), (0.1, False)])
+def test_a_tip_that_rests_behind_the_reference_is_given_the_friction_of_its_own_place(behind, freed):
+    p, s = decided(np.random.default_rng(3), period=2e-4)
+    forward = np.array(s.v[:2]) / np.hypot(*s.v[:2])
+    s.X, s.Y = np.array(s.p[:2]) - behind * forward
+    plans = []
+    for speed in (0.0, 1e-15):
+        s.V_X = s.V_Y = speed
+        decide(0, 0, p, s)
+        plans.append(np.array(s.plan[0]))
+    # There it is stronger than along the reference.
+    stronger = float(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[0])
+    assert stronger > 0.005 * s.friction[0] or not freed
+    more = [*(stronger * forward), 0.0] if freed else np.zeros(3)
+    assert plans[0] - plans[1] == pytest.approx(more, rel=1e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import math
 
 from ...core.jit import kernel, routine
 from .asked import ask_of_z
-from .nominal_plant import friction_turns_drive, move
+from .nominal_plant import bound_at, friction_turns_drive, move
 from .predictive_constants import Constants
 from .predictive_state import State
 
@@ -14,6 +14,9 @@ lower than believed lets it throw the tip across."""
 _BESIDE = 0.5
 """Part of the predicted error of x and y by which z is asked for beside the reference. With all of it the loop does not
 bear a drive that comes a period late."""
+
+_STUCK = 0.1
+"""Radians of the shortest wave from which on a tip that rests behind the reference is freed."""
 
 
 @kernel
@@ -74,6 +77,11 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y
     s.plan[slot, 2] = u_z
+    if p.refined == 0 and s.V_X == 0.0 and s.V_Y == 0.0 and far > _STUCK and -(e_x * r_x + e_y * r_y) > way * way:
+        # A tip that rests behind the reference is held by friction where it is, not by that of the reference.
+        more = max(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[at], 0.0) / way
+        s.plan[slot, 0] += s.gain_of[0] * more * r_x
+        s.plan[slot, 1] += s.gain_of[1] * more * r_y
 
 
 _TRIALS = 10

@@ -94,6 +94,14 @@ def nominal_bound(load: float, p: Constants, s: "State") -> float:
 
 
 @kernel
+def bound_at(x: float, y: float, z: float, p: Constants, s: "State") -> float:
+    """Bound of friction with the scanner there, the contact at rest; the place is looked at."""
+    look(x, y, p, s)
+    tip = z + s.height - p.delta - p.delta_curvature * s.curvature
+    return s.here * nominal_bound(p.w + p.eta_c2 * (tip - p.a), p, s)
+
+
+@kernel
 def friction_turns_drive(axis: int, p: Constants, s: "State") -> bool:
     """Whether friction turns the drive by steps: on a long way it is a small part of the drive for the travel."""
     return p.stiffness[axis] * s.reach <= _TURNED * p.f_0
@@ -147,12 +155,9 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         X += half * V_X
         Y += half * V_Y
         Z += half * V_Z
-        look(X, Y, p, s)
-        tip = Z + s.height - p.delta - p.delta_curvature * s.curvature
-        load = p.w + p.eta_c2 * (tip - p.a)
+        f = bound_at(X, Y, Z, p, s)
         p_x = m_x * ((1.0 - d_x) * V_X + h * left_at_rest(0, u_x, X, p, s))
         p_y = m_y * ((1.0 - d_y) * V_Y + h * left_at_rest(1, u_y, Y, p, s))
-        f = s.here * nominal_bound(load, p, s)
         q_x, q_y = as_one_mass(p_x, p_y, unlike, h * f) if unlike != 0.0 else (p_x, p_y)
         j_x, j_y, stick = friction_impulse(q_x, q_y, V_X, V_Y, n_x, n_y, h * f)
         sum_x += j_x

@@ -12,7 +12,7 @@ from ...core.jit import kernel, routine
 from ...core.records import Block
 from ...parts.signals import Measurement
 from .gain_of_y import believe_gain_of_y, carry_gain_of_y, learn_gain_of_y
-from .nominal_plant import balance, look, nominal_bound, take_load
+from .nominal_plant import balance, bound_at, look, nominal_bound, take_load
 from .piezo_memory import effective, pass_drives
 from .predictive_constants import (
     ANSWERS,
@@ -32,6 +32,7 @@ from .predictive_constants import (
 )
 from .predictive_state import State
 from .sample_estimate import REST
+from .unexplained import knows_gain_of_x
 
 UNKNOWN = 0.25
 """Standard deviation of the ratio at the start."""
@@ -39,8 +40,8 @@ _SURE = 5.0
 """Standard deviations beyond which a difference is not noise, in none of a million measurements."""
 _STOPS = 3.0
 """The same for friction that is too low, and for a speed that is not zero."""
-_OFF = 4.0
-"""Standard deviations from which on friction of the copy is not the measured one."""
+_OFF = 2.0
+"""Standard deviations that friction of the copy may be off the measured one by noise; what is beyond moves the copy."""
 _RINGS = 5e-4
 """Change of friction in a time unit between two measurements of it, over its bound, that no line has."""
 _TELLS = 0.3
@@ -159,11 +160,29 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
 
 
 @kernel
+def along_variance(t_x: float, t_y: float, s: State) -> float:
+    """Of the position along t."""
+    P = s.P
+    return t_x * t_x * P[AT_X, AT_X] + 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_y * t_y * P[AT_Y, AT_Y]
+
+
+@kernel
 def rest(s: State) -> None:
     """What rests has no speed that is uncertain."""
     s.moved_by_more[SPEED] = 0.0
     for i in range(5):
         s.P[SPEED, i] = s.P[i, SPEED] = 0.0
+
+
+@kernel
+def rests_for_certain(t_x: float, t_y: float, size: float, p: Constants, s: State) -> bool:
+    """Whether copy and tip rest: what the drive leaves, so much along t, is below all likely bounds of friction.
+
+    The place has been looked at.
+    """
+    nominal = nominal_bound(s.load, p, s)
+    unsure = hypot(nominal * math.sqrt(s.P[RATIO, RATIO]), p.stiffness[0] * math.sqrt(along_variance(t_x, t_y, s)))
+    return s.V_X == 0.0 and s.V_Y == 0.0 and size < s.here * nominal - _STOPS * unsure
 
 
 @kernel
@@ -198,22 +217,28 @@ def see_ratio(t_x: float, t_y: float, size: float, nominal: float, p: Constants,
 
 
 @kernel
-def take_ratio_seen(innovation: float, noise: float, told: float, missed: float, p: Constants, s: State) -> bool:
+def take_ratio_seen(
+    innovation: float, noise: float, told: float, missed: float, held: float, p: Constants, s: State
+) -> bool:
     """Correct by the ratio that is seen in the lateral force, by the row `s.weights`; whether the tip seems to slip.
 
     It is never more than that of the bound. Less tells something while the tip slips only: while the copy does, or
-    where the tip went further than the copy by `missed`.
+    where the tip went further than the copy by `missed`. Where friction, off by `held`, is all that the drive leaves
+    rest is the likelier cause.
     """
     slips = s.V_X != 0.0 or s.V_Y != 0.0 or missed > 0.0
     if innovation < 0.0 and not slips:
         return False
     variance = weigh(noise, s)
-    slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
-    if innovation < -_STOPS * math.sqrt(variance) and slow and missed == 0.0 and p.slots == 1:
-        # Of too little friction and a speed that may be zero rest is the likelier cause.
-        s.V_X, s.V_Y = 0.0, 0.0
-        rest(s)
-        return False
+    if missed == 0.0 and p.slots == 1:
+        slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
+        slow = slow and innovation < -_STOPS * math.sqrt(variance)
+        holds = abs(held) < _STOPS * hypot(p.force_noise, p.stiffness[0] * math.sqrt(s.P[AT_X, AT_X]))
+        holds = holds and innovation < -max(_SURE * math.sqrt(variance), _STOPS * _RINGS * p.hold)
+        if slow or holds:
+            s.V_X, s.V_Y = 0.0, 0.0
+            rest(s)
+            return False
     expected = innovation * innovation <= _SURE * _SURE * variance
     if not expected:
         s.P[RATIO, RATIO] += square(innovation) * p.identified
@@ -225,9 +250,7 @@ def take_ratio_seen(innovation: float, noise: float, told: float, missed: float,
 @kernel
 def copied_friction(b_x: float, b_y: float, p: Constants, s: State) -> float:
     """Friction along x of the copy, its bound by its own load, where the drive leaves this at rest."""
-    look(s.X, s.Y, p, s)
-    tip = s.Z + s.height - p.delta - p.delta_curvature * s.curvature
-    f = s.here * nominal_bound(p.w + p.eta_c2 * (tip - p.a), p, s)
+    f = bound_at(s.X, s.Y, s.Z, p, s)
     speed = hypot(s.V_X, s.V_Y)
     if speed > 0.0:
         return f * s.V_X / speed
@@ -236,19 +259,21 @@ def copied_friction(b_x: float, b_y: float, p: Constants, s: State) -> float:
 
 
 @kernel
-def follow_force(force: float, u_x: float, u_y: float, p: Constants, s: State) -> None:
-    """Move the copy by what its friction was off the measured one in a control period, if that is more than noise.
+def follow_force(force: float, u_x: float, u_y: float, rested: bool, p: Constants, s: State) -> None:
+    """Move the copy by what its friction was off the measured one in a control period, as far as that is not noise.
 
-    Friction as it is measured knows whether the tip slips, and of no surface.
+    Friction as it is measured knows whether the tip slips, and of no surface. In a period in which the tip starts, it
+    is what it is at the end.
     """
     b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
     off = copied_friction(b_x, b_y, p, s) - force
-    mean = 0.5 * (off + s.off_force)
+    mean = off if rested else 0.5 * (off + s.off_force)
     s.off_force = off
     noise = hypot(p.force_noise, p.f_0 * _RINGS * p.hold)
     if s.V_X == 0.0 and s.V_Y == 0.0:
         noise = hypot(noise, p.stiffness[0] * math.sqrt(s.P[AT_X, AT_X]))
-    if abs(mean) < _OFF * noise or abs(b_x) < _TELLS * hypot(b_x, b_y):
+    mean -= min(max(mean, -_OFF * noise), _OFF * noise)
+    if mean == 0.0 or abs(b_x) < _TELLS * hypot(b_x, b_y):
         return
     push_x, push_y = s.gain_of[0] * mean, s.gain_of[1] * mean * b_y / b_x
     s.X += p.Gamma_hold[0, 0] * push_x
@@ -273,11 +298,12 @@ def lean(u_x: float, u_y: float, p: Constants, s: State) -> tuple[float, float, 
 def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s: State) -> None:
     """Run the copy up to measurement k, and correct it and the ratio by the positions x, y_ and the lateral force."""
     from_x, from_y, periods = s.X, s.Y, max(k - s.last, 1)
+    rested = s.V_X == 0.0 and s.V_Y == 0.0
     force = y.lateral_force / p.lateral_force
     pass_drives(k, y, True, p, s)
     u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
     if p.slots == 1 and periods == 1:
-        follow_force(force, u_x, u_y, p, s)
+        follow_force(force, u_x, u_y, rested, p, s)
     take_load(y, p, s)
     t_x, t_y, size = lean(u_x, u_y, p, s)
     P, ratio, nominal = s.P, s.here, nominal_bound(s.load, p, s)
@@ -293,18 +319,17 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
             P[SLOPE, i], P[i, SLOPE] = -P[SLOPE, i], -P[i, SLOPE]
     if s.mapped > 0.0:
         P[SLOPE, SLOPE] = square(_ON_MAP * p.bumps[s.unknown] * p.wave_number)
-    for _ in range(min(periods, ANSWERS) if way > 0.0 else 0):
+    rests = rests_for_certain(t_x, t_y, size, p, s)
+    for _ in range(0 if rests and way == 0.0 else min(periods, ANSWERS)):
         carry(way / periods, t_x, t_y, nominal, p, s)
         if p.slots == 1:
             carry_gain_of_y(way / periods, t_x, t_y, ratio * nominal, p, s)
     P[RATIO, RATIO] += square(p.wander[s.unknown]) * periods
-    resting = s.V_X == 0.0 and s.V_Y == 0.0
-    if resting:
+    if rests:
         rest(s)
     noise = square(p.position_noise)
     along = (x - s.X) * t_x + (y_ - s.Y) * t_y
-    known = t_x * t_x * P[AT_X, AT_X] + 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_y * t_y * P[AT_Y, AT_Y]
-    off = along * along / (known + noise)
+    off = along * along / (along_variance(t_x, t_y, s) + noise)
     s.nis += _NIS * (min(off, _SURE * _SURE) - s.nis)
     missed = along if off > _SURE * _SURE else 0.0
     if missed != 0.0:
@@ -325,15 +350,17 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
             # What moves less than expected may rest: friction that was not seen is not believed in.
             most = max(ratio, seen)
         # Where more gain leaves less along y, the direction of the balance is nearer to x.
-        if take_ratio_seen(seen - ratio, of_seen, ratio * t_y * t_y, missed, p, s):
+        held = balance(0, u_x, s.X, p, s) - force
+        if take_ratio_seen(seen - ratio, of_seen, ratio * t_y * t_y, missed, held, p, s):
             s.grip = max(seen, 0.0)
-    # Not in the first slip, while friction is not known either.
-    learns = p.adapts != 0 and p.slots == 1 and s.grip > 0.0 and missed == 0.0 and s.ratio[GONE] > 2.0 * math.pi
+    # Not while friction is not known either, nor the gain of x.
+    learns = p.adapts != 0 and p.slots == 1 and s.grip > 0.0 and missed == 0.0
+    learns = learns and s.ratio[GONE] > 2.0 * math.pi and knows_gain_of_x(p, s)
     take(AT_X, x - s.X, noise, learns, s)
     take(AT_Y, y_ - s.Y, noise, learns, s)
     if p.adapts != 0 and p.slots == 1:
         believe_gain_of_y(p, s)
-    s.across = t_y * t_y * P[AT_X, AT_X] - 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_x * t_x * P[AT_Y, AT_Y]
+    s.across = along_variance(-t_y, t_x, s)
     s.X += s.change[AT_X]
     s.Y += s.change[AT_Y]
     speed = s.V_X * t_x + s.V_Y * t_y + s.change[SPEED]

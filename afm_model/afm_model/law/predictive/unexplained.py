@@ -37,7 +37,7 @@ SEEMS = 5.0
 NOTHING = (1.0, 0.0, 0.0, *MEMORY * (0.0,))
 """Gamma, b, c, openings and creep of a model that explains all."""
 _KNOWN = 0.1
-"""Deviation of the gain of x over that at the start below which y is taken to be as x."""
+"""Deviation of the gain of x over that at the start below which it counts as known."""
 SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
 COUNTS = 0.003
@@ -163,6 +163,12 @@ def expect(slot: int, p: Constants, s: State) -> None:
 
 
 @kernel
+def knows_gain_of_x(p: Constants, s: State) -> bool:
+    """Whether it is known so well that y, of which no force tells, can be taken to be as x."""
+    return s.unsure[0, 0, 0] < square(_KNOWN * p.first[0, 0])
+
+
+@kernel
 def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """Learn from positions alone: what a drive holds in place but for friction, the motion being slow.
 
@@ -193,7 +199,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
         believe(0, NOTHING, s)
     # Spring and hysteresis are taken to be as wrong as along x, since no force tells them; the gain is found. Where the
     # tip does not move along x nothing is known of it.
-    if s.unsure[0, 0, 0] < square(_KNOWN * p.first[0, 0]):
+    if knows_gain_of_x(p, s):
         s.gain_of[1], s.softer[1] = s.gain_of[0], s.softer[0] * p.stiffness[1] / p.stiffness[0]
         for i in range(MEMORY):
             s.takes[1, i] = s.takes[0, i]
