@@ -34,14 +34,19 @@ def test_transition_is_that_of_the_differential_equation(stiffness, damping):
 
 @pytest.mark.parametrize(
     ("hold", "expected"),
-    [(0.02, Grid(4, 8, 0.04)), (0.5, Grid(4, 8, 1.0)), (2.0, Grid(4, 8, 3.2)), (10.0, Grid(20, 8, 10.0))],
+    [(0.02, Grid(2, 8, 0.04)), (0.5, Grid(2, 8, 1.0)), (2.0, Grid(4, 8, 3.2)), (10.0, Grid(20, 8, 10.0))],
 )
 def test_horizon_and_response_follow_from_the_hold(hold, expected):
     assert grid(hold, 0.0) == expected
 
 
 def test_a_longer_response_has_a_longer_horizon():
-    assert grid(0.5, 4.0) == Grid(4, 32, 4.0)
+    assert grid(0.5, 4.0) == Grid(2, 32, 4.0)
+
+
+def test_drives_of_a_packet_are_divided_finer():
+    # They are decided on one measurement, most of them far ahead.
+    assert grid(0.5, 0.0, packet=20) == Grid(4, 8, 1.0)
 
 
 def cost(drives, e, asked, stiffness, damping, hold, division):

@@ -29,8 +29,8 @@ class HoldGains(NamedTuple):
     Gamma: _Array  # (2,)
 
 
-def grid(hold: float, response: float) -> Grid:
-    """Fine intervals of at most half a time unit, four a hold at least; a horizon of eight holds and four responses.
+def grid(hold: float, response: float, packet: int = 1) -> Grid:
+    """Fine intervals of at most half a time unit, two a hold at least; a horizon of eight holds and four responses.
 
     Parameters
     ----------
@@ -38,9 +38,11 @@ def grid(hold: float, response: float) -> Grid:
     response : float [1/w0]
         0: the rule, one time unit, but neither below 1.6 holds (of long ones 8 time units, or one hold) nor above
         two: so that the loop bears a drive that is one period late.
+    packet : int
+        Drives of a packet, all decided on one measurement: then four intervals a hold at least.
     """
     T = response if response > 0.0 else min(max(1.0, min(1.6 * hold, 8.0), hold), 2.0 * hold)
-    return Grid(max(4, math.ceil(hold / 0.5 - 1e-9)), max(8, math.ceil(4.0 * T / hold - 1e-9)), T)
+    return Grid(max(2 if packet == 1 else 4, math.ceil(hold / 0.5 - 1e-9)), max(8, math.ceil(4.0 * T / hold - 1e-9)), T)
 
 
 def transition(stiffness: float, damping: float, time: float) -> tuple[_Array, _Array]:

@@ -217,7 +217,7 @@ def values(parameters: Tree) -> Numbers:
     hold = law.period * w0
     slots, spare = law.packet, law.spare
     slot = hold / slots
-    division = grid(slot, law.response * w0)
+    division = grid(slot, law.response * w0, slots)
     eta = {axis: 2.0 * math.pi * getattr(scanner, f"f_{axis}") / w0 for axis in "xyz"}
     xi = {axis: getattr(scanner, f"xi_{axis}") for axis in "xyz"}
     eta_c = 2.0 * math.pi * cantilever.f_c / w0

@@ -114,7 +114,7 @@ def check(parameters: Tree) -> None:
             f"law.reserve = {law.reserve} is not allowed: law.packet (law.delay_ticks + 1 + law.spare) + law.reserve = "
             f"{slots} must be <= {SLOTS}"
         )
-    division = grid(law.period * w0 / law.packet, law.response * w0)
+    division = grid(law.period * w0 / law.packet, law.response * w0, law.packet)
     at_once = max(law.packet * (1 + law.spare), law.packet + 1 if law.reserve else 0)
     ahead = division.fine * (division.holds + at_once - 1)
     if ahead > INTERVALS:
