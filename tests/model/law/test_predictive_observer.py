@@ -19,7 +19,7 @@ from afm_model.law.predictive.observer import (
     take_ratio_seen,
     weigh,
 )
-from afm_model.law.predictive.predictive_constants import AT_X, AT_Y, RATIO, SLOPE, SPEED, VALUE
+from afm_model.law.predictive.predictive_constants import AT_X, AT_Y, MEAN, RATIO, SLOPE, SPEED, VALUE
 
 from . import predictive_records
 from .test_predictive import NOISE, NOTHING, PERIOD, error, parameters, run, smoothness
@@ -57,19 +57,22 @@ def test_the_covariance_is_carried_as_the_free_scanner_and_friction_say(rng):
     F[[AT_X, SPEED], RATIO] = brakes
     F[[AT_X, SPEED], SLOPE] = 0.5 * way * brakes
     F[RATIO, SLOPE] = way
-    Q = p.uneven[s.unknown] ** 2 * np.outer(F[:, RATIO], F[:, RATIO])
+    # What is uneven about friction is a part of it.
+    Q = (p.uneven[s.unknown] * s.ratio[MEAN]) ** 2 * np.outer(F[:, RATIO], F[:, RATIO])
     Q[3:] = Q[:, 3:] = 0.0
     Q[AT_Y, AT_Y] += p.astray**2
     assert s.P == pytest.approx(F @ P @ F.T + Q, rel=1e-12)
 
 
-def test_the_bend_of_a_surface_that_is_not_known_makes_ratio_and_slope_uncertain():
+@pytest.mark.parametrize(("mean", "part"), [(0.5, 0.4), (1.0, 0.8), (2.0, 1.0)])
+def test_the_bend_of_a_surface_that_is_not_known_makes_ratio_and_slope_uncertain(mean, part):
     p, s = records(surface="observed")
     s.P[:] = 0.0
+    s.ratio[MEAN] = mean
     carry(0.2, DIAGONAL, DIAGONAL, 12.0, p, s)
     q = p.wave_number * math.sqrt(2.0)
-    assert math.sqrt(s.P[SLOPE, SLOPE]) == pytest.approx(p.ripple * q * q * 0.2, rel=1e-12)
-    assert math.sqrt(s.P[RATIO, RATIO]) == pytest.approx(0.5 * p.ripple * q * q * 0.04, rel=1e-12)
+    assert math.sqrt(s.P[SLOPE, SLOPE]) == pytest.approx(part * p.ripple * q * q * 0.2, rel=1e-12)
+    assert math.sqrt(s.P[RATIO, RATIO]) == pytest.approx(0.5 * part * p.ripple * q * q * 0.04, rel=1e-12)
 
 
 def test_friction_that_is_not_known_makes_the_speed_uncertain_and_nothing_across():

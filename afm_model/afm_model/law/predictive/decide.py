@@ -77,7 +77,7 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y
     s.plan[slot, 2] = u_z
-    if p.refined == 0 and s.V_X == 0.0 and s.V_Y == 0.0 and far > _STUCK and -(e_x * r_x + e_y * r_y) > way * way:
+    if p.frees != 0 and s.V_X == 0.0 and s.V_Y == 0.0 and far > _STUCK and -(e_x * r_x + e_y * r_y) > way * way:
         # A tip that rests behind the reference is held by friction where it is, not by that of the reference.
         more = max(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[at], 0.0) / way
         s.plan[slot, 0] += s.gain_of[0] * more * r_x

@@ -56,6 +56,10 @@ _DOUBTS = 1.5
 """Value of it from which on the model is trusted less."""
 _LESS = 300.0
 """By so many times the variance of the ratio over a known surface, for each unit beyond."""
+_WEAKEST = 0.1
+"""Ratio down to which what is uneven about friction is a part of it."""
+_BUMPS = 0.8
+"""That of the ripple over that of the largest wave, friction being nominal."""
 _ON_MAP = 0.3
 """Bend of the ratio that a map leaves, over that of the surface."""
 
@@ -113,12 +117,28 @@ def take(i: int, innovation: float, noise: float, learns: bool, s: State) -> Non
 
 
 @kernel
+def strength(s: State) -> float:
+    """Of friction over the nominal one, of which what is uneven about it is a part.
+
+    Where friction is strong and the surface not known the tip is thrown, and throws itself: no more is believed there.
+    """
+    mean = max(s.ratio[MEAN], _WEAKEST)
+    return mean if s.unknown == 0 else min(mean, 1.0)
+
+
+@kernel
+def bumps(p: Constants, s: State) -> float:
+    """Ripple of the ratio over the surface as it is known."""
+    return p.bumps[s.unknown] * min(_BUMPS * max(s.ratio[MEAN], _WEAKEST), 1.0)
+
+
+@kernel
 def begin_observer(p: Constants, s: State) -> None:
     """At rest, at the first measured position."""
     s.P[:] = 0.0
     s.P[AT_X, AT_X] = s.P[AT_Y, AT_Y] = square(p.position_noise)
     s.P[RATIO, RATIO] = square(UNKNOWN) * p.identified
-    s.P[SLOPE, SLOPE] = square(p.bumps[s.unknown] * p.wave_number)
+    s.P[SLOPE, SLOPE] = square(bumps(p, s) * p.wave_number)
     s.moved_by_more[:] = 0.0
     s.across = s.grip = s.off_force = 0.0
     s.nis = 1.0
@@ -142,13 +162,14 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
     carry_covariance(P, F, s.half)
     # What counts is the largest error: the largest second derivative of a wave, not its rms one.
     q = p.wave_number * (abs(t_x) + abs(t_y))
-    bend = square(p.bumps[s.unknown] * (_ON_MAP if s.mapped > 0.0 else 1.0) * q * q * way)
+    bend = square(bumps(p, s) * (_ON_MAP if s.mapped > 0.0 else 1.0) * q * q * way)
     P[RATIO, RATIO] += 0.25 * bend * way * way
     P[RATIO, SLOPE] += 0.5 * bend * way
     P[SLOPE, RATIO] += 0.5 * bend * way
     P[SLOPE, SLOPE] += bend
     # The load is not quite static, and less so where the measured positions are off by more than they should be.
     uneven = square(p.uneven[s.unknown]) + square(p.uneven[0]) * _LESS * max(s.nis - _DOUBTS, 0.0)
+    uneven *= square(strength(s))
     for i in range(3):
         for j in range(3):
             P[i, j] += uneven * F[i, RATIO] * F[j, RATIO]
@@ -318,13 +339,13 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
             # The slope is along the way: that turns back.
             P[SLOPE, i], P[i, SLOPE] = -P[SLOPE, i], -P[i, SLOPE]
     if s.mapped > 0.0:
-        P[SLOPE, SLOPE] = square(_ON_MAP * p.bumps[s.unknown] * p.wave_number)
+        P[SLOPE, SLOPE] = square(_ON_MAP * bumps(p, s) * p.wave_number)
     rests = rests_for_certain(t_x, t_y, size, p, s)
     for _ in range(0 if rests and way == 0.0 else min(periods, ANSWERS)):
         carry(way / periods, t_x, t_y, nominal, p, s)
         if p.slots == 1:
             carry_gain_of_y(way / periods, t_x, t_y, ratio * nominal, p, s)
-    P[RATIO, RATIO] += square(p.wander[s.unknown]) * periods
+    P[RATIO, RATIO] += square(p.wander[s.unknown] * strength(s)) * periods
     if rests:
         rest(s)
     noise = square(p.position_noise)
@@ -371,11 +392,12 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
         s.grip = 0.0
     s.V_X, s.V_Y = speed * t_x, speed * t_y
     s.ratio[VALUE] = min(ratio + s.change[RATIO], most)
-    steepest = p.bumps[s.unknown] * q
+    steepest = bumps(p, s) * q
     slope = min(max(slope + s.change[SLOPE], -steepest), steepest)
     s.ratio[SLOPE_X], s.ratio[SLOPE_Y], s.ratio[WAY_X], s.ratio[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
     # The mean is that of the way gone, at most over a few waves; over a known surface nothing else is left.
     s.ratio[GONE] = min(s.ratio[GONE] + q * way, 8.0 * math.pi)
     part = min(q * way / s.ratio[GONE], 1.0) if s.ratio[GONE] > 0.0 else 0.0
     s.ratio[MEAN] += part * (s.ratio[VALUE] - s.ratio[MEAN])
-    s.ratio[MEAN] = min(max(s.ratio[MEAN], s.ratio[VALUE] - p.bumps[s.unknown]), s.ratio[VALUE] + p.bumps[s.unknown])
+    most = bumps(p, s)
+    s.ratio[MEAN] = min(max(s.ratio[MEAN], s.ratio[VALUE] - most), s.ratio[VALUE] + most)

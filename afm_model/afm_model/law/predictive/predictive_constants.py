@@ -104,6 +104,7 @@ class Constants(Record):
     back: int  # fine intervals in a response, over which z is asked for beside the reference; 0: it is not
     tau: float  # length of a fine interval
     refined: int  # one: the drive of a slot is long and refined
+    frees: int  # one: a tip that rests behind the reference is freed
     taken: float  # radians of the shortest wave by which an error is taken back at most
     turn: float  # lambda of the direction of friction
     ring: float  # part of a change of the load by which it still rings after a slot
@@ -281,6 +282,8 @@ def values(parameters: Tree) -> Numbers:
         "back": round(division.response / (slot / division.fine)) * (slots == 1 and slot <= LONG),
         "tau": slot / division.fine,
         "refined": slot > LONG and n + division.fine <= INTERVALS,
+        # In a long hold the drive is refined for that. In packets positions alone do not tell rest.
+        "frees": slot <= LONG and not (measured and slots > 1),
         "taken": _TAKEN_MEASURED if measured else _TAKEN,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),
         "ring": exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
