@@ -70,6 +70,21 @@ def test_a_tip_that_rests_behind_the_reference_is_given_the_friction_of_its_own_
     assert plans[0] - plans[1] == pytest.approx(more, rel=1e-3, abs=1e-9)
 
 
+def test_it_is_given_no_more_than_a_surface_makes_of_a_difference():
+    # In a packet friction is as it was asked for along the reference: here, wrongly, 10 % less.
+    p, s = decided(np.random.default_rng(3), period=4e-4, packet=2)
+    forward = np.array(s.v[:2]) / np.hypot(*s.v[:2])
+    s.X, s.Y = np.array(s.p[:2]) - 2.0 * forward
+    s.friction[:] *= 0.9
+    plans = []
+    for speed in (0.0, 1e-15):
+        s.V_X = s.V_Y = speed
+        decide(0, 0, p, s)
+        plans.append(np.array(s.plan[0]))
+    more = 2.0 * p.ripple * s.friction[0] * forward
+    assert plans[0] - plans[1] == pytest.approx([*more, 0.0], rel=1e-3, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("period", "packet", "refined"), [(1e-3, 1, 1), (1e-3, 20, 0), (4e-4, 1, 0), (5e-4, 1, 1), (3e-3, 1, 0)]
 )

@@ -78,8 +78,10 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y
     s.plan[slot, 2] = u_z
     if p.frees != 0 and s.V_X == 0.0 and s.V_Y == 0.0 and far > _STUCK and -(e_x * r_x + e_y * r_y) > way * way:
-        # A tip that rests behind the reference is held by friction where it is, not by that of the reference.
-        more = max(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[at], 0.0) / way
+        # A tip that rests behind the reference is held by friction where it is, not by that of the reference. A surface
+        # makes no more of a difference.
+        more = max(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[at], 0.0)
+        more = min(more, 2.0 * p.ripple * s.friction[at]) / way
         s.plan[slot, 0] += s.gain_of[0] * more * r_x
         s.plan[slot, 1] += s.gain_of[1] * more * r_y
 
