@@ -399,5 +399,5 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     s.ratio[GONE] = min(s.ratio[GONE] + q * way, 8.0 * math.pi)
     part = min(q * way / s.ratio[GONE], 1.0) if s.ratio[GONE] > 0.0 else 0.0
     s.ratio[MEAN] += part * (s.ratio[VALUE] - s.ratio[MEAN])
-    most = bumps(p, s)
-    s.ratio[MEAN] = min(max(s.ratio[MEAN], s.ratio[VALUE] - most), s.ratio[VALUE] + most)
+    ripple = bumps(p, s)
+    s.ratio[MEAN] = min(max(s.ratio[MEAN], s.ratio[VALUE] - ripple), s.ratio[VALUE] + ripple)
