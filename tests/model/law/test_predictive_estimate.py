@@ -42,7 +42,7 @@ def test_a_sine_a_parabola_and_a_line_are_continued_as_they_go_on(course):
         )
         take_reference(y, p, s)
         s.started = 1.0
-    continue_reference(2.0, 40, p, s)
+    continue_reference(0, 2.0, 40, p, s)
     ahead = 6.0 + 2.0 + p.tau * np.arange(41)
     # The frequency comes from differences of doubles.
     assert s.path[:41, 0, 0] == pytest.approx([position(t) for t in ahead], abs=1e-6)

@@ -53,36 +53,33 @@ def test_a_drive_for_a_reference_at_rest_is_not_refined(rng):
     assert np.array_equal(s.plan[0], first)
 
 
-@pytest.mark.parametrize(("behind", "freed"), [(2.0, True), (-2.0, False), (0.1, False)])
-def test_a_tip_that_rests_behind_the_reference_is_given_the_friction_of_its_own_place(behind, freed):
-    p, s = decided(np.random.default_rng(3), period=2e-4)
-    forward = np.array(s.v[:2]) / np.hypot(*s.v[:2])
+def given_at_rest(behind, p, s):
+    """Direction of the reference, and by what the drive for a tip so far behind it is more because it rests."""
+    forward, plans = np.array(s.v[:2]) / np.hypot(*s.v[:2]), []
     s.X, s.Y = np.array(s.p[:2]) - behind * forward
-    plans = []
     for speed in (0.0, 1e-15):
         s.V_X = s.V_Y = speed
         decide(0, 0, p, s)
         plans.append(np.array(s.plan[0]))
+    return forward, plans[0] - plans[1]
+
+
+@pytest.mark.parametrize(("behind", "freed"), [(2.0, True), (-2.0, False), (0.1, False)])
+def test_a_tip_that_rests_behind_the_reference_is_given_the_friction_of_its_own_place(behind, freed):
+    p, s = decided(np.random.default_rng(3), period=2e-4)
+    forward, more = given_at_rest(behind, p, s)
     # There it is stronger than along the reference.
     stronger = float(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[0])
     assert stronger > 0.005 * s.friction[0] or not freed
-    more = [*(stronger * forward), 0.0] if freed else np.zeros(3)
-    assert plans[0] - plans[1] == pytest.approx(more, rel=1e-3, abs=1e-9)
+    assert more == pytest.approx([*(stronger * forward), 0.0] if freed else np.zeros(3), rel=1e-3, abs=1e-9)
 
 
 def test_it_is_given_no_more_than_a_surface_makes_of_a_difference():
     # In a packet friction is as it was asked for along the reference: here, wrongly, 10 % less.
     p, s = decided(np.random.default_rng(3), period=4e-4, packet=2)
-    forward = np.array(s.v[:2]) / np.hypot(*s.v[:2])
-    s.X, s.Y = np.array(s.p[:2]) - 2.0 * forward
     s.friction[:] *= 0.9
-    plans = []
-    for speed in (0.0, 1e-15):
-        s.V_X = s.V_Y = speed
-        decide(0, 0, p, s)
-        plans.append(np.array(s.plan[0]))
-    more = 2.0 * p.ripple * s.friction[0] * forward
-    assert plans[0] - plans[1] == pytest.approx([*more, 0.0], rel=1e-3, abs=1e-9)
+    forward, more = given_at_rest(2.0, p, s)
+    assert more == pytest.approx([*(2.0 * p.ripple * s.friction[0] * forward), 0.0], rel=1e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -41,32 +41,19 @@ def take_reference(y: Measurement, p: Constants, s: State) -> None:
 
 
 @kernel
-def continue_reference(first: float, n: int, p: Constants, s: State) -> None:
-    """Write the reference of x and y into the path: at n + 1 places, a fine interval apart, from time `first` on.
+def continue_reference(axis: int, first: float, n: int, p: Constants, s: State) -> None:
+    """Write the reference of x or y into the path: at n + 1 places, a fine interval apart, from time `first` on.
 
     Where its corners are known a line turns back there.
     """
-    w_x, w_y = s.omega[0], s.omega[1]
-    sin_x, cos_x = sincos(w_x * first)
-    sin_y, cos_y = sincos(w_y * first)
-    step_x, step_y = sincos(w_x * p.tau), sincos(w_y * p.tau)
-    a_x, b_x = s.v[0] / w_x, s.acc[0] / (w_x * w_x)
-    a_y, b_y = s.v[1] / w_y, s.acc[1] / (w_y * w_y)
-    # Both in one loop: each turn waits for the one before, but not for that of the other axis.
+    w = s.omega[axis]
+    sin, cos = sincos(w * first)
+    sin_step, cos_step = sincos(w * p.tau)
+    a, b = s.v[axis] / w, s.acc[axis] / (w * w)
     for i in range(n + 1):
-        s.path[i, 0, 0] = s.p[0] + a_x * sin_x + b_x * (1.0 - cos_x)
-        s.path[i, 0, 1] = w_x * (a_x * cos_x + b_x * sin_x)
-        s.path[i, 1, 0] = s.p[1] + a_y * sin_y + b_y * (1.0 - cos_y)
-        s.path[i, 1, 1] = w_y * (a_y * cos_y + b_y * sin_y)
-        cos_x, sin_x = cos_x * step_x[1] - sin_x * step_x[0], sin_x * step_x[1] + cos_x * step_x[0]
-        cos_y, sin_y = cos_y * step_y[1] - sin_y * step_y[0], sin_y * step_y[1] + cos_y * step_y[0]
-    for axis in range(2):
-        turn_back(axis, n, p, s)
-
-
-@kernel
-def turn_back(axis: int, n: int, p: Constants, s: State) -> None:
-    """Let a line in the path turn back at its corners, where they are known."""
+        s.path[i, axis, 0] = s.p[axis] + a * sin + b * (1.0 - cos)
+        s.path[i, axis, 1] = w * (a * cos + b * sin)
+        cos, sin = cos * cos_step - sin * sin_step, sin * cos_step + cos * sin_step
     if p.corner[axis] > 0.0:
         for i in range(n + 1):
             # Of the way from corner to corner and back.
@@ -122,7 +109,8 @@ def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) ->
 @routine
 def ask(first: float, n: int, p: Constants, s: State) -> None:
     """Write path, friction, direction and what is asked for n fine intervals from the time `first` on."""
-    continue_reference(first, n, p, s)
+    continue_reference(0, first, n, p, s)
+    continue_reference(1, first, n, p, s)
     s.path_begins = first
     ask_of_z(0, n, 0.0, 0.0, p, s)
     for i in range(n):

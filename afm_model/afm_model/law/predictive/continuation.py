@@ -33,7 +33,7 @@ _FREEDOM = 4.0
 _MOST = 0.7
 """Farthest from the mean, over the range of the surface: a wave reaches half of it."""
 _LEAST_RATIO = 0.1
-"""Of friction, of which the ripple is a part."""
+"""Of friction, of which what is uneven about it is a part."""
 _OTHER = 2.0
 """What is found as far off in these units is another surface."""
 
@@ -43,6 +43,12 @@ def forget_places(s: "State") -> None:
     """Nothing was measured yet."""
     for c in range(2):
         s.places[c] = s.goes_on[c] = 0.0
+
+
+@kernel
+def mean_ratio(s: "State") -> float:
+    """Mean bound of friction over the nominal one, of which what is uneven about it is a part."""
+    return max(s.ratio[MEAN], _LEAST_RATIO)
 
 
 @kernel
@@ -182,7 +188,7 @@ def look_ahead(H: float, ratio: float, p: Constants, s: "State") -> None:
     followed is new.
     """
     found, mean = (H, ratio), (s.H[MEAN], s.ratio[MEAN])
-    sizes = (p.height, p.ripple * max(s.ratio[MEAN], _LEAST_RATIO))
+    sizes = (p.height, p.ripple * mean_ratio(s))
     if ratio > 0.0 and p.wave_number * (abs(s.X - s.at_x) + abs(s.Y - s.at_y)) > _APART:
         for c in range(2):
             if s.goes_on[c] > 0.0 and abs(found[c] - go_on(s.X, s.Y, c, s)) > _OTHER * sizes[c]:

@@ -31,7 +31,7 @@ from .predictive_constants import (
     Constants,
 )
 from .predictive_state import State
-from .sample_estimate import REST
+from .sample_estimate import REST, bumps, strength
 from .unexplained import knows_gain_of_x
 
 UNKNOWN = 0.25
@@ -56,10 +56,6 @@ _DOUBTS = 1.5
 """Value of it from which on the model is trusted less."""
 _LESS = 300.0
 """By so many times the variance of the ratio over a known surface, for each unit beyond."""
-_WEAKEST = 0.1
-"""Ratio down to which what is uneven about friction is a part of it."""
-_BUMPS = 0.8
-"""That of the ripple over that of the largest wave, friction being nominal."""
 _ON_MAP = 0.3
 """Bend of the ratio that a map leaves, over that of the surface."""
 
@@ -114,22 +110,6 @@ def take(i: int, innovation: float, noise: float, learns: bool, s: State) -> Non
     s.weights[:] = 0.0
     s.weights[i] = 1.0
     correct(innovation, weigh(noise, s), 0.0, learns, s)
-
-
-@kernel
-def strength(s: State) -> float:
-    """Of friction over the nominal one, of which what is uneven about it is a part.
-
-    Where friction is strong and the surface not known the tip is thrown, and throws itself: no more is believed there.
-    """
-    mean = max(s.ratio[MEAN], _WEAKEST)
-    return mean if s.unknown == 0 else min(mean, 1.0)
-
-
-@kernel
-def bumps(p: Constants, s: State) -> float:
-    """Ripple of the ratio over the surface as it is known."""
-    return p.bumps[s.unknown] * min(_BUMPS * max(s.ratio[MEAN], _WEAKEST), 1.0)
 
 
 @kernel

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.elementary import square
 from ...core.jit import kernel, routine
+from .continuation import mean_ratio
 from .map import raise_map
 from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound
 from .predictive_constants import (
@@ -48,6 +49,8 @@ APPROACH = 0.005
 """By so much nearer to the sample than it is the tip is asked for, where it is not [z0]: 5 um/s at 50 us."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
+_BUMPS = 0.8
+"""Ripple of friction that positions alone are corrected with, over that of the largest wave, friction being nominal."""
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
 
@@ -139,6 +142,21 @@ def take_height(p: Constants, s: "State") -> None:
         begin(s.H, H, p.height, p.height_noise, p)
     else:
         follow(s.H, H, s.X - s.at_x, s.Y - s.at_y, p.height, p.height_noise, p)
+
+
+@kernel
+def strength(s: "State") -> float:
+    """Of friction over the nominal one, of which what is uneven about it is a part.
+
+    Where friction is strong and the surface not known the tip is thrown, and throws itself: no more is believed there.
+    """
+    return mean_ratio(s) if s.unknown == 0 else min(mean_ratio(s), 1.0)
+
+
+@kernel
+def bumps(p: Constants, s: "State") -> float:
+    """Ripple of the ratio over the surface as it is known."""
+    return p.bumps[s.unknown] * min(_BUMPS * mean_ratio(s), 1.0)
 
 
 @kernel
