@@ -131,10 +131,27 @@ def test_places_farther_apart_than_the_surface_allows_are_not_continued():
     assert not np.any(s.goes_on)
 
 
-@pytest.mark.parametrize("law", [{"packet": 1}, {"feedback": "measured"}])
-def test_it_is_for_packets_with_all_rates_measured(law):
-    assert records(**law)[0].looks_ahead == 0
+def test_it_is_for_packets():
+    assert records(packet=1)[0].looks_ahead == 0
     assert records()[0].looks_ahead == 1
+
+
+@pytest.mark.parametrize(("feedback", "near"), [("full", 5.0), ("measured", 2.0)])
+def test_it_is_continued_from_the_last_place_as_far_as_that_is_known(feedback, near):
+    p, s = records(feedback=feedback)
+    walk(p, s, np.arange(0.0, 15.0), lambda x: wave(p, x), lambda x: 1.0)
+    for phase, goes_on in ((near, 1.0), (9.0, 0.0)):
+        # The tip goes on and friction is not seen: the last place stays.
+        s.X = s.Y = (14.0 + phase) / (2.0 * p.wave_number)
+        look_ahead(wave(p, 14.0 + phase), 0.0, p, s)
+        assert np.array(s.goes_on) == pytest.approx(goes_on)
+
+
+def test_from_places_that_are_estimated_it_is_continued_to_no_more_than_a_wave_reaches():
+    p, s = records(feedback="measured")
+    walk(p, s, np.arange(0.0, 15.0), lambda x: wave(p, 1.2 * x), lambda x: 1.0)
+    far = [abs(ahead(p, s, HEIGHT, x) - s.offset_ahead[HEIGHT]) for x in np.linspace(0.0, 24.0, 97)]
+    assert 0.3 * p.height < max(far) < 0.5 * p.height
 
 
 @pytest.mark.parametrize(
@@ -145,6 +162,16 @@ def test_in_packets_with_nothing_known_what_is_left_is_near_the_bound(title, med
     case = CASE[title]
     told = run_case(case, RATES[2], contender("predictive surface=observed"))
     assert told["third"] < median and told["worst"] < worst and not told["lost"]
+
+
+@pytest.mark.parametrize(
+    ("title", "surface", "most"),
+    [("the truth", "observed", 12.0), ("lateral gain 0.9", "learned", 4.0), ("Lissajous 2:3", "observed", 60.0)],
+)
+def test_in_packets_positions_alone_are_enough_where_the_surface_is_not_known(title, surface, most):
+    # Without it, the last two without friction where it lies: 16, 16 and 60 to 80.
+    told = run_case(CASE[title], RATES[2], contender(f"predictive surface={surface}"), 1.0)
+    assert told["third"] < most and not told["lost"]
 
 
 def test_a_place_that_is_no_number_or_off_the_table_is_answered():

@@ -30,8 +30,6 @@ _LEVELS = (1e4, 1e3, 1e2, 1e1, 1.0)
 """Variances that are tried, over that."""
 _FREEDOM = 4.0
 """Measurements that the assumed variance of the surface counts as much as."""
-_MOST = 0.7
-"""Farthest from the mean, over the range of the surface: a wave reaches half of it."""
 _LEAST_RATIO = 0.1
 """Of friction, of which what is uneven about it is a part."""
 _OTHER = 2.0
@@ -197,9 +195,11 @@ def look_ahead(H: float, ratio: float, p: Constants, s: "State") -> None:
         take_place(H, ratio, p, s)
         for c in range(2):
             solve_likeliest(c, mean[c], sizes[c], s)
-        tabulate((_MOST * sizes[HEIGHT], _MOST * sizes[FRICTION]), s)
+        tabulate((p.most_ahead * sizes[HEIGHT], p.most_ahead * sizes[FRICTION]), s)
     fine = p.wave_number * (abs(s.v[0]) + abs(s.v[1])) * p.hold < _COARSE
+    last = POINTS - 1
+    near = p.wave_number * (abs(s.X - s.place[last, 0]) + abs(s.Y - s.place[last, 1])) < p.reach
     now = (s.H[VALUE], s.ratio[VALUE])
     for c in range(2):
-        s.goes_on[c] = 1.0 if fine and s.places[c] >= _FEWEST else 0.0
+        s.goes_on[c] = 1.0 if fine and near and s.places[c] >= _FEWEST else 0.0
         s.offset_ahead[c] = now[c] - of_table(s.X, s.Y, c, s)

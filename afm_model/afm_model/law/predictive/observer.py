@@ -46,6 +46,10 @@ _RINGS = 5e-4
 """Change of friction in a time unit between two measurements of it, over its bound, that no line has."""
 _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction."""
+_OFTEN = 20.0
+"""Measurements in which friction was seen from which on its mean is known."""
+_SLOWLY = 0.1
+"""Part of a change of the ratio beyond its ripple that is believed where friction is not seen."""
 _NEAR = 0.01
 """Step of the derivatives of the nominal bound [x0]."""
 _NIS = 0.05
@@ -323,8 +327,7 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     rests = rests_for_certain(t_x, t_y, size, p, s)
     for _ in range(0 if rests and way == 0.0 else min(periods, ANSWERS)):
         carry(way / periods, t_x, t_y, nominal, p, s)
-        if p.slots == 1:
-            carry_gain_of_y(way / periods, t_x, t_y, ratio * nominal, p, s)
+        carry_gain_of_y(way / periods, t_x, t_y, ratio * nominal, p, s)
     P[RATIO, RATIO] += square(p.wander[s.unknown] * strength(s)) * periods
     if rests:
         rest(s)
@@ -354,12 +357,13 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
         held = balance(0, u_x, s.X, p, s) - force
         if take_ratio_seen(seen - ratio, of_seen, ratio * t_y * t_y, missed, held, p, s):
             s.grip = max(seen, 0.0)
+            s.slips += 1.0
     # Not while friction is not known either, nor the gain of x.
-    learns = p.adapts != 0 and p.slots == 1 and s.grip > 0.0 and missed == 0.0
+    learns = p.adapts != 0 and s.grip > 0.0 and missed == 0.0
     learns = learns and s.ratio[GONE] > 2.0 * math.pi and knows_gain_of_x(p, s)
     take(AT_X, x - s.X, noise, learns, s)
     take(AT_Y, y_ - s.Y, noise, learns, s)
-    if p.adapts != 0 and p.slots == 1:
+    if p.adapts != 0:
         believe_gain_of_y(p, s)
     s.across = along_variance(-t_y, t_x, s)
     s.X += s.change[AT_X]
@@ -372,6 +376,10 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
         s.grip = 0.0
     s.V_X, s.V_Y = speed * t_x, speed * t_y
     s.ratio[VALUE] = min(ratio + s.change[RATIO], most)
+    if s.slips > _OFTEN and abs(t_x) <= _TELLS:
+        # No force tells it, and what positions tell is also the speed: only slowly beyond what a surface explains.
+        likely = min(max(s.ratio[VALUE], s.ratio[MEAN] - bumps(p, s)), s.ratio[MEAN] + bumps(p, s))
+        s.ratio[VALUE] = likely + _SLOWLY * (s.ratio[VALUE] - likely)
     steepest = bumps(p, s) * q
     slope = min(max(slope + s.change[SLOPE], -steepest), steepest)
     s.ratio[SLOPE_X], s.ratio[SLOPE_Y], s.ratio[WAY_X], s.ratio[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y

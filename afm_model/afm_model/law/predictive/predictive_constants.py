@@ -68,8 +68,9 @@ _WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,), 1e-5)
 """Random walks of these in one time unit."""
 _WALK_Z = (0.0, 1e-5, 1e-4, *MEMORY * (0.0,))
 """The same along z."""
-_SLOWLY = 0.02
-"""Part of a random walk that positions alone are allowed to follow."""
+_SLOWLY = (0.02, 0.002, 0.005, *MEMORY * (0.02,))
+"""Parts of these random walks that positions alone are allowed to follow: their noise would move the copy of the plant.
+"""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5
@@ -81,6 +82,12 @@ _UNSEEN = 10.0
 """Acceleration along z that is not known, over a surface that is not: what z is estimated wrong by is taken for it."""
 _TAKEN, _TAKEN_MEASURED = 3.0, 1.0
 """Error that is taken back in a response at most, in radians of the shortest wave; the same of an estimated one."""
+_REACH, _REACH_MEASURED = 8.0, 2.5
+"""Phase of the shortest wave from the last place up to which the surface is continued: that of the table; the same from
+places that are estimated."""
+_MOST_AHEAD, _MOST_AHEAD_MEASURED = 0.7, 0.4
+"""How far from the mean it is continued at most, over the range of the surface, of which a wave reaches half; the same
+from places that are estimated."""
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05
@@ -141,6 +148,8 @@ class Constants(Record):
     ripple: float  # of the strength, from that curvature
     measured: int
     looks_ahead: int  # one: the surface is continued from the last places
+    reach: float  # how far from the last of them, phase of the shortest wave
+    most_ahead: float  # and to how far from the mean, over the range of the surface
     # Over a known surface, over one that is not:
     bumps: Annotated[Array, (2,)]  # ripple of the ratio over the surface as it is known
     corner: Vector  # where a straight reference turns back; 0: not known
@@ -295,7 +304,7 @@ def values(parameters: Tree) -> Numbers:
         # Friction that is believed in leaves no signal to compare with.
         "adapts": identified and any(map(any, first)),
         "first": first,
-        "walk": np.square((_WALK, _WALK, _WALK_Z)) * square(_SLOWLY if measured else 1.0) * hold,
+        "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(_SLOWLY if measured else 1.0) * hold,
         "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],
         "lag_left": [exp(-slot / (each * w0)) for each in _LAG_TIMES],
@@ -320,7 +329,9 @@ def values(parameters: Tree) -> Numbers:
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
         "measured": measured,
-        "looks_ahead": slots > 1 and not measured,
+        "looks_ahead": slots > 1,
+        "reach": _REACH_MEASURED if measured else _REACH,
+        "most_ahead": _MOST_AHEAD_MEASURED if measured else _MOST_AHEAD,
         "bumps": [0.0, ripple * identified],
         "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,

@@ -164,7 +164,7 @@ def expect(slot: int, p: Constants, s: State) -> None:
 
 @kernel
 def knows_gain_of_x(p: Constants, s: State) -> bool:
-    """Whether it is known so well that y, of which no force tells, can be taken to be as x."""
+    """Whether it is known so well that what is found of y is not that of x."""
     return s.unsure[0, 0, 0] < square(_KNOWN * p.first[0, 0])
 
 
@@ -197,9 +197,10 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     s.told = 1.0 if s.counts > least * least else 0.0
     if s.told == 0.0:
         believe(0, NOTHING, s)
-    # Spring and hysteresis are taken to be as wrong as along x, since no force tells them; the gain is found. Where the
-    # tip does not move along x nothing is known of it.
-    if knows_gain_of_x(p, s):
+    # Spring and hysteresis are taken to be as wrong as along x, since no force tells them; the gain is found. With a
+    # gain of x alone friction would seem to lie in another direction, and to be of another strength. As long as the tip
+    # has not slipped along x nothing is known of it.
+    if s.slips > 0.0:
         s.gain_of[1], s.softer[1] = s.gain_of[0], s.softer[0] * p.stiffness[1] / p.stiffness[0]
         for i in range(MEMORY):
             s.takes[1, i] = s.takes[0, i]
