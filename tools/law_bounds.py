@@ -220,7 +220,7 @@ RATES = (("50 us", 5e-5), ("100 us", 1e-4), ("200 us", 2e-4), ("250 us", 2.5e-4)
 
 
 def tables() -> dict[str, str]:
-    """Each table by its mark in the page."""
+    """Each table by its mark in the page, but the one of the loop."""
     noise = ["| period + delay | estimate, rms [%] | at the end of the drive, rms [%] | 3 deviations [%] |"]
     surface = [
         "| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations [%] "
@@ -244,13 +244,13 @@ def tables() -> dict[str, str]:
         edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
     found = {"noise": noise, "surface": surface, "edge": edge, "drift": drift, "stability": stable}
-    return {f"bound {name}": "\n".join(rows) for name, rows in found.items()} | {"bound loop": of_loop()}
+    return {f"bound {name}": "\n".join(rows) for name, rows in found.items()}
 
 
 def main() -> int:
     """Print the tables; `--write`: into the page as well."""
     page = PAGE.read_text()
-    for mark, text in tables().items():
+    for mark, text in (tables() | {"bound loop": of_loop()}).items():
         print(text)
         page = between_marks(page, mark, text)
     if "--write" in sys.argv[1:]:

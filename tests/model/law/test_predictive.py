@@ -230,7 +230,7 @@ def test_positions_alone_in_packets_are_warned_of_where_the_surface_is_not_known
     assert law.warnings(build(ControllerParameters, told), 5e-5) == []
     packets = told | {"law.period": 1e-3, **PACKET}
     (sentence,) = law.warnings(build(ControllerParameters, packets), 1e-3)
-    assert "law.packet = 20 law.surface must be known, it is observed" in sentence
+    assert "law.packet = 20 law.surface should be known or learned, it is observed" in sentence
     assert law.warnings(build(ControllerParameters, packets | {"law.surface": "known"}), 1e-3) == []
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
-from law_bounds import AMPLITUDE, PAGE, SPEED, constants, of_drift, of_edges, of_surface, radius, tables
+from law_bounds import AMPLITUDE, PAGE, SPEED, constants, of_drift, of_edges, of_loop, of_surface, radius, tables
 from make_docs import between_marks
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
@@ -182,6 +182,12 @@ def test_tables_of_the_page_are_those_of_the_tool():
     page = PAGE.read_text()
     for mark, text in tables().items():
         assert between_marks(page, mark, text) == page
+
+
+@pytest.mark.long
+def test_the_table_of_the_loop_is_that_of_the_tool():
+    page = PAGE.read_text()
+    assert between_marks(page, "bound loop", of_loop()) == page
 
 
 @pytest.mark.parametrize("disturbance", [1e-4, 1e-2, 1.0])

@@ -146,6 +146,7 @@ class Constants(Record):
     height: float  # largest height and wave number assumed
     wave_number: float
     ripple: float  # of the strength, from that curvature
+    of_height: float  # relative change of friction with the height that is most likely; 0: it is not used
     measured: int
     looks_ahead: int  # one: the surface is continued from the last places
     reach: float  # how far from the last of them, phase of the shortest wave
@@ -328,6 +329,8 @@ def values(parameters: Tree) -> Numbers:
         "height": law.height / z0,
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
+        # Of waves that are all alike up to the largest wave number: the mean of its square is a third.
+        "of_height": ripple / law.height * z0 / 3.0 if measured and slots == 1 and law.surface != "learned" else 0.0,
         "measured": measured,
         "looks_ahead": slots > 1,
         "reach": _REACH_MEASURED if measured else _REACH,

@@ -130,10 +130,10 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
     law, scanner = parameters.law, parameters.scanner
     slot = control_period / law.packet
     told = []
-    if law.feedback == "measured" and law.surface != "known" and law.packet > 1:
+    if law.feedback == "measured" and law.surface == "observed" and law.packet > 1:
         told.append(
-            f"x and y will not be tracked: with law.feedback = measured and law.packet = {law.packet} law.surface must"
-            f" be known, it is {law.surface}; take law.packet = 1 (docs/laws.md)"
+            f"x and y will be tracked within a tenth of the way at best: with law.feedback = measured and law.packet ="
+            f" {law.packet} law.surface should be known or learned, it is {law.surface} (docs/laws.md)"
         )
     return told + [
         f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet "

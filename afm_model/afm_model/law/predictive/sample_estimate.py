@@ -7,7 +7,7 @@ from ...core.elementary import square
 from ...core.jit import kernel, routine
 from .continuation import mean_ratio
 from .map import raise_map
-from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound
+from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound, of_height
 from .predictive_constants import (
     AT_X,
     AT_Y,
@@ -49,8 +49,9 @@ APPROACH = 0.005
 """By so much nearer to the sample than it is the tip is asked for, where it is not [z0]: 5 um/s at 50 us."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
-_BUMPS = 0.8
-"""Ripple of friction that positions alone are corrected with, over that of the largest wave, friction being nominal."""
+_BUMPS, _LESS_BUMPS = 0.8, 0.55
+"""Ripple of friction that positions alone are corrected with, over that of the largest wave, friction being nominal;
+the same where height, a map or the last places tell a part of it."""
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
 
@@ -156,7 +157,8 @@ def strength(s: "State") -> float:
 @kernel
 def bumps(p: Constants, s: "State") -> float:
     """Ripple of the ratio over the surface as it is known."""
-    return p.bumps[s.unknown] * min(_BUMPS * mean_ratio(s), 1.0)
+    alone = p.of_height > 0.0 and of_height(p, s) == 0.0
+    return p.bumps[s.unknown] * min((_BUMPS if alone else _LESS_BUMPS) * mean_ratio(s), 1.0)
 
 
 @kernel
