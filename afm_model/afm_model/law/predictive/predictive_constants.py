@@ -69,8 +69,7 @@ _WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,), 1e-5)
 _WALK_Z = (0.0, 1e-5, 1e-4, *MEMORY * (0.0,))
 """The same along z."""
 _SLOWLY = (0.02, 0.002, 0.005, *MEMORY * (0.02,))
-"""Parts of these random walks that positions alone are allowed to follow: their noise would move the copy of the plant.
-"""
+"""Parts of these random walks that positions alone may follow: their noise would move the copy of the plant."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5

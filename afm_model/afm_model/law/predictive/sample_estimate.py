@@ -157,6 +157,7 @@ def strength(s: "State") -> float:
 @kernel
 def bumps(p: Constants, s: "State") -> float:
     """Ripple of the ratio over the surface as it is known."""
+    # Single drives, and nothing but its own value and slope tells friction.
     alone = p.of_height > 0.0 and of_height(p, s) == 0.0
     return p.bumps[s.unknown] * min((_BUMPS if alone else _LESS_BUMPS) * mean_ratio(s), 1.0)
 
@@ -185,11 +186,14 @@ def doubt_surface(p: Constants, s: "State") -> None:
     waves = _LONGER if p.measured != 0 and p.slots > 1 else 1.0
     part = min(phase / (2.0 * math.pi * waves), 1.0) if s.started != 0.0 else 0.0
     s.contradicts += part * (min(off, _ONE_ALONE * most) - s.contradicts)
+    before = s.unknown
     if s.unknown == 0 and s.contradicts > most:
-        s.unknown, s.slips = 1, 0.0
+        s.unknown = 1
         begin(s.H, H, p.height, p.height_noise, p)
     elif s.unknown != 0 and s.contradicts < _THE_SAME * most:
-        s.unknown, s.slips = 0, 0.0
+        s.unknown = 0
+    if s.unknown != before and p.measured == 0:
+        s.slips = 0.0
 
 
 @kernel
