@@ -92,6 +92,11 @@ def rows(laws: tuple[str, ...], noise: float = 0.0, rates: tuple[str, ...] = TIT
         return tuple(pool.map(_row, asked, chunksize=4))
 
 
+def cells(noise: float = 0.0) -> dict[tuple[str, str, str], Row]:
+    """Rows of `predictive` by law, case and rate."""
+    return {(row["law"], row["case"], row["rate"]): row for row in rows(PREDICTIVE, noise)}
+
+
 def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
     """In Markdown."""
     return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *lines))
@@ -114,7 +119,7 @@ def wrong() -> str:
 
 def asked() -> str:
     """What was asked of `predictive`, and what its worst row reaches: the median of a row's runs, of all the worst."""
-    found = {(row["law"], row["case"], row["rate"]): row for row in rows(PREDICTIVE)}
+    found = cells()
     lines = []
     for title, cases, limits in ASKED:
         counted = "worst" if title == "all" else "third"
@@ -173,17 +178,18 @@ NOISY = (
 
 def noisy() -> str:
     """Some rows with positions alone and noise: the median of the runs of the three kinds of knowledge."""
-    found = {(row["law"], row["case"], row["rate"]): row["third"] for row in rows(PREDICTIVE, 1.0)}
+    found = cells(1.0)
     lines = (
-        [case, *("; ".join(number(found[law, case, rate]) for law in PREDICTIVE) for rate in TITLES)] for case in NOISY
+        [case, *("; ".join(number(found[law, case, rate]["third"]) for law in PREDICTIVE) for rate in TITLES)]
+        for case in NOISY
     )
     return table(["third period [%]", *TITLES], lines)
 
 
 @cache
 def of_equations() -> dict[str, str]:
-    """Tables that need no run."""
-    return law_bounds.tables() | {"bound loop": law_bounds.of_loop()}
+    """Tables that follow from the equations and the loop."""
+    return law_bounds.with_loop()
 
 
 TABLES: dict[str, Callable[[], str]] = {"laws": laws, "wrong": wrong, "asked": asked, "noise": noise, "noisy": noisy}

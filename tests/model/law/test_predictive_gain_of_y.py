@@ -5,14 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from afm_model import simulate
 from afm_model.law.predictive.gain_of_y import believe_gain_of_y, forget_gain_of_y, learn_gain_of_y
 from afm_model.law.predictive.nominal_plant import as_one_mass, move
 from afm_model.law.predictive.observer import weigh
 from afm_model.law.predictive.predictive_constants import RATIO
-from afm_model.studies.contender import Contender
-from afm_model.studies.wrong_models import CASE, RATES, parameters_of
 
+from .predictive_records import estimates
 from .test_predictive_observer import covariance, records
 
 
@@ -64,12 +62,6 @@ def test_the_bias_is_that_of_the_filter_with_it_as_a_sixth_state(rng):
     assert s.more_found == pytest.approx(gain[5] * innovation)
     assert s.variance_of_more == pytest.approx(joint[5, 5])
     assert np.array(s.moved_by_more) * s.variance_of_more == pytest.approx(joint[:5, 5])
-
-
-def estimates(title, rate, surface, seed=0):
-    """What the law believes in a run of a case with positions alone and noise."""
-    law = Contender("law", "predictive", {"surface": surface})
-    return simulate(*parameters_of(CASE[title], RATES[rate], law, 1.0, seed)).estimates
 
 
 def test_a_map_has_the_ratios_that_are_seen_with_the_gain_of_y_that_is_believed():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from afm_model import Controller, Instrument, simulate
+from afm_model import Controller, Instrument
 from afm_model.law.predictive.nominal_plant import look, nominal_bound
 from afm_model.law.predictive.observer import (
     begin_observer,
@@ -20,8 +20,6 @@ from afm_model.law.predictive.observer import (
     weigh,
 )
 from afm_model.law.predictive.predictive_constants import AT_X, AT_Y, MEAN, RATIO, SLOPE, SPEED, VALUE
-from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASE, RATES, parameters_of
 
 from . import predictive_records
 from .test_predictive import NOISE, NOTHING, PERIOD, error, parameters, run, smoothness
@@ -257,16 +255,13 @@ def test_the_estimate_is_three_times_better_than_a_position_and_stays_a_covarian
 @pytest.mark.parametrize("seed", [7, 9])
 def test_friction_that_is_not_seen_is_not_believed_to_be_more_than_a_surface_makes_it(seed):
     # Where a Lissajous figure runs along y a speed that was missed was taken for friction: 1.06 of it, and a throw.
-    law = contender("predictive surface=observed")
-    found = simulate(*parameters_of(CASE["Lissajous 2:3"], RATES[2], law, 1.0, seed)).estimates
+    found = predictive_records.estimates("Lissajous 2:3", 2, "observed", seed)
     assert np.max(found["friction_ratio"][len(found["time"]) // 4 :]) < 1.026
 
 
 def test_what_is_believed_of_a_scanner_that_stays_as_it_is_does_not_wander():
     # A random walk ten times as wide let the slow force wander by 4e-11 N, and the copy with it.
-    found = simulate(
-        *parameters_of(CASE["resonances -2 %"], RATES[0], contender("predictive surface=known"), 1.0, 0)
-    ).estimates
+    found = predictive_records.estimates("resonances -2 %", 0, "known")
     later = slice(len(found["time"]) // 2, None)
     assert np.std(found["slow_force_x"][later]) < 1e-11
     assert np.max(np.abs(found["stiffness_x"][later] - 1.0)) < 1e-3

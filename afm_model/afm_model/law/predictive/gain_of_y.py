@@ -11,7 +11,7 @@ import math
 from ...core.elementary import square
 from ...core.jit import kernel
 from .map import raise_map
-from .predictive_constants import AT_X, AT_Y, RATIO, SLOPE, SPEED, Constants
+from .predictive_constants import AT_X, AT_Y, LEARNED, RATIO, SLOPE, SPEED, Constants
 from .predictive_state import State
 
 _FIRST = 0.05
@@ -86,6 +86,7 @@ def believe_gain_of_y(p: Constants, s: State) -> None:
     s.more_gain += s.more_found
     for i in range(5):
         s.change[i] += s.moved_by_more[i] * s.more_found
-    # The ratios of the map were seen with the gain that was believed before.
-    raise_map(s.moved_by_more[RATIO] * s.more_found, s)
+    if p.surface == LEARNED:
+        # The ratios of the map were seen with the gain that was believed before.
+        raise_map(s.moved_by_more[RATIO] * s.more_found, s)
     s.more_found = 0.0

@@ -48,7 +48,7 @@ _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction."""
 _OFTEN = 20.0
 """Measurements in which friction was seen from which on its mean is known."""
-_SLOWLY = 0.1
+_PART_UNSEEN = 0.1
 """Part of a change of the ratio beyond its ripple that is believed where friction is not seen."""
 _NEAR = 0.01
 """Step of the derivatives of the nominal bound [x0]."""
@@ -343,8 +343,8 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
             s.X, s.Y = x, y_
             t_x, t_y, size = lean(u_x, u_y, p, s)
             ratio, nominal = s.here, nominal_bound(s.load, p, s)
-    s.grip, most = 0.0, math.inf
-    if size > 0.0 and abs(t_x) > _TELLS:
+    s.grip, most, tells = 0.0, math.inf, abs(t_x) > _TELLS
+    if size > 0.0 and tells:
         see_ratio(t_x, t_y, size, nominal, p, s)
         # Where the tip runs fast its load is not that at rest, and where it goes far its surface is another.
         went = hypot(x - from_x, y_ - from_y) / (periods * p.hold)
@@ -376,11 +376,12 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
         s.grip = 0.0
     s.V_X, s.V_Y = speed * t_x, speed * t_y
     s.ratio[VALUE] = min(ratio + s.change[RATIO], most)
-    if s.slips > _OFTEN and abs(t_x) <= _TELLS:
+    ripple = bumps(p, s)
+    if s.slips > _OFTEN and not tells:
         # No force tells it, and what positions tell is also the speed: only slowly beyond what a surface explains.
-        likely = min(max(s.ratio[VALUE], s.ratio[MEAN] - bumps(p, s)), s.ratio[MEAN] + bumps(p, s))
-        s.ratio[VALUE] = likely + _SLOWLY * (s.ratio[VALUE] - likely)
-    steepest = bumps(p, s) * q
+        likely = min(max(s.ratio[VALUE], s.ratio[MEAN] - ripple), s.ratio[MEAN] + ripple)
+        s.ratio[VALUE] = likely + _PART_UNSEEN * (s.ratio[VALUE] - likely)
+    steepest = ripple * q
     slope = min(max(slope + s.change[SLOPE], -steepest), steepest)
     s.ratio[SLOPE_X], s.ratio[SLOPE_Y], s.ratio[WAY_X], s.ratio[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
     # The mean is that of the way gone, at most over a few waves; over a known surface nothing else is left.
