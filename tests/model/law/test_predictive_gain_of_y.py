@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from afm_model.law.predictive.gain_of_y import believe_gain_of_y, forget_gain_of_y, learn_gain_of_y
+from afm_model.law.predictive.kalman import weigh
 from afm_model.law.predictive.nominal_plant import as_one_mass, move
-from afm_model.law.predictive.observer import weigh
 from afm_model.law.predictive.predictive_constants import RATIO
 
 from .predictive_records import estimates

@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, Instrument
+from afm_model.law.predictive.kalman import correct, weigh
 from afm_model.law.predictive.nominal_plant import look, nominal_bound
 from afm_model.law.predictive.observer import (
     begin_observer,
     carry,
     copied_friction,
-    correct,
     doubt,
     follow_force,
     rests_for_certain,
     see_ratio,
     take_ratio_seen,
-    weigh,
 )
 from afm_model.law.predictive.predictive_constants import AT_X, AT_Y, MEAN, RATIO, SLOPE, SPEED, VALUE
 

@@ -9,11 +9,12 @@ import math
 
 from ...core.elementary import hypot, square
 from ...core.jit import kernel, routine
-from ...core.records import Block
 from ...parts.signals import Measurement
-from .gain_of_y import believe_gain_of_y, carry_gain_of_y, learn_gain_of_y
+from .gain_of_y import believe_gain_of_y, carry_gain_of_y
+from .kalman import DOUBTS, NIS, SURE, along_variance, carry_covariance, correct, take, weigh
 from .nominal_plant import balance, bound_at, look, nominal_bound, take_load
 from .piezo_memory import effective, pass_drives
+from .place_by_height import take_height_seen
 from .predictive_constants import (
     ANSWERS,
     AT_X,
@@ -36,10 +37,8 @@ from .unexplained import knows_gain_of_x
 
 UNKNOWN = 0.25
 """Standard deviation of the ratio at the start."""
-_SURE = 5.0
-"""Standard deviations beyond which a difference is not noise, in none of a million measurements."""
 _STOPS = 3.0
-"""The same for friction that is too low, and for a speed that is not zero."""
+"""Standard deviations for friction that is too low, and for a speed that is not zero."""
 _OFF = 2.0
 """Standard deviations that friction of the copy may be off the measured one by noise; what is beyond moves the copy."""
 _RINGS = 5e-4
@@ -52,68 +51,10 @@ _PART_UNSEEN = 0.1
 """Part of a change of the ratio beyond its ripple that is believed where friction is not seen."""
 _NEAR = 0.01
 """Step of the derivatives of the nominal bound [x0]."""
-_NIS = 0.05
-"""Weight of one measurement in the mean normalised innovation squared, which is one where the model is right:
-Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, Wiley (2001), 5.4.
-"""
-_DOUBTS = 1.5
-"""Value of it from which on the model is trusted less."""
 _LESS = 300.0
 """By so many times the variance of the ratio over a known surface, for each unit beyond."""
 _ON_MAP = 0.3
 """Bend of the ratio that a map leaves, over that of the surface."""
-
-
-@kernel
-def carry_covariance(P: Block, F: Block, half: Block) -> None:
-    """Replace the covariance P (n, n) by F P F^T; `half` (n, n) is overwritten."""
-    size = len(P)
-    for i in range(size):
-        for j in range(size):
-            half[i, j] = 0.0
-            for k in range(size):
-                half[i, j] += F[i, k] * P[k, j]
-    for i in range(size):
-        for j in range(size):
-            P[i, j] = 0.0
-            for k in range(size):
-                P[i, j] += half[i, k] * F[j, k]
-
-
-@kernel
-def weigh(noise: float, s: State) -> float:
-    """Variance of a measurement of the states by the row `s.weights`; their covariances with it go to `s.gains`."""
-    variance = noise
-    for i in range(5):
-        s.gains[i] = 0.0
-        for j in range(5):
-            s.gains[i] += s.P[i, j] * s.weights[j]
-    for i in range(5):
-        variance += s.weights[i] * s.gains[i]
-    return variance
-
-
-@kernel
-def correct(innovation: float, variance: float, told: float, learns: bool, s: State) -> None:
-    """Correct by the measurement last weighed, which was off by so much from what the copy predicts.
-
-    The two others are those of `gain_of_y.learn_gain_of_y`.
-    """
-    for i in range(5):
-        innovation -= s.weights[i] * s.change[i]
-    learn_gain_of_y(innovation, variance, told, learns, s)
-    for i in range(5):
-        s.change[i] += s.gains[i] * innovation / variance
-        for j in range(5):
-            s.P[i, j] -= s.gains[i] * s.gains[j] / variance
-
-
-@kernel
-def take(i: int, innovation: float, noise: float, learns: bool, s: State) -> None:
-    """Correct by a measurement of state i with this variance."""
-    s.weights[:] = 0.0
-    s.weights[i] = 1.0
-    correct(innovation, weigh(noise, s), 0.0, learns, s)
 
 
 @kernel
@@ -124,8 +65,9 @@ def begin_observer(p: Constants, s: State) -> None:
     s.P[RATIO, RATIO] = square(UNKNOWN) * p.identified
     s.P[SLOPE, SLOPE] = square(bumps(p, s) * p.wave_number)
     s.moved_by_more[:] = 0.0
+    s.moved_by_c[:] = 0.0
     s.across = s.grip = s.off_force = 0.0
-    s.nis = 1.0
+    s.nis = s.nis_of_height = 1.0
 
 
 @kernel
@@ -151,8 +93,8 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
     P[RATIO, SLOPE] += 0.5 * bend * way
     P[SLOPE, RATIO] += 0.5 * bend * way
     P[SLOPE, SLOPE] += bend
-    # The load is not quite static, and less so where the measured positions are off by more than they should be.
-    uneven = square(p.uneven[s.unknown]) + square(p.uneven[0]) * _LESS * max(s.nis - _DOUBTS, 0.0)
+    # The load is not quite static, and less so where positions or heights are off by more than they should be.
+    uneven = square(p.uneven[s.unknown]) + square(p.uneven[0]) * _LESS * max(max(s.nis, s.nis_of_height) - DOUBTS, 0.0)
     uneven *= square(strength(s))
     for i in range(3):
         for j in range(3):
@@ -162,13 +104,6 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
     P[AT_Y, AT_Y] += turned * t_x * t_x
     P[AT_X, AT_Y] -= turned * t_x * t_y
     P[AT_Y, AT_X] -= turned * t_x * t_y
-
-
-@kernel
-def along_variance(t_x: float, t_y: float, s: State) -> float:
-    """Of the position along t."""
-    P = s.P
-    return t_x * t_x * P[AT_X, AT_X] + 2.0 * t_x * t_y * P[AT_X, AT_Y] + t_y * t_y * P[AT_Y, AT_Y]
 
 
 @kernel
@@ -239,17 +174,17 @@ def take_ratio_seen(
         slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
         slow = slow and innovation < -_STOPS * math.sqrt(variance)
         holds = abs(held) < _STOPS * hypot(p.force_noise, p.stiffness[0] * math.sqrt(s.P[AT_X, AT_X]))
-        holds = holds and innovation < -max(_SURE * math.sqrt(variance), _STOPS * _RINGS * p.hold)
+        holds = holds and innovation < -max(SURE * math.sqrt(variance), _STOPS * _RINGS * p.hold)
         if slow or holds:
             s.V_X, s.V_Y = 0.0, 0.0
             rest(s)
             return False
-    expected = innovation * innovation <= _SURE * _SURE * variance
+    expected = innovation * innovation <= SURE * SURE * variance
     if not expected:
         s.P[RATIO, RATIO] += square(innovation) * p.identified
         variance = weigh(noise, s)
     correct(innovation, variance, told, False, s)
-    return innovation * innovation <= _SURE * _SURE * variance and slips
+    return innovation * innovation <= SURE * SURE * variance and slips
 
 
 @kernel
@@ -334,8 +269,8 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     noise = square(p.position_noise)
     along = (x - s.X) * t_x + (y_ - s.Y) * t_y
     off = along * along / (along_variance(t_x, t_y, s) + noise)
-    s.nis += _NIS * (min(off, _SURE * _SURE) - s.nis)
-    missed = along if off > _SURE * _SURE else 0.0
+    s.nis += NIS * (min(off, SURE * SURE) - s.nis)
+    missed = along if off > SURE * SURE else 0.0
     if missed != 0.0:
         doubt(missed, t_x, t_y, p, s)
         if p.slots > 1:
@@ -363,6 +298,8 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     learns = learns and s.ratio[GONE] > 2.0 * math.pi and knows_gain_of_x(p, s)
     take(AT_X, x - s.X, noise, learns, s)
     take(AT_Y, y_ - s.Y, noise, learns, s)
+    if s.started != 0.0:
+        take_height_seen(y.position[2] / p.z0, p, s)
     if p.adapts != 0:
         believe_gain_of_y(p, s)
     s.across = along_variance(-t_y, t_x, s)

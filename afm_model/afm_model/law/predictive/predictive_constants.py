@@ -63,13 +63,15 @@ With more of an opening a turn of a motion that is not steady is taken for hyste
 _OPENING_PACKET = 0.1
 """That of an opening in packets, where few measurements tell it."""
 FIRST_Z = (0.0, 0.003, 0.03, *MEMORY * (0.0,))
-"""The same along z [w0^2 z0]; with positions alone nothing is estimated there."""
+"""The same along z [w0^2 z0]. With positions alone the stiffness alone is estimated there, and in packets nothing."""
 _WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,), 1e-5)
 """Random walks of these in one time unit."""
 _WALK_Z = (0.0, 1e-5, 1e-4, *MEMORY * (0.0,))
 """The same along z."""
 _SLOWLY = (0.02, 0.002, 0.005, *MEMORY * (0.02,))
 """Parts of these random walks that positions alone may follow: their noise would move the copy of the plant."""
+_SLOWLY_Z = len(_SLOWLY) * (0.1,)
+"""The same along z."""
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5
@@ -175,6 +177,7 @@ class Constants(Record):
     G: Annotated[Array, (3, INTERVALS, 2)]
     Gamma_hold: Annotated[Array, (3, 2)]  # of the free axes over a control period
     L: Annotated[Array, (2, 2)]  # of the observer along z, in the same way
+    free_z: Annotated[Array, (2, 2)]  # transition of z over a control period
     free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
     of_drive: Annotated[Array, (2,)]
 
@@ -202,7 +205,8 @@ def first_deviations(law: Tree) -> list[list[float]]:
     full = law.feedback == "full"
     given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (law.hysteresis,), law.creep
     of_x = FIRST if law.packet == 1 else (*FIRST[:3], *STOPS * (_OPENING_PACKET,), FIRST[CREEP])
-    sizes = of_x, of_x, FIRST_Z if full else len(FIRST) * (0.0,)
+    of_c = 0.0 if law.packet > 1 else FIRST_Z[2]
+    sizes = of_x, of_x, FIRST_Z if full else (0.0, 0.0, of_c, *FIRST_Z[3:])
     return [[size if way == "estimated" else 0.0 for size, way in zip(each, given, strict=True)] for each in sizes]
 
 
@@ -273,6 +277,7 @@ def values(parameters: Tree) -> Numbers:
         for factor in (1.0, _UNSEEN)
     ]
     first = first_deviations(law)
+    slowly = (_SLOWLY, _SLOWLY, _SLOWLY_Z) if measured else 1.0
     of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(3)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
     return {
@@ -304,7 +309,7 @@ def values(parameters: Tree) -> Numbers:
         # Friction that is believed in leaves no signal to compare with.
         "adapts": identified and any(map(any, first)),
         "first": first,
-        "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(_SLOWLY if measured else 1.0) * hold,
+        "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(slowly) * hold,
         "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],
         "lag_left": [exp(-slot / (each * w0)) for each in _LAG_TIMES],
@@ -346,6 +351,7 @@ def values(parameters: Tree) -> Numbers:
         "ratio_noise": ratio_noise,
         "L": np.array(L),
         "Gamma_hold": np.array(of_hold),
+        "free_z": transition(stiffness[2], damping[2], hold)[0],
         "free": free,
         "of_drive": of_drive,
         "x0": x0,

@@ -15,7 +15,7 @@ from .piezo_memory import effective, pass_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, VALUE, Constants
 from .predictive_state import State
 from .sample_estimate import APPROACH, TOUCHES, doubt_surface, measured_height, place_variance, take_height, take_ratio
-from .unexplained import expect, explain, explain_measured
+from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
 
 
 @routine
@@ -37,6 +37,8 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
         s.V_X, s.V_Y, s.V_Z = s.estimate[3], s.estimate[4], s.estimate[5]
         observe_scanner(k, x, y_, y, p, s)
         missed = z - s.Z
+        if p.adapts != 0 and p.first[2, 2] > 0.0:
+            learn_stiffness_of_z(missed, p, s)
         s.Z += p.L[s.unknown, 0] * missed
         s.V_Z += p.L[s.unknown, 1] * missed
     s.estimate[0], s.estimate[1], s.estimate[2] = s.X, s.Y, s.Z
@@ -58,14 +60,15 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
     if p.surface == KNOWN and ratio > TOUCHES:
         doubt_surface(p, s)
     if p.looks_ahead != 0 and s.unknown != 0:
-        look_ahead(measured_height(p, s), ratio, p, s)
+        look_ahead(measured_height(s.Z, p, s), ratio, p, s)
     if p.surface == LEARNED:
         s.doubt = 0.0
         if p.measured != 0:
             # An estimate that is off by more than noise explains is wrong by that.
             off = square(y.position[0] / p.x0 - s.X) + square(y.position[1] / p.x0 - s.Y)
             s.doubt = place_variance(s) + max(off - square(3.0 * p.position_noise), 0.0)
-        write_map(measured_height(p, s), ratio, p, s)
+        # As it is measured: what z is estimated wrong by goes with the motion, and would lie in the map.
+        write_map(measured_height(y.position[2] / p.z0, p, s), ratio, p, s)
 
 
 @kernel

@@ -61,7 +61,10 @@ class State(Record):
     drive_passed: Annotated[Array, (3,)]
     sent_ahead: Annotated[Array, (SLOTS, 2)]
     grip: float  # of positions alone: measured ratio; no measurement: zero
-    nis: float  # of positions alone: mean square of the innovations along the motion over their variance
+    # Of positions alone: mean square of the innovations over their variance, of positions along the motion, of heights.
+    nis: float
+    nis_of_height: float
+    moved_by_c: Annotated[Array, (2,)]  # what more stiffness of z does to position and rate of the copy
     off_force: float  # by which friction of the copy was off the measured one
     # gain_of_y.py: the gain of y over that of x, found since that, variance, what it does to the states of observer.py.
     more_gain: float

@@ -130,15 +130,15 @@ def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: 
 
 
 @kernel
-def measured_height(p: Constants, s: "State") -> float:
-    """Of the sample under the tip [z0], H = Q - Z + delta, the contact at rest."""
-    return s.Q - s.Z + p.delta + p.delta_load * (s.load - p.load_0)
+def measured_height(z: float, p: Constants, s: "State") -> float:
+    """Of the sample under the tip [z0], H = Q - Z + delta, the scanner at z and the contact at rest."""
+    return s.Q - z + p.delta + p.delta_load * (s.load - p.load_0)
 
 
 @kernel
 def take_height(p: Constants, s: "State") -> None:
     """Follow the height of the sample under the tip, and its slope along the way."""
-    H = measured_height(p, s)
+    H = measured_height(s.Z, p, s)
     if s.started == 0.0:
         begin(s.H, H, p.height, p.height_noise, p)
     else:
@@ -175,7 +175,7 @@ def doubt_surface(p: Constants, s: "State") -> None:
     To be called where the tip slips on the sample.
     """
     look_at_known(s.X, s.Y, p, s)
-    H = measured_height(p, s)
+    H = measured_height(s.Z, p, s)
     off = square((H + p.delta_curvature * s.curvature - s.height) / p.height)
     noise = square(p.height_noise / p.height)
     if p.measured != 0:

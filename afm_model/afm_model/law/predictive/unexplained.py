@@ -256,6 +256,32 @@ def learn_of_z(u: float, p: Constants, s: State) -> None:
 
 
 @kernel
+def learn_stiffness_of_z(missed: float, p: Constants, s: State) -> None:
+    """Learn the stiffness of z from what its measured position is off the copy, of positions alone.
+
+    By recursive prediction errors: the sensitivity of the copy to that number follows the equations of the copy and of
+    its corrections. L. Ljung, *System Identification*, Prentice Hall (1999), 11.4.
+    """
+    moved, P, before = s.moved_by_c, s.unsure, s.learned[2, 2]
+    v, v_rate = moved[0], moved[1]
+    moved[0] = p.free_z[0, 0] * v + p.free_z[0, 1] * v_rate - p.Gamma_hold[2, 0] * s.Z
+    moved[1] = p.free_z[1, 0] * v + p.free_z[1, 1] * v_rate - p.Gamma_hold[2, 1] * s.Z
+    L_0, L_1 = p.L[s.unknown, 0], p.L[s.unknown, 1]
+    # A Kalman filter that corrects by L_0 has innovations of this variance.
+    total = square(p.position_noise * p.x0 / p.z0) / (1.0 - L_0) + P[2, 2, 2] * square(moved[0])
+    gain, most = P[2, 2, 2] * moved[0] / total, _SURE * math.sqrt(total)
+    found = before + gain * min(max(missed, -most), most)
+    s.learned[2, 2] = min(max(found, -p.first[2, 2]), p.first[2, 2])
+    P[2, 2, 2] = min((1.0 - gain * moved[0]) * P[2, 2, 2] + p.walk[2, 2], square(p.first[2, 2]))
+    believe(2, s.learned[2], s)
+    change = s.learned[2, 2] - before
+    s.Z += moved[0] * change
+    s.V_Z += moved[1] * change
+    moved[1] -= L_1 * moved[0]
+    moved[0] -= L_0 * moved[0]
+
+
+@kernel
 def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Learn from measurement k; the scanner is in the state as it is there."""
     signal = y.lateral_force / p.lateral_force
