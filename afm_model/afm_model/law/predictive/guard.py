@@ -45,7 +45,7 @@ def forget(p: Constants, s: State) -> None:
     for i in range(NODES):
         s.visited[i] = math.inf
         for j in range(NODES):
-            s.covariance[i, j] = s.prior[(i - j) % NODES]
+            s.covariance[i, j] = s.prior[NODES + j - i]
     s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
     if p.measured != 0:
         s.ratio[VALUE] = s.ratio[MEAN] = min(max(_BELOW * s.ratio[VALUE], _RATIO_LIMITS[0]), _RATIO_LIMITS[1])

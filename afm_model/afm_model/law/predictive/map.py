@@ -174,7 +174,7 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
             s.map_ratio[j] += s.gain[j] * change / variance
     fade = FADE * step * q
     for j in range(NODES):
-        weight = s.gain[j] / variance
+        weight, row = s.gain[j] / variance, NODES - j
         for k in range(NODES):
             seen = s.covariance[j, k] - weight * s.gain[k]
-            s.covariance[j, k] = seen + fade * (s.prior[(j - k) % NODES] - seen)
+            s.covariance[j, k] = seen + fade * (s.prior[row + k] - seen)

@@ -145,7 +145,7 @@ class State(Record):
     map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior
     map_ratio: Annotated[Array, (NODES,)]
     covariance: Annotated[Array, (NODES, NODES)]
-    prior: Annotated[Array, (NODES,)]
+    prior: Annotated[Array, (2 * NODES,)]
     visited: Annotated[Array, (NODES,)]  # way at the first visit
     gain: Annotated[Array, (NODES,)]
     fastest: float  # speed of the reference so far
@@ -166,9 +166,9 @@ class State(Record):
 
 @cache
 def _prior() -> tuple[float, ...]:
-    """Covariance of the map at nodes so many apart, before anything is measured."""
-    nodes = np.arange(NODES)
-    apart = np.minimum(nodes, NODES - nodes) * SPACING / LENGTH
+    """Covariance of the map before anything is measured, of a node and one that is i - NODES nodes on, on the ring."""
+    apart = np.abs(np.arange(2 * NODES) - NODES)
+    apart = np.minimum(apart, NODES - apart) * SPACING / LENGTH
     return tuple(exp(-0.5 * each * each) for each in apart)
 
 
