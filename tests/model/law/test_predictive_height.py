@@ -5,8 +5,11 @@ import pytest
 
 from afm_model import simulate
 from afm_model.law.predictive.predictive_constants import values
+from afm_model.law.predictive.unexplained import learn_stiffness_of_z
 from afm_model.studies.contender import Contender
 from afm_model.studies.wrong_models import CASE, RATES, Case, parameters_of, run_case
+
+from .predictive_records import records
 
 Z_5_PERCENT = Case("sensitivity of z +5 %", {}, {"piezo.sensitivity_z": 1.05})
 
@@ -50,6 +53,27 @@ def test_it_is_found_of_positions_alone_too_and_is_as_uncertain_as_it_says(rate,
     assert np.max(off[len(off) // 2 :]) < 3.0
     assert deviation[-1] < 1e-2
     assert not np.any(believed["slow_force_z"])
+
+
+def test_what_the_stiffness_does_to_the_copy_follows_its_equations_and_its_corrections(rng):
+    p, s = records(feedback="measured", period=2e-4)
+    s.moved_by_c[:] = 0.0
+    W = np.zeros(2)
+    gain = np.array(p.L)[s.unknown]
+    for _ in range(20):
+        s.Z, s.V_Z, missed = rng.normal(), rng.normal(), 1e-3 * rng.normal()
+        before, variance = float(s.learned[2, 2]), float(s.unsure[2, 2, 2])
+        at = np.array([s.Z, s.V_Z])
+        W = np.array(p.free_z) @ W - np.array(p.Gamma_hold)[2] * s.Z
+        learn_stiffness_of_z(missed, p, s)
+        change = s.learned[2, 2] - before
+        assert change != 0.0 and s.softer[2] == s.learned[2, 2]
+        assert np.array([s.Z, s.V_Z]) - at == pytest.approx(W * change)
+        noise = (p.position_noise * p.x0 / p.z0) ** 2 / (1.0 - gain[0])
+        most = variance * noise / (noise + variance * W[0] ** 2) + p.walk[2, 2]
+        assert s.unsure[2, 2, 2] == pytest.approx(min(most, p.first[2, 2] ** 2))
+        W -= gain * W[0]
+        assert np.array(s.moved_by_c) == pytest.approx(W)
 
 
 @pytest.mark.parametrize("rate", range(len(RATES)))

@@ -36,13 +36,16 @@ def known():
     return p, s
 
 
-def test_a_height_corrects_the_place_as_the_kalman_filter_says(known, rng):
+@pytest.mark.parametrize(("nis", "noisier"), [(1.0, 1.0), (4.5, 4.0)])
+def test_a_height_corrects_the_place_as_the_kalman_filter_says(nis, noisier, known, rng):
     p, s = known
+    # Heights that positions contradict are measured wrong.
+    s.nis = nis
     P = 1e-6 * covariance(rng)
     s.P[:] = P
     height, slope = height_at(s.X, s.Y, p, s)
     bend = p.height * p.wave_number**2 * (P[AT_X, AT_X] + P[AT_Y, AT_Y])
-    noise = p.height_noise**2 + (p.position_noise * p.x0 / p.z0) ** 2 + bend**2
+    noise = noisier * (p.height_noise**2 + (p.position_noise * p.x0 / p.z0) ** 2) + bend**2
     H = np.zeros(5)
     H[[AT_X, AT_Y]] = slope
     gain = P @ H / (H @ P @ H + noise)
@@ -68,8 +71,12 @@ def test_a_height_that_cannot_be_true_moves_the_place_by_five_deviations_at_most
     p, s = known
     s.P[:] = 0.0
     s.P[AT_X, AT_X] = s.P[AT_Y, AT_Y] = (0.01 * p.position_noise) ** 2
-    at, far = (s.X, s.Y), np.linalg.norm(see(s.X + 0.3, s.Y + 0.3, p, s))
-    assert 0.0 < far < 5.0 * 0.01 * p.position_noise
+    P = np.array(s.P)[:2, :2]
+    at, (_, slope) = (s.X, s.Y), height_at(s.X, s.Y, p, s)
+    bend = p.height * p.wave_number**2 * (P[0, 0] + P[1, 1])
+    S = slope @ P @ slope + p.height_noise**2 + (p.position_noise * p.x0 / p.z0) ** 2 + bend**2
+    moved = see(s.X + 0.3, s.Y + 0.3, p, s)
+    assert np.linalg.norm(moved) == pytest.approx(5.0 * np.linalg.norm(P @ slope) / np.sqrt(S), rel=1e-9)
     assert s.nis_of_height > 1.0
     # In packets it is not taken.
     p, s = records(packet=20, period=1e-3)
