@@ -49,7 +49,7 @@ def take_height_seen(z: float, p: Constants, s: State) -> None:
     look(x, y, p, s)
     innovation = measured_height(z, p, s) + p.delta_curvature * s.curvature - s.height
     s.weights[:] = 0.0
-    noise = square(p.height_noise) + square(p.position_noise * p.x0 / p.z0)
+    noise = square(p.height_noise) + square(p.z_noise)
     if s.unknown == 0:
         s.weights[AT_X], s.weights[AT_Y] = s.slope_x, s.slope_y
         # What it has been off the measured height may be so in what was told.

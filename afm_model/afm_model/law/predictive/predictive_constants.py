@@ -156,6 +156,7 @@ class Constants(Record):
     bumps: Annotated[Array, (2,)]  # ripple of the ratio over the surface as it is known
     corner: Vector  # where a straight reference turns back; 0: not known
     position_noise: float
+    z_noise: float  # the same along z
     force_noise: float  # of friction measured along x
     uneven: Annotated[Array, (2,)]  # rms of the ratio about its mean, in a control period
     astray: float  # the same in a control period
@@ -342,6 +343,7 @@ def values(parameters: Tree) -> Numbers:
         "bumps": [0.0, ripple * identified],
         "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,
+        "z_noise": noise * x0 / z0,
         "force_noise": ratio_noise * f_0,
         "uneven": [_UNEVEN, ratio_noise],
         "astray": _ASTRAY * hold,

@@ -268,7 +268,7 @@ def learn_stiffness_of_z(missed: float, p: Constants, s: State) -> None:
     moved[1] = p.free_z[1, 0] * v + p.free_z[1, 1] * v_rate - p.Gamma_hold[2, 1] * s.Z
     L_0, L_1 = p.L[s.unknown, 0], p.L[s.unknown, 1]
     # A Kalman filter that corrects by L_0 has innovations of this variance.
-    total = square(p.position_noise * p.x0 / p.z0) / (1.0 - L_0) + P[2, 2, 2] * square(moved[0])
+    total = square(p.z_noise) / (1.0 - L_0) + P[2, 2, 2] * square(moved[0])
     gain, most = P[2, 2, 2] * moved[0] / total, _SURE * math.sqrt(total)
     found = before + gain * min(max(missed, -most), most)
     s.learned[2, 2] = min(max(found, -p.first[2, 2]), p.first[2, 2])
