@@ -91,7 +91,9 @@ def contender(text: str) -> Contender:
         values[name] = _value(value)
     made = Contender(text, kind, values)
     if made.is_part:
-        build(ControllerParameters, made.parameters)
+        # Each run has its own period, and checks what is allowed there.
+        slow = build(SimParameters, {"plant.control_period": 1e-3})
+        build(ControllerParameters, law_timing(made.parameters, slow) | made.parameters)
     elif values:
         raise ParameterError(f"law {text}: an object takes no parameters here; give it those of its own in its code")
     return made

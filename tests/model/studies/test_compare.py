@@ -175,6 +175,13 @@ def test_parameters_of_a_law_are_read_as_they_are_written():
     assert contender("sgn").knowledge.startswith("positions and velocities")
 
 
+def test_what_a_period_does_not_allow_is_refused_there_alone(cluster):
+    # 400 periods of 2 us, 16 of 50.
+    runs = compare(["predictive response=8e-4"], periods=[2e-6, 5e-5], scheduler=cluster, **SHORT).table
+    refused, allowed = runs["error"]
+    assert "law.period = 2e-06 s is not allowed" in refused and allowed == ""
+
+
 def test_table_is_kept_as_csv_and_ranking_as_latex(some, tmp_path):
     some.to_csv(tmp_path / "table.csv")
     rows = list(csv.DictReader((tmp_path / "table.csv").open()))
