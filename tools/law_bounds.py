@@ -3,10 +3,10 @@
 python tools/law_bounds.py            # print the tables
 python tools/law_bounds.py --write    # and put them into docs/laws.md
 
-Noise: a scanner that slips along x = y obeys one linear model: position, speed, bound of friction and its slope along
-the way. How well it is known is told by the Riccati equation. A drive that answers a measurement acts a delay later and
-is held: the error at the end of its period is at least the uncertainty of the prediction to there. The bend of the
-surface is the largest that the law assumes; a flatter one leaves less.
+Noise: a scanner that slips along x = y obeys one linear model: position, speed, friction, height of the sample, and how
+these two go on. How well it is known is told by the Riccati equation. A drive that answers a measurement acts a delay
+later and is held: the error at the end of its period is at least the uncertainty of the prediction to there. The bend
+of the surface is the largest that the law assumes; half of it leaves next to as much.
 
 Surface: of a surface that is seen under the tip only, once a period, the part is left that those measurements do not
 determine, whoever computes the drive.
@@ -47,43 +47,76 @@ WIDTH = 8.0
 """Of the patches of the row `patches x .9` [x0]."""
 
 
+_PARTS = 8
+"""Of a control period, in which the slope of friction counts as constant."""
+
+
 def constants(period: float, delay: int = 0, **law: Any) -> Any:
     """Of the law for this period [s] and delay in control periods."""
     given = {"law.kind": "predictive", "law.period": period, "law.delay_ticks": delay}
     return values(build(ControllerParameters, given | {f"law.{name}": value for name, value in law.items()}))
 
 
-def uncertainties(period: float, delay: int) -> tuple[float, float]:
-    """Rms error of an axis in percent of the amplitude: of the estimate, and of the position a delay and a hold later.
+def uncertainties(period: float, delay: int, strength: float = 1.0) -> tuple[float, float, float]:
+    """Deviations of an axis in percent of the amplitude: of the estimate, and of the position a delay and a hold later.
+
+    Where friction falls on the way of the tip an error grows: a spring that pushes away, by the slope of friction.
 
     Parameters
     ----------
     period : float [s]
     delay : int
         Control periods.
+    strength : float
+        Friction over the nominal one.
+
+    Returns
+    -------
+    (estimate, later, at_most) : floats
+        Rms over all places of a wave of both, and the second one at the worst place.
     """
     p = constants(period, delay, feedback="measured")
-    h, f = p["hold"], p["f_0"]
-    A = np.zeros((4, 4))
-    A[0, 1] = A[2, 3] = 1.0
-    A[1] = -p["stiffness"][:2].mean(), -p["damping"][:2].mean(), -1.0, 0.0
-    Phi: NDArray[np.float64] = expm(A * h)
-    # The slope of friction changes from period to period by that of the steepest bend of the surface.
-    phase = 2.0 * p["wave_number"] * SPEED / math.sqrt(2.0)
-    bend = p["ripple"] * f * phase * phase
-    step = np.array([0.0, 0.0, 0.5 * h * h, h]) * bend
-    C = np.zeros((2, 4))
-    C[0, 0] = C[1, 2] = 1.0
+    h, q = p["hold"], 2.0 * p["wave_number"] / math.sqrt(2.0)
+    rate = q * SPEED
+    waves = max(16, round(2.0 * math.pi / (rate * h)))
+    stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
+    half, of_ripple = 0.5 * p["height"], strength * p["f_0"] * p["ripple"]
+    pushes = (strength * p["f_0"] * p["eta_c2"] * p["f_load"] * p["height"] - of_ripple) * 0.5 * q
+
+    def transition_at(phase: float) -> NDArray[np.float64]:
+        """Of position, speed, friction and its rate, height and its slope, through a period that begins there."""
+        Phi: NDArray[np.float64] = np.eye(6)
+        for i in range(_PARTS):
+            cos = math.cos(phase + rate * h * (i + 0.5) / _PARTS)
+            A = np.zeros((6, 6))
+            A[0, 1] = A[2, 3] = 1.0
+            A[1, :3] = -stiffness - pushes * cos, -damping, -1.0
+            # The height that is measured changes by the way that the tip has really gone.
+            A[4, 1], A[4, 5] = half * q * cos, SPEED
+            Phi = expm(A * h / _PARTS) @ Phi
+        return Phi
+
+    # The slopes of friction and height change from period to period by those of the steepest bend of the surface.
+    of_friction = np.array([0.0, 0.0, 0.5 * h * h, h, 0.0, 0.0]) * of_ripple * rate * rate
+    of_height = np.array([0.0, 0.0, 0.0, 0.0, 0.5 * SPEED * h, 1.0]) * half * q * q * SPEED * h
+    Q = np.outer(of_friction, of_friction) + np.outer(of_height, of_height) + 1e-12 * np.eye(6)
     # Friction along x is 1 / sqrt(2) of its bound.
-    V = np.diag([p["position_noise"] ** 2, 2.0 * p["force_noise"] ** 2])
-    Q = np.outer(step, step) + 1e-12 * np.eye(4)
-    before = solve_discrete_are(Phi.T, C.T, Q, V)
-    after = before - before @ C.T @ np.linalg.solve(C @ before @ C.T + V, C @ before)
-    ahead = after
-    for _ in range(delay + 1):
-        ahead = Phi @ ahead @ Phi.T + Q
+    noise = {0: p["position_noise"] ** 2, 2: 2.0 * p["force_noise"] ** 2, 4: p["height_noise"] ** 2 + p["z_noise"] ** 2}
+    P, estimate, later = np.diag([*2 * (p["position_noise"] ** 2,), *4 * (0.1,)]), [], []
+    for k in range(4 * waves):
+        Phi = transition_at(rate * h * k)
+        P = Phi @ P @ Phi.T + Q
+        for i, variance in noise.items():
+            P = P - np.outer(P[:, i], P[i]) / (P[i, i] + variance)
+        if k >= 3 * waves:
+            estimate.append(P[0, 0])
+            ahead = P
+            for j in range(delay + 1):
+                Phi = transition_at(rate * h * (k + 1 + j))
+                ahead = Phi @ ahead @ Phi.T + Q
+            later.append(ahead[0, 0])
     percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
-    return percent * math.sqrt(after[0, 0]), percent * math.sqrt(ahead[0, 0])
+    return percent * math.sqrt(np.mean(estimate)), percent * math.sqrt(np.mean(later)), percent * math.sqrt(max(later))
 
 
 def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float, float]:
@@ -221,7 +254,10 @@ RATES = (("50 us", 5e-5), ("100 us", 1e-4), ("200 us", 2e-4), ("250 us", 2.5e-4)
 
 def tables() -> dict[str, str]:
     """Each table by its mark in the page, but the one of the loop."""
-    noise = ["| period + delay | estimate, rms [%] | at the end of the drive, rms [%] | 3 deviations [%] |"]
+    noise = [
+        "| period + delay | estimate, rms [%] | at the end of the drive, rms [%] | 3 deviations at the worst place [%] "
+        "| of friction x 1.5 [%] | x 2 [%] |"
+    ]
     surface = [
         "| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations [%] "
         "| of friction x 1.5 [%] | x 2 [%] |"
@@ -229,13 +265,14 @@ def tables() -> dict[str, str]:
     edge = ["| period + delay | edge just before a measurement [%] | just behind one [%] | in the row of patches [%] |"]
     drift = ["| drift of an axis | after one period [%] | after three [%] |"]
     stable = ["| period | drives as expected | one period later | two |"]
-    for rows, columns in ((noise, 4), (surface, 6), (edge, 4), (drift, 3), (stable, 4)):
+    for rows, columns in ((noise, 6), (surface, 6), (edge, 4), (drift, 3), (stable, 4)):
         rows.append("| " + " | ".join(["---"] * columns) + " |")
     for name, rate in (("1e-15 m/s", 1e-15), ("2 nm/min, a design of low drift", 3e-11), ("1 nm/s", 1e-9)):
         drift.append(f"| {name} | {of_drift(rate, 1):.2g} | {of_drift(rate):.2g} |")
-    for name, period in RATES[1:4]:
-        now, later = uncertainties(period, 1)
-        noise.append(f"| {name} + 1 | {now:.2f} | {later:.2f} | {3.0 * later:.2f} |")
+    for name, period in RATES[:4]:
+        now, later, _ = uncertainties(period, 1)
+        deviations = " | ".join(f"{3.0 * uncertainties(period, 1, each)[2]:.2g}" for each in (1.0, 1.5, 2.0))
+        noise.append(f"| {name} + 1 | {now:.2f} | {later:.2f} | {deviations} |")
     for name, period in RATES:
         friction, error = of_surface(period, 1)
         errors = [error, *(of_surface(period, 1, each)[1] for each in (1.5, 2.0))]

@@ -9,10 +9,13 @@ from scipy.stats import multivariate_t
 from afm_model.law.predictive.continuation import FRICTION, HEIGHT, go_on, look_ahead, solve, take_place
 from afm_model.law.predictive.nominal_plant import beyond
 from afm_model.law.predictive.predictive_constants import MEAN, POINTS, VALUE
+from afm_model.law.predictive.predictive_control import take_sample
 from afm_model.law.predictive.sample_estimate import begin, follow
+from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, run_case
 
+from ..tables import record_of
 from . import predictive_records
 
 
@@ -131,9 +134,16 @@ def test_places_farther_apart_than_the_surface_allows_are_not_continued():
     assert not np.any(s.goes_on)
 
 
-def test_it_is_for_packets():
-    assert records(packet=1)[0].looks_ahead == 0
-    assert records()[0].looks_ahead == 1
+@pytest.mark.parametrize(("packet", "places"), [(1, 0.0), (20, 9.0)])
+def test_it_is_for_packets(packet, places):
+    p, s = records(packet=packet)
+    y = record_of(Measurement, lateral_force=p.f_0 * p.lateral_force * math.sqrt(0.5))
+    for phase in range(10):
+        s.X = s.Y = phase / (2.0 * p.wave_number)
+        s.V_X = s.V_Y = s.fastest = 0.1
+        take_sample(y, p, s)
+        s.at_x, s.at_y, s.started = s.X, s.Y, 1.0
+    assert list(s.places) == [places, places]
 
 
 @pytest.mark.parametrize(("feedback", "near"), [("full", 5.0), ("measured", 2.0)])

@@ -121,6 +121,22 @@ def test_what_is_measured_while_the_load_rings_or_at_a_doubtful_place_hardly_cha
     assert changes[1] < 0.01 * changes[0]
 
 
+@pytest.mark.parametrize(("packet", "most"), [(1, 1.0), (20, 0.1)])
+def test_in_packets_a_tip_that_was_thrown_and_stands_still_again_hardly_changes_the_map(packet, most, rng):
+    p, s = records(surface="learned", packet=packet, period=1e-3)
+    travel(p, s, np.arange(0.0, 40.0, 0.28), 0.0, rng)
+    before, changes = np.array(s.map_ratio), []
+    covariance, behind = np.array(s.covariance), float(s.X)
+    for step in (0.2, 15.0):
+        s.map_ratio[:], s.covariance[:] = before, covariance
+        s.at_x = s.at_y = behind + 0.2 - step
+        s.X = s.Y = behind + 0.2
+        write_map(height(s.X * math.sqrt(2.0)), 1.05, p, s)
+        changes.append(np.abs(s.map_ratio - before).max())
+    assert changes[1] < 1.01 * most * changes[0]
+    assert changes[1] > 0.99 * changes[0] or packet > 1
+
+
 def test_the_map_tells_nothing_ahead_and_beside_the_line(rng):
     p, s = records(surface="learned")
     travel(p, s, np.arange(0.0, 30.0, 0.28), 0.0, rng)

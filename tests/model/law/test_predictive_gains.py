@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
-from law_bounds import AMPLITUDE, PAGE, SPEED, constants, of_drift, of_edges, of_loop, of_surface, radius, tables
+from law_bounds import AMPLITUDE, PAGE, SPEED, constants, of_drift, of_edges, of_loop, of_surface, radius, tables, uncertainties
 from make_docs import between_marks
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
@@ -112,6 +112,52 @@ def test_what_a_surface_leaves_falls_with_the_period():
     assert error < 0.2
     # Where friction is stronger an error pushes away.
     assert of_surface(1e-3, 1, 2.0)[1] > 6.0 * of_surface(1e-3, 1)[1]
+
+
+@pytest.mark.parametrize(("period", "strength"), [(5e-5, 2.0), (2e-4, 1.5)])
+def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, strength):
+    p = constants(period, 1, feedback="measured")
+    q, h, half = 2.0 * p["wave_number"] / math.sqrt(2.0), p["hold"], 0.5 * p["height"]
+    stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
+
+    def friction(x):
+        # Where a wave is high the load is greater, and the surface bent.
+        return strength * p["f_0"] * (p["eta_c2"] * p["f_load"] - p["ripple"] / p["height"]) * half * math.sin(q * x)
+
+    def rate(t, y, begins):
+        x, v, of_surface, its_rate, _, slope = y
+        at = SPEED * (begins + t)
+        held = (friction(at + 1e-4) - friction(at - 1e-4)) / 2e-4
+        height = half * q * math.cos(q * at) * v + SPEED * slope
+        return [v, -(stiffness + held) * x - damping * v - of_surface, its_rate, 0.0, height, 0.0]
+
+    wave = round(2.0 * math.pi / (q * SPEED * h))
+    steps = [
+        np.column_stack([solve_ivp(rate, (0.0, h), e, args=(k * h,), rtol=1e-8, atol=1e-10).y[:, -1] for e in np.eye(6)])
+        for k in range(wave)
+    ]
+    # What a period adds: friction and height bend as much as those of the shortest wave at its top.
+    bend_f, bend_h = strength * p["f_0"] * p["ripple"] * (q * SPEED) ** 2, half * q * q * SPEED * h
+    adds = np.column_stack([[0.0, 0.0, 0.5 * h * h * bend_f, h * bend_f, 0.0, 0.0], [0.0] * 6])
+    adds[4:, 1] = 0.5 * SPEED * h * bend_h, bend_h
+    noise = np.array([p["position_noise"], math.sqrt(2.0) * p["force_noise"], math.hypot(p["height_noise"], p["z_noise"])])
+    # The state at each measurement as the sum of what was there at first and what each period has added.
+    state, seen, squares = np.eye(6), [], []
+    for k in range(3 * wave):
+        state = np.hstack([steps[k % wave] @ state, adds])
+        seen.append(state[[0, 2, 4]] / noise[:, None])
+        if k < 2 * wave:
+            continue
+        told = np.vstack([np.pad(row, ((0, 0), (0, state.shape[1] - row.shape[1]))) for row in seen])
+        left = np.linalg.inv(np.eye(state.shape[1]) + told.T @ told)
+        later, more = state, []
+        for j in (1, 2):
+            later, more = steps[(k + j) % wave] @ later, [steps[(k + j) % wave] @ each for each in more] + [adds]
+        squares.append((state[0] @ left @ state[0], later[0] @ left @ later[0] + sum(np.square(each[0]).sum() for each in more)))
+    of_estimate, of_later = np.array(squares).T
+    percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
+    expected = math.sqrt(of_estimate.mean()), math.sqrt(of_later.mean()), math.sqrt(of_later.max())
+    assert uncertainties(period, 1, strength) == pytest.approx(percent * np.array(expected), rel=0.03)
 
 
 def test_what_a_surface_leaves_is_what_drawn_surfaces_leave_whose_mean_is_foreseen():

@@ -94,7 +94,8 @@ def test_measurements_correct_as_the_kalman_filter_says(rng):
     for innovation, noise in ((0.7, 0.3), (-0.2, 0.1)):
         H = rng.normal(size=5)
         s.weights[:] = H
-        correct(innovation, weigh(noise, s), 0.0, False, s)
+        # Of the copy with the corrections so far.
+        correct(innovation - H @ change, weigh(noise, s), 0.0, False, s)
         gain = P @ H / (H @ P @ H + noise)
         change += gain * (innovation - H @ change)
         P = P - np.outer(gain, H @ P)

@@ -47,12 +47,10 @@ def weigh(noise: float, s: State) -> float:
 
 @kernel
 def correct(innovation: float, variance: float, told: float, learns: bool, s: State) -> None:
-    """Correct by the measurement last weighed, which was off by so much from what the copy predicts.
+    """Correct by the measurement last weighed, which is off by so much from the copy with the corrections so far.
 
     The two others are those of `gain_of_y.learn_gain_of_y`.
     """
-    for i in range(5):
-        innovation -= s.weights[i] * s.change[i]
     learn_gain_of_y(innovation, variance, told, learns, s)
     for i in range(5):
         s.change[i] += s.gains[i] * innovation / variance
@@ -61,11 +59,11 @@ def correct(innovation: float, variance: float, told: float, learns: bool, s: St
 
 
 @kernel
-def take(i: int, innovation: float, noise: float, learns: bool, s: State) -> None:
-    """Correct by a measurement of state i with this variance."""
+def take(i: int, off: float, noise: float, learns: bool, s: State) -> None:
+    """Correct by a measurement of state i, off by so much from the copy, with this variance."""
     s.weights[:] = 0.0
     s.weights[i] = 1.0
-    correct(innovation, weigh(noise, s), 0.0, learns, s)
+    correct(off - s.change[i], weigh(noise, s), 0.0, learns, s)
 
 
 @kernel

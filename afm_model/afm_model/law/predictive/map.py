@@ -37,7 +37,7 @@ FARTHEST = 100.0
 FORGET = 0.02
 """Weight of one measurement in that mean."""
 NOISE = 1.5e-4
-"""Variance of a measurement over that of the prior: 0.02 nm of the default height."""
+"""Variance of a measurement over that of the prior: 0.15 nm of the default height."""
 
 
 @kernel
@@ -146,7 +146,11 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     i = first - 1
     q = SPACING / s.pitch
     # The faster the tip runs over the surface the less its load is that at rest.
-    swing = q * q * (s.V_X * s.V_X + s.V_Y * s.V_Y) * p.height * p.f_load / p.ripple
+    ran = s.V_X * s.V_X + s.V_Y * s.V_Y
+    if p.slots > 1:
+        # A tip that was thrown may stand still again, on a load that has not come to rest.
+        ran = max(ran, square(step / p.hold))
+    swing = q * q * ran * p.height * p.f_load / p.ripple
     # A load that a drive has just changed still rings.
     ringing = p.ring * s.rise * p.f_load / p.ripple
     variance = NOISE + swing * swing + ringing * ringing + q * q * s.doubt

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 REACH = 0.7
 """Phase of the shortest wave up to which a slope is continued."""
+NEAR_BY = 0.01
+"""Step of a derivative along the sample [x0]."""
 _FINE = 0.28
 """Phase in a control period up to which height is continued so well that it tells friction."""
 _TURNED = 10.0

@@ -12,7 +12,7 @@ from ...core.jit import kernel, routine
 from ...parts.signals import Measurement
 from .gain_of_y import believe_gain_of_y, carry_gain_of_y
 from .kalman import DOUBTS, NIS, SURE, along_variance, carry_covariance, correct, take, weigh
-from .nominal_plant import balance, bound_at, look, nominal_bound, take_load
+from .nominal_plant import NEAR_BY, balance, bound_at, look, nominal_bound, take_load
 from .piezo_memory import effective, pass_drives
 from .place_by_height import take_height_seen
 from .predictive_constants import (
@@ -49,8 +49,6 @@ _OFTEN = 20.0
 """Measurements in which friction was seen from which on its mean is known."""
 _PART_UNSEEN = 0.1
 """Part of a change of the ratio beyond its ripple that is believed where friction is not seen."""
-_NEAR = 0.01
-"""Step of the derivatives of the nominal bound [x0]."""
 _LESS = 300.0
 """By so many times the variance of the ratio over a known surface, for each unit beyond."""
 _ON_MAP = 0.3
@@ -145,10 +143,10 @@ def see_ratio(t_x: float, t_y: float, size: float, nominal: float, p: Constants,
     At another place the surface has another bound, and the balance of forces another direction.
     """
     ratio, on_map = s.here, s.mapped > 0.0
-    look(s.X + _NEAR, s.Y, p, s)
-    slope_x = (nominal_bound(s.load, p, s) / nominal * (s.here / ratio if on_map else 1.0) - 1.0) / _NEAR
-    look(s.X, s.Y + _NEAR, p, s)
-    slope_y = (nominal_bound(s.load, p, s) / nominal * (s.here / ratio if on_map else 1.0) - 1.0) / _NEAR
+    look(s.X + NEAR_BY, s.Y, p, s)
+    slope_x = (nominal_bound(s.load, p, s) / nominal * (s.here / ratio if on_map else 1.0) - 1.0) / NEAR_BY
+    look(s.X, s.Y + NEAR_BY, p, s)
+    slope_y = (nominal_bound(s.load, p, s) / nominal * (s.here / ratio if on_map else 1.0) - 1.0) / NEAR_BY
     look(s.X, s.Y, p, s)
     s.weights[:] = 0.0
     s.weights[AT_X] = ratio * (slope_x - t_y * t_y * p.stiffness[0] / (t_x * size))

@@ -10,13 +10,10 @@ import math
 from ...core.elementary import square
 from ...core.jit import kernel
 from .kalman import DOUBTS, NIS, SURE, along_variance, correct, weigh
-from .nominal_plant import look
+from .nominal_plant import NEAR_BY, look
 from .predictive_constants import AT_X, AT_Y, LEARNED, Constants
 from .predictive_state import State
 from .sample_estimate import measured_height, place_variance
-
-_NEAR = 0.01
-"""Step of the slope of a map [x0]."""
 
 
 @kernel
@@ -27,8 +24,8 @@ def slopes_of_map(x: float, y: float, p: Constants, s: State) -> float:
     places that were known no better than this one.
     """
     height = s.height
-    look(x + _NEAR * s.line_tx, y + _NEAR * s.line_ty, p, s)
-    slope = (s.height - height) / _NEAR
+    look(x + NEAR_BY * s.line_tx, y + NEAR_BY * s.line_ty, p, s)
+    slope = (s.height - height) / NEAR_BY
     look(x, y, p, s)
     s.weights[AT_X], s.weights[AT_Y] = slope * s.line_tx, slope * s.line_ty
     across = square(p.height * p.wave_number) * along_variance(-s.line_ty, s.line_tx, s)
@@ -72,6 +69,4 @@ def take_height_seen(z: float, p: Constants, s: State) -> None:
         s.nis_of_height += NIS * (min(innovation * innovation / variance, SURE * SURE) - s.nis_of_height)
     if not sure:
         innovation = math.copysign(SURE * math.sqrt(variance), innovation)
-    for i in range(5):
-        innovation += s.weights[i] * s.change[i]
     correct(innovation, variance, 0.0, False, s)

@@ -149,7 +149,7 @@ class Constants(Record):
     ripple: float  # of the strength, from that curvature
     of_height: float  # relative change of friction with the height that is most likely; 0: it is not used
     measured: int
-    looks_ahead: int  # one: the surface is continued from the last places
+    # In packets the surface is continued from the last places:
     reach: float  # how far from the last of them, phase of the shortest wave
     most_ahead: float  # and to how far from the mean, over the range of the surface
     # Over a known surface, over one that is not:
@@ -337,7 +337,6 @@ def values(parameters: Tree) -> Numbers:
         # Of waves that are all alike up to the largest wave number: the mean of its square is a third.
         "of_height": ripple / law.height * z0 / 3.0 if measured and slots == 1 and law.surface != "learned" else 0.0,
         "measured": measured,
-        "looks_ahead": slots > 1,
         "reach": _REACH_MEASURED if measured else _REACH,
         "most_ahead": _MOST_AHEAD_MEASURED if measured else _MOST_AHEAD,
         "bumps": [0.0, ripple * identified],

@@ -59,7 +59,7 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
     s.approach = APPROACH if s.unknown != 0 and s.ratio[VALUE] < TOUCHES else 0.0
     if p.surface == KNOWN and ratio > TOUCHES:
         doubt_surface(p, s)
-    if p.looks_ahead != 0 and s.unknown != 0:
+    if p.slots > 1 and s.unknown != 0:
         look_ahead(measured_height(s.Z, p, s), ratio, p, s)
     if p.surface == LEARNED:
         s.doubt = 0.0

@@ -236,6 +236,16 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
 
 
 @kernel
+def update_of_z(innovation: float, of_c: float, noise: float, p: Constants, s: State) -> None:
+    """Kalman update of z by a force, or a position, in which c is seen so strongly."""
+    update(2, innovation, 0.0, of_c, s.memory_now, noise, p, s)
+    # More than what is likely at the start is another mistake, such as of the delay.
+    for i in range(1, 3):
+        s.learned[2, i] = min(max(s.learned[2, i], -p.first[2, i]), p.first[2, i])
+    believe(2, s.learned[2], s)
+
+
+@kernel
 def learn_of_z(u: float, p: Constants, s: State) -> None:
     """Learn of z from what the drive u of the last period has left over; the scanner is in the state as it is now.
 
@@ -248,11 +258,7 @@ def learn_of_z(u: float, p: Constants, s: State) -> None:
     if s.unknown != 0:
         phase += _UNSEEN * min(p.wave_number * s.fastest * p.hold, 1.0)
     noise = p.of_both * p.eta_c2 * p.height * (_UNEVEN_Z + phase)
-    update(2, left_over(2, s.Z, s.V_Z, u, p, s), 0.0, s.Z, s.memory_now, noise, p, s)
-    # More than what is likely at the start is another mistake, such as of the delay.
-    for i in range(1, 3):
-        s.learned[2, i] = min(max(s.learned[2, i], -p.first[2, i]), p.first[2, i])
-    believe(2, s.learned[2], s)
+    update_of_z(left_over(2, s.Z, s.V_Z, u, p, s), s.Z, noise, p, s)
 
 
 @kernel
@@ -262,18 +268,13 @@ def learn_stiffness_of_z(missed: float, p: Constants, s: State) -> None:
     By recursive prediction errors: the sensitivity of the copy to that number follows the equations of the copy and of
     its corrections. L. Ljung, *System Identification*, Prentice Hall (1999), 11.4.
     """
-    moved, P, before = s.moved_by_c, s.unsure, s.learned[2, 2]
+    moved, before = s.moved_by_c, s.learned[2, 2]
     v, v_rate = moved[0], moved[1]
     moved[0] = p.free_z[0, 0] * v + p.free_z[0, 1] * v_rate - p.Gamma_hold[2, 0] * s.Z
     moved[1] = p.free_z[1, 0] * v + p.free_z[1, 1] * v_rate - p.Gamma_hold[2, 1] * s.Z
     L_0, L_1 = p.L[s.unknown, 0], p.L[s.unknown, 1]
     # A Kalman filter that corrects by L_0 has innovations of this variance.
-    total = square(p.z_noise) / (1.0 - L_0) + P[2, 2, 2] * square(moved[0])
-    gain, most = P[2, 2, 2] * moved[0] / total, _SURE * math.sqrt(total)
-    found = before + gain * min(max(missed, -most), most)
-    s.learned[2, 2] = min(max(found, -p.first[2, 2]), p.first[2, 2])
-    P[2, 2, 2] = min((1.0 - gain * moved[0]) * P[2, 2, 2] + p.walk[2, 2], square(p.first[2, 2]))
-    believe(2, s.learned[2], s)
+    update_of_z(missed, moved[0], p.z_noise / math.sqrt(1.0 - L_0), p, s)
     change = s.learned[2, 2] - before
     s.Z += moved[0] * change
     s.V_Z += moved[1] * change
