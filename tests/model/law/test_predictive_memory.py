@@ -10,7 +10,7 @@ from afm_model.law.predictive.piezo_memory import advance, drive_for
 from afm_model.law.predictive.predictive_constants import A_DECADE, CREEP, LAGS, STOPS
 from afm_model.law.predictive.unexplained import believe_learned
 from afm_model.piezo.ceramic import CERAMIC
-from afm_model.studies.contender import Contender
+from afm_model.studies.contender import Contender, contender
 from afm_model.studies.wrong_models import CASE, RATES, parameters_of, run_case
 
 from .predictive_records import records
@@ -149,3 +149,12 @@ def test_positions_alone_foretell_hysteresis_too(rate, with_it, without):
         law = Contender("law", "predictive", {"surface": "observed", "hysteresis": way, "creep": way})
         left[way] = run_case(CASE[WIDE], RATES[rate], law, 1.0)["third"]
     assert left["estimated"] < with_it < without < left["none"]
+
+
+@pytest.mark.parametrize(
+    ("title", "most"), [("hysteresis .5 %", 3.0), ("hysteresis 5 %, creep 1.5 %", 6.0), ("creep 1.5 %", 4.0)]
+)
+def test_in_packets_positions_alone_learn_it_as_well(title, most):
+    # With forces taken to be as uncertain as friction is in a period: 5.7, 10, 7.
+    row = run_case(CASE[title], RATES[2], contender("predictive surface=known"), 1.0)
+    assert row["third"] < most and not row["lost"]

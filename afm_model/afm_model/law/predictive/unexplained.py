@@ -24,8 +24,11 @@ from .predictive_state import State
 from .sample_estimate import REST, variance, write_row
 
 GAIN_LIMITS = (0.4, 2.5)
-SLIDING = 3e-3
+_SLIDING = 3e-3
 """Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
+_NO_NOISE = 0.0075
+"""Of positions alone: deviation of a force beside the noise of the sensors, over friction. What no number of the model
+explains is no noise, and would be explained by all of them."""
 _MOST = (*STOPS * (0.25,), 0.03)
 """Largest openings and creep; they take from a drive, and never add."""
 _CERTAIN = 2.0
@@ -42,7 +45,7 @@ SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
 COUNTS = 0.003
 """Of positions alone: rms force over that of friction that contradicts the model, later half of it; twice as much does
-so at once."""
+so at once. In packets half of all that."""
 _SPAN = 100.0
 """Time of that mean [1/w0]."""
 _COUNTS_ACROSS = 0.003
@@ -179,7 +182,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     q = y.position[0] / p.x0
     believe_learned(0, p, s)
     left = s.gain_of[0] * (balance(0, effective(0, y, p, s), q, p, s) - signal)
-    noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * SLIDING * p.hold
+    noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * _NO_NOISE
     # Where the motion is not steady the drive does not hold it.
     noise += abs(s.V_X - s.seen[0, 1]) / p.hold
     s.seen[0, 1] = s.V_X
@@ -191,9 +194,11 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
         force += s.takes[0, i] * s.memory_now[0, i]
     of_force = variance(0, signal, q, s)
     s.counts += min(p.hold / _SPAN, 1.0) * (square(force) - of_force - s.counts)
-    if abs(force) > 2.0 * COUNTS * p.f_0 + _SURE * math.sqrt(of_force):
+    # In packets the motion magnifies what is left.
+    counts = COUNTS * p.f_0 * (0.5 if p.slots > 1 else 1.0)
+    if abs(force) > 2.0 * counts + _SURE * math.sqrt(of_force):
         s.counts = max(s.counts, square(force) - of_force)
-    least = COUNTS * p.f_0 * (0.5 if s.told != 0.0 else 1.0)
+    least = counts * (0.5 if s.told != 0.0 else 1.0)
     s.told = 1.0 if s.counts > least * least else 0.0
     if s.told == 0.0:
         believe(0, NOTHING, s)
@@ -305,7 +310,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
         update(0, held, signal, s.X, s.memory_now, p.f_0 * FLOOR + p.force_noise, p, s)
     elif known and _SLIDES * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
         phase = p.wave_number * (abs(d_x) + abs(d_y))
-        noise = p.f_0 * (SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise
+        noise = p.f_0 * (_SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise
         # Where the motion is not steady neither is the load.
         noise *= 1.0 + square(10.0 * uneven / way)
         mean = 0.5 * (signal + s.signal)
