@@ -76,6 +76,15 @@ def test_what_the_stiffness_does_to_the_copy_follows_its_equations_and_its_corre
         assert np.array(s.moved_by_c) == pytest.approx(W)
 
 
+def test_no_more_is_learned_of_it_than_is_likely_at_the_start():
+    p, s = records(feedback="measured", period=2e-4)
+    s.Z = 0.1
+    for _ in range(200):
+        # Such as of a delay that was told wrong.
+        learn_stiffness_of_z(-0.01, p, s)
+    assert s.learned[2, 2] == s.softer[2] == p.first[2, 2]
+
+
 @pytest.mark.parametrize("rate", range(len(RATES)))
 def test_it_costs_nothing_then_and_something_where_it_is_not_learned(rate):
     laws = [Contender("law", "predictive", {"surface": "known", "stiffness": way}) for way in ("estimated", "nominal")]
