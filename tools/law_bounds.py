@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm
 
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive.gains import transition

@@ -10,7 +10,19 @@ from scipy.integrate import solve_ivp
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
-from law_bounds import AMPLITUDE, PAGE, SPEED, constants, of_drift, of_edges, of_loop, of_surface, radius, tables, uncertainties
+from law_bounds import (
+    AMPLITUDE,
+    PAGE,
+    SPEED,
+    constants,
+    of_drift,
+    of_edges,
+    of_loop,
+    of_surface,
+    radius,
+    tables,
+    uncertainties,
+)
 from make_docs import between_marks
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
@@ -133,14 +145,15 @@ def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, stre
 
     wave = round(2.0 * math.pi / (q * SPEED * h))
     steps = [
-        np.column_stack([solve_ivp(rate, (0.0, h), e, args=(k * h,), rtol=1e-8, atol=1e-10).y[:, -1] for e in np.eye(6)])
+        np.column_stack([solve_ivp(rate, (0.0, h), e, args=(k * h,), rtol=1e-8).y[:, -1] for e in np.eye(6)])
         for k in range(wave)
     ]
     # What a period adds: friction and height bend as much as those of the shortest wave at its top.
     bend_f, bend_h = strength * p["f_0"] * p["ripple"] * (q * SPEED) ** 2, half * q * q * SPEED * h
     adds = np.column_stack([[0.0, 0.0, 0.5 * h * h * bend_f, h * bend_f, 0.0, 0.0], [0.0] * 6])
     adds[4:, 1] = 0.5 * SPEED * h * bend_h, bend_h
-    noise = np.array([p["position_noise"], math.sqrt(2.0) * p["force_noise"], math.hypot(p["height_noise"], p["z_noise"])])
+    of_height = math.hypot(p["height_noise"], p["z_noise"])
+    noise = np.array([p["position_noise"], math.sqrt(2.0) * p["force_noise"], of_height])
     # The state at each measurement as the sum of what was there at first and what each period has added.
     state, seen, squares = np.eye(6), [], []
     for k in range(3 * wave):
@@ -153,7 +166,8 @@ def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, stre
         later, more = state, []
         for j in (1, 2):
             later, more = steps[(k + j) % wave] @ later, [steps[(k + j) % wave] @ each for each in more] + [adds]
-        squares.append((state[0] @ left @ state[0], later[0] @ left @ later[0] + sum(np.square(each[0]).sum() for each in more)))
+        of_more = sum(np.square(each[0]).sum() for each in more)
+        squares.append((state[0] @ left @ state[0], later[0] @ left @ later[0] + of_more))
     of_estimate, of_later = np.array(squares).T
     percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
     expected = math.sqrt(of_estimate.mean()), math.sqrt(of_later.mean()), math.sqrt(of_later.max())
