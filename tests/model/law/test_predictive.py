@@ -102,7 +102,7 @@ CASES = [
     Case("1 ms, exact", 1e-3, 1, EXACT, 3.0),
     Case("1 ms, friction -", 1e-3, 1, LOW, 3.0),
     Case("1 ms, friction +", 1e-3, 1, HIGH, 3.0),
-    Case("1 ms, learned", 1e-3, 1, LEARNED, 6.0, first=5.0, periods=6.0),
+    Case("1 ms, learned", 1e-3, 1, LEARNED, 8.0, first=5.0, periods=6.0),
     Case("1 ms, packets, friction -", 1e-3, 1, LOW | PACKET, 0.15, first=1.0, periods=2.0),
     Case("1 ms, packets, friction +", 1e-3, 1, HIGH | PACKET, 0.15, first=1.0, periods=2.0),
 ]

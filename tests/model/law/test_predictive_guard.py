@@ -1,13 +1,19 @@
 """The guard of the friction-predicting law: it falls back, says so, returns, and never answers NaN."""
 
+import math
+
 import numpy as np
 import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
 from afm_model.core.records import record_at
+from afm_model.law.predictive.predictive_constants import VALUE
+from afm_model.law.predictive.sample_estimate import APPROACH, approach
 from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASE, RATES, parameters_of, run_case
+from afm_model.studies.wrong_models import CASE, RATES, Case, Rate, parameters_of, run_case
+
+from .predictive_records import records
 
 LAW = {"law.kind": "predictive", "law.delay_ticks": 0}
 PLANT = {"run.duration": 0.13, "plant.control_period": 5e-5, "plant.delay_ticks": 0}
@@ -144,3 +150,43 @@ def test_a_map_that_measurements_contradict_is_not_read():
         for surface in ("learned", "observed")
     )
     assert learned < 1.5 * observed < 6.0
+
+
+def test_in_the_air_the_sample_is_looked_for_near_where_it_was_touched_last():
+    p, s = records(surface="observed")
+    s.started, s.H[VALUE], s.ratio[VALUE] = 1.0, 0.03, 1.0
+    approach(1.0, p, s)
+    assert (s.touched, s.approach) == (0.03, 0.0)
+    # A tip that swings: what is measured is no height.
+    s.ratio[VALUE] = 0.0
+    for swing in (5.0, -5.0):
+        s.H[VALUE] = swing
+        approach(0.0, p, s)
+        assert s.H[VALUE] == pytest.approx(0.03 + math.copysign(2.0 * p.height, swing), abs=2.0 * APPROACH)
+        assert s.approach == APPROACH
+    # A sample that is nowhere there is looked for farther away, no faster than it is brought nearer.
+    for _ in range(100):
+        s.H[VALUE] = -5.0
+        approach(0.0, p, s)
+    assert s.touched == pytest.approx(0.03 - 100.0 * APPROACH)
+    # On it again.
+    s.H[VALUE], s.ratio[VALUE] = -0.4, 0.5
+    approach(0.5, p, s)
+    assert (s.touched, s.approach) == (-0.4, 0.0)
+
+
+@pytest.mark.parametrize(("period", "delay", "most"), [(2.5e-4, 2, 1.0), (5e-4, 1, 2.0), (1e-3, 2, 20.0)])
+@pytest.mark.parametrize("surface", ["observed", "learned"])
+def test_a_tip_that_friction_far_below_what_was_told_throws_into_the_air_comes_back(period, delay, most, surface):
+    # z followed it as it swung there: the motion diverged, or the tip never touched the sample again.
+    weak = Case("friction x 0.2", {"contact.tau": 0.2 * CASE["friction x 2"].true["contact.tau"] / 2.0})
+    row = run_case(weak, Rate("slow", period, delay), contender(f"predictive surface={surface}"))
+    assert row["third"] < most and not row["lost"]
+
+
+@pytest.mark.parametrize(("period", "delay"), [(5e-5, 6), (1e-4, 2), (2e-4, 1), (2.5e-4, 1), (5e-4, 1)])
+@pytest.mark.parametrize("feedback", ["full", "measured"])
+def test_friction_half_as_strong_as_told_does_not_throw_the_tip(period, delay, feedback):
+    # From three quarters of it on: 70 to 510 % in the first period.
+    law = contender(f"predictive feedback={feedback}")
+    assert run_case(CASE["friction x 0.5"], Rate("slow", period, delay), law)["first"] < 20.0

@@ -30,12 +30,12 @@ def test_a_deviation_is_smaller_after_a_period_told_and_a_period_late(matrix):
 
 def test_at_a_corner_the_loop_has_no_matrix():
     # There the tip is at the speed that is rest.
-    assert np.isnan(multiplier(Loop(2e-4, 1, omega=50.0, surface="known", **NO_MEMORY)))
+    assert np.isnan(multiplier(Loop(2e-4, 1, omega=55.0, surface="known", **NO_MEMORY)))
 
 
 def test_matrix_of_one_period_foretells_the_next_one():
     # Openings that are zero stand at their limit, where what a period makes of a deviation has a corner.
-    loop = Loop(2e-4, 1, surface="known", **NO_MEMORY)
+    loop = Loop(2e-4, 1, omega=60.0, surface="known", **NO_MEMORY)
     matrix = loop.matrix()
     # Far from the eigenvectors; what is left after a period is what the numbers looked at carry on.
     change = np.concatenate([np.zeros(len(PLANT)), [1.0, -2.0, 1.5, 0.5, 1.0, -1.0]])

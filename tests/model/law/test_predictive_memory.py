@@ -125,7 +125,7 @@ def test_creep_is_believed_where_it_is_certain_and_friction_turns_the_drive():
         assert s.slow[0] == pytest.approx(2.0 + 0.5 * (0.01 - believed_in))
 
 
-@pytest.mark.parametrize(("rate", "with_it", "without"), [(1, 2.55, 2.65), (2, 8.0, 28.0)])
+@pytest.mark.parametrize(("rate", "with_it", "without"), [(1, 2.65, 2.7), (2, 8.0, 28.0)])
 def test_hysteresis_that_is_learned_is_foretold(rate, with_it, without):
     left = {}
     for way in ("estimated", "none"):

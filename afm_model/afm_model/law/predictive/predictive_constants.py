@@ -89,6 +89,8 @@ places that are estimated."""
 _MOST_AHEAD, _MOST_AHEAD_MEASURED = 0.7, 0.4
 """How far from the mean it is continued at most, over the range of the surface, of which a wave reaches half; the same
 from places that are estimated."""
+_SOON = 3.0
+"""Time in which a tip that is thrown so is not yet far [1/w0]."""
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05
@@ -211,14 +213,16 @@ def first_deviations(law: Tree) -> list[list[float]]:
     return [[size if way == "estimated" else 0.0 for size, way in zip(each, given, strict=True)] for each in sizes]
 
 
-def least_bound(law: Tree) -> float:
+def least_bound(law: Tree, hold: float) -> float:
     """Bound of friction over the nominal one from which on it is sought: from below.
 
-    What is half as strong as told would throw the tip off, in a packet before any measurement can stop it.
+    What is half as strong as told would throw the tip off, in a packet, or with long holds and delays, before any
+    drive that answers a measurement can stop it.
     """
     if law.friction == "nominal":
         return 1.0
-    return 0.75 if law.packet == 1 else 0.45
+    soon = (law.delay_ticks + 1) * hold < _SOON
+    return 0.75 if law.packet == 1 and soon else 0.45
 
 
 def values(parameters: Tree) -> Numbers:
@@ -347,7 +351,7 @@ def values(parameters: Tree) -> Numbers:
         "uneven": [_UNEVEN, ratio_noise],
         "astray": _ASTRAY * hold,
         "wander": [each * math.sqrt(hold) * identified for each in (_UNEVEN * math.sqrt(8.0 / _WAVE), FLOOR)],
-        "least_bound": least_bound(law),
+        "least_bound": least_bound(law, hold),
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
         "L": np.array(L),

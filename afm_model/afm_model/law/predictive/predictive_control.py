@@ -14,7 +14,7 @@ from .observer import begin_observer, observe_scanner
 from .piezo_memory import effective, pass_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, VALUE, Constants
 from .predictive_state import State
-from .sample_estimate import APPROACH, TOUCHES, doubt_surface, measured_height, place_variance, take_height, take_ratio
+from .sample_estimate import TOUCHES, approach, doubt_surface, measured_height, place_variance, take_height, take_ratio
 from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
 
 
@@ -55,8 +55,8 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
     if p.identified and p.measured == 0:
         u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
-    # Without friction the tip may be in the air, where what is measured is no height: the sample is brought nearer.
-    s.approach = APPROACH if s.unknown != 0 and s.ratio[VALUE] < TOUCHES else 0.0
+    if s.unknown != 0:
+        approach(ratio, p, s)
     if p.surface == KNOWN and ratio > TOUCHES:
         doubt_surface(p, s)
     if p.slots > 1 and s.unknown != 0:

@@ -87,7 +87,8 @@ class State(Record):
     Q: float  # the tip
     load: float  # on it
     doubt: float  # variance of an estimated position
-    approach: float  # by which the sample is asked for nearer, while there is no friction
+    approach: float  # by which the sample is asked for nearer, while there is no friction; its height where there was
+    touched: float
     rise: float  # acceleration along z by more than following the surface takes
     at_x: float  # where the scanner was at the last measurement
     at_y: float

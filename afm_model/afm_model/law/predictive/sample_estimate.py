@@ -47,6 +47,8 @@ TOUCHES = 0.1
 """Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
 APPROACH = 0.005
 """By so much nearer to the sample than it is the tip is asked for, where it is not [z0]: 5 um/s at 50 us."""
+_AWAY = 2.0
+"""How far the sample is at most from where it was touched last, over its largest height."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
 _BUMPS, _LESS_BUMPS = 0.8, 0.55
@@ -146,6 +148,27 @@ def take_height(p: Constants, s: "State") -> None:
 
 
 @kernel
+def approach(ratio: float, p: Constants, s: "State") -> None:
+    """Bring the sample nearer where there is no friction: the tip may be in the air, where it measures no height.
+
+    There z would follow how the tip swings, and swing more and more. So the sample is looked for near the place where
+    friction was measured last; farther away only as fast as it is brought nearer.
+    """
+    if ratio > TOUCHES or s.started == 0.0:
+        s.touched = s.H[VALUE]
+    s.approach = 0.0
+    if s.ratio[VALUE] >= TOUCHES:
+        return
+    s.approach = APPROACH
+    lowest, highest = s.touched - _AWAY * p.height, s.touched + _AWAY * p.height
+    if s.H[VALUE] < lowest:
+        s.touched -= APPROACH
+    elif s.H[VALUE] > highest:
+        s.touched += APPROACH
+    s.H[VALUE] = min(max(s.H[VALUE], lowest), highest)
+
+
+@kernel
 def strength(s: "State") -> float:
     """Of friction over the nominal one, of which what is uneven about it is a part.
 
@@ -188,7 +211,7 @@ def doubt_surface(p: Constants, s: "State") -> None:
     s.contradicts += part * (min(off, _ONE_ALONE * most) - s.contradicts)
     before = s.unknown
     if s.unknown == 0 and s.contradicts > most:
-        s.unknown = 1
+        s.unknown, s.touched = 1, H
         begin(s.H, H, p.height, p.height_noise, p)
     elif s.unknown != 0 and s.contradicts < _THE_SAME * most:
         s.unknown = 0
