@@ -184,9 +184,18 @@ def test_a_tip_that_friction_far_below_what_was_told_throws_into_the_air_comes_b
     assert row["third"] < most and not row["lost"]
 
 
-@pytest.mark.parametrize(("period", "delay"), [(5e-5, 6), (1e-4, 2), (2e-4, 1), (2.5e-4, 1), (5e-4, 1)])
-@pytest.mark.parametrize("feedback", ["full", "measured"])
-def test_friction_half_as_strong_as_told_does_not_throw_the_tip(period, delay, feedback):
+@pytest.mark.parametrize(
+    ("feedback", "period", "delay"),
+    [
+        ("full", 5e-5, 6),
+        ("full", 1e-4, 2),
+        ("full", 2e-4, 1),
+        ("full", 5e-4, 1),
+        ("measured", 2.5e-4, 1),
+        ("measured", 5e-4, 1),
+    ],
+)
+def test_friction_half_as_strong_as_told_does_not_throw_the_tip(feedback, period, delay):
     # From three quarters of it on: 70 to 510 % in the first period.
     law = contender(f"predictive feedback={feedback}")
     assert run_case(CASE["friction x 0.5"], Rate("slow", period, delay), law)["first"] < 20.0

@@ -32,6 +32,8 @@ def test_another_height_is_found_out_within_two_waves_and_the_true_one_is_known_
     p, s = records(surface="known")
     walk(p, s, 2, height)
     assert s.unknown == 1
+    # There it was touched, should the tip be in the air next.
+    assert 0.0 < s.touched <= 1.001 * height * p.beta
     walk(p, s, 3, 1.0)
     assert s.unknown == 0
 

@@ -89,8 +89,9 @@ places that are estimated."""
 _MOST_AHEAD, _MOST_AHEAD_MEASURED = 0.7, 0.4
 """How far from the mean it is continued at most, over the range of the surface, of which a wave reaches half; the same
 from places that are estimated."""
-_SOON = 3.0
-"""Time in which a tip that is thrown so is not yet far [1/w0]."""
+_SOON, _SOON_MEASURED = 3.0, 4.5
+"""Time in which a tip that is thrown so is not yet far [1/w0]; the same with positions alone, where a map that is
+written while friction is sought is worse for it."""
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05
@@ -221,7 +222,7 @@ def least_bound(law: Tree, hold: float) -> float:
     """
     if law.friction == "nominal":
         return 1.0
-    soon = (law.delay_ticks + 1) * hold < _SOON
+    soon = (law.delay_ticks + 1) * hold < (_SOON_MEASURED if law.feedback == "measured" else _SOON)
     return 0.75 if law.packet == 1 and soon else 0.45
 
 
