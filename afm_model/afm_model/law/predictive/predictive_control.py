@@ -12,7 +12,7 @@ from .map import write_map
 from .nominal_plant import level, predict, take_load
 from .observer import begin_observer, observe_scanner
 from .piezo_memory import effective, pass_drives, plan_drives, plan_effective
-from .predictive_constants import KNOWN, LEARNED, VALUE, Constants
+from .predictive_constants import KNOWN, LEARNED, Constants
 from .predictive_state import State
 from .sample_estimate import TOUCHES, approach, doubt_surface, measured_height, place_variance, take_height, take_ratio
 from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
