@@ -45,8 +45,6 @@ AMPLITUDE = 20.0
 """[x0]"""
 WIDTH = 8.0
 """Of the patches of the row `patches x .9` [x0]."""
-
-
 _PARTS = 8
 """Of a control period, in which the slope of friction counts as constant."""
 

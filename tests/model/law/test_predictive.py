@@ -234,6 +234,14 @@ def test_positions_alone_in_packets_are_warned_of_where_the_surface_is_not_known
     assert law.warnings(build(ControllerParameters, packets | {"law.surface": "known"}), 1e-3) == []
 
 
+def test_positions_alone_are_warned_of_where_a_drive_is_held_for_long():
+    law = registry.find("law", "predictive")
+    told = build(ControllerParameters, {"law.kind": "predictive", "law.feedback": "measured"})
+    assert law.warnings(told, 3e-4) == law.warnings(build(ControllerParameters, {"law.kind": "predictive"}), 5e-4) == []
+    (sentence,) = law.warnings(told, 5e-4)
+    assert "a drive should be held for less than 0.0004 s, it is for 0.0005 s; raise law.packet" in sentence
+
+
 @pytest.mark.parametrize("known", [EXACT, {"law.surface": "known"}, LOW, HIGH], ids=["nominal", "right", "low", "high"])
 def test_packets_at_1_ms_hold_with_positions_alone_where_the_surface_is_known(known):
     noise = {name.replace(".", "__"): value for name, value in NOISE.items()}

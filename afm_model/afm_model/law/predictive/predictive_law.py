@@ -15,6 +15,7 @@ from .predictive_constants import (
     A_DECADE,
     CREEP,
     INTERVALS,
+    LONG,
     LONGEST_DELAY,
     OF_VALUE,
     RATIO,
@@ -126,7 +127,7 @@ def check(parameters: Tree) -> None:
 
 
 def warnings(parameters: Tree, control_period: float) -> list[str]:
-    """Axes whose resonance is too fast for a held drive: beyond half a period of it the scanner swings in between."""
+    """What positions alone do not tell; axes that swing between two drives, a half of their own period or more apart."""
     law, scanner = parameters.law, parameters.scanner
     slot = control_period / law.packet
     told = []
@@ -134,6 +135,12 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
         told.append(
             f"x and y will be tracked within a tenth of the way at best: with law.feedback = measured and law.packet ="
             f" {law.packet} law.surface should be known or learned, it is {law.surface} (docs/laws.md)"
+        )
+    if law.feedback == "measured" and slot * parameters.scales.w0 >= LONG:
+        told.append(
+            f"the tip may be lost where friction is stronger than told: with law.feedback = measured a drive should be"
+            f" held for less than {LONG / parameters.scales.w0:g} s, it is for {slot:g} s; raise law.packet"
+            " (docs/laws.md)"
         )
     return told + [
         f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet "
