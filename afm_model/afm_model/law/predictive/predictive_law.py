@@ -127,7 +127,7 @@ def check(parameters: Tree) -> None:
 
 
 def warnings(parameters: Tree, control_period: float) -> list[str]:
-    """What positions alone do not tell; axes that swing between two drives, a half of their own period or more apart."""
+    """Where positions alone are not enough; axes that swing by half a period or more between two drives."""
     law, scanner = parameters.law, parameters.scanner
     slot = control_period / law.packet
     told = []
