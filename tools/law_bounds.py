@@ -76,7 +76,7 @@ def uncertainties(period: float, delay: int, strength: float = 1.0) -> tuple[flo
     p = constants(period, delay, feedback="measured")
     h, q = p["hold"], 2.0 * p["wave_number"] / math.sqrt(2.0)
     rate = q * SPEED
-    waves = max(16, round(2.0 * math.pi / (rate * h)))
+    of_wave = max(16, round(2.0 * math.pi / (rate * h)))
     stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
     half, of_ripple = 0.5 * p["height"], strength * p["f_0"] * p["ripple"]
     pushes = (strength * p["f_0"] * p["eta_c2"] * p["f_load"] * p["height"] - of_ripple) * 0.5 * q
@@ -101,16 +101,15 @@ def uncertainties(period: float, delay: int, strength: float = 1.0) -> tuple[flo
     # Friction along x is 1 / sqrt(2) of its bound.
     noise = {0: p["position_noise"] ** 2, 2: 2.0 * p["force_noise"] ** 2, 4: p["height_noise"] ** 2 + p["z_noise"] ** 2}
     P, estimate, later = np.diag([*2 * (p["position_noise"] ** 2,), *4 * (0.1,)]), [], []
-    for k in range(4 * waves):
-        Phi = transition_at(rate * h * k)
-        P = Phi @ P @ Phi.T + Q
+    steps = [transition_at(rate * h * k) for k in range(4 * of_wave + delay + 1)]
+    for k in range(4 * of_wave):
+        P = steps[k] @ P @ steps[k].T + Q
         for i, variance in noise.items():
             P = P - np.outer(P[:, i], P[i]) / (P[i, i] + variance)
-        if k >= 3 * waves:
+        if k >= 3 * of_wave:
             estimate.append(P[0, 0])
             ahead = P
-            for j in range(delay + 1):
-                Phi = transition_at(rate * h * (k + 1 + j))
+            for Phi in steps[k + 1 : k + 2 + delay]:
                 ahead = Phi @ ahead @ Phi.T + Q
             later.append(ahead[0, 0])
     percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
@@ -268,8 +267,8 @@ def tables() -> dict[str, str]:
     for name, rate in (("1e-15 m/s", 1e-15), ("2 nm/min, a design of low drift", 3e-11), ("1 nm/s", 1e-9)):
         drift.append(f"| {name} | {of_drift(rate, 1):.2g} | {of_drift(rate):.2g} |")
     for name, period in RATES[:4]:
-        now, later, _ = uncertainties(period, 1)
-        deviations = " | ".join(f"{3.0 * uncertainties(period, 1, each)[2]:.2g}" for each in (1.0, 1.5, 2.0))
+        of_each = [uncertainties(period, 1, strength) for strength in (1.0, 1.5, 2.0)]
+        (now, later, _), deviations = of_each[0], " | ".join(f"{3.0 * each[2]:.2g}" for each in of_each)
         noise.append(f"| {name} + 1 | {now:.2f} | {later:.2f} | {deviations} |")
     for name, period in RATES:
         friction, error = of_surface(period, 1)

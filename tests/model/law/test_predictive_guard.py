@@ -173,6 +173,10 @@ def test_in_the_air_the_sample_is_looked_for_near_where_it_was_touched_last():
     s.H[VALUE], s.ratio[VALUE] = -0.4, 0.5
     approach(0.5, p, s)
     assert (s.touched, s.approach) == (-0.4, 0.0)
+    # Nor is a sample looked for that is known again, even at the first measurement after the air.
+    s.ratio[VALUE], s.approach, s.unknown = 0.05, APPROACH, 0
+    approach(0.5, p, s)
+    assert s.approach == 0.0
 
 
 @pytest.mark.parametrize(("period", "delay", "most"), [(2.5e-4, 2, 1.0), (5e-4, 1, 2.0), (1e-3, 2, 20.0)])

@@ -90,8 +90,8 @@ _MOST_AHEAD, _MOST_AHEAD_MEASURED = 0.7, 0.4
 """How far from the mean it is continued at most, over the range of the surface, of which a wave reaches half; the same
 from places that are estimated."""
 _SOON, _SOON_MEASURED = 3.0, 4.5
-"""Time in which a tip that is thrown so is not yet far [1/w0]; the same with positions alone, where a map that is
-written while friction is sought is worse for it."""
+"""Where it takes so long until the drive that answers a measurement is over, friction is sought from lower on [1/w0];
+the same with positions alone, where a map that is written meanwhile is worse for it."""
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05

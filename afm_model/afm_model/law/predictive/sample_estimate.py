@@ -157,7 +157,7 @@ def approach(ratio: float, p: Constants, s: "State") -> None:
     if ratio > TOUCHES or s.started == 0.0:
         s.touched = s.H[VALUE]
     s.approach = 0.0
-    if s.ratio[VALUE] >= TOUCHES:
+    if s.unknown == 0 or s.ratio[VALUE] >= TOUCHES:
         return
     s.approach = APPROACH
     lowest, highest = s.touched - _AWAY * p.height, s.touched + _AWAY * p.height
