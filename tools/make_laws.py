@@ -25,7 +25,7 @@ from make_docs import between_marks
 from afm_bringup.compare_robust import robust_laws, robust_picture, robust_table
 from afm_model.core.registry import names
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASE, CASES, RATES, run_case
+from afm_model.studies.wrong_models import CASE, CASES, RATES, mixed, run_case
 
 PAGE = Path(__file__).parent.parent / "docs" / "laws.md"
 PICTURE = PAGE.parent / "figures" / "robust.png"
@@ -157,6 +157,33 @@ def noise() -> str:
     return table([f"over the {len(CASES)} rows [%]", "surface known", "nothing known", "learned"], lines)
 
 
+DRAWS = 30
+"""Of all numbers wrong at once."""
+MIXED = (*PREDICTIVE, "observer friction=learned")
+
+
+def _mixed(of: tuple[str, int, str, float]) -> Row:
+    law, draw, rate, noise = of
+    return run_case(mixed(draw), next(each for each in RATES if each.title == rate), contender(law), noise)
+
+
+def all_wrong() -> str:
+    """All numbers wrong at once: median, nine of ten and worst of the draws, each the median of its runs."""
+    lines = []
+    with ProcessPoolExecutor() as pool:
+        for level, rate in product((0.0, 1.0), TITLES):
+            found = []
+            for law in MIXED:
+                drawn = list(pool.map(_mixed, product((law,), range(DRAWS), (rate,), (level,)), chunksize=2))
+                errors = sorted(row["third"] for row in drawn)
+                lost = sum(bool(row["lost"]) for row in drawn)
+                least = median(errors), errors[DRAWS * 9 // 10 - 1], errors[-1]
+                shown = "; ".join(number(error) if math.isfinite(error) else "-" for error in least)
+                found.append(shown + (f" ({lost} lost)" if lost else ""))
+            lines.append([f"{rate}, noise" if level else rate, *found])
+    return table([f"{DRAWS} draws [%]", "surface known", "nothing known", "learned", MIXED[-1]], lines)
+
+
 NOISY = (
     "the truth",
     "resonance of x +2 %",
@@ -192,7 +219,14 @@ def of_equations() -> dict[str, str]:
     return law_bounds.with_loop()
 
 
-TABLES: dict[str, Callable[[], str]] = {"laws": laws, "wrong": wrong, "asked": asked, "noise": noise, "noisy": noisy}
+TABLES: dict[str, Callable[[], str]] = {
+    "laws": laws,
+    "wrong": wrong,
+    "asked": asked,
+    "mixed": all_wrong,
+    "noise": noise,
+    "noisy": noisy,
+}
 
 
 def every() -> dict[str, Callable[[], str]]:

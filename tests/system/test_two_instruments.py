@@ -37,19 +37,20 @@ def test_two_sessions_in_two_namespaces_of_one_domain_share_nothing(
 ) -> None:
     names: set[str] = set()
     outs = [tmp_path / "out 1", tmp_path / "out 2"]
-    with (
-        Graph() as graph,
-        session(scenario, outs[0], "--namespace", "lab1", folder=tmp_path) as first,
-        session(scenario, outs[1], "--composed", "--namespace", "/left/lab2", folder=tmp_path) as second,
-    ):
+    with Graph() as graph:
+        # Before the sessions: the composed one is short, and its topics are to be seen while it is there.
         observer = graph.add(Observer("observer", "lab1"))
+        with (
+            session(scenario, outs[0], "--namespace", "lab1", folder=tmp_path) as first,
+            session(scenario, outs[1], "--composed", "--namespace", "/left/lab2", folder=tmp_path) as second,
+        ):
 
-        def ended() -> bool:
-            names.update(name for name, _ in observer.get_topic_names_and_types())
-            return first.ended and second.ended
+            def ended() -> bool:
+                names.update(name for name, _ in observer.get_topic_names_and_types())
+                return first.ended and second.ended
 
-        graph.spin_until(ended)
-        assert (first.wait(), second.wait()) == (0, 0), first.text + second.text
+            graph.spin_until(ended)
+            assert (first.wait(), second.wait()) == (0, 0), first.text + second.text
     assert [sha256(out) for out in outs] == [trajectory, trajectory]
     assert {"/lab1/measurement", "/lab1/clock", "/left/lab2/measurement", "/left/lab2/clock"} <= names
     assert {name for name in names if not name.startswith(("/lab1/", "/left/lab2/"))} <= SHARED

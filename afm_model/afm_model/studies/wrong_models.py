@@ -107,6 +107,40 @@ CASES = (
 CASE = {case.title: case for case in CASES}
 
 
+def mixed(seed: int) -> Case:
+    """A case in which all that is told is wrong at once, each number by as much as in its row at most.
+
+    Beside those the radius of the tip (20 %) and the sample that is told (height 10 %, wave numbers 3 %). Every second
+    draw has hysteresis and creep, every third crosstalk; the delay is a tick off in two of five.
+
+    Parameters
+    ----------
+    seed : int
+        Of the draw; the same seed is the same case.
+    """
+    draw = np.random.default_rng(seed)
+
+    def about_one(part: float) -> float:
+        return 1.0 + part * draw.uniform(-1.0, 1.0)
+
+    told = {f"{name}_{axis}": about_one(0.05) for name in ("scanner.f", "piezo.sensitivity") for axis in "xyz"}
+    told |= {f"scanner.xi_{axis}": 2.0 ** draw.uniform(-1.0, 1.0) for axis in "xyz"}
+    told |= {"scanner.mass_ratio": about_one(0.1), "contact.R": about_one(0.2), "sample.beta": about_one(0.1)}
+    told |= {f"sample.k_{axis}": about_one(0.03) for axis in "xy"}
+    true: dict[str, Value] = {
+        "contact.tau": _TAU * 2.0 ** draw.uniform(-1.0, 1.0),
+        "detector.lateral_gain": about_one(0.1),
+        "detector.deflection_gain": about_one(0.05),
+    }
+    if draw.random() < 1.0 / 2.0:
+        true |= {"piezo.kind": "ceramic", "piezo.creep": 0.015 * draw.random()}
+        true |= {f"piezo.hysteresis_{axis}": 0.05 * draw.random() for axis in "xy"}
+    if draw.random() < 1.0 / 3.0:
+        crosstalk = ("detector.lateral_in_deflection", "detector.deflection_in_lateral")
+        true |= {name: 0.02 * draw.uniform(-1.0, 1.0) for name in crosstalk}
+    return Case(f"mixed, draw {seed}", true, told, int(draw.choice((-1, 0, 0, 0, 1))))
+
+
 def _true(case: Case, rate: Rate, noise: float) -> dict[str, Value]:
     """Parameters of the instrument in a case, with noise of a level."""
     drawn: dict[str, Value] = {"detector.position_noise": rate.stir} if rate.stir else {}

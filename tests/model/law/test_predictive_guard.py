@@ -7,12 +7,14 @@ import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
 from afm_model.core.records import record_at
-from afm_model.law.predictive.predictive_constants import VALUE
-from afm_model.law.predictive.sample_estimate import APPROACH, approach
+from afm_model.law.predictive.predictive_constants import MEAN, VALUE
+from afm_model.law.predictive.sample_estimate import APPROACH, approach, take_ratio
+from afm_model.law.predictive.unexplained import explain
 from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, Case, Rate, parameters_of, run_case
 
+from ..tables import record_of
 from .predictive_records import records
 
 LAW = {"law.kind": "predictive", "law.delay_ticks": 0}
@@ -177,6 +179,52 @@ def test_in_the_air_the_sample_is_looked_for_near_where_it_was_touched_last():
     s.ratio[VALUE], s.approach, s.unknown = 0.05, APPROACH, 0
     approach(0.5, p, s)
     assert s.approach == 0.0
+
+
+def test_while_the_model_is_not_trusted_friction_that_is_believed_in_is_no_sign_of_the_sample():
+    # Positions alone do not see that a tip in the air has none; z followed how it swung, up to 56 kV.
+    p, s = records(surface="observed", feedback="measured")
+    s.started, s.H[VALUE], s.ratio[VALUE] = 1.0, 0.03, 1.0
+    approach(0.0, p, s)
+    assert (s.touched, s.approach) == (0.03, 0.0)
+    s.distrust, s.H[VALUE], s.H[MEAN] = 1.0, 5.0, -7.0
+    approach(0.0, p, s)
+    assert s.approach == APPROACH
+    assert (s.H[VALUE], s.H[MEAN]) == pytest.approx((0.03 + 2.0 * p.height, 0.03 - 2.0 * p.height))
+
+
+@pytest.mark.parametrize("told", [0.0, 2.0])
+def test_from_its_first_slip_on_what_x_tells_is_not_that_of_y(told):
+    p, s = records(period=2e-4)
+    y = record_of(Measurement, drive_sequence=-1, newest_drive_sequence=-1)
+    s.started, s.fastest, s.last, s.told = 1.0, 0.14, 0, told
+    s.gain_of[0] = s.learned[0, 0] = 1.2
+    explain(1, y, p, s)
+    assert s.gain_of[1] == (1.2 if told == 0.0 else 1.0)
+    s.gain_of[1] = s.learned[1, 0] = 1.0
+    # Thrown: much farther than the reference goes in a period.
+    s.last, s.V_X, s.V_Y, s.X, s.Y = 1, 10.0, 10.0, 20.0, 20.0
+    explain(2, y, p, s)
+    assert s.told == max(told, 1.0)
+    assert s.gain_of[1] == 1.0
+
+
+@pytest.mark.parametrize(("far", "doubted"), [(0.0, True), (0.4, True), (0.6, False)])
+def test_a_tip_that_rests_off_the_reference_is_held_by_friction_however_little_is_known_of_y(far, doubted):
+    # Friction x 2.1 at 200 us over a known surface: drives that the tip bore were not believed, and were repeated.
+    p, s = records(surface="known", period=2e-4)
+    s.started, s.slips, s.fastest, s.load = 1.0, 1.0, 0.14, p.load_0
+    s.p[0] = far / p.wave_number
+    u = 1.5 * p.f_0 / math.sqrt(2.0)
+    take_ratio(u, u, u, p, s)
+    assert s.ratio[VALUE] == pytest.approx(1.5 / math.sqrt(2.0) if doubted else 1.5, rel=0.02)
+
+
+@pytest.mark.parametrize("factor", [2.1, 2.35, 2.5, 2.7])
+def test_friction_above_twice_what_was_told_is_held_over_a_known_surface(factor):
+    case = Case("", {"contact.tau": factor * 0.91e9, "detector.position_noise": 1e-17})
+    row = run_case(case, RATES[1], contender("predictive surface=known"))
+    assert row["worst"] < 1.0 and not row["lost"]
 
 
 @pytest.mark.parametrize(("period", "delay", "most"), [(2.5e-4, 2, 1.0), (5e-4, 1, 2.0), (1e-3, 2, 20.0)])

@@ -38,11 +38,27 @@ def test_another_height_is_found_out_within_two_waves_and_the_true_one_is_known_
     assert s.unknown == 0
 
 
-@pytest.mark.parametrize("height", [0.9, 1.0, 1.1])
-def test_a_tenth_of_the_height_is_no_other_surface(height):
-    p, s = records(surface="known")
+SLOW = {"period": 1e-3, "packet": 20}
+
+
+@pytest.mark.parametrize(
+    ("height", "law", "another"),
+    [
+        (0.99, {}, 0),
+        (1.0, {}, 0),
+        (1.02, {}, 0),
+        (0.95, {}, 1),
+        (1.05, {}, 1),
+        (0.9, SLOW, 0),
+        (1.1, SLOW, 0),
+        (0.9, {"feedback": "measured"}, 0),
+        (1.1, {"feedback": "measured"}, 0),
+    ],
+)
+def test_a_surface_slightly_wrong_counts_as_another_only_where_one_that_is_seen_is_better(height, law, another):
+    p, s = records(surface="known", **law)
     walk(p, s, 5, height)
-    assert s.unknown == 0
+    assert s.unknown == another
 
 
 def test_one_measurement_alone_is_no_other_surface():

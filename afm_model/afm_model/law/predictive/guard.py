@@ -44,7 +44,7 @@ def forget(p: Constants, s: State) -> None:
     s.written = s.gripped = 0.0
     for i in range(NODES):
         s.visited[i] = math.inf
-        for j in range(NODES):
+        for j in range(i + 1):
             s.covariance[i, j] = s.prior[NODES + j - i]
     s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
     if p.measured != 0:

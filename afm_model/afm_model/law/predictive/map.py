@@ -78,8 +78,10 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
         ratio += w[a] * s.map_ratio[at]
         if s.way - s.visited[at] < AGE * s.pitch / SPACING:
             return
-        for b in range(4):
-            variance += w[a] * w[b] * s.covariance[at, (i + b) % NODES]
+        for b in range(a):
+            other = (i + b) % NODES
+            variance += 2.0 * w[a] * w[b] * s.covariance[max(at, other), min(at, other)]
+        variance += w[a] * w[a] * s.covariance[at, at]
     if variance > KNOWN_WELL:
         return
     most = CONSISTENT if p.measured == 0 else CONSISTENT_MEASURED
@@ -157,8 +159,12 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     innovation, change = H, ratio
     for j in range(NODES):
         s.gain[j] = 0.0
-        for a in range(4):
-            s.gain[j] += w[a] * s.covariance[(i + a) % NODES, j]
+    for a in range(4):
+        at = (i + a) % NODES
+        for j in range(at):
+            s.gain[j] += w[a] * s.covariance[at, j]
+        for j in range(at, NODES):
+            s.gain[j] += w[a] * s.covariance[j, at]
     # What the tip has passed between two measurements is known by both.
     before, _ = place(s.at_x, s.at_y, s)
     before = min(max(before, s.least), s.most)
@@ -172,13 +178,12 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     s.misfit_H += FORGET * (misfit_of(innovation, p.height, variance) - s.misfit_H)
     if ratio > 0.0:
         s.misfit += FORGET * (misfit_of(change, p.ripple, variance) - s.misfit)
-    for j in range(NODES):
-        s.map_H[j] += s.gain[j] * innovation / variance
-        if ratio > 0.0:
-            s.map_ratio[j] += s.gain[j] * change / variance
     fade = FADE * step * q
     for j in range(NODES):
         weight, row = s.gain[j] / variance, NODES - j
-        for k in range(NODES):
+        s.map_H[j] += weight * innovation
+        if ratio > 0.0:
+            s.map_ratio[j] += weight * change
+        for k in range(j + 1):
             seen = s.covariance[j, k] - weight * s.gain[k]
             s.covariance[j, k] = seen + fade * (s.prior[row + k] - seen)

@@ -47,7 +47,7 @@ class State(Record):
     # What was predicted for this measurement: position, rate; drive; of x and y mean friction until then.
     expected: Annotated[Array, (3, 4)]
     impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
-    told: float  # one: y has been observed, two: its direction is too; of positions alone: the model is contradicted
+    told: float  # one: the tip has slipped; two: the direction of y told; of positions alone: the model is contradicted
     counts: float  # of positions alone: the mean square force that what is learned explains
     # piezo_memory.py: stops and what creep has still to bring at the measurement, mean until then, along the plan; the
     # lags of creep; the drives there.
@@ -143,7 +143,8 @@ class State(Record):
     gripped: float
     misfit_H: float  # mean square of what heights and ratios are off the map, over their variance
     misfit: float
-    map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior
+    map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior, of a node
+    # and those up to it
     map_ratio: Annotated[Array, (NODES,)]
     covariance: Annotated[Array, (NODES, NODES)]
     prior: Annotated[Array, (2 * NODES,)]

@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING, Any
 
-from ...core.elementary import square
+from ...core.elementary import hypot, square
 from ...core.jit import kernel, routine
 from .continuation import mean_ratio
 from .map import raise_map
@@ -34,15 +34,18 @@ ROUGH = 0.35
 """Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
 JUMP = 6.0
 """Standard deviations beyond which an innovation is another surface."""
-_ANOTHER = 0.0225
+_ANOTHER, _ANOTHER_AT_ONCE = 0.0225, 5e-4
 """Mean square over a wave by which a known surface is off the measured height, over its own, from which on it is
-another."""
+another; the same of single drives and full feedback, where one that is seen under the tip is as good as a true one."""
 _THE_SAME = 0.25
 """Part of that below which it is the one that was told again."""
 _ONE_ALONE = 4.0
 """The most that one measurement counts, over that."""
 _LONGER = 6.0
 """Waves in place of one, in packets with positions alone."""
+_HELD = 0.5
+"""Radians of the shortest wave by which a tip that rests is off the reference, from which on friction holds it, however
+little is known of y."""
 TOUCHES = 0.1
 """Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
 APPROACH = 0.005
@@ -154,10 +157,12 @@ def approach(ratio: float, p: Constants, s: "State") -> None:
     There z would follow how the tip swings, and swing more and more. So the sample is looked for near the place where
     friction was measured last; farther away only as fast as it is brought nearer.
     """
-    if ratio > TOUCHES or s.started == 0.0:
+    # Positions alone do not measure friction where it is not seen: while the model is not trusted that is not believed.
+    certain = s.ratio[VALUE] >= TOUCHES and (p.measured == 0 or s.distrust == 0.0)
+    if ratio > TOUCHES or s.started == 0.0 or certain:
         s.touched = s.H[VALUE]
     s.approach = 0.0
-    if s.unknown == 0 or s.ratio[VALUE] >= TOUCHES:
+    if s.unknown == 0 or certain:
         return
     s.approach = APPROACH
     lowest, highest = s.touched - _AWAY * p.height, s.touched + _AWAY * p.height
@@ -165,7 +170,8 @@ def approach(ratio: float, p: Constants, s: "State") -> None:
         s.touched -= APPROACH
     elif s.H[VALUE] > highest:
         s.touched += APPROACH
-    s.H[VALUE] = min(max(s.H[VALUE], lowest), highest)
+    for i in (VALUE, MEAN):
+        s.H[i] = min(max(s.H[i], lowest), highest)
 
 
 @kernel
@@ -203,7 +209,7 @@ def doubt_surface(p: Constants, s: "State") -> None:
     noise = square(p.height_noise / p.height)
     if p.measured != 0:
         noise += square(p.wave_number) * place_variance(s)
-    most = _ANOTHER + 4.0 * noise
+    most = (_ANOTHER_AT_ONCE if p.measured == 0 and p.slots == 1 else _ANOTHER) + 4.0 * noise
     phase = p.wave_number * (abs(s.X - s.at_x) + abs(s.Y - s.at_y))
     # In packets of positions alone a tip that is thrown is estimated at a wrong place for some measurements.
     waves = _LONGER if p.measured != 0 and p.slots > 1 else 1.0
@@ -264,7 +270,9 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         size = math.sqrt(b_x * b_x + b_y * b_y)
         # Along x the signal tells friction; along y what the drive leaves, as well as that is known.
         if abs(b_x) > 0.3 * size:
-            doubt = 3.0 * math.sqrt(variance(1, b_y, s.Y, s)) * abs(b_y) / size if s.slips > 0.0 else 0.0
+            doubt = 0.0
+            if s.slips > 0.0 and p.wave_number * hypot(s.X - s.p[0], s.Y - s.p[1]) < _HELD:
+                doubt = 3.0 * math.sqrt(variance(1, b_y, s.Y, s)) * abs(b_y) / size
             size = max(abs(force) * size / abs(b_x) - doubt, abs(force))
         held = size / nominal
         s.ratio[VALUE] = max(s.ratio[VALUE], held)

@@ -330,6 +330,9 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
             resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
             update(1, resists, mean * d_y / d_x, q_y, s.memory_mean, noise, p, s)
             s.told = max(s.told, 1.0)
+    elif known and p.slots == 1 and way > _SLIDES * s.fastest * p.hold:
+        # A tip that is thrown tells no force, but what x alone tells from then on is not that of y.
+        s.told = max(s.told, 1.0)
     if p.slots > 1:
         learn_across(signal, u_x, u_y, p, s)
     if s.told == 0.0:
