@@ -155,5 +155,17 @@ def test_the_covariance_of_the_map_stays_one(rng):
     assert np.linalg.eigvalsh(covariance)[0] > -1e-9
 
 
+@pytest.mark.parametrize(("variance", "known"), [(0.98, True), (1.02, False)])
+@pytest.mark.parametrize("along", [19.0, 20.1, 20.4])
+def test_the_map_counts_up_to_the_variance_that_the_page_says(variance, known, along, rng):
+    p, s = records(surface="learned")
+    travel(p, s, np.arange(0.0, 40.0, 0.28), 1e-4, rng)
+    # Of nodes that vary as one: the variance of what is between them is that of each.
+    s.covariance[:] = np.tril(np.full((NODES, NODES), variance * 0.03))
+    s.mapped = 0.0
+    read_map(along / math.sqrt(2.0), along / math.sqrt(2.0), p, s)
+    assert s.mapped == known
+
+
 def test_the_part_is_chosen_by_its_name():
     assert build(ControllerParameters, {"law.kind": "predictive"}).law.kind == PREDICTIVE.name
