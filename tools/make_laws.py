@@ -25,7 +25,7 @@ from make_docs import between_marks
 from afm_bringup.compare_robust import robust_laws, robust_picture, robust_table
 from afm_model.core.registry import names
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASE, CASES, RATES, mixed, run_case
+from afm_model.studies.wrong_models import CASES, RATES, Case, mixed, run_case
 
 PAGE = Path(__file__).parent.parent / "docs" / "laws.md"
 PICTURE = PAGE.parent / "figures" / "robust.png"
@@ -78,16 +78,16 @@ WHY: dict[tuple[str, str], str] = {
 """Of what is not met, by rows and rate: the bound that forbids it."""
 
 
-def _row(of: tuple[str, str, str, float]) -> Row:
+def _row(of: tuple[str, Case, str, float]) -> Row:
     law, case, rate, noise = of
-    chosen = CASE[case], next(each for each in RATES if each.title == rate)
-    return {"law": law, "case": case, "rate": rate, **run_case(*chosen, contender(law), noise)}
+    at = next(each for each in RATES if each.title == rate)
+    return {"law": law, "case": case.title, "rate": rate, **run_case(case, at, contender(law), noise)}
 
 
 @cache
 def rows(laws: tuple[str, ...], noise: float = 0.0, rates: tuple[str, ...] = TITLES) -> tuple[Row, ...]:
     """The table of wrong models of some laws, all cores."""
-    asked = product(laws, (case.title for case in CASES), rates, (noise,))
+    asked = product(laws, CASES, rates, (noise,))
     with ProcessPoolExecutor() as pool:
         return tuple(pool.map(_row, asked, chunksize=4))
 
@@ -162,19 +162,14 @@ DRAWS = 30
 MIXED = (*PREDICTIVE, "observer friction=learned")
 
 
-def _mixed(of: tuple[str, int, str, float]) -> Row:
-    law, draw, rate, noise = of
-    return run_case(mixed(draw), next(each for each in RATES if each.title == rate), contender(law), noise)
-
-
 def all_wrong() -> str:
     """All numbers wrong at once: median, nine of ten and worst of the draws, each the median of its runs."""
-    lines = []
+    lines, cases = [], [mixed(seed) for seed in range(DRAWS)]
     with ProcessPoolExecutor() as pool:
         for level, rate in product((0.0, 1.0), TITLES):
             found = []
             for law in MIXED:
-                drawn = list(pool.map(_mixed, product((law,), range(DRAWS), (rate,), (level,)), chunksize=2))
+                drawn = list(pool.map(_row, product((law,), cases, (rate,), (level,)), chunksize=2))
                 errors = sorted(row["third"] for row in drawn)
                 lost = sum(bool(row["lost"]) for row in drawn)
                 least = median(errors), errors[DRAWS * 9 // 10 - 1], errors[-1]

@@ -2,6 +2,7 @@
 
 import pytest
 
+from afm_model import simulate
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, Rate, mixed, parameters_of, run_case
 
@@ -88,7 +89,6 @@ def test_what_is_told_wrong_is_told_to_the_controller_alone():
 def test_case_with_noise_is_the_median_and_the_worst_of_five_seeds():
     from statistics import median
 
-    from afm_model import simulate
     from afm_model.studies.wrong_models import SEEDS
 
     law, rate = contender("predictive surface=known"), RATE["200 us + 1"]
@@ -152,7 +152,5 @@ def test_all_of_it_told_wrong_at_once_is_borne(rate, most, surface):
 @pytest.mark.parametrize("draw", [28, 44])
 @pytest.mark.parametrize("surface", ["known", "observed"])
 def test_a_tip_that_was_lost_with_positions_alone_leads_to_no_drive_without_bounds(draw, surface):
-    from afm_model import simulate
-
     sim, controller = parameters_of(mixed(draw), RATE["200 us + 1"], contender(f"predictive surface={surface}"), 1.0)
     assert abs(simulate(sim, controller).measurements["drive"]).max() < 100.0

@@ -34,7 +34,7 @@ ROUGH = 0.35
 """Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
 JUMP = 6.0
 """Standard deviations beyond which an innovation is another surface."""
-_ANOTHER, _ANOTHER_AT_ONCE = 0.0225, 5e-4
+_ANOTHER, _ANOTHER_FULL = 0.0225, 5e-4
 """Mean square over a wave by which a known surface is off the measured height, over its own, from which on it is
 another; the same of single drives and full feedback, where one that is seen under the tip is as good as a true one."""
 _THE_SAME = 0.25
@@ -209,7 +209,7 @@ def doubt_surface(p: Constants, s: "State") -> None:
     noise = square(p.height_noise / p.height)
     if p.measured != 0:
         noise += square(p.wave_number) * place_variance(s)
-    most = (_ANOTHER_AT_ONCE if p.measured == 0 and p.slots == 1 else _ANOTHER) + 4.0 * noise
+    most = (_ANOTHER_FULL if p.measured == 0 and p.slots == 1 else _ANOTHER) + 4.0 * noise
     phase = p.wave_number * (abs(s.X - s.at_x) + abs(s.Y - s.at_y))
     # In packets of positions alone a tip that is thrown is estimated at a wrong place for some measurements.
     waves = _LONGER if p.measured != 0 and p.slots > 1 else 1.0
