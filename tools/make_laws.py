@@ -104,7 +104,7 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
 
 def number(error: float) -> str:
     """Of percent."""
-    return f"{error:.2g}" if error < 100.0 else f"{error:.0f}"
+    return f"{error:.2g}" if error < 99.5 else f"{error:.0f}"
 
 
 def laws() -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
 from afm_model.core.registry import names
 from afm_model.studies import Contender, contender, wrong_models
+from afm_model.studies.wrong_models import CASES, mixed
 
 from .compare_page import page
 from .compare_robust import robust_laws, robust_line, robust_picture, robust_summary, robust_table
@@ -63,6 +64,13 @@ def _arguments() -> argparse.Namespace:
         help="run the laws over the table of wrong models instead, docs/laws.md; of the other conditions one level of "
         "noise counts",
     )
+    parser.add_argument(
+        "--draws",
+        type=int,
+        default=10,
+        metavar="N",
+        help="with --robust: further rows in which all numbers are wrong at once, drawn at random",
+    )
     parser.add_argument("--workers", type=int, help="processes; as many as there are processors if not given")
     return parser.parse_args()
 
@@ -78,7 +86,8 @@ def main() -> int:
             laws = [name for name in names("law") if name not in ("open_loop", "chirp", "external", "pid")]
             laws += ["observer friction=learned", "pid" if arguments.robust else TUNED_PID]
         if arguments.robust:
-            return _robust([contender(each) for each in laws], arguments.noise, arguments.out)
+            every = [*map(contender, laws), *nodes]
+            return _robust(every, arguments.noise, arguments.draws, arguments.out)
         comparison = compare(
             [*laws, *nodes],
             scenario,
@@ -106,18 +115,19 @@ def main() -> int:
     return 0
 
 
-def _robust(laws: list[Contender], noise: list[float], folder: Path) -> int:
+def _robust(laws: list[Contender], noise: list[float], draws: int, folder: Path) -> int:
     """Print the table of wrong models law by law; write it as CSV, as the tables of docs/laws.md, and as a picture."""
     if len(noise) != 1:
         raise ParameterError(
             f"noise = {' '.join(f'{level:g}' for level in noise)} is not allowed with --robust: give one level"
         )
+    if draws < 0:
+        raise ParameterError(f"draws = {draws} is not allowed: it must be >= 0")
+    cases = (*CASES, *map(mixed, range(draws)))
     rows = []
     for law in laws:
-        if not law.is_part:
-            raise ParameterError(f"law {law.label} is no part: it is told nothing that could be wrong")
         own = []
-        for row in wrong_models(law, noise=noise[0]):
+        for row in wrong_models(law, cases=cases, noise=noise[0]):
             own.append(row)
             print(robust_line(row), flush=True)
         print(robust_summary(own))

@@ -40,7 +40,7 @@ def _percent(error: float) -> str:
 
 
 def _number(error: float) -> str:
-    return f"{error:.2g}" if error < 100.0 else f"{error:.0f}"
+    return f"{error:.2g}" if error < 99.5 else f"{error:.0f}"
 
 
 def robust_line(row: dict[str, Any]) -> str:

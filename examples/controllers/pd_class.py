@@ -11,7 +11,7 @@ from afm_model.parts.signals import Measurement
 
 
 class Pd:
-    """Made anew for every run, with the parameters of the run."""
+    """Made anew for every run, with what it is told of the instrument."""
 
     knowledge = "positions and velocities of the scanner; its resonances"
 

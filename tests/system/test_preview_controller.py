@@ -10,6 +10,8 @@ from support import ROOT, assert_nothing_left, session, write_scenario
 
 from afm_bringup.node_law import node_contender
 from afm_model import SimParameters, build, simulate
+from afm_model.studies import contender
+from afm_model.studies.wrong_models import CASE, Rate, run_case
 
 PERIOD = 5e-5
 EXAMPLE = ROOT / "examples" / "preview_controller.py"
@@ -45,6 +47,15 @@ def test_comparison_offers_it_the_same_preview(laws) -> None:
     assert start is not None
     with start(sim) as law:
         assert simulate(sim, law).trajectory_sha256 == simulate(sim, laws.Ahead(sim)).trajectory_sha256
+    assert_nothing_left()
+
+
+def test_node_in_the_table_of_wrong_models_has_the_row_of_the_same_law_in_process(laws) -> None:
+    rate = Rate("1 ms", 1e-3, 1)
+    over_topics, in_process = (
+        run_case(CASE["resonances +2 %"], rate, law) for law in (node_contender(NODE), contender("preview_class:Ahead"))
+    )
+    assert over_topics == in_process and over_topics["third"] > 0.0
     assert_nothing_left()
 
 

@@ -99,18 +99,19 @@ def compare(
             sim = instrument(*values)
             # The margin is that of the nominal instrument, without noise. It is computed once.
             told = instrument(*values[:2], 0.0, 1.0, values[4])
-            if law.start is not None:
-                alone.append(len(sets))
-                sets.append(Trial(sim, None, law.kind, None, partial(law.start, told)))
+            if not law.is_part:
+                if law.start is not None:
+                    alone.append(len(sets))
+                sets.append(Trial(sim, None, law.kind, None, partial(law.begin, told)))
                 continue
             key = law.label, *values[:2], float(values[2]) != 0.0
             try:
-                if law.is_part and key not in controllers:
+                if key not in controllers:
                     controllers[key] = law_under(common, law, conditions, sim)
             except ParameterError as error:
                 sets.append(str(error))
                 continue
-            sets.append(Trial(sim, controllers.get(key), law.kind, None if values[:2] in linearised else told))
+            sets.append(Trial(sim, controllers[key], law.kind, None if values[:2] in linearised else told))
             linearised.add(values[:2])
     run_all = partial(run_trials, lanes=lanes)
     results = run_sets(

@@ -8,7 +8,7 @@ import itertools
 import math
 import sys
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,8 +28,8 @@ _OF_THE_PAPER = "positions and velocities of the scanner, deflection; scanner, c
 """Knowledge of the paper's laws."""
 _UNDECLARED = "not declared"
 Start = Callable[[SimParameters], AbstractContextManager[Any]]
-"""Starts a law that runs somewhere else, for one run: told the instrument with nominal friction and without noise, it
-gives an object with `answer(measurement)`; LawError if it does not start or answer. At the exit the law is ended."""
+"""Starts a law that runs somewhere else, for one run: told the instrument as all laws are, it gives an object with
+`answer(measurement)`; LawError if it does not start or answer. At the exit the law is ended."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,10 @@ class Contender:
     def is_part(self) -> bool:
         """Whether it is a part, and not an object or elsewhere."""
         return self.start is None and getattr(load_law(self.kind), "family", None) == "law"
+
+    def begin(self, told: SimParameters) -> AbstractContextManager[Any]:
+        """Begin it for one run, if it is no part: made of the instrument with nominal friction and without noise."""
+        return self.start(told) if self.start is not None else nullcontext(load_law(self.kind)(told))
 
     @property
     def parameters(self) -> dict[str, Value]:
@@ -146,7 +150,7 @@ def load_law(kind: str) -> Any:
         raise ParameterError(f"law {kind} cannot be loaded: {type(error).__name__}: {error}") from error
     if getattr(found, "family", "law") != "law" or not (hasattr(found, "family") or callable(found)):
         raise ParameterError(
-            f"law {kind} is neither a law part nor a class: a class is called with the parameters of the run "
+            f"law {kind} is neither a law part nor a class: a class is called with the parameters that are told "
             f"(SimParameters) and makes an object with answer(measurement)"
         )
     return found

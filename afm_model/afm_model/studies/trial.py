@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,6 @@ from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
 from ..run.together import REFUSALS, run_together
 from ..run.verdict import limited
-from .contender import load_law
 from .linear import linearise
 from .linear_model import LinearError, nominal_friction
 
@@ -34,12 +33,12 @@ class Trial(NamedTuple):
 
     sim: SimParameters
     controller: ControllerParameters | None
-    """None: `kind` names a class that is called with `sim` and makes an object with `answer(measurement)`."""
+    """None: the law is no part, `begin` begins it."""
     kind: str
     told: SimParameters | None = None
     """The instrument with which the loop is linearised; None: it is not."""
-    start: Callable[[], AbstractContextManager[Any]] | None = None
-    """Starts a law that runs somewhere else, in place of `controller` and `kind`, for this run."""
+    begin: Callable[[], AbstractContextManager[Any]] = nullcontext
+    """Gives an object with `answer(measurement)` for this run."""
 
 
 class Drives:
@@ -114,8 +113,7 @@ def _run_object(given: Trial) -> tuple[Instrument | Exception, Drives]:
     """Run a law that is an object, or runs elsewhere: the instrument at the end, or why it has ended."""
     drives = Drives(given.sim)
     try:
-        with ExitStack() as stack:
-            law = load_law(given.kind)(given.sim) if given.start is None else stack.enter_context(given.start())
+        with given.begin() as law:
             return run(given.sim, law, drives.take, block_ticks=_BLOCK_TICKS), drives
     except FAILURES as error:
         return error, drives

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..parameters import ControllerParameters, SimParameters, Value, build, changed, flatten
 from ..parameters.scenario import law_timing
-from ..run.simulation import simulate
+from ..run.simulation import Simulation, simulate
 from .contender import NOISE, Contender, feedback_of
 from .trial import FAILURES
 
@@ -138,7 +138,7 @@ def mixed(seed: int) -> Case:
     if draw.random() < 1.0 / 3.0:
         crosstalk = ("detector.lateral_in_deflection", "detector.deflection_in_lateral")
         true |= {name: 0.02 * draw.uniform(-1.0, 1.0) for name in crosstalk}
-    return Case(f"mixed, draw {seed}", true, told, int(draw.choice((-1, 0, 0, 0, 1))))
+    return Case(f"all wrong, draw {seed}", true, told, int(draw.choice((-1, 0, 0, 0, 1))))
 
 
 def _true(case: Case, rate: Rate, noise: float) -> dict[str, Value]:
@@ -152,13 +152,44 @@ def _true(case: Case, rate: Rate, noise: float) -> dict[str, Value]:
 def parameters_of(
     case: Case, rate: Rate, law: Contender, noise: float = 0.0, seed: int = 0
 ) -> tuple[SimParameters, ControllerParameters]:
-    """Of one run of the table, the noise of the instrument of this level (`contender.NOISE`) in addition.
+    """Of one run of a part, the noise of the instrument of this level (`contender.NOISE`) in addition.
 
     Raises
     ------
     ParameterError
         If the law refuses what it is told.
     """
+    own = law.parameters
+    has = flatten(build(ControllerParameters, {"law.kind": law.kind}))
+    packets = "law.packet" in has
+    if packets and rate.packet > 1:
+        own |= {"law.packet": rate.packet, "law.spare": 1}
+    own |= {name: value for name, value in case.own.items() if name in has}
+    sim = _instrument(case, rate, noise, seed, packets)
+    own |= feedback_of(law, noisy=sim.detector.noise != 0.0)
+    timing = law_timing(own, sim)
+    if "law.delay_ticks" in timing:
+        timing["law.delay_ticks"] = max(0, rate.delay_ticks + case.ticks)
+    controller = build(ControllerParameters, timing | own)
+    plain = flatten(controller)
+    return sim, changed(controller, {name: float(plain[name]) * factor for name, factor in case.told.items()})
+
+
+def instruments_of(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0) -> tuple[SimParameters, SimParameters]:
+    """The instrument of one run of an object or a node, and the one that it is told.
+
+    Its law is its own, so what is told stays as it is: the instrument is off by as much the other way.
+    """
+    reference = {name: value for name, value in case.true.items() if name.startswith("reference.")}
+    told = _instrument(Case(case.title, reference), rate._replace(stir=0.0))
+    true = _instrument(case, rate, noise, seed)
+    plain = flatten(true)
+    news: dict[str, Value] = {name: float(plain[name]) / by for name, by in case.told.items() if name in plain}
+    return changed(true, news | {"plant.delay_ticks": max(0, rate.delay_ticks - case.ticks)}), told
+
+
+def _instrument(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0, packets: bool = True) -> SimParameters:
+    """The instrument at a rate as it truly is, but for what is told wrong; `packets`: where it may get several drives."""
     cycle = 2.0 * math.pi / float(case.true.get("reference.omega_x", _OMEGA))
     if case.true.get("reference.omega_y", _OMEGA) != case.true.get("reference.omega_x", _OMEGA):
         cycle *= 2.0
@@ -168,21 +199,9 @@ def parameters_of(
         "run.duration": _PERIODS * cycle,
         "score.start": (_PERIODS - 1) * cycle,
     }
-    own = law.parameters
-    has = flatten(build(ControllerParameters, {"law.kind": law.kind}))
-    if rate.packet > 1 and "law.packet" in has:
+    if packets and rate.packet > 1:
         news["piezo.dac_period"] = rate.period / rate.packet
-        own |= {"law.packet": rate.packet, "law.spare": 1}
-    own |= {name: value for name, value in case.own.items() if name in has}
-    true = _true(case, rate, noise)
-    sim = build(SimParameters, news | true | {"plant.seed": seed})
-    own |= feedback_of(law, noisy=true.get("detector.noise", 0.0) != 0.0)
-    timing = law_timing(own, sim)
-    if "law.delay_ticks" in timing:
-        timing["law.delay_ticks"] = max(0, rate.delay_ticks + case.ticks)
-    controller = build(ControllerParameters, timing | own)
-    plain = flatten(controller)
-    return sim, changed(controller, {name: float(plain[name]) * factor for name, factor in case.told.items()})
+    return build(SimParameters, news | _true(case, rate, noise) | {"plant.seed": seed})
 
 
 def seeds(case: Case, rate: Rate, noise: float = 0.0) -> int:
@@ -193,8 +212,6 @@ def seeds(case: Case, rate: Rate, noise: float = 0.0) -> int:
 
 def run_case(case: Case, rate: Rate, law: Contender, noise: float = 0.0) -> dict[str, Any]:
     """Numbers of one case; where something is drawn of SEEDS runs.
-
-    The law is a part; one that is an object is told nothing and has no model that could be wrong.
 
     Returns
     -------
@@ -214,15 +231,29 @@ def run_case(case: Case, rate: Rate, law: Contender, noise: float = 0.0) -> dict
     }
 
 
-def _run(case: Case, rate: Rate, law: Contender, noise: float, seed: int) -> dict[str, Any]:
+def _simulated(case: Case, rate: Rate, law: Contender, noise: float, seed: int) -> Simulation:
     """One run of a case."""
+    if law.is_part:
+        return simulate(*parameters_of(case, rate, law, noise, seed))
+    sim, told = instruments_of(case, rate, noise, seed)
+    with law.begin(told) as begun:
+        return simulate(sim, begun)
+
+
+def _run(case: Case, rate: Rate, law: Contender, noise: float, seed: int) -> dict[str, Any]:
+    """What comes out of one run of a case."""
     row: dict[str, Any] = {"first": math.inf, "third": math.inf, "contact": math.nan, "load": math.nan}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            result = simulate(*parameters_of(case, rate, law, noise, seed))
+            result = _simulated(case, rate, law, noise, seed)
     except FAILURES as error:
         return row | {"lost": str(error)}
+    except Exception as error:
+        # An object may raise anything; the other runs continue.
+        if law.is_part:
+            raise
+        return row | {"lost": f"{type(error).__name__}: {error}"}
     score, size = result.score, max(abs(each) for each in result.parameters.reference.amplitude)
     off = np.abs(result.truth["position"][:, :2] - result.measurements["reference_position"][:, :2])
     row["first"] = 100.0 * float(np.max(off[result.time <= result.time[-1] / _PERIODS])) / size

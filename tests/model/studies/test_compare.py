@@ -139,6 +139,17 @@ def test_class_that_raises_costs_no_other_run(cluster, own, tmp_path, monkeypatc
     assert math.isfinite(table["error_max"].iloc[1])
 
 
+def test_friction_and_noise_are_told_to_no_object(cluster, tmp_path, monkeypatch):
+    (tmp_path / "asking.py").write_text(
+        "class Ask:\n"
+        "    def __init__(self, sim):\n"
+        "        raise OSError(f'{sim.contact.tau:g}, {sim.detector.noise:g}, {sim.plant.delay_ticks}')\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    conditions = {"friction": [1.2], "noise": [1.0], "delay_ticks": [2], "scheduler": cluster}
+    assert compare(["asking:Ask"], **conditions, **SHORT).table["error"][0] == "law asking:Ask: OSError: 9.1e+08, 0, 2"
+
+
 def test_friction_and_noise_are_told_to_no_law(cluster):
     comparison = compare(["implicit"], friction=[0.8, 1.2], noise=[1.0], scheduler=cluster, **SHORT)
     laws = [comparison.scenario_of(i)["/**/afm_controller_node"] for i in range(2)]

@@ -1,10 +1,13 @@
 """Claims about the table of wrong models, and about predictive in it; errors in percent of 5 nm."""
 
+from contextlib import nullcontext
+
 import pytest
 
-from afm_model import simulate
-from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASE, RATES, Rate, mixed, parameters_of, run_case
+from afm_model import ControllerParameters, SimParameters, build, simulate
+from afm_model.instrument.controller import Controller
+from afm_model.studies.contender import Contender, contender
+from afm_model.studies.wrong_models import CASE, RATES, Rate, instruments_of, mixed, parameters_of, run_case
 
 RATE = {rate.title: rate for rate in RATES}
 
@@ -154,3 +157,69 @@ def test_all_of_it_told_wrong_at_once_is_borne(rate, most, surface):
 def test_a_tip_that_was_lost_with_positions_alone_leads_to_no_drive_without_bounds(draw, surface):
     sim, controller = parameters_of(mixed(draw), RATE["200 us + 1"], contender(f"predictive surface={surface}"), 1.0)
     assert abs(simulate(sim, controller).measurements["drive"]).max() < 100.0
+
+
+class Itself(Controller):
+    """`predictive` as an object, which knows no more than the instrument that it is made of."""
+
+    def __init__(self, told: SimParameters) -> None:
+        timing = {"law.period": told.plant.control_period, "law.delay_ticks": told.plant.delay_ticks}
+        super().__init__(build(ControllerParameters, {"law.kind": "predictive", "law.surface": "known"} | timing))
+
+
+OBJECT = Contender("itself", f"{__name__}:Itself", {})
+
+
+@pytest.mark.parametrize("title", ["the truth", "friction x 1.5", "crosstalk .02", "triangle", "along y alone"])
+def test_an_object_has_the_row_of_the_same_law_as_a_part(title):
+    ours, part = (
+        run_case(CASE[title], RATE["50 us + 1"], law) for law in (OBJECT, contender("predictive surface=known"))
+    )
+    assert ours == part and part["third"] < 1.0
+
+
+def test_of_an_object_the_instrument_is_off_where_a_part_is_told_wrong():
+    nominal = build(SimParameters, {})
+    case, rate = mixed(5), RATE["1 ms packets"]
+    true, told = instruments_of(case, rate, noise=1.0, seed=3)
+    assert true.scanner.f_y == pytest.approx(nominal.scanner.f_y / case.told["scanner.f_y"], rel=1e-15)
+    assert true.contact.R == pytest.approx(nominal.contact.R / case.told["contact.R"], rel=1e-15)
+    assert true.contact.tau == case.true["contact.tau"]
+    assert (told.scanner, told.contact, told.detector, told.sample) == (
+        nominal.scanner,
+        nominal.contact,
+        nominal.detector,
+        nominal.sample,
+    )
+    assert told.piezo.kind == nominal.piezo.kind and told.reference == true.reference
+    assert (true.piezo.dac_period, told.piezo.dac_period) == (5e-5, 5e-5)
+    assert true.detector.noise == 1e-3 and (true.plant.seed, told.plant.seed) == (3, 0)
+
+
+@pytest.mark.parametrize(
+    ("title", "delays"), [("told a tick of delay too few", (2, 1)), ("told a tick of delay too many", (0, 1))]
+)
+def test_of_an_object_the_delay_is_off_where_a_part_is_told_wrong(title, delays):
+    true, told = instruments_of(CASE[title], RATE["50 us + 1"])
+    assert (true.plant.delay_ticks, told.plant.delay_ticks) == delays
+
+
+def test_of_an_object_the_reference_is_what_it_is():
+    true, told = instruments_of(CASE["amplitude x 3"], RATE["50 us + 1"])
+    assert told.reference == true.reference and told.reference.amplitude_x == pytest.approx(15e-9)
+
+
+def test_an_object_learns_what_is_off_as_a_part_does():
+    # The opposite mistake: of the resonances 5 % lower and of those told 5 % too high.
+    assert run_case(CASE["resonances +5 %"], RATE["50 us + 1"], OBJECT)["third"] < 0.05
+
+
+def test_an_object_that_raises_is_a_lost_row():
+    class Bad:
+        def __init__(self, told: SimParameters) -> None:
+            raise OSError("no licence")
+
+    row = run_case(
+        CASE["the truth"], RATE["50 us + 1"], Contender("bad", "bad", {}, lambda told: nullcontext(Bad(told)))
+    )
+    assert row["lost"] == "OSError: no licence"
