@@ -189,7 +189,7 @@ def instruments_of(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0) ->
 
 
 def _instrument(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0, packets: bool = True) -> SimParameters:
-    """The instrument at a rate as it truly is, but for what is told wrong; `packets`: where it may get several drives."""
+    """The instrument at a rate as it truly is, but for what is told wrong; `packets`: it may get several drives."""
     cycle = 2.0 * math.pi / float(case.true.get("reference.omega_x", _OMEGA))
     if case.true.get("reference.omega_y", _OMEGA) != case.true.get("reference.omega_x", _OMEGA):
         cycle *= 2.0
