@@ -31,6 +31,8 @@ _BELOW = 0.75
 """Ratio of friction after a fallback over that before, of positions alone: it is sought from below again."""
 _RATIO_LIMITS = (0.1, 3.0)
 """Of it then."""
+_SLOWER = 3.0
+"""Largest speed of the reference so far, over that of its last two stretches, from which on it is another one."""
 _WHOLE = 2e-2
 """Distrust that counts as none."""
 
@@ -46,9 +48,6 @@ def forget(p: Constants, s: State) -> None:
         s.visited[i] = math.inf
         for j in range(i + 1):
             s.covariance[i, j] = s.prior[NODES + j - i]
-    s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
-    if p.measured != 0:
-        s.ratio[VALUE] = s.ratio[MEAN] = min(max(_BELOW * s.ratio[VALUE], _RATIO_LIMITS[0]), _RATIO_LIMITS[1])
     s.told = s.counts = s.misfit = s.misfit_H = 0.0
     for axis in range(3):
         for i in range(UNEXPLAINED):
@@ -60,10 +59,34 @@ def forget(p: Constants, s: State) -> None:
 
 
 @kernel
+def see_turn(p: Constants, s: State) -> None:
+    """Take the reference for a new one if it runs between two turns far slower than it ever did: a scan after a move.
+
+    What counts as rest or as far off is measured by it, and what was learned of a fast motion does not hold for a slow
+    one.
+    """
+    v_x, v_y = s.v[0], s.v[1]
+    s.fastest_since = max(s.fastest_since, hypot(v_x, v_y))
+    begins = s.turned[1, 0] == 0.0 and s.turned[1, 1] == 0.0
+    if not begins and v_x * s.turned[1, 0] + v_y * s.turned[1, 1] >= 0.0:
+        return
+    fastest = max(s.fastest_since, s.fastest_before)
+    if s.fastest_before > 0.0 and s.fastest > _SLOWER * fastest:
+        x, y = s.turned[0, 0], s.turned[0, 1]
+        s.fastest, s.reach = fastest, 0.5 * hypot(s.p[0] - x, s.p[1] - y)
+        s.from_x, s.from_y = 0.5 * (s.p[0] + x), 0.5 * (s.p[1] + y)
+        forget(p, s)
+        s.least = s.most = s.pitch = s.way = 0.0
+    s.turned[0, 0], s.turned[0, 1], s.turned[1, 0], s.turned[1, 1] = s.p[0], s.p[1], v_x, v_y
+    s.fastest_before, s.fastest_since = s.fastest_since, 0.0
+
+
+@kernel
 def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Distrust the model if measurement k contradicts it, and trust it again by and by once it does not."""
     if s.started == 0.0:
         s.from_x, s.from_y = s.p[0], s.p[1]
+    see_turn(p, s)
     s.reach = max(s.reach, hypot(s.p[0] - s.from_x, s.p[1] - s.from_y))
     way = s.fastest * p.hold
     missed = 0.0
@@ -88,6 +111,9 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
             s.fallbacks += 1.0
             s.patience = max(1.0, _LATER * s.patience) if p.measured != 0 else 1.0
             forget(p, s)
+            s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
+            if p.measured != 0:
+                s.ratio[VALUE] = s.ratio[MEAN] = min(max(_BELOW * s.ratio[VALUE], _RATIO_LIMITS[0]), _RATIO_LIMITS[1])
         s.distrust, s.calm_ticks = 1.0, 0.0
     elif s.distrust > 0.0:
         s.calm_ticks += 1.0

@@ -21,6 +21,9 @@ class State(Record):
     reach: float  # farthest that the reference has been from its start, which follows
     from_x: float
     from_y: float
+    turned: Annotated[Array, (2, 2)]  # place and rate of the reference where it turned last, its largest speeds since
+    fastest_since: float  # then and in the stretch before
+    fastest_before: float
     answered: Annotated[Integers, (ANSWERS,)]  # the last measurements answered
     lengths: Annotated[Integers, (ANSWERS,)]  # of the drives of each answer
     sent: int  # address of the drives of each answer

@@ -46,6 +46,8 @@ _LONGER = 6.0
 _HELD = 0.5
 """Radians of the shortest wave by which a tip that rests is off the reference, from which on friction holds it, however
 little is known of y."""
+TELLS = 0.005
+"""Smallest cosine between the motion and x at which the force along x tells friction, rates being measured."""
 TOUCHES = 0.1
 """Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
 APPROACH = 0.005
@@ -281,9 +283,10 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         if held > s.here + p.ripple:
             raise_map(held - s.here, s)
         return 0.0
-    if abs(s.V_X) <= 0.3 * speed:
+    if abs(s.V_X) <= TELLS * speed:
         return 0.0
     measured = force * speed / (s.V_X * nominal)
+    noise = p.ratio_noise * max(1.0, 0.3 * speed / abs(s.V_X))
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
     s.slips += 1.0
     if s.unknown == 0:
@@ -296,5 +299,5 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     elif s.slips == 1.0:
         begin(s.ratio, measured, p.ripple, p.ratio_noise, p)
     else:
-        follow(s.ratio, measured, d_x, d_y, p.ripple, p.ratio_noise, p)
+        follow(s.ratio, measured, d_x, d_y, p.ripple, noise, p)
     return measured

@@ -21,7 +21,7 @@ from .nominal_plant import balance, friction_turns_drive
 from .piezo_memory import effective
 from .predictive_constants import CREEP, FLOOR, MEMORY, STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
-from .sample_estimate import REST, variance, write_row
+from .sample_estimate import REST, TELLS, variance, write_row
 
 GAIN_LIMITS = (0.4, 2.5)
 _SLIDING = 3e-3
@@ -59,7 +59,7 @@ _SURE = 3.0
 _SLIDES = 0.2
 """Speed over the largest one of the reference from which on the tip counts as sliding."""
 _TELLS = 0.3
-"""Smallest cosine between the motion and x at which the force along x tells friction along y."""
+"""Smallest cosine between the motion and x at which the force along x tells friction along y, in packets."""
 
 
 @kernel
@@ -314,7 +314,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
         # Where the motion is not steady neither is the load.
         noise *= 1.0 + square(10.0 * uneven / way)
         mean = 0.5 * (signal + s.signal)
-        tells = abs(d_x) > _TELLS * way
+        tells = abs(d_x) > (TELLS if p.slots == 1 else _TELLS) * way
         across = 0.0
         if tells and p.slots == 1:
             # Across the motion friction turns with it, by which it hides another force: there the drive is balanced.
