@@ -17,6 +17,7 @@ from ..run.together import REFUSALS, run_together
 from ..run.verdict import limited
 from .linear import linearise
 from .linear_model import LinearError, nominal_friction
+from .unranked import unranked
 
 _Array = NDArray[np.float64]
 NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact", "margin", "z_rms")
@@ -93,7 +94,7 @@ def run_trials(sets: Sequence[Trial], lanes: bool = True) -> list[dict[str, Any]
     Returns
     -------
     list of dict
-        NUMBERS, `trajectory_sha256`, and `error` if it diverged, was refused, left the sample or is doubtful.
+        NUMBERS, `trajectory_sha256`, and `error` if it diverged, was refused or is `unranked`.
     """
     parts = [(each.sim, each.controller) for each in sets if each.controller is not None]
     drives = [Drives(sim) for sim, _ in parts]
@@ -132,11 +133,8 @@ def _row(given: Trial, instrument: Instrument | Exception, drives: Drives) -> di
     if sentence := limited(instrument):
         return row | {"error": sentence}
     score = instrument.score()
-    if score.contact_fraction < 1.0:
-        part = 100.0 * score.contact_fraction
-        row["error"] = f"the tip was on the sample for {part:.3g} % of the time: this run is not ranked"
-    elif found := doubts(sim, score, controller):
-        row["error"] = f"{found[0]}: this run is not ranked"
+    if sentence := unranked(sim, score, doubts(sim, score, controller)):
+        row["error"] = f"{sentence}: this run is not ranked"
     amplitude = max(abs(each) for each in sim.reference.amplitude[:2])
     return row | {
         "error_max": 100.0 * float(np.max(score.max[:2])) / amplitude,

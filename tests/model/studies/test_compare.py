@@ -12,6 +12,7 @@ import yaml
 from afm_model import Comparison, ParameterError, Scenario, SimParameters, build, compare, load_scenario, simulate
 from afm_model.core.registry import names
 from afm_model.studies import contender
+from afm_model.studies.unranked import height_limit
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "controllers"
 SHORT = {"references": ["sine 2500"], "progress": False}
@@ -127,6 +128,60 @@ def test_a_law_that_lifts_the_tip_or_presses_it_beyond_what_is_valid_wins_nothin
     ranking = compared.ranking()
     assert ranking["law"].iloc[-1] == law
     assert ranking.set_index("law").loc[law, "finished"] == 0
+
+
+PULLING = """
+import numpy as np
+from afm_model import ControllerParameters, build
+from afm_model.core.records import record_at
+from afm_model.instrument.controller import Controller
+from afm_model.parts.signals import Measurement
+class Honest:
+    pull = 0.0  # [N]
+    def __init__(self, sim):
+        timing = {"law.period": sim.plant.control_period, "law.delay_ticks": sim.plant.delay_ticks}
+        self.law = Controller(build(ControllerParameters, {"law.kind": "super_twisting"} | timing))
+        self.stiffness = sim.cantilever.m_c * (2.0 * np.pi * sim.cantilever.f_c) ** 2
+        self.ticks = 0
+    def answer(self, measurement):
+        told = measurement.copy()
+        self.ticks += 1
+        record_at(told, 0, Measurement).reference_position[2] += self.pull / self.stiffness * min(1, self.ticks / 600)
+        return self.law.answer(told).copy()
+class Pull(Honest):
+    pull = -140e-9
+"""
+
+
+def test_a_law_that_pulls_at_the_tip_so_that_friction_falls_is_not_ranked(cluster, tmp_path, monkeypatch):
+    (tmp_path / "pulling.py").write_text(PULLING)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    conditions = {"periods": [5e-5], "delay_ticks": [1], "references": ["sine 500"], "scheduler": cluster}
+    compared = compare(["pulling:Pull", "pulling:Honest"], **conditions, progress=False)
+    pulled, honest = compared.table.to_dict("records")
+    assert pulled["error_max"] < honest["error_max"]
+    assert "the tip was off the height that was asked by" in pulled["error"]
+    assert "12.5 and 50 nm are allowed: this run is not ranked" in pulled["error"]
+    assert not isinstance(honest["error"], str)
+    assert compared.ranking()["law"].tolist() == ["pulling:Honest", "pulling:Pull"]
+
+
+def test_a_law_that_leaves_z_as_it_is_is_ranked(cluster, own):
+    # The tip rides over the sample: off by no more than the sample is high.
+    run = compare(["pd_law:PD slowness=2"], periods=[5e-5], scheduler=cluster, progress=False).table.iloc[0]
+    assert run["z_rms"] > 9e-9 and not isinstance(run["error"], str)
+
+
+@pytest.mark.parametrize(
+    ("sample", "allowed"),
+    [
+        ({}, 12.5e-9),
+        ({"sample.beta": 25e-9}, 25e-9),
+        ({"sample.kind": "flat"}, 0.1 * 152.3e-9 / 1.364),
+    ],
+)
+def test_height_may_be_off_by_that_of_the_sample_or_by_a_tenth_of_the_pull_off_force(sample, allowed):
+    assert height_limit(build(SimParameters, sample)) == pytest.approx(allowed, rel=1e-3)
 
 
 def test_class_that_raises_costs_no_other_run(cluster, own, tmp_path, monkeypatch):
