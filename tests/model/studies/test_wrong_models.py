@@ -1,11 +1,15 @@
 """Claims about the table of wrong models, and about predictive in it; errors in percent of 5 nm."""
 
+import sys
 from contextlib import nullcontext
+from typing import Any
 
 import pytest
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
+from afm_model.core.records import record_at
 from afm_model.instrument.controller import Controller
+from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import Contender, contender
 from afm_model.studies.wrong_models import CASE, RATES, Rate, instruments_of, mixed, parameters_of, run_case
 
@@ -223,3 +227,52 @@ def test_an_object_that_raises_is_a_lost_row():
         CASE["the truth"], RATE["50 us + 1"], Contender("bad", "bad", {}, lambda told: nullcontext(Bad(told)))
     )
     assert row["lost"] == "OSError: no licence"
+
+
+class Still:
+    """The drive that is in force, for ever."""
+
+    def answer(self, measurement: Any) -> Any:
+        return record_at(measurement, 0, Measurement).drive
+
+
+class Pulling(Itself):
+    """Holds the tip 100 nm above the height that is asked: there is less friction."""
+
+    ticks = 0
+
+    def answer(self, measurement: Any, time: float = 0.0) -> Any:
+        self.ticks += 1
+        asked = measurement.copy()
+        record_at(asked, 0, Measurement).reference_position[2] += 1e-7 * min(1, self.ticks / 600)
+        return super().answer(asked, time)
+
+
+def test_a_scanner_that_stands_still_is_lost():
+    still = Contender("still", "still", {}, lambda told: nullcontext(Still()))
+    for title in ("the truth", "triangle", "along y alone"):
+        lost = run_case(CASE[title], RATE["200 us + 1"], still)["lost"]
+        assert lost.startswith("error ") and lost.endswith(" %: no better than a scanner that stands still")
+
+
+def test_a_law_that_pulls_at_the_tip_is_lost_however_small_its_error():
+    row = run_case(CASE["the truth"], RATE["50 us + 1"], Contender("pulling", f"{__name__}:Pulling", {}))
+    assert row["third"] < 1.0
+    assert row["lost"].startswith("the tip was off the height that was asked by")
+
+
+def test_a_row_with_a_doubtful_score_is_lost_as_in_a_comparison():
+    row = run_case(CASE["the truth"], Rate("10 us", 1e-5, 1), contender("observer"))
+    assert row["third"] < 1.0 and row["lost"].startswith("the tip came to rest ")
+
+
+def test_reason_is_that_of_the_worst_of_the_runs_that_are_lost(monkeypatch):
+    errors = iter((153.0, 5.0, 209.0, 120.0, 3.0))
+
+    def run(*_: Any) -> dict[str, Any]:
+        third = next(errors)
+        return {"first": 1.0, "third": third, "contact": 1.0, "load": 0.0, "lost": f"{third:g}" if third > 99 else ""}
+
+    monkeypatch.setattr(sys.modules[run_case.__module__], "_run", run)
+    row = run_case(CASE["noise"], RATE["50 us + 1"], contender("pid"))
+    assert (row["worst"], row["lost"]) == (209.0, "209")
