@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
-from ..parameters import ControllerParameters, SimParameters
+from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
 from .contender import CONDITIONS, Common, Contender, contenders, instrument_under, law_under
@@ -102,7 +102,9 @@ def compare(
             if not law.is_part:
                 if law.start is not None:
                     alone.append(len(sets))
-                sets.append(Trial(sim, None, law.kind, None, partial(law.begin, told)))
+                # With the seed it could draw the noise that is to come.
+                unseeded = changed(told, {"plant.seed": SimParameters().plant.seed})
+                sets.append(Trial(sim, None, law.kind, None, partial(law.begin, unseeded)))
                 continue
             key = law.label, *values[:2], float(values[2]) != 0.0
             try:

@@ -59,8 +59,12 @@ class Contender:
         return self.start is None and getattr(load_law(self.kind), "family", None) == "law"
 
     def begin(self, told: SimParameters) -> AbstractContextManager[Any]:
-        """Begin it for one run, if it is no part: made of the instrument with nominal friction and without noise."""
-        return self.start(told) if self.start is not None else nullcontext(load_law(self.kind)(told))
+        """Begin it for one run, if it is no part: made of the instrument with nominal friction and without noise.
+
+        It is told a copy of its own: what it changes there changes no run.
+        """
+        own = told.model_copy(deep=True)
+        return self.start(own) if self.start is not None else nullcontext(load_law(self.kind)(own))
 
     @property
     def parameters(self) -> dict[str, Value]:

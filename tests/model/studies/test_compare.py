@@ -194,15 +194,34 @@ def test_class_that_raises_costs_no_other_run(cluster, own, tmp_path, monkeypatc
     assert math.isfinite(table["error_max"].iloc[1])
 
 
-def test_friction_and_noise_are_told_to_no_object(cluster, tmp_path, monkeypatch):
+def test_friction_noise_and_seed_are_told_to_no_object(cluster, tmp_path, monkeypatch):
     (tmp_path / "asking.py").write_text(
         "class Ask:\n"
         "    def __init__(self, sim):\n"
-        "        raise OSError(f'{sim.contact.tau:g}, {sim.detector.noise:g}, {sim.plant.delay_ticks}')\n"
+        "        told = sim.contact.tau, sim.detector.noise, sim.plant.delay_ticks, sim.plant.seed\n"
+        "        raise OSError(f'{told}')\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     conditions = {"friction": [1.2], "noise": [1.0], "delay_ticks": [2], "scheduler": cluster}
-    assert compare(["asking:Ask"], **conditions, **SHORT).table["error"][0] == "law asking:Ask: OSError: 9.1e+08, 0, 2"
+    scenario = Scenario("seeded", Path("seeded.yaml"), sim=build(SimParameters, {"plant.seed": 7}))
+    table = compare(["asking:Ask"], scenario, **conditions, **SHORT).table
+    assert table["error"][0] == "law asking:Ask: OSError: (910000000.0, 0.0, 2, 0)"
+
+
+def test_a_class_that_changes_what_it_is_told_changes_no_run(cluster, own, tmp_path, monkeypatch):
+    (tmp_path / "changing.py").write_text(
+        "from pd_class import Pd\n"
+        "class Bad(Pd):\n"
+        "    def __init__(self, sim):\n"
+        "        super().__init__(sim)\n"
+        "        sim.contact.__dict__['tau'] = 1.0\n"
+        "        sim.score.__dict__['start'] = 0.0\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    honest = compare(["pd_class:Pd"], periods=[2e-5], scheduler=cluster, **SHORT).table.drop(columns="law")
+    both = compare(["changing:Bad", "pd_class:Pd"], periods=[2e-5], scheduler=cluster, **SHORT).table
+    for number in range(2):
+        assert both.drop(columns="law").iloc[number].equals(honest.iloc[0])
 
 
 def test_friction_and_noise_are_told_to_no_law(cluster):
