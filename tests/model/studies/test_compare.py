@@ -222,6 +222,9 @@ def test_a_class_that_changes_what_it_is_told_changes_no_run(cluster, own, tmp_p
     both = compare(["changing:Bad", "pd_class:Pd"], periods=[2e-5], scheduler=cluster, **SHORT).table
     for number in range(2):
         assert both.drop(columns="law").iloc[number].equals(honest.iloc[0])
+    told = SimParameters()
+    with contender("changing:Bad").begin(told):
+        assert told.contact.tau == SimParameters().contact.tau == 0.91e9
 
 
 def test_friction_and_noise_are_told_to_no_law(cluster):
