@@ -108,7 +108,8 @@ class Asked(Pacing):
     def next(self) -> int | None:
         """One, with its answer."""
         instrument = self._instrument
-        self.drive = None if instrument.unasked else self._law.answer(instrument.measurement)
+        # A copy: behind the instrument's own array stands all of it, truth and score included.
+        self.drive = None if instrument.unasked else self._law.answer(instrument.measurement.copy())
         return 1
 
 

@@ -235,6 +235,26 @@ def test_friction_and_noise_are_told_to_no_law(cluster):
     assert plants == [0.8 * 0.91e9, 1.2 * 0.91e9]
 
 
+def test_a_class_that_writes_into_its_measurement_changes_neither_score_nor_chatter(
+    cluster, own, tmp_path, monkeypatch
+):
+    (tmp_path / "writing.py").write_text(
+        "from pd_class import Measurement, Pd, record_at\n"
+        "class Bad(Pd):\n"
+        "    def answer(self, measurement):\n"
+        "        drive = super().answer(measurement)\n"
+        "        assert measurement.base is None\n"
+        "        y = record_at(measurement, 0, Measurement)\n"
+        "        y.reference_acceleration[:2] = 1e3\n"
+        "        y.reference_position[:2] = y.position[:2]\n"
+        "        return drive\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    table = compare(["writing:Bad", "pd_class:Pd"], periods=[2e-5], scheduler=cluster, **SHORT).table
+    bad, honest = table.drop(columns="law").iloc[0], table.drop(columns="law").iloc[1]
+    assert bad.equals(honest) and not isinstance(bad["error"], str)
+
+
 @pytest.mark.parametrize(
     ("laws", "conditions", "words"),
     [
