@@ -43,7 +43,7 @@ class Trial(NamedTuple):
 
 
 class Drives:
-    """Sums over the scored part of a run: what the drive does, and what a smooth one would do.
+    """Sums over the scored part of a run: the square of the drive, and how far a smooth one would go.
 
     The smooth drive is that of the free scanner inverted along the reference, with the friction of a flat sample along
     it: what no law can do without.
@@ -57,8 +57,8 @@ class Drives:
         self._xi = np.array([scanner.xi_x, scanner.xi_y])
         self._per_volt = self._omega**2 * np.array(piezo.sensitivities[:2])  # [m/s^2/V]
         self._friction = np.linalg.norm(nominal_friction(sim)) * sim.scales.w0**2 * sim.scales.x0  # [m/s^2]
-        self._last: tuple[_Array, _Array] | None = None
-        self.variation = self.smooth_variation = self.square = 0.0
+        self._last: _Array | None = None
+        self.smooth_variation = self.square = 0.0
         self.ticks = 0
 
     def take(self, block: Block) -> None:
@@ -76,10 +76,9 @@ class Drives:
         self.square += float(np.sum(drive**2))
         self.ticks += len(drive)
         if self._last is not None:
-            drive, smooth = np.vstack([self._last[0], drive]), np.vstack([self._last[1], smooth])
-        self.variation += float(np.sum(np.abs(np.diff(drive, axis=0))))
+            smooth = np.vstack([self._last, smooth])
         self.smooth_variation += float(np.sum(np.abs(np.diff(smooth, axis=0))))
-        self._last = drive[-1:], smooth[-1:]
+        self._last = smooth[-1:]
 
 
 def run_trials(sets: Sequence[Trial], lanes: bool = True) -> list[dict[str, Any]]:
@@ -136,10 +135,12 @@ def _row(given: Trial, instrument: Instrument | Exception, drives: Drives) -> di
     if sentence := unranked(sim, score, doubts(sim, score, controller)):
         row["error"] = f"{sentence}: this run is not ranked"
     amplitude = max(abs(each) for each in sim.reference.amplitude[:2])
+    # Of all drives that come into force, those between two ticks included.
+    variation = float(np.sum(score.drive_total_variation[:2])) * score.ticks * sim.plant.control_period
     return row | {
         "error_max": 100.0 * float(np.max(score.max[:2])) / amplitude,
         "error_rms": 100.0 * float(np.max(score.rms[:2])) / amplitude,
-        "chatter": drives.variation / drives.smooth_variation if drives.smooth_variation > 0.0 else math.nan,
+        "chatter": variation / drives.smooth_variation if drives.smooth_variation > 0.0 else math.nan,
         "energy": drives.square / max(drives.ticks, 1),
         "tip_force": max(abs(force) for force in score.normal_force),
         "contact": score.contact_fraction,

@@ -22,7 +22,7 @@ _PERIODS = 3
 SEEDS = 5
 """Runs of a case in which something is drawn."""
 LOST = 99.0
-"""Error [% of the amplitude] from which on a law has lost the reference: a scanner that stands still has 99.9 to 100."""
+"""Error [% of the amplitude] from which on a law has lost the reference: a scanner that stands still has 99.9."""
 
 
 class Rate(NamedTuple):

@@ -6,12 +6,25 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import distributed
+import numpy as np
 import pytest
 import yaml
 
-from afm_model import Comparison, ParameterError, Scenario, SimParameters, build, compare, load_scenario, simulate
+from afm_model import (
+    Comparison,
+    ControllerParameters,
+    ParameterError,
+    Scenario,
+    SimParameters,
+    build,
+    compare,
+    load_scenario,
+    simulate,
+)
 from afm_model.core.registry import names
+from afm_model.run.simulation import run
 from afm_model.studies import contender
+from afm_model.studies.trial import Drives
 from afm_model.studies.unranked import height_limit
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "controllers"
@@ -92,6 +105,43 @@ def test_margin_of_a_law_that_switches_is_missing_and_of_the_others_the_same_wit
 def test_chatter_of_a_smooth_drive_is_one(cluster):
     table = compare(["implicit"], periods=[2e-6], references=["sine 500"], scheduler=cluster, progress=False).table
     assert 0.95 < table["chatter"].iloc[0] < 1.2  # friction itself varies by some percent
+
+
+def test_chatter_of_drives_held_from_tick_to_tick_is_their_variation_over_that_of_a_smooth_one(cluster):
+    compared = compare(["pid"], periods=[2e-5], scheduler=cluster, **SHORT)
+    sections = compared.scenario_of(0)
+    sim = build(SimParameters, sections["/**/afm_sim_node"])
+    drives, blocks = Drives(sim), []
+    instrument = run(sim, build(ControllerParameters, sections["/**/afm_controller_node"]), blocks.append)
+    for block in blocks:
+        drives.take(block)
+    held = np.concatenate([block.drives for block in blocks])[sim.score_tick :, :2]
+    assert instrument.score().ticks == len(held)
+    variation = np.abs(np.diff(held, axis=0)).sum()
+    assert compared.table["chatter"].iloc[0] == pytest.approx(variation / drives.smooth_variation, rel=1e-9)
+
+
+def test_a_horizon_that_shakes_between_the_ticks_chatters(cluster, own, tmp_path, monkeypatch):
+    (tmp_path / "shaking.py").write_text(
+        "import numpy as np\n"
+        "from pd_class import Pd\n"
+        "from afm_model import Command\n"
+        "class Quiet(Pd):\n"
+        "    shake = 0.0  # [V]\n"
+        "    def answer(self, measurement):\n"
+        "        drive = super().answer(measurement)\n"
+        "        signs = np.array([1, -1, 1, -1, 1, -1, 1, -1, 0.0])\n"
+        "        return Command(drive, drive + np.outer(signs, [self.shake, self.shake, 0.0]), 5e-6)\n"
+        "class Shaking(Quiet):\n"
+        "    shake = 0.5\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    fine = {"plant.control_period": 5e-5, "piezo.dac_period": 5e-6}
+    scenario = Scenario("fine", Path("fine.yaml"), sim=build(SimParameters, fine))
+    laws = ["pd_class:Pd", "shaking:Quiet", "shaking:Shaking"]
+    held, quiet, shaking = compare(laws, scenario, periods=[5e-5], scheduler=cluster, **SHORT).table["chatter"]
+    assert quiet == held
+    assert shaking > 20.0 * quiet
 
 
 def test_law_and_class_of_ones_own_take_part_and_agree(cluster, own):
