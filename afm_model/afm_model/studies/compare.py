@@ -115,9 +115,20 @@ def compare(
                 continue
             sets.append(Trial(sim, controllers[key], law.kind, None if values[:2] in linearised else told))
             linearised.add(values[:2])
+    # A law that is no part may end its process.
+    parts = {law.label for law in every if law.is_part}
     run_all = partial(run_trials, lanes=lanes)
     results = run_sets(
-        run_all, sets, len(sets), "comparing", alone, scheduler=scheduler, workers=workers, progress=progress
+        run_all,
+        sets,
+        len(sets),
+        "comparing",
+        alone,
+        name=lambda number: f"law {rows[number]['law']}",
+        apart=lambda number: "" if rows[number]["law"] in parts else rows[number]["law"],
+        scheduler=scheduler,
+        workers=workers,
+        progress=progress,
     )
     rows = [row | result for row, result in zip(rows, results, strict=True)]
     margins = {(row["law"], *_timing(row)): row["margin"] for row in rows if "margin" in row}

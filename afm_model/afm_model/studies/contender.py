@@ -150,7 +150,7 @@ def load_law(kind: str) -> Any:
         sys.path.insert(0, "")
     try:
         found = getattr(importlib.import_module(module), attribute)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ParameterError(f"law {kind} cannot be loaded: {type(error).__name__}: {error}") from error
     if getattr(found, "family", "law") != "law" or not (hasattr(found, "family") or callable(found)):
         raise ParameterError(

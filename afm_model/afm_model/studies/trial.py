@@ -117,7 +117,7 @@ def _run_object(given: Trial) -> tuple[Instrument | Exception, Drives]:
             return run(given.sim, law, drives.take, block_ticks=_BLOCK_TICKS), drives
     except FAILURES as error:
         return error, drives
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         # An object may raise anything; the other runs continue.
         return LawError(f"law {given.kind}: {type(error).__name__}: {error}"), drives
 

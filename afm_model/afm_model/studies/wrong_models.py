@@ -251,7 +251,7 @@ def _run(case: Case, rate: Rate, law: Contender, noise: float, seed: int) -> dic
             result = _simulated(case, rate, law, noise, seed)
     except FAILURES as error:
         return row | {"lost": str(error)}
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         # An object may raise anything; the other runs continue.
         if law.is_part:
             raise

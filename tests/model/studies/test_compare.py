@@ -2,6 +2,9 @@
 
 import csv
 import math
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -242,6 +245,46 @@ def test_class_that_raises_costs_no_other_run(cluster, own, tmp_path, monkeypatc
     table = compare(["raising:Bad", "pid"], periods=[5e-5], scheduler=cluster, **SHORT).table
     assert table["error"].iloc[0] == "law raising:Bad: OSError: no licence"
     assert math.isfinite(table["error_max"].iloc[1])
+
+
+def test_class_that_exits_costs_no_other_run(cluster, own, tmp_path, monkeypatch):
+    (tmp_path / "exiting.py").write_text("class Bad:\n    def __init__(self, sim):\n        raise SystemExit(3)\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    table = compare(["exiting:Bad", "pid"], periods=[5e-5], scheduler=cluster, **SHORT).table
+    assert table["error"].iloc[0] == "law exiting:Bad: SystemExit: 3"
+    assert math.isfinite(table["error_max"].iloc[1])
+
+
+def test_module_that_exits_is_told_in_a_sentence(tmp_path, monkeypatch):
+    (tmp_path / "leaving.py").write_text("raise SystemExit(3)\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(ParameterError, match=r"law leaving:Law cannot be loaded: SystemExit: 3"):
+        compare(["leaving:Law"])
+
+
+def test_class_that_ends_its_worker_is_named(tmp_path):
+    (tmp_path / "ending.py").write_text(
+        "import os\nfrom pd_class import Pd\nclass Bad(Pd):\n    def answer(self, measurement):\n        os._exit(0)\n"
+    )
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from afm_model import SweepError, compare\n"
+        "if __name__ == '__main__':\n"
+        "    try:\n"
+        "        compare(['pid', 'ending:Bad', 'pd_class:Pd'], periods=[5e-5, 2e-4], references=['sine 2500'],\n"
+        "                workers=1, progress=False)\n"
+        "    except SweepError as error:\n"
+        "        print(error)\n"
+    )
+    path = os.pathsep.join([str(tmp_path), str(EXAMPLES), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, script], env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+    words = (
+        "4 worker processes have ended, one after the other, in the same runs, those of law ending:Bad: something in"
+    )
+    assert done.stdout.startswith(words)
 
 
 def test_friction_noise_and_seed_are_told_to_no_object(cluster, tmp_path, monkeypatch):

@@ -248,6 +248,15 @@ class Pulling(Itself):
         return super().answer(asked, time)
 
 
+def test_an_object_that_exits_is_a_lost_row():
+    class Bad:
+        def answer(self, measurement: Any) -> Any:
+            raise SystemExit(3)
+
+    bad = Contender("bad", "bad", {}, lambda told: nullcontext(Bad()))
+    assert run_case(CASE["the truth"], RATE["50 us + 1"], bad)["lost"] == "SystemExit: 3"
+
+
 def test_a_scanner_that_stands_still_is_lost():
     still = Contender("still", "still", {}, lambda told: nullcontext(Still()))
     for title in ("the truth", "triangle", "along y alone"):
