@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ..core.errors import LawError, ParameterError, PartError
 from ..instrument import Block, Instrument
-from ..instrument.validity import doubts
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
 from ..run.together import REFUSALS, run_together
@@ -132,7 +131,7 @@ def _row(given: Trial, instrument: Instrument | Exception, drives: Drives) -> di
     if sentence := limited(instrument):
         return row | {"error": sentence}
     score = instrument.score()
-    if sentence := unranked(sim, score, doubts(sim, score, controller)):
+    if sentence := unranked(sim, score, controller):
         row["error"] = f"{sentence}: this run is not ranked"
     amplitude = max(abs(each) for each in sim.reference.amplitude[:2])
     # Of all drives that come into force, those between two ticks included.

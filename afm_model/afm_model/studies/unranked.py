@@ -1,12 +1,12 @@
 """Which runs count for nothing, in a comparison and over wrong models alike."""
 
 import math
-from collections.abc import Sequence
 
 from ..core import registry
 from ..core.elementary import square
 from ..instrument import ScoreSummary
-from ..parameters import SimParameters
+from ..instrument.validity import doubts
+from ..parameters import ControllerParameters, SimParameters
 
 _LARGEST = 4.0
 """Largest error along z over that in the mean square: a tip that is thrown for a moment still counts."""
@@ -26,19 +26,19 @@ def height_limit(sim: SimParameters) -> float:
     return max(float(height), _PULL * sim.contact.pull_off_force / stiffness)
 
 
-def unranked(sim: SimParameters, score: ScoreSummary, found: Sequence[str]) -> str:
+def unranked(sim: SimParameters, score: ScoreSummary, controller: ControllerParameters | None = None) -> str:
     """Why a run counts for nothing, however small its error along x and y is; "" if it counts.
 
     Parameters
     ----------
     sim : SimParameters
     score : ScoreSummary
-    found : sequence of str
-        Doubts of this score.
+    controller : ControllerParameters, optional
+        Of a law that is a part.
     """
     if score.contact_fraction < 1.0:
         return f"the tip was on the sample for {100.0 * score.contact_fraction:.3g} % of the time"
-    if found:
+    if found := doubts(sim, score, controller):
         return found[0]
     allowed, rms, largest = height_limit(sim), float(score.rms[2]), float(score.max[2])
     if rms > allowed or largest > _LARGEST * allowed:

@@ -285,3 +285,11 @@ def test_reason_is_that_of_the_worst_of_the_runs_that_are_lost(monkeypatch):
     monkeypatch.setattr(sys.modules[run_case.__module__], "_run", run)
     row = run_case(CASE["noise"], RATE["50 us + 1"], contender("pid"))
     assert (row["worst"], row["lost"]) == (209.0, "209")
+
+
+def test_a_photodiode_that_was_at_the_end_of_its_range_in_the_first_period_loses_nothing():
+    case, rate, law = mixed(25), RATE["200 us + 1"], contender("predictive surface=known")
+    row = run_case(case, rate, law, noise=1.0)
+    runs = [simulate(*parameters_of(case, rate, law, 1.0, seed)) for seed in range(5)]
+    assert any("end of its range" in each for run in runs for each in run.doubts)
+    assert row["lost"] == ""
