@@ -39,7 +39,7 @@ class Contender:
     Parameters
     ----------
     label : str
-        As the user has written it; also how the row names it.
+        As the user has written it, one space between words; also how the row names it.
     kind : str
         Name of the law, or module:NAME.
     values : dict
@@ -79,7 +79,8 @@ class Contender:
         law = load_law(self.kind)
         if getattr(law, "parameters", None) is PaperLaw:
             return _OF_THE_PAPER
-        return str(getattr(law, "knowledge", "") or _UNDECLARED)
+        # One line, as that of every other law.
+        return " ".join(str(getattr(law, "knowledge", "")).split()) or _UNDECLARED
 
 
 def contender(text: str) -> Contender:
@@ -97,7 +98,7 @@ def contender(text: str) -> Contender:
         if not equals:
             raise ParameterError(f"law {text}: {each} is not allowed: a parameter is given as name=value")
         values[name] = _value(value)
-    made = Contender(text, kind, values)
+    made = Contender(" ".join((kind, *given)), kind, values)
     if made.is_part:
         # Each run has its own period, and checks what is allowed there.
         slow = build(SimParameters, {"plant.control_period": 1e-3})

@@ -247,6 +247,43 @@ def test_class_that_raises_costs_no_other_run(cluster, own, tmp_path, monkeypatc
     assert math.isfinite(table["error_max"].iloc[1])
 
 
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ("None", "drive None is not allowed: every measurement must be answered, with three voltages or a Command"),
+        ("drive + 0j", "is not allowed: it must be three real numbers"),
+        ("Command(drive + 0j)", "is not allowed: it must be three real numbers"),
+        ("Command(drive, [drive + 0j], 1e-5)", "a horizon of complex128 is not allowed: it must be of real numbers"),
+        ("['1', '2', '3']", "drive ['1', '2', '3'] is not allowed: it must be three real numbers"),
+        ("[0, [1], 2]", "drive [0, [1], 2] is not allowed: it must be three voltages"),
+    ],
+)
+def test_what_is_no_drive_is_the_error_of_the_row(cluster, own, tmp_path, monkeypatch, answer, words):
+    name = f"odd_{abs(hash(answer))}"
+    (tmp_path / f"{name}.py").write_text(
+        "from pd_class import Pd\n"
+        "from afm_model import Command\n"
+        "class Bad(Pd):\n"
+        "    ticks = 0\n"
+        "    def answer(self, measurement):\n"
+        "        drive = super().answer(measurement)\n"
+        "        self.ticks += 1\n"
+        f"        return drive if self.ticks <= 5 else {answer}\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    error = compare([f"{name}:Bad"], periods=[5e-5], scheduler=cluster, **SHORT).table["error"].iloc[0]
+    assert words in error
+    if "Command" not in answer:
+        assert error.endswith("(answer to measurement 5 from Bad)")
+
+
+def test_text_of_a_law_is_one_line_however_it_is_written(tmp_path, monkeypatch):
+    (tmp_path / "knowing.py").write_text("class Law:\n    knowledge = 'nothing\\n  pid is told: all'\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert contender("knowing:Law").knowledge == "nothing pid is told: all"
+    assert contender("  pid   slowness=1 ").label == "pid slowness=1"
+
+
 def test_class_that_exits_costs_no_other_run(cluster, own, tmp_path, monkeypatch):
     (tmp_path / "exiting.py").write_text("class Bad:\n    def __init__(self, sim):\n        raise SystemExit(3)\n")
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -358,6 +395,7 @@ def test_a_class_that_writes_into_its_measurement_changes_neither_score_nor_chat
         (["math:tau"], {}, "law math:tau is neither a law part nor a class"),
         (["nowhere:Law"], {}, "law nowhere:Law cannot be loaded: ModuleNotFoundError"),
         (["pid", "pid"], {}, "a law is given twice"),
+        (["pid", " pid"], {}, "a law is given twice"),
         (["pid"], {"references": ["sine"]}, "reference sine is not allowed: it must be a shape and"),
         (["pid"], {"references": ["square 50"]}, "reference.shape_x = square is not allowed"),
         (["pid"], {"periods": [1.5e-6]}, "plant.control_period = 1.5e-06 s is not allowed"),
