@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..core.registry import names
 from ..parameters import ControllerParameters, SimParameters, Value, build, changed, flatten
 from ..parameters.scenario import law_timing
 from ..run.simulation import Simulation, simulate
@@ -155,6 +156,9 @@ def parameters_of(
 ) -> tuple[SimParameters, ControllerParameters]:
     """Of one run of a part, the noise of the instrument of this level (`contender.NOISE`) in addition.
 
+    A law of this package is told the wrong number. One's own may have the right ones in its code, whatever it is told:
+    there the instrument is off, the other way, as for an object.
+
     Raises
     ------
     ParameterError
@@ -169,6 +173,8 @@ def parameters_of(
     sim = _instrument(case, rate, noise, seed, packets)
     own |= feedback_of(law, noisy=sim.detector.noise != 0.0)
     timing = law_timing(own, sim)
+    if law.kind not in names("law"):
+        return _off(case, rate, sim), build(ControllerParameters, timing | own)
     if "law.delay_ticks" in timing:
         timing["law.delay_ticks"] = max(0, rate.delay_ticks + case.ticks)
     controller = build(ControllerParameters, timing | own)
@@ -183,10 +189,14 @@ def instruments_of(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0) ->
     """
     reference = {name: value for name, value in case.true.items() if name.startswith("reference.")}
     told = _instrument(Case(case.title, reference), rate._replace(stir=0.0))
-    true = _instrument(case, rate, noise, seed)
+    return _off(case, rate, _instrument(case, rate, noise, seed)), told
+
+
+def _off(case: Case, rate: Rate, true: SimParameters) -> SimParameters:
+    """The instrument of a case, off by as much as a law of this package is told wrong, the other way."""
     plain = flatten(true)
     news: dict[str, Value] = {name: float(plain[name]) / by for name, by in case.told.items() if name in plain}
-    return changed(true, news | {"plant.delay_ticks": max(0, rate.delay_ticks - case.ticks)}), told
+    return changed(true, news | {"plant.delay_ticks": max(0, rate.delay_ticks - case.ticks)})
 
 
 def _instrument(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0, packets: bool = True) -> SimParameters:

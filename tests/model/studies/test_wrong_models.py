@@ -2,6 +2,7 @@
 
 import sys
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -293,3 +294,42 @@ def test_a_photodiode_that_was_at_the_end_of_its_range_in_the_first_period_loses
     runs = [simulate(*parameters_of(case, rate, law, 1.0, seed)) for seed in range(5)]
     assert any("end of its range" in each for run in runs for each in run.doubts)
     assert row["lost"] == ""
+
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "controllers"
+
+
+def test_a_part_of_ones_own_gains_nothing_by_ignoring_what_it_is_told(tmp_path, monkeypatch):
+    (tmp_path / "fixed_law.py").write_text(
+        "from types import SimpleNamespace\n"
+        "from afm_model import SimParameters\n"
+        "from afm_model.parts import Law\n"
+        "from pd_law import Constants, PdParameters, control, values\n"
+        "def fixed(parameters):\n"
+        "    sim = SimParameters()\n"
+        "    return values(SimpleNamespace(law=parameters.law, scanner=sim.scanner, piezo=sim.piezo))\n"
+        "FIXED = Law(name='fixed', parameters=PdParameters, constants=Constants, values=fixed, control=control)\n"
+    )
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    rate = Rate("10 us", 1e-5, 0)
+    listening, deaf = contender("pd_law:PD"), contender("fixed_law:FIXED")
+    truth = run_case(CASE["the truth"], rate, deaf)["third"]
+    for title in ("resonances +5 %", "damping x 2", "sensitivity of the piezo -5 %", "told a tick of delay too few"):
+        rows = [run_case(CASE[title], rate, law) for law in (listening, deaf)]
+        assert rows[0] == rows[1] and rows[0]["third"] != truth
+
+
+@pytest.mark.parametrize("title", ["resonances +2 %", "told a tick of delay too many", "all wrong, draw 5"])
+def test_of_a_part_of_ones_own_the_instrument_is_off_and_a_law_of_this_package_is_told_wrong(monkeypatch, title):
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    case, rate = CASE.get(title, mixed(5)), RATE["50 us + 1"]
+    nominal = SimParameters()
+    own, shipped = contender("pd_law:PD"), contender("predictive")
+    sim, controller = parameters_of(case, rate, own, 1.0, 3)
+    assert sim == instruments_of(case, rate, 1.0, 3)[0]
+    assert (controller.scanner, controller.piezo.sensitivity_x) == (nominal.scanner, nominal.piezo.sensitivity_x)
+    assert controller.law.delay_ticks == rate.delay_ticks
+    sim, controller = parameters_of(case, rate, shipped, 1.0, 3)
+    assert sim.scanner == nominal.scanner and sim.plant.delay_ticks == rate.delay_ticks
+    assert controller.scanner != nominal.scanner or controller.law.delay_ticks != rate.delay_ticks
