@@ -2,11 +2,14 @@
 
 import argparse
 import csv
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
 from afm_model.core.registry import names
-from afm_model.studies import Contender, contender, wrong_models
+from afm_model.studies import UNDER, Contender, contenders, wrong_models
 from afm_model.studies.wrong_models import CASES, mixed
 
 from .compare_page import page
@@ -20,14 +23,30 @@ ROBUST, ROBUST_TABLE, ROBUST_PICTURE = "wrong_models.csv", "wrong_models.md", "r
 """Files in the folder of the results."""
 TUNED_PID = "pid slowness=0.1,0.15,0.25,0.5,1"
 """The PID of a comparison without LAW: the best closed-loop time constant of these over the same runs."""
+_DEFAULTS: dict[str, Any] = {
+    "periods": [5e-5, 2e-4],
+    "delays": [0, 1],
+    "friction": [1.0],
+    "references": ["sine 50"],
+    "cycles": 1.5,
+    "scenario": None,
+    "workers": None,
+    "draws": 10,
+}
+"""Of options that count either with --robust or without; they are refused where they do not."""
+_SHOWN = ["law", "runs", "finished", "good", "error_max", "z_rms", "chatter", "tip_force", "margin"]
+_UNITS = (
+    f"finished: runs that are ranked; good: part of the runs with an error_max of {UNDER:g} % at most; medians of the "
+    "runs, error_max in % of the amplitude, z_rms in m, tip_force in N"
+)
 
 
 def _arguments() -> argparse.Namespace:
+    """What is given, defaults filled in; `given`: the options of `_DEFAULTS` that are."""
     parser = argparse.ArgumentParser(
         prog="compare",
         description="Run laws under every combination of the conditions given, and rank them: laws in process, nodes "
         "over topics in lockstep.",
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
     )
     parser.add_argument(
         "laws",
@@ -47,38 +66,56 @@ def _arguments() -> argparse.Namespace:
         "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
     )
     parser.add_argument("--out", required=True, type=Path, help="folder for the results")
-    parser.add_argument("--scenario", help="scenario with the common parameters of all runs")
-    parser.add_argument("--periods", nargs="+", type=float, default=[5e-5, 2e-4], help="control periods [s]")
-    parser.add_argument("--delays", nargs="+", type=int, default=[0, 1], help="delays in control periods")
     parser.add_argument(
-        "--noise", nargs="+", type=float, default=[0.0], help="levels of noise, see docs/controllers.md"
+        "--noise", nargs="+", type=float, default=[0.0], help="levels of noise, see docs/controllers.md (default: 0)"
     )
-    parser.add_argument("--friction", nargs="+", type=float, default=[1.0], help="true friction over nominal friction")
-    parser.add_argument(
-        "--references", nargs="+", default=["sine 50"], metavar="'SHAPE OMEGA'", help="shape and frequency [rad/s]"
-    )
-    parser.add_argument("--cycles", type=float, default=1.5, help="length of a run in periods of the reference")
+
+    def add(name: str, help_text: str, **more: Any) -> None:
+        # Absent if not given: a default would look like something that the user wants.
+        default = _DEFAULTS[name]
+        shown = " ".join(map(str, default)) if isinstance(default, list) else default
+        told = help_text if default is None else f"{help_text} (default: {shown})"
+        parser.add_argument(f"--{name}", default=argparse.SUPPRESS, help=told, **more)
+
+    add("scenario", "scenario with the common parameters of all runs, and with those of nodes")
+    add("periods", "control periods [s]", nargs="+", type=float)
+    add("delays", "delays in control periods", nargs="+", type=int)
+    add("friction", "true friction over nominal friction", nargs="+", type=float)
+    add("references", "shape and frequency [rad/s]", nargs="+", metavar="'SHAPE OMEGA'")
+    add("cycles", "length of a run in periods of the reference", type=float)
     parser.add_argument(
         "--robust",
         action="store_true",
         help="run the laws over the table of wrong models instead, docs/laws.md; of the other conditions one level of "
         "noise counts",
     )
-    parser.add_argument(
-        "--draws",
-        type=int,
-        default=10,
-        metavar="N",
-        help="with --robust: further rows in which all numbers are wrong at once, drawn at random",
-    )
-    parser.add_argument("--workers", type=int, help="processes; as many as there are processors if not given")
-    return parser.parse_args()
+    robust = "with --robust: further rows in which all numbers are wrong at once, drawn at random"
+    add("draws", robust, type=int, metavar="N")
+    add("workers", "processes; as many as there are processors if not given", type=int)
+    parsed = vars(parser.parse_args())
+    return argparse.Namespace(**(_DEFAULTS | parsed), given=[name for name in _DEFAULTS if name in parsed])
+
+
+def _require_options_that_count(arguments: argparse.Namespace) -> None:
+    """Raise ParameterError if an option is given that changes nothing."""
+    if not arguments.robust:
+        if "draws" in arguments.given:
+            raise ParameterError(f"--draws {arguments.draws} is not allowed without --robust, whose rows it adds to")
+        return
+    # The table has its own conditions; a scenario still has the parameters of a node.
+    allowed = ("draws", "scenario") if arguments.node else ("draws",)
+    if refused := [f"--{name}" for name in arguments.given if name not in allowed]:
+        raise ParameterError(
+            f"{', '.join(refused)} is not allowed with --robust: the table of wrong models has conditions of its own; "
+            f"--noise with one level, --draws and, with --node, --scenario are"
+        )
 
 
 def main() -> int:
     """Entry point; the exit code is 2 for arguments that are not allowed, 1 if the results cannot be written."""
     arguments = _arguments()
     try:
+        _require_options_that_count(arguments)
         scenario = read_scenario(arguments.scenario) if arguments.scenario else None
         nodes = [node_contender(each, scenario, ros_arguments=arguments.ros_arguments) for each in arguments.node]
         laws = arguments.laws
@@ -86,7 +123,7 @@ def main() -> int:
             laws = [name for name in names("law") if name not in ("open_loop", "chirp", "external", "pid")]
             laws += ["observer friction=learned", "pid" if arguments.robust else TUNED_PID]
         if arguments.robust:
-            every = [*map(contender, laws), *nodes]
+            every = [*map(_untuned, laws), *nodes]
             return _robust(every, arguments.noise, arguments.draws, arguments.out)
         comparison = compare(
             [*laws, *nodes],
@@ -107,12 +144,36 @@ def main() -> int:
         write(comparison, arguments.out)
     except OSError as error:
         return end(f"error: {arguments.out} cannot be written: {error.strerror}", 1)
-    show = ["law", "runs", "finished", "good", "error_max", "z_rms", "chatter", "tip_force", "margin"]
-    print(comparison.ranking()[show].to_string(index=False, float_format="%.3g"))
+    print(comparison.ranking()[_SHOWN].to_string(index=False, float_format="%.3g"))
+    print(_UNITS)
+    for line in not_ranked(comparison):
+        print(line)
     for law in comparison.contenders:
         print(f"{law.label} is told: {law.knowledge}")
     print(f"{arguments.out / PAGE}, {CSV}, {LATEX}")
     return 0
+
+
+def not_ranked(comparison: Comparison) -> Iterator[str]:
+    """A line for each law with runs that are not ranked: how many, and the commonest reason."""
+    for law in comparison.contenders:
+        runs = comparison.table[comparison.table["law"] == law.label]
+        reasons = Counter(each.removesuffix(": this run is not ranked") for each in runs["error"].dropna())
+        if reasons:
+            reason, times = reasons.most_common(1)[0]
+            rest = f"; {reasons.total() - times} for other reasons" if len(reasons) > 1 else ""
+            yield f"{law.label}: {reasons.total()} of {len(runs)} runs are not ranked: {reason}{rest}"
+
+
+def _untuned(text: str) -> Contender:
+    """A law of --robust; ParameterError if it has several values of a parameter."""
+    made = contenders(text)
+    if len(made) > 1:
+        raise ParameterError(
+            f"law {text} is not allowed with --robust, which does not tune: give one value of each parameter, or "
+            f"several laws"
+        )
+    return made[0]
 
 
 def _robust(laws: list[Contender], noise: list[float], draws: int, folder: Path) -> int:
@@ -121,6 +182,9 @@ def _robust(laws: list[Contender], noise: list[float], draws: int, folder: Path)
         raise ParameterError(
             f"noise = {' '.join(f'{level:g}' for level in noise)} is not allowed with --robust: give one level"
         )
+    labels = [law.label for law in laws]
+    if twice := [label for label in dict.fromkeys(labels) if labels.count(label) > 1]:
+        raise ParameterError(f"law {twice[0]} is not allowed twice")
     if draws < 0:
         raise ParameterError(f"draws = {draws} is not allowed: it must be >= 0")
     cases = (*CASES, *map(mixed, range(draws)))

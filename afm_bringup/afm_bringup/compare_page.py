@@ -59,7 +59,7 @@ def page(comparison: Comparison) -> str:
 <p>Every law has the same measurements, and the period and delay if it has parameters for them. The last column
 lists its further knowledge. The error is that of the worse of x and y in percent of the amplitude; chatter is the total
 variation of the drive over that of a smooth one; the margin is the smallest distance of the open loop from -1. Medians
-over all runs; one that diverged, left the sample or is doubtful counts as infinite. Small figures: the rank among all
+over all runs; one that has an error in the list below counts as infinite. Small figures: the rank among all
 laws.</p>
 {_ranking(comparison)}
 {pictures}

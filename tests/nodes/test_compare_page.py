@@ -139,3 +139,58 @@ def test_table_of_wrong_models_is_a_picture_and_a_table_with_the_worst_the_media
     crosses = [line for line in mine.lines if line.get_marker() == "x"]
     assert sum(len(line.get_xdata()) for line in crosses) == 1
     assert "1 of 3 lost" in mine.get_title() and "0 of 3 lost" in other.get_title()
+
+
+def test_runs_that_are_not_ranked_are_a_line_a_law_with_the_commonest_reason(comparison):
+    lost = comparison.table.assign(error=None)
+    own = lost.index[lost["law"] == "sgn"]
+    lost.loc[own[:3], "error"] = ["a: this run is not ranked", "b", "a: this run is not ranked"]
+    lost.loc[lost["law"] == "pid", "error"] = "the motion diverged"
+    lines = list(compare_command.not_ranked(Comparison(lost, comparison.contenders, comparison.common)))
+    assert lines == [
+        "pid: 4 of 4 runs are not ranked: the motion diverged",
+        "sgn: 3 of 4 runs are not ranked: a; 1 for other reasons",
+    ]
+
+
+def test_command_prints_units_and_what_is_not_ranked_below_the_ranking(comparison, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(sys, "argv", ["compare", *LAWS, "--out", str(tmp_path)])
+    monkeypatch.setattr(compare_command, "compare", lambda *_, **__: comparison)
+    assert compare_command.main() == 0
+    head, *lines = capsys.readouterr().out.splitlines()
+    assert head.split()[:4] == ["law", "runs", "finished", "good"]
+    assert lines[len(LAWS)].startswith(
+        "finished: runs that are ranked; good: part of the runs with an error_max of 1 %"
+    )
+    assert "z_rms in m, tip_force in N" in lines[len(LAWS)]
+    assert lines[len(LAWS) + 1].startswith("pid: 1 of 4 runs are not ranked: the tip was on the sample for ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["pid", "--robust", "--friction", "1"], "--friction is not allowed with --robust: the table of wrong models"),
+        (["pid", "--robust", "--periods", "5e-5", "--cycles", "2"], "--periods, --cycles is not allowed with --robust"),
+        (["pid", "--robust", "--delays", "0"], "--delays is not allowed"),
+        (["pid", "--robust", "--references", "sine 50"], "--references is not allowed"),
+        (["pid", "--robust", "--scenario", "open_loop"], "--scenario is not allowed"),
+        (["pid", "--robust", "--workers", "1"], "--workers is not allowed"),
+        (["pid", "--draws", "10"], "--draws 10 is not allowed without --robust"),
+        (["pid slowness=0.1,0.2", "--robust"], "law pid slowness=0.1,0.2 is not allowed with --robust, which does not"),
+        (["pid", " pid", "--robust"], "law pid is not allowed twice"),
+    ],
+)
+def test_options_that_would_change_nothing_are_refused(monkeypatch, capsys, tmp_path, arguments, words):
+    monkeypatch.setattr(sys, "argv", ["compare", *arguments, "--out", str(tmp_path / "out")])
+    assert compare_command.main() == 2
+    assert capsys.readouterr().err.startswith(f"error: {words}")
+    assert not (tmp_path / "out").exists()
+
+
+def test_help_tells_every_default(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["compare", "--help"])
+    with pytest.raises(SystemExit):
+        compare_command.main()
+    text = " ".join(capsys.readouterr().out.split())
+    for default in ("5e-05 0.0002", "0 1", "1.0", "sine 50", "1.5", "10", "0"):
+        assert f"(default: {default})" in text

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core.errors import DivergenceError, DriveError, ParameterError
 from ..core.records import address_at, record_at, size
 from ..parameters import InstrumentParameters
-from ..parts.command import Command, CommandRecord, problem
+from ..parts.command import Command, CommandRecord, problem, three_voltages
 from ..parts.header import BlockHeader
 from ..parts.part import Channel
 from ..parts.signals import PiezoDrive
@@ -275,10 +275,8 @@ class Instrument(Readings):
             raise drive
         if isinstance(drive, Command):
             self._commanded.write(drive)
-        elif np.shape(drive) != (3,):
-            raise DriveError(f"drive {drive} is not allowed: it must be three voltages")
         else:
-            self._commanded.voltage[:] = drive
+            self._commanded.voltage[:] = three_voltages(drive)
             self._horizon_count[0] = 0
 
     def close_loop(self, controller: Controller, ticks: int) -> bool:

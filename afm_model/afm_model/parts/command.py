@@ -14,6 +14,30 @@ from .signals import LONGEST_HORIZON, PiezoDrive
 _Array = NDArray[np.float64]
 
 
+_REAL = "fiu"
+"""Kinds of arrays that are voltages."""
+
+
+def three_voltages(drive: Any) -> NDArray[Any]:
+    """A drive as an array.
+
+    Raises
+    ------
+    DriveError
+        If it is not three real numbers.
+    """
+    try:
+        volts = np.asarray(drive)
+    except (TypeError, ValueError):
+        volts = np.zeros(0)
+    if volts.shape != (3,):
+        shown = volts.tolist() if volts.size else drive
+        raise DriveError(f"drive {shown} is not allowed: it must be three voltages")
+    if volts.dtype.kind not in _REAL:
+        raise DriveError(f"drive {volts.tolist()} is not allowed: it must be three real numbers")
+    return volts
+
+
 def _no_horizon() -> _Array:
     return np.zeros((0, 3))
 
@@ -44,10 +68,11 @@ class Command:
     horizon_period: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("voltage", "horizon"):
-            object.__setattr__(self, name, np.array(getattr(self, name), np.float64))
-        if self.voltage.shape != (3,):
-            raise DriveError(f"drive {self.voltage.tolist()} is not allowed: it must be three voltages")
+        object.__setattr__(self, "voltage", np.array(three_voltages(self.voltage), np.float64))
+        horizon = np.asarray(self.horizon)
+        if horizon.dtype.kind not in _REAL:
+            raise DriveError(f"a horizon of {horizon.dtype} is not allowed: it must be of real numbers")
+        object.__setattr__(self, "horizon", np.array(horizon, np.float64))
         if self.horizon.ndim != 2 or self.horizon.shape[1] != 3:
             raise DriveError(
                 f"a horizon of shape {self.horizon.shape} is not allowed: it must be n rows of three voltages"

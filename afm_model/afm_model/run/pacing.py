@@ -3,13 +3,16 @@
 import math
 from typing import TYPE_CHECKING, Any
 
-from ..core.errors import DivergenceError, MalformedError, PartError
+from ..core.errors import DivergenceError, DriveError, MalformedError, PartError
 from ..instrument.controller import Controller
 from ..parameters import SimParameters
 from .link import Answer
 
 if TYPE_CHECKING:
     from .engine import Engine
+
+
+_NO_ANSWER = "drive None is not allowed: every measurement must be answered, with three voltages or a Command"
 
 
 class Pacing:
@@ -108,7 +111,12 @@ class Asked(Pacing):
     def next(self) -> int | None:
         """One, with its answer."""
         instrument = self._instrument
-        self.drive = None if instrument.unasked else self._law.answer(instrument.measurement)
+        self.drive = None
+        if not instrument.unasked:
+            # A copy: behind the instrument's own array stands all of it, truth and score included.
+            answer = self._law.answer(instrument.measurement.copy())
+            # Over topics a run in lockstep waits for an answer: no drive is held that nobody has asked for.
+            self.drive = DriveError(_NO_ANSWER) if answer is None else answer
         return 1
 
 

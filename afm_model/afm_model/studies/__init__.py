@@ -2,7 +2,7 @@
 
 from .compare import compare
 from .comparison import RANKED, UNDER, Comparison
-from .contender import CONDITIONS, NOISE, Contender, contender
+from .contender import CONDITIONS, NOISE, Contender, contender, contenders
 from .trial import Trial, run_trials
 from .wrong_models import wrong_models
 
@@ -16,6 +16,7 @@ __all__ = [
     "Trial",
     "compare",
     "contender",
+    "contenders",
     "run_trials",
     "wrong_models",
 ]

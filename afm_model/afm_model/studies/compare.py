@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
-from ..parameters import ControllerParameters, SimParameters
+from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
 from .contender import CONDITIONS, Common, Contender, contenders, instrument_under, law_under
@@ -102,7 +102,9 @@ def compare(
             if not law.is_part:
                 if law.start is not None:
                     alone.append(len(sets))
-                sets.append(Trial(sim, None, law.kind, None, partial(law.begin, told)))
+                # With the seed it could draw the noise that is to come.
+                unseeded = changed(told, {"plant.seed": SimParameters().plant.seed})
+                sets.append(Trial(sim, None, law.kind, None, partial(law.begin, unseeded)))
                 continue
             key = law.label, *values[:2], float(values[2]) != 0.0
             try:
@@ -113,9 +115,20 @@ def compare(
                 continue
             sets.append(Trial(sim, controllers[key], law.kind, None if values[:2] in linearised else told))
             linearised.add(values[:2])
+    # A law that is no part may end its process.
+    parts = {law.label for law in every if law.is_part}
     run_all = partial(run_trials, lanes=lanes)
     results = run_sets(
-        run_all, sets, len(sets), "comparing", alone, scheduler=scheduler, workers=workers, progress=progress
+        run_all,
+        sets,
+        len(sets),
+        "comparing",
+        alone,
+        name=lambda number: f"law {rows[number]['law']}",
+        apart=lambda number: "" if rows[number]["law"] in parts else rows[number]["law"],
+        scheduler=scheduler,
+        workers=workers,
+        progress=progress,
     )
     rows = [row | result for row, result in zip(rows, results, strict=True)]
     margins = {(row["law"], *_timing(row)): row["margin"] for row in rows if "margin" in row}

@@ -38,7 +38,7 @@ class Comparison:
         drive of x and y [V^2]), `tip_force` (largest normal force, pull or push [N]), `contact` (part of the time),
         `margin` (smallest distance of the open loop from -1; 0: unstable; missing: no linear model), `z_rms` [m],
         `trajectory_sha256`, and `error`: the sentence of a run that diverged, was refused, passed a limit, left the
-        sample or is doubtful.
+        sample, held the tip at another height or is doubtful.
     contenders : tuple of Contender
     common : Common
     """

@@ -39,7 +39,7 @@ class Contender:
     Parameters
     ----------
     label : str
-        As the user has written it; also how the row names it.
+        As the user has written it, one space between words; also how the row names it.
     kind : str
         Name of the law, or module:NAME.
     values : dict
@@ -59,8 +59,12 @@ class Contender:
         return self.start is None and getattr(load_law(self.kind), "family", None) == "law"
 
     def begin(self, told: SimParameters) -> AbstractContextManager[Any]:
-        """Begin it for one run, if it is no part: made of the instrument with nominal friction and without noise."""
-        return self.start(told) if self.start is not None else nullcontext(load_law(self.kind)(told))
+        """Begin it for one run, if it is no part: made of the instrument with nominal friction and without noise.
+
+        It is told a copy of its own: what it changes there changes no run.
+        """
+        own = told.model_copy(deep=True)
+        return self.start(own) if self.start is not None else nullcontext(load_law(self.kind)(own))
 
     @property
     def parameters(self) -> dict[str, Value]:
@@ -75,7 +79,8 @@ class Contender:
         law = load_law(self.kind)
         if getattr(law, "parameters", None) is PaperLaw:
             return _OF_THE_PAPER
-        return str(getattr(law, "knowledge", "") or _UNDECLARED)
+        # One line, as that of every other law.
+        return " ".join(str(getattr(law, "knowledge", "")).split()) or _UNDECLARED
 
 
 def contender(text: str) -> Contender:
@@ -93,7 +98,7 @@ def contender(text: str) -> Contender:
         if not equals:
             raise ParameterError(f"law {text}: {each} is not allowed: a parameter is given as name=value")
         values[name] = _value(value)
-    made = Contender(text, kind, values)
+    made = Contender(" ".join((kind, *given)), kind, values)
     if made.is_part:
         # Each run has its own period, and checks what is allowed there.
         slow = build(SimParameters, {"plant.control_period": 1e-3})
@@ -146,7 +151,7 @@ def load_law(kind: str) -> Any:
         sys.path.insert(0, "")
     try:
         found = getattr(importlib.import_module(module), attribute)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ParameterError(f"law {kind} cannot be loaded: {type(error).__name__}: {error}") from error
     if getattr(found, "family", "law") != "law" or not (hasattr(found, "family") or callable(found)):
         raise ParameterError(

@@ -10,6 +10,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
@@ -40,6 +41,10 @@ _WAITING = 3
 """Tasks that a processor has, or that wait for it: it never waits itself."""
 _TIMEOUT = 10.0
 """For the scheduler and its first worker to answer [s]."""
+_TOGETHER = 0.2
+"""In which all failures of one worker are told [s]."""
+_NAMED = 6
+"""Laws or sets that a sentence names."""
 _UNGUARDED = 'in a script, sweep must be called under if __name__ == "__main__":'
 
 
@@ -77,6 +82,8 @@ def run_sets(
     what: str,
     alone: Collection[int] = (),
     *,
+    name: Callable[[int], str] = "set {}".format,
+    apart: Callable[[int], str] = lambda number: "",
     scheduler: str | None = None,
     workers: int | None = None,
     progress: bool | Callable[[int, int], None] = True,
@@ -96,8 +103,17 @@ def run_sets(
         What the progress bar is headed by.
     alone : collection of int
         Numbers of the sets that run in this process, one at a time, after the others.
+    name : callable
+        What the set of a number is called in a sentence.
+    apart : callable
+        Sets whose numbers give different texts are handed out apart: if a worker ends, it is known in which.
     scheduler, workers, progress
         As in `afm_model.sweep`.
+
+    Raises
+    ------
+    SweepError
+        If a worker ends, again and again, in the same sets.
     """
     rows: list[Row] = [{}] * total
     done = 0
@@ -120,7 +136,7 @@ def run_sets(
 
     with reporting(progress, what) as report:
         report(0, total)
-        for number, row in _scattered(run_all, far(), scheduler, workers):
+        for number, row in _scattered(run_all, far(), name, apart, scheduler, workers):
             put(number, row)
         for number, each in here:
             put(number, *run_all([each]))
@@ -130,6 +146,8 @@ def run_sets(
 def _scattered(
     run_all: Callable[[list[Any]], Iterable[Row]],
     sets: Iterator[tuple[int, Set]],
+    name: Callable[[int], str],
+    apart: Callable[[int], str],
     scheduler: str | None,
     workers: int | None,
 ) -> Iterator[tuple[int, Row]]:
@@ -144,8 +162,15 @@ def _scattered(
     # Of the messages to workers and scheduler Dask would keep the last thousand, each with the sets of a task.
     forget = dask.config.set({"distributed.admin.low-level-log-length": 1})
     with forget, _client(distributed, scheduler, workers) as (client, processors):
-        tasks = _tasks(itertools.chain(first, sets), processors)
-        begun = (client.submit(_run_task, each, run_all, sources, pure=False) for each in tasks)
+        tasks = _tasks(itertools.chain(first, sets), apart, processors)
+        under_way: dict[Any, list[str]] = {}  # by future
+
+        def submitted(task: list[tuple[int, Set]]) -> Any:
+            future = client.submit(_run_task, task, run_all, sources, pure=False)
+            under_way[future] = list(dict.fromkeys(name(number) for number, _ in task))
+            return future
+
+        begun = map(submitted, tasks)
         completed: Any = distributed.as_completed
         running = completed(itertools.islice(begun, _WAITING * processors), loop=client.loop)
         for future in running:
@@ -155,6 +180,21 @@ def _scattered(
                 yield from future.result()
             except ImportError as error:
                 raise SweepError(f"a worker cannot import afm_model: {error}") from None
+            except distributed.KilledWorker as killed:
+                # With it fail the tasks that waited there; the one that ran was handed out first.
+                time.sleep(_TOGETHER)
+                told = next(names for each, names in under_way.items() if each.status == "error")
+                raise SweepError(_killed(told, killed.allowed_failures + 1)) from None
+            del under_way[future]
+
+
+def _killed(names: list[str], times: int) -> str:
+    """That workers have ended in one task."""
+    shown = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+    return (
+        f"{times} worker processes have ended, one after the other, in the same runs, those of {shown}: something in "
+        f"them ends its process (os._exit, a fault in compiled code), or needs more memory than there is"
+    )
 
 
 def _alike(sim: SimParameters) -> tuple[Any, ...]:
@@ -163,20 +203,23 @@ def _alike(sim: SimParameters) -> tuple[Any, ...]:
     return sim.plant.kind, sim.sample.kind, *clocks, sim.plant.dt
 
 
-def _tasks(sets: Iterator[tuple[int, Set]], processors: int) -> Iterator[list[tuple[int, Set]]]:
+def _tasks(
+    sets: Iterator[tuple[int, Set]], apart: Callable[[int], str], processors: int
+) -> Iterator[list[tuple[int, Set]]]:
     """Sets in portions of similar work: large enough for Dask's share to vanish, small enough to end together; of some
     LANES sets where each processor has as many.
     """
     while ahead := list(itertools.islice(sets, _AHEAD * processors)):
         # Those of one composition come together.
-        ahead.sort(key=lambda each: _alike(each[1][0]))
+        ahead.sort(key=lambda each: (apart(each[0]), *_alike(each[1][0])))
         steps = [ticks_to_simulate(sim) * sim.plant.substeps for _, (sim, *_) in ahead]
         portion = min(_TASK_STEPS, sum(steps) / (8 * processors))
         portion = max(portion, min(LANES / len(ahead), 1.0 / processors) * sum(steps))
         task: list[tuple[int, Set]] = []
         filled = 0
         for each, work in zip(ahead, steps, strict=True):
-            if filled >= portion or len(task) >= _MOST:
+            other = bool(task) and apart(task[0][0]) != apart(each[0])
+            if filled >= portion or len(task) >= _MOST or other:
                 yield task
                 task, filled = [], 0
             task.append(each)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from ..core.errors import LawError, ParameterError, PartError
 from ..instrument import Block, Instrument
-from ..instrument.validity import doubts
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
 from ..run.together import REFUSALS, run_together
 from ..run.verdict import limited
 from .linear import linearise
 from .linear_model import LinearError, nominal_friction
+from .unranked import unranked
 
 _Array = NDArray[np.float64]
 NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact", "margin", "z_rms")
@@ -42,7 +42,7 @@ class Trial(NamedTuple):
 
 
 class Drives:
-    """Sums over the scored part of a run: what the drive does, and what a smooth one would do.
+    """Sums over the scored part of a run: the square of the drive, and how far a smooth one would go.
 
     The smooth drive is that of the free scanner inverted along the reference, with the friction of a flat sample along
     it: what no law can do without.
@@ -56,8 +56,8 @@ class Drives:
         self._xi = np.array([scanner.xi_x, scanner.xi_y])
         self._per_volt = self._omega**2 * np.array(piezo.sensitivities[:2])  # [m/s^2/V]
         self._friction = np.linalg.norm(nominal_friction(sim)) * sim.scales.w0**2 * sim.scales.x0  # [m/s^2]
-        self._last: tuple[_Array, _Array] | None = None
-        self.variation = self.smooth_variation = self.square = 0.0
+        self._last: _Array | None = None
+        self.smooth_variation = self.square = 0.0
         self.ticks = 0
 
     def take(self, block: Block) -> None:
@@ -75,10 +75,9 @@ class Drives:
         self.square += float(np.sum(drive**2))
         self.ticks += len(drive)
         if self._last is not None:
-            drive, smooth = np.vstack([self._last[0], drive]), np.vstack([self._last[1], smooth])
-        self.variation += float(np.sum(np.abs(np.diff(drive, axis=0))))
+            smooth = np.vstack([self._last, smooth])
         self.smooth_variation += float(np.sum(np.abs(np.diff(smooth, axis=0))))
-        self._last = drive[-1:], smooth[-1:]
+        self._last = smooth[-1:]
 
 
 def run_trials(sets: Sequence[Trial], lanes: bool = True) -> list[dict[str, Any]]:
@@ -93,7 +92,7 @@ def run_trials(sets: Sequence[Trial], lanes: bool = True) -> list[dict[str, Any]
     Returns
     -------
     list of dict
-        NUMBERS, `trajectory_sha256`, and `error` if it diverged, was refused, left the sample or is doubtful.
+        NUMBERS, `trajectory_sha256`, and `error` if it diverged, was refused or is `unranked`.
     """
     parts = [(each.sim, each.controller) for each in sets if each.controller is not None]
     drives = [Drives(sim) for sim, _ in parts]
@@ -117,7 +116,7 @@ def _run_object(given: Trial) -> tuple[Instrument | Exception, Drives]:
             return run(given.sim, law, drives.take, block_ticks=_BLOCK_TICKS), drives
     except FAILURES as error:
         return error, drives
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         # An object may raise anything; the other runs continue.
         return LawError(f"law {given.kind}: {type(error).__name__}: {error}"), drives
 
@@ -132,16 +131,15 @@ def _row(given: Trial, instrument: Instrument | Exception, drives: Drives) -> di
     if sentence := limited(instrument):
         return row | {"error": sentence}
     score = instrument.score()
-    if score.contact_fraction < 1.0:
-        part = 100.0 * score.contact_fraction
-        row["error"] = f"the tip was on the sample for {part:.3g} % of the time: this run is not ranked"
-    elif found := doubts(sim, score, controller):
-        row["error"] = f"{found[0]}: this run is not ranked"
+    if sentence := unranked(sim, score, controller):
+        row["error"] = f"{sentence}: this run is not ranked"
     amplitude = max(abs(each) for each in sim.reference.amplitude[:2])
+    # Of all drives that come into force, those between two ticks included.
+    variation = float(np.sum(score.drive_total_variation[:2])) * score.ticks * sim.plant.control_period
     return row | {
         "error_max": 100.0 * float(np.max(score.max[:2])) / amplitude,
         "error_rms": 100.0 * float(np.max(score.rms[:2])) / amplitude,
-        "chatter": drives.variation / drives.smooth_variation if drives.smooth_variation > 0.0 else math.nan,
+        "chatter": variation / drives.smooth_variation if drives.smooth_variation > 0.0 else math.nan,
         "energy": drives.square / max(drives.ticks, 1),
         "tip_force": max(abs(force) for force in score.normal_force),
         "contact": score.contact_fraction,

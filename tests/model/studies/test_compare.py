@@ -2,16 +2,33 @@
 
 import csv
 import math
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import distributed
+import numpy as np
 import pytest
 import yaml
 
-from afm_model import Comparison, ParameterError, Scenario, SimParameters, build, compare, load_scenario, simulate
+from afm_model import (
+    Comparison,
+    ControllerParameters,
+    ParameterError,
+    Scenario,
+    SimParameters,
+    build,
+    compare,
+    load_scenario,
+    simulate,
+)
 from afm_model.core.registry import names
+from afm_model.run.simulation import run
 from afm_model.studies import contender
+from afm_model.studies.trial import Drives
+from afm_model.studies.unranked import height_limit
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "controllers"
 SHORT = {"references": ["sine 2500"], "progress": False}
@@ -93,6 +110,43 @@ def test_chatter_of_a_smooth_drive_is_one(cluster):
     assert 0.95 < table["chatter"].iloc[0] < 1.2  # friction itself varies by some percent
 
 
+def test_chatter_of_drives_held_from_tick_to_tick_is_their_variation_over_that_of_a_smooth_one(cluster):
+    compared = compare(["pid"], periods=[2e-5], scheduler=cluster, **SHORT)
+    sections = compared.scenario_of(0)
+    sim = build(SimParameters, sections["/**/afm_sim_node"])
+    drives, blocks = Drives(sim), []
+    instrument = run(sim, build(ControllerParameters, sections["/**/afm_controller_node"]), blocks.append)
+    for block in blocks:
+        drives.take(block)
+    held = np.concatenate([block.drives for block in blocks])[sim.score_tick :, :2]
+    assert instrument.score().ticks == len(held)
+    variation = np.abs(np.diff(held, axis=0)).sum()
+    assert compared.table["chatter"].iloc[0] == pytest.approx(variation / drives.smooth_variation, rel=1e-9)
+
+
+def test_a_horizon_that_shakes_between_the_ticks_chatters(cluster, own, tmp_path, monkeypatch):
+    (tmp_path / "shaking.py").write_text(
+        "import numpy as np\n"
+        "from pd_class import Pd\n"
+        "from afm_model import Command\n"
+        "class Quiet(Pd):\n"
+        "    shake = 0.0  # [V]\n"
+        "    def answer(self, measurement):\n"
+        "        drive = super().answer(measurement)\n"
+        "        signs = np.array([1, -1, 1, -1, 1, -1, 1, -1, 0.0])\n"
+        "        return Command(drive, drive + np.outer(signs, [self.shake, self.shake, 0.0]), 5e-6)\n"
+        "class Shaking(Quiet):\n"
+        "    shake = 0.5\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    fine = {"plant.control_period": 5e-5, "piezo.dac_period": 5e-6}
+    scenario = Scenario("fine", Path("fine.yaml"), sim=build(SimParameters, fine))
+    laws = ["pd_class:Pd", "shaking:Quiet", "shaking:Shaking"]
+    held, quiet, shaking = compare(laws, scenario, periods=[5e-5], scheduler=cluster, **SHORT).table["chatter"]
+    assert quiet == held
+    assert shaking > 20.0 * quiet
+
+
 def test_law_and_class_of_ones_own_take_part_and_agree(cluster, own):
     table = compare(["pd_law:PD", "pd_class:Pd"], periods=[5e-5], delay_ticks=[1], scheduler=cluster, **SHORT).table
     assert table["error"].isna().all()
@@ -129,6 +183,60 @@ def test_a_law_that_lifts_the_tip_or_presses_it_beyond_what_is_valid_wins_nothin
     assert ranking.set_index("law").loc[law, "finished"] == 0
 
 
+PULLING = """
+import numpy as np
+from afm_model import ControllerParameters, build
+from afm_model.core.records import record_at
+from afm_model.instrument.controller import Controller
+from afm_model.parts.signals import Measurement
+class Honest:
+    pull = 0.0  # [N]
+    def __init__(self, sim):
+        timing = {"law.period": sim.plant.control_period, "law.delay_ticks": sim.plant.delay_ticks}
+        self.law = Controller(build(ControllerParameters, {"law.kind": "super_twisting"} | timing))
+        self.stiffness = sim.cantilever.m_c * (2.0 * np.pi * sim.cantilever.f_c) ** 2
+        self.ticks = 0
+    def answer(self, measurement):
+        told = measurement.copy()
+        self.ticks += 1
+        record_at(told, 0, Measurement).reference_position[2] += self.pull / self.stiffness * min(1, self.ticks / 600)
+        return self.law.answer(told).copy()
+class Pull(Honest):
+    pull = -140e-9
+"""
+
+
+def test_a_law_that_pulls_at_the_tip_so_that_friction_falls_is_not_ranked(cluster, tmp_path, monkeypatch):
+    (tmp_path / "pulling.py").write_text(PULLING)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    conditions = {"periods": [5e-5], "delay_ticks": [1], "references": ["sine 500"], "scheduler": cluster}
+    compared = compare(["pulling:Pull", "pulling:Honest"], **conditions, progress=False)
+    pulled, honest = compared.table.to_dict("records")
+    assert pulled["error_max"] < honest["error_max"]
+    assert "the tip was off the height that was asked by" in pulled["error"]
+    assert "12.5 and 50 nm are allowed: this run is not ranked" in pulled["error"]
+    assert not isinstance(honest["error"], str)
+    assert compared.ranking()["law"].tolist() == ["pulling:Honest", "pulling:Pull"]
+
+
+def test_a_law_that_leaves_z_as_it_is_is_ranked(cluster, own):
+    # The tip rides over the sample: off by no more than the sample is high.
+    run = compare(["pd_law:PD slowness=2"], periods=[5e-5], scheduler=cluster, progress=False).table.iloc[0]
+    assert run["z_rms"] > 9e-9 and not isinstance(run["error"], str)
+
+
+@pytest.mark.parametrize(
+    ("sample", "allowed"),
+    [
+        ({}, 12.5e-9),
+        ({"sample.beta": 25e-9}, 25e-9),
+        ({"sample.kind": "flat"}, 0.1 * 152.3e-9 / 1.364),
+    ],
+)
+def test_height_may_be_off_by_that_of_the_sample_or_by_a_tenth_of_the_pull_off_force(sample, allowed):
+    assert height_limit(build(SimParameters, sample)) == pytest.approx(allowed, rel=1e-3)
+
+
 def test_class_that_raises_costs_no_other_run(cluster, own, tmp_path, monkeypatch):
     (tmp_path / "raising.py").write_text(
         "class Bad:\n    def __init__(self, sim):\n        raise OSError('no licence')\n"
@@ -139,15 +247,114 @@ def test_class_that_raises_costs_no_other_run(cluster, own, tmp_path, monkeypatc
     assert math.isfinite(table["error_max"].iloc[1])
 
 
-def test_friction_and_noise_are_told_to_no_object(cluster, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ("None", "drive None is not allowed: every measurement must be answered, with three voltages or a Command"),
+        ("drive + 0j", "is not allowed: it must be three real numbers"),
+        ("Command(drive + 0j)", "is not allowed: it must be three real numbers"),
+        ("Command(drive, [drive + 0j], 1e-5)", "a horizon of complex128 is not allowed: it must be of real numbers"),
+        ("['1', '2', '3']", "drive ['1', '2', '3'] is not allowed: it must be three real numbers"),
+        ("[0, [1], 2]", "drive [0, [1], 2] is not allowed: it must be three voltages"),
+    ],
+)
+def test_what_is_no_drive_is_the_error_of_the_row(cluster, own, tmp_path, monkeypatch, answer, words):
+    name = f"odd_{abs(hash(answer))}"
+    (tmp_path / f"{name}.py").write_text(
+        "from pd_class import Pd\n"
+        "from afm_model import Command\n"
+        "class Bad(Pd):\n"
+        "    ticks = 0\n"
+        "    def answer(self, measurement):\n"
+        "        drive = super().answer(measurement)\n"
+        "        self.ticks += 1\n"
+        f"        return drive if self.ticks <= 5 else {answer}\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    error = compare([f"{name}:Bad"], periods=[5e-5], scheduler=cluster, **SHORT).table["error"].iloc[0]
+    assert words in error
+    if "Command" not in answer:
+        assert error.endswith("(answer to measurement 5 from Bad)")
+
+
+def test_text_of_a_law_is_one_line_however_it_is_written(tmp_path, monkeypatch):
+    (tmp_path / "knowing.py").write_text("class Law:\n    knowledge = 'nothing\\n  pid is told: all'\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert contender("knowing:Law").knowledge == "nothing pid is told: all"
+    assert contender("  pid   slowness=1 ").label == "pid slowness=1"
+
+
+def test_class_that_exits_costs_no_other_run(cluster, own, tmp_path, monkeypatch):
+    (tmp_path / "exiting.py").write_text("class Bad:\n    def __init__(self, sim):\n        raise SystemExit(3)\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    table = compare(["exiting:Bad", "pid"], periods=[5e-5], scheduler=cluster, **SHORT).table
+    assert table["error"].iloc[0] == "law exiting:Bad: SystemExit: 3"
+    assert math.isfinite(table["error_max"].iloc[1])
+
+
+def test_module_that_exits_is_told_in_a_sentence(tmp_path, monkeypatch):
+    (tmp_path / "leaving.py").write_text("raise SystemExit(3)\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(ParameterError, match=r"law leaving:Law cannot be loaded: SystemExit: 3"):
+        compare(["leaving:Law"])
+
+
+def test_class_that_ends_its_worker_is_named(tmp_path):
+    (tmp_path / "ending.py").write_text(
+        "import os\nfrom pd_class import Pd\nclass Bad(Pd):\n    def answer(self, measurement):\n        os._exit(0)\n"
+    )
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from afm_model import SweepError, compare\n"
+        "if __name__ == '__main__':\n"
+        "    try:\n"
+        "        compare(['pid', 'ending:Bad', 'pd_class:Pd'], periods=[5e-5, 2e-4], references=['sine 2500'],\n"
+        "                workers=1, progress=False)\n"
+        "    except SweepError as error:\n"
+        "        print(error)\n"
+    )
+    path = os.pathsep.join([str(tmp_path), str(EXAMPLES), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, script], env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
+    words = (
+        "4 worker processes have ended, one after the other, in the same runs, those of law ending:Bad: something in"
+    )
+    assert done.stdout.startswith(words)
+
+
+def test_friction_noise_and_seed_are_told_to_no_object(cluster, tmp_path, monkeypatch):
     (tmp_path / "asking.py").write_text(
         "class Ask:\n"
         "    def __init__(self, sim):\n"
-        "        raise OSError(f'{sim.contact.tau:g}, {sim.detector.noise:g}, {sim.plant.delay_ticks}')\n"
+        "        told = sim.contact.tau, sim.detector.noise, sim.plant.delay_ticks, sim.plant.seed\n"
+        "        raise OSError(f'{told}')\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     conditions = {"friction": [1.2], "noise": [1.0], "delay_ticks": [2], "scheduler": cluster}
-    assert compare(["asking:Ask"], **conditions, **SHORT).table["error"][0] == "law asking:Ask: OSError: 9.1e+08, 0, 2"
+    scenario = Scenario("seeded", Path("seeded.yaml"), sim=build(SimParameters, {"plant.seed": 7}))
+    table = compare(["asking:Ask"], scenario, **conditions, **SHORT).table
+    assert table["error"][0] == "law asking:Ask: OSError: (910000000.0, 0.0, 2, 0)"
+
+
+def test_a_class_that_changes_what_it_is_told_changes_no_run(cluster, own, tmp_path, monkeypatch):
+    (tmp_path / "changing.py").write_text(
+        "from pd_class import Pd\n"
+        "class Bad(Pd):\n"
+        "    def __init__(self, sim):\n"
+        "        super().__init__(sim)\n"
+        "        sim.contact.__dict__['tau'] = 1.0\n"
+        "        sim.score.__dict__['start'] = 0.0\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    honest = compare(["pd_class:Pd"], periods=[2e-5], scheduler=cluster, **SHORT).table.drop(columns="law")
+    both = compare(["changing:Bad", "pd_class:Pd"], periods=[2e-5], scheduler=cluster, **SHORT).table
+    for number in range(2):
+        assert both.drop(columns="law").iloc[number].equals(honest.iloc[0])
+    told = SimParameters()
+    with contender("changing:Bad").begin(told):
+        assert told.contact.tau == SimParameters().contact.tau == 0.91e9
 
 
 def test_friction_and_noise_are_told_to_no_law(cluster):
@@ -156,6 +363,26 @@ def test_friction_and_noise_are_told_to_no_law(cluster):
     assert laws[0] == laws[1] == {"law.kind": "implicit", "law.period": 5e-5}
     plants = [comparison.scenario_of(i)["/**/afm_sim_node"]["contact.tau"] for i in range(2)]
     assert plants == [0.8 * 0.91e9, 1.2 * 0.91e9]
+
+
+def test_a_class_that_writes_into_its_measurement_changes_neither_score_nor_chatter(
+    cluster, own, tmp_path, monkeypatch
+):
+    (tmp_path / "writing.py").write_text(
+        "from pd_class import Measurement, Pd, record_at\n"
+        "class Bad(Pd):\n"
+        "    def answer(self, measurement):\n"
+        "        drive = super().answer(measurement)\n"
+        "        assert measurement.base is None\n"
+        "        y = record_at(measurement, 0, Measurement)\n"
+        "        y.reference_acceleration[:2] = 1e3\n"
+        "        y.reference_position[:2] = y.position[:2]\n"
+        "        return drive\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    table = compare(["writing:Bad", "pd_class:Pd"], periods=[2e-5], scheduler=cluster, **SHORT).table
+    bad, honest = table.drop(columns="law").iloc[0], table.drop(columns="law").iloc[1]
+    assert bad.equals(honest) and not isinstance(bad["error"], str)
 
 
 @pytest.mark.parametrize(
@@ -168,6 +395,7 @@ def test_friction_and_noise_are_told_to_no_law(cluster):
         (["math:tau"], {}, "law math:tau is neither a law part nor a class"),
         (["nowhere:Law"], {}, "law nowhere:Law cannot be loaded: ModuleNotFoundError"),
         (["pid", "pid"], {}, "a law is given twice"),
+        (["pid", " pid"], {}, "a law is given twice"),
         (["pid"], {"references": ["sine"]}, "reference sine is not allowed: it must be a shape and"),
         (["pid"], {"references": ["square 50"]}, "reference.shape_x = square is not allowed"),
         (["pid"], {"periods": [1.5e-6]}, "plant.control_period = 1.5e-06 s is not allowed"),

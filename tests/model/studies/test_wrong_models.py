@@ -1,11 +1,16 @@
 """Claims about the table of wrong models, and about predictive in it; errors in percent of 5 nm."""
 
+import sys
 from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
+from afm_model.core.records import record_at
 from afm_model.instrument.controller import Controller
+from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import Contender, contender
 from afm_model.studies.wrong_models import CASE, RATES, Rate, instruments_of, mixed, parameters_of, run_case
 
@@ -223,3 +228,108 @@ def test_an_object_that_raises_is_a_lost_row():
         CASE["the truth"], RATE["50 us + 1"], Contender("bad", "bad", {}, lambda told: nullcontext(Bad(told)))
     )
     assert row["lost"] == "OSError: no licence"
+
+
+class Still:
+    """The drive that is in force, for ever."""
+
+    def answer(self, measurement: Any) -> Any:
+        return record_at(measurement, 0, Measurement).drive
+
+
+class Pulling(Itself):
+    """Holds the tip 100 nm above the height that is asked: there is less friction."""
+
+    ticks = 0
+
+    def answer(self, measurement: Any, time: float = 0.0) -> Any:
+        self.ticks += 1
+        asked = measurement.copy()
+        record_at(asked, 0, Measurement).reference_position[2] += 1e-7 * min(1, self.ticks / 600)
+        return super().answer(asked, time)
+
+
+def test_an_object_that_exits_is_a_lost_row():
+    class Bad:
+        def answer(self, measurement: Any) -> Any:
+            raise SystemExit(3)
+
+    bad = Contender("bad", "bad", {}, lambda told: nullcontext(Bad()))
+    assert run_case(CASE["the truth"], RATE["50 us + 1"], bad)["lost"] == "SystemExit: 3"
+
+
+def test_a_scanner_that_stands_still_is_lost():
+    still = Contender("still", "still", {}, lambda told: nullcontext(Still()))
+    for title in ("the truth", "triangle", "along y alone"):
+        lost = run_case(CASE[title], RATE["200 us + 1"], still)["lost"]
+        assert lost.startswith("error ") and lost.endswith(" %: no better than a scanner that stands still")
+
+
+def test_a_law_that_pulls_at_the_tip_is_lost_however_small_its_error():
+    row = run_case(CASE["the truth"], RATE["50 us + 1"], Contender("pulling", f"{__name__}:Pulling", {}))
+    assert row["third"] < 1.0
+    assert row["lost"].startswith("the tip was off the height that was asked by")
+
+
+def test_a_row_with_a_doubtful_score_is_lost_as_in_a_comparison():
+    row = run_case(CASE["the truth"], Rate("10 us", 1e-5, 1), contender("observer"))
+    assert row["third"] < 1.0 and row["lost"].startswith("the tip came to rest ")
+
+
+def test_reason_is_that_of_the_worst_of_the_runs_that_are_lost(monkeypatch):
+    errors = iter((153.0, 5.0, 209.0, 120.0, 3.0))
+
+    def run(*_: Any) -> dict[str, Any]:
+        third = next(errors)
+        return {"first": 1.0, "third": third, "contact": 1.0, "load": 0.0, "lost": f"{third:g}" if third > 99 else ""}
+
+    monkeypatch.setattr(sys.modules[run_case.__module__], "_run", run)
+    row = run_case(CASE["noise"], RATE["50 us + 1"], contender("pid"))
+    assert (row["worst"], row["lost"]) == (209.0, "209")
+
+
+def test_a_photodiode_that_was_at_the_end_of_its_range_in_the_first_period_loses_nothing():
+    case, rate, law = mixed(25), RATE["200 us + 1"], contender("predictive surface=known")
+    row = run_case(case, rate, law, noise=1.0)
+    runs = [simulate(*parameters_of(case, rate, law, 1.0, seed)) for seed in range(5)]
+    assert any("end of its range" in each for run in runs for each in run.doubts)
+    assert row["lost"] == ""
+
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "controllers"
+
+
+def test_a_part_of_ones_own_gains_nothing_by_ignoring_what_it_is_told(tmp_path, monkeypatch):
+    (tmp_path / "fixed_law.py").write_text(
+        "from types import SimpleNamespace\n"
+        "from afm_model import SimParameters\n"
+        "from afm_model.parts import Law\n"
+        "from pd_law import Constants, PdParameters, control, values\n"
+        "def fixed(parameters):\n"
+        "    sim = SimParameters()\n"
+        "    return values(SimpleNamespace(law=parameters.law, scanner=sim.scanner, piezo=sim.piezo))\n"
+        "FIXED = Law(name='fixed', parameters=PdParameters, constants=Constants, values=fixed, control=control)\n"
+    )
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    rate = Rate("10 us", 1e-5, 0)
+    listening, deaf = contender("pd_law:PD"), contender("fixed_law:FIXED")
+    truth = run_case(CASE["the truth"], rate, deaf)["third"]
+    for title in ("resonances +5 %", "damping x 2", "sensitivity of the piezo -5 %", "told a tick of delay too few"):
+        rows = [run_case(CASE[title], rate, law) for law in (listening, deaf)]
+        assert rows[0] == rows[1] and rows[0]["third"] != truth
+
+
+@pytest.mark.parametrize("title", ["resonances +2 %", "told a tick of delay too many", "all wrong, draw 5"])
+def test_of_a_part_of_ones_own_the_instrument_is_off_and_a_law_of_this_package_is_told_wrong(monkeypatch, title):
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    case, rate = CASE.get(title, mixed(5)), RATE["50 us + 1"]
+    nominal = SimParameters()
+    own, shipped = contender("pd_law:PD"), contender("predictive")
+    sim, controller = parameters_of(case, rate, own, 1.0, 3)
+    assert sim == instruments_of(case, rate, 1.0, 3)[0]
+    assert (controller.scanner, controller.piezo.sensitivity_x) == (nominal.scanner, nominal.piezo.sensitivity_x)
+    assert controller.law.delay_ticks == rate.delay_ticks
+    sim, controller = parameters_of(case, rate, shipped, 1.0, 3)
+    assert sim.scanner == nominal.scanner and sim.plant.delay_ticks == rate.delay_ticks
+    assert controller.scanner != nominal.scanner or controller.law.delay_ticks != rate.delay_ticks
