@@ -17,6 +17,13 @@ bear a drive that comes a period late."""
 
 _STUCK = 0.1
 """Radians of the shortest wave from which on a tip that rests behind the reference is freed."""
+_SLOW = 0.1
+"""Way in a time unit over the error up to which a tip counts as resting, or soon to rest, beside a reference that rests.
+
+In packets a part of that: the next drive follows soon.
+"""
+_NEAR = 30.0
+"""Radians of the shortest wave up to which positions alone know the way to a reference that rests."""
 
 
 @kernel
@@ -71,13 +78,21 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
             changed_x += change * (p.G[0, j, 0] * p.Gamma[0, 0] + p.G[0, j, 1] * p.Gamma[0, 1])
             change = s.gain_of[1] * (f * d_y / size - s.friction[at + j] * s.direction[at + j, 1])
             changed_y += change * (p.G[1, j, 0] * p.Gamma[1, 0] + p.G[1, j, 1] * p.Gamma[1, 1])
-    if far > p.taken and (p.measured != 0 or friction_turns_drive(0, p, s)):
+    turns = friction_turns_drive(0, p, s)
+    if far > p.taken and (p.measured != 0 or turns):
         # Taken back by no more than that in a response: the tip would be thrown beyond, or leave the sample.
         e_x, e_y = e_x * p.taken / far, e_y * p.taken / far
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y
     s.plan[slot, 2] = u_z
-    if p.frees != 0 and s.V_X == 0.0 and s.V_Y == 0.0 and far > _STUCK and -(e_x * r_x + e_y * r_y) > way * way:
+    size = math.sqrt(e_x * e_x + e_y * e_y)
+    slow = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y) * p.slots < _SLOW * size
+    if p.frees != 0 and way == 0.0 and far > _STUCK and slow and turns and (p.measured == 0 or far < _NEAR):
+        # Towards a reference that rests no friction was asked for.
+        f = bound_at(s.X, s.Y, s.Z, p, s)
+        s.plan[slot, 0] -= s.gain_of[0] * f * e_x / size
+        s.plan[slot, 1] -= s.gain_of[1] * f * e_y / size
+    elif p.frees != 0 and s.V_X == 0.0 and s.V_Y == 0.0 and far > _STUCK and -(e_x * r_x + e_y * r_y) > way * way:
         # A tip that rests behind the reference is held by friction where it is, not by that of the reference. A surface
         # makes no more of a difference.
         more = max(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[at], 0.0)

@@ -85,7 +85,7 @@ def see_turn(p: Constants, s: State) -> None:
 def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Distrust the model if measurement k contradicts it, and trust it again by and by once it does not."""
     if s.started == 0.0:
-        s.from_x, s.from_y = s.p[0], s.p[1]
+        s.from_x, s.from_y = s.X, s.Y
     see_turn(p, s)
     s.reach = max(s.reach, hypot(s.p[0] - s.from_x, s.p[1] - s.from_y))
     way = s.fastest * p.hold

@@ -18,7 +18,7 @@ class State(Record):
     distrust: float
     calm_ticks: float
     patience: float  # how many times more of them are needed
-    reach: float  # farthest that the reference has been from its start, which follows
+    reach: float  # farthest that the reference has been from where the tip was at the start, which follows
     from_x: float
     from_y: float
     turned: Annotated[Array, (2, 2)]  # place and rate of the reference where it turned last, its largest speeds since

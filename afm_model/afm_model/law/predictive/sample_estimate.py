@@ -48,6 +48,8 @@ _HELD = 0.5
 little is known of y."""
 TELLS = 0.005
 """Smallest cosine between the motion and x at which the force along x tells friction, rates being measured."""
+_TELLS_IN_PACKETS = 0.05
+"""The same in packets, where the motion between two measurements is not steady."""
 TOUCHES = 0.1
 """Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
 APPROACH = 0.005
@@ -283,7 +285,7 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         if held > s.here + p.ripple:
             raise_map(held - s.here, s)
         return 0.0
-    if abs(s.V_X) <= TELLS * speed:
+    if abs(s.V_X) <= (TELLS if p.slots == 1 else _TELLS_IN_PACKETS) * speed:
         return 0.0
     measured = force * speed / (s.V_X * nominal)
     noise = p.ratio_noise * max(1.0, 0.3 * speed / abs(s.V_X))
