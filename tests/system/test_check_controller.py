@@ -65,6 +65,8 @@ def test_a_wrong_controller_is_found_out(tmp_path: Path, way: str, sentence: str
             "the controller ended with code 3: no device",
             "error: no device\n",
         ),
+        # A line that says nothing of an error is not given as the reason.
+        (["sh", "-c", "echo 1"], 'the controller ended with code 0; last line it printed: "1"', "1\n"),
     ],
 )
 def test_what_cannot_be_tested_is_told_from_what_is_wrong(
