@@ -118,7 +118,7 @@ def test_a_controller_that_is_wrong_in_one_way_breaks_the_rule_of_it(way: str) -
     [
         *("twice", "swaps", "late", "nan", "infinite horizon", "no frame", "too far", "too steep", "nonsense"),
         *("a microvolt more", "nan late", "old integral", "leaks", "zeros", "axes swapped"),
-        *("z upside down", "stamp 0"),
+        *("z upside down", "stamp 0", "old integral later", "noise later"),
     ],
 )
 def test_what_is_wrong_in_one_way_breaks_no_other_rule(way: str) -> None:

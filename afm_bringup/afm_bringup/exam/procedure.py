@@ -21,13 +21,14 @@ _UNANSWERED = 3
 _SETTLE = 0.1
 """Time to wait for a second answer [s]."""
 _TICKS = {
-    Phase.LOCKSTEP: 200,
+    Phase.LOCKSTEP: 2000,
     Phase.RESUMED: 20,
     Phase.RESET: 20,
     Phase.FAULT: 100,
-    Phase.REPEAT: 200,
+    Phase.REPEAT: 2000,
     Phase.RESTART: 20,
 }
+"""Measurements of a phase; what comes in REPEAT is compared with LOCKSTEP."""
 LONG_TICKS = 100_000
 """Measurements of the phase LONG."""
 _LOOKS = 100

@@ -289,7 +289,7 @@ RULES = (
     Rule("fault", "answers when sensors fail or measurements get lost", lambda log, _: _answered(log, Phase.FAULT)),
     Rule("response", "moves the drive of an axis up when the reference of that axis jumps up", _response),
     Rule("present", "computes a drive from the measurement whose sequence it has", _present),
-    Rule("repeats", "sends the same drives for the same measurements after a reset", _repeats),
+    Rule("repeats", "sends the same drives for the same measurements after a reset, the first 2000", _repeats),
     Rule("memory", "takes no more memory from measurement to measurement", _memory),
     Rule("restart", "finds a simulator that was restarted", _restart),
     Rule(
