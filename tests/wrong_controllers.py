@@ -40,6 +40,8 @@ WAYS = {
     "axes swapped": "response",
     "z upside down": "response",
     "random": "response",
+    "x without feedback": "response",
+    "feeds back upwards": "response",
     "enormous": "range",
     "stamp 0": "stamp",
 }
@@ -157,6 +159,10 @@ class Wrong:
                 return [Reply(sequence, [drive[1], drive[0], drive[2]])]
             case "z upside down":
                 return [Reply(sequence, [*drive[:2], -drive[2]])]
+            case "x without feedback":
+                return x(GAIN * (error[0] + position_x))
+            case "feeds back upwards":
+                return x(GAIN * (error[0] + 2.0 * position_x))
             case "random":
                 return [Reply(sequence, [random.gauss(0.0, 0.1) for _ in range(3)])]
             case "enormous" if bad:
