@@ -33,11 +33,15 @@ WAYS = {
     "a microvolt more": "repeats",
     "nan late": "finite",
     "old integral": "repeats",
+    "old integral later": "repeats",
+    "noise later": "repeats",
     "leaks": "memory",
     "zeros": "response",
     "axes swapped": "response",
     "z upside down": "response",
     "random": "response",
+    "x without feedback": "response",
+    "feeds back upwards": "response",
     "enormous": "range",
     "stamp 0": "stamp",
 }
@@ -95,7 +99,7 @@ class Wrong:
                 return []
             case "twice" if bad:
                 return [right, right]
-            case "swaps" if 210 < self.seen <= 230:
+            case "swaps" if 2010 < self.seen <= 2030:
                 # In pairs, while measurements come by the clock.
                 self.held = [*self.held, right]
                 if len(self.held) < 2:
@@ -120,7 +124,7 @@ class Wrong:
                 return x(drive[0] + 2.0 * (sequence % 2))
             case "nonsense" if bad:
                 return [Reply(sequence, drive, nonsense=True), right]
-            case "never pauses" if 245 < self.seen <= 250:
+            case "never pauses" if 2045 < self.seen <= 2050:
                 # The last ones before the pause: every one would take six minutes.
                 return [right, Reply(sequence, drive, after=0.3)]
             case "knows it already" if again:
@@ -136,19 +140,29 @@ class Wrong:
                 return [Reply(sequence, before)]
             case "a microvolt more":
                 return x(drive[0] + 1e-6 * self.seen)
-            case "nan late" if self.seen == 1000:
+            case "nan late" if self.seen == 3000:
                 return x(math.nan)
             case "old integral":
                 self.integral += 1e-3 * drive[0]
                 return x(drive[0] + self.integral)
+            case "old integral later":
+                self.integral += 1e-3 * drive[0]
+                if sequence >= 200:
+                    return x(drive[0] + self.integral)
+            case "noise later" if sequence >= 200:
+                return x(drive[0] + random.gauss(0.0, 1e-6))
             case "leaks":
-                self.leaked.append(b"x" * 1_000_000)
+                self.leaked.append(b"x" * 100_000)
             case "zeros":
                 return [Reply(sequence, [0.0] * 3)]
             case "axes swapped":
                 return [Reply(sequence, [drive[1], drive[0], drive[2]])]
             case "z upside down":
                 return [Reply(sequence, [*drive[:2], -drive[2]])]
+            case "x without feedback":
+                return x(GAIN * (error[0] + position_x))
+            case "feeds back upwards":
+                return x(GAIN * (error[0] + 2.0 * position_x))
             case "random":
                 return [Reply(sequence, [random.gauss(0.0, 0.1) for _ in range(3)])]
             case "enormous" if bad:

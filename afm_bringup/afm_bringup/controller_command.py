@@ -17,7 +17,7 @@ from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
 from .domain import claimed_domain, end
-from .exam.connection import TopicConnection
+from .exam.connection import MATCHED, TopicConnection
 from .exam.judgement import Outcome, Verdict, exit_code, judge
 from .exam.log import Log
 from .exam.procedure import LONG_TICKS, Procedure
@@ -130,7 +130,7 @@ def _examine(scenario: Scenario, command: list[str], arguments: argparse.Namespa
         with TopicConnection(topics.NAMESPACE, scenario.sim, processes) as connection:
             processes.start(_CONTROLLER, [*command, *ros], printed or Path(folder) / "log")
             print(f"waiting for the controller, {_START_TIMEOUT:g} s at most ...", file=sys.stderr, flush=True)
-            if not connection.connect(_START_TIMEOUT):
+            if not connection.connect(_START_TIMEOUT, MATCHED):
                 incompatible = connection.incompatible()
                 ended = connection.problem()
                 return Log(

@@ -61,10 +61,13 @@ class Process:
 
     @property
     def how_it_ended(self) -> str:
-        """A sentence about a process that has ended, with the last line it printed."""
+        """A sentence about a process that has ended: the error it printed last, or the last line, named as such."""
+        ended = f"{self.name} ended with code {self._process.returncode}"
         lines = [line for line in self.printed.splitlines() if line.strip()]
-        last = f": {lines[-1].removeprefix('error: ')}" if lines else ""
-        return f"{self.name} ended with code {self._process.returncode}{last}"
+        if not lines:
+            return ended
+        reason = lines[-1].removeprefix("error: ")
+        return f'{ended}; last line it printed: "{reason}"' if reason == lines[-1] else f"{ended}: {reason}"
 
     def ask_to_end(self) -> None:
         """Send SIGINT to the command and its child processes."""

@@ -169,7 +169,7 @@ CASES = {
         starts_nodes=True,
     ),
     "controller that ends by itself": Case(
-        ("controller ended with code 1: nothing to say",),
+        ('controller ended with code 1; last line it printed: "nothing to say"',),
         controller="sh -c 'echo nothing to say; exit 1'",
         code=1,
         starts_nodes=True,

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support import ROOT, Command, assert_nothing_left, executable
+from support import ROOT, Command, assert_nothing_left, executable, write_scenario
 from wrong_controllers import WAYS
 
 OURS = executable("afm_controller_node", "afm_controller_node")
@@ -12,16 +12,17 @@ WRONG = Path(__file__).resolve().parents[1] / "wrong_controllers.py"
 RIGHT = {
     "ours": (OURS,),
     "pd_controller": (sys.executable, ROOT / "examples" / "pd_controller.py"),
-    "a law of one's own": (OURS, "--ros-args", "-p", "law.kind:=pd_law:PD"),
+    "a law of one's own": (OURS,),
 }
 PRINTED = "printed.log"
 OVER_TOPICS = [way for way in WAYS if way not in ("right", "too far", "too steep", "leaks", "a microvolt more")]
 """Those that the default scenario can find out: it has no limits."""
 
 
-def check(*command: str | Path, folder: Path, measurements: int = 1000) -> Command:
-    options = ("--measurements", str(measurements), "--log", folder / PRINTED, "--")
-    return Command(executable("afm_bringup", "check_controller"), *options, *command, folder=folder)
+def check(*command: str | Path, folder: Path, measurements: int = 1000, scenario: Path | None = None) -> Command:
+    options = ("--measurements", str(measurements), "--log", folder / PRINTED)
+    chosen = ("--scenario", scenario) if scenario is not None else ()
+    return Command(executable("afm_bringup", "check_controller"), *options, *chosen, "--", *command, folder=folder)
 
 
 def outcomes(text: str) -> dict[str, str]:
@@ -65,6 +66,8 @@ def test_a_wrong_controller_is_found_out(tmp_path: Path, way: str, sentence: str
             "the controller ended with code 3: no device",
             "error: no device\n",
         ),
+        # A line that says nothing of an error is not given as the reason.
+        (["sh", "-c", "echo 1"], 'the controller ended with code 0; last line it printed: "1"', "1\n"),
     ],
 )
 def test_what_cannot_be_tested_is_told_from_what_is_wrong(
@@ -100,6 +103,15 @@ def test_our_controller_keeps_every_rule_of_the_whole_examination(tmp_path: Path
 @pytest.mark.parametrize("controller", list(RIGHT)[1:])
 def test_examples_keep_every_rule(tmp_path: Path, controller: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", str(ROOT / "examples" / "controllers"), prepend=":")
-    with check(*RIGHT[controller], folder=tmp_path) as command:
+    scenario = None
+    if controller == "a law of one's own":
+        # It leaves z to the instrument.
+        scenario = write_scenario(
+            tmp_path / "own.yaml",
+            afm_sim_node={"plant.kind": "compliant", "plant.control_period": 5e-5, "onboard.kind": "pi"},
+            afm_controller_node={"law.kind": "pd_law:PD"},
+        )
+    with check(*RIGHT[controller], folder=tmp_path, scenario=scenario) as command:
         assert command.wait(timeout=280.0) == 0, command.text
+    assert ("law: pd_law:PD" in (tmp_path / PRINTED).read_text()) == (scenario is not None)
     assert_nothing_left()

@@ -28,6 +28,10 @@ from .log import Answer, Phase
 _NODE = "afm_sim_node"
 _CONNECT_TIMEOUT = 30.0
 """Wall time for a controller to find a simulator [s]; the middleware takes some seconds to notice that one has gone."""
+MATCHED = 0.5
+"""Time for a controller to find this side, too, once this side has found it [s]; the middleware does not tell of it.
+Until then messages get lost, or come late.
+"""
 _STATUS_PERIOD = 0.2
 _LOOK_PERIOD = 0.05
 """Wall time after which it is asked again how long a processor was missing [s]."""
@@ -152,12 +156,17 @@ class TopicConnection:
             self._executor.spin_once(timeout_sec=0.0)
         self._inbox.wait(timeout)
 
-    def connect(self, timeout: float = _CONNECT_TIMEOUT) -> bool:
-        """Wait until a controller is matched both ways; False if none is within `timeout` or it has ended."""
+    def connect(self, timeout: float = _CONNECT_TIMEOUT, matched: float = 0.0) -> bool:
+        """Wait until a controller is matched both ways, and then for `matched` [s]; False if none is within `timeout`,
+        or it has ended.
+        """
         limit = self.now() + timeout
         while not (self._inbox.publishers and self._outbox.subscribers):
             if self.now() > limit or self.problem() or self.incompatible():
                 return False
+            self._executor.spin_once(timeout_sec=0.02)
+        limit = self.now() + matched
+        while self.now() < limit:
             self._executor.spin_once(timeout_sec=0.02)
         return True
 
@@ -187,7 +196,7 @@ class TopicConnection:
         """End this node and begin a new one."""
         self._close()
         self._open()
-        return self.connect()
+        return self.connect(matched=MATCHED)
 
 
 def _as_they_are(data: bytes) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,24 @@ class Phase(Enum):
     RESET = "after a reset: the numbers begin again"
     FAULT = "sensors that fail, measurements that get lost"
     LONG = "many measurements, one after the other"
-    STEPS = "references that jump"
+    STEPS = "references and measured positions that jump"
     REPEAT = "the first measurements after a reset, again"
     RESTART = "after a restart of the simulator"
 
 
 IN_LOCKSTEP = tuple(phase for phase in Phase if phase not in (Phase.REALTIME, Phase.PAUSE, Phase.AGAIN))
 """Phases in which the next measurement waits for the answer to this one."""
+
+
+class Jump(NamedTuple):
+    """By what a measurement differs from that of a microscope at rest."""
+
+    axis: int = 0
+    sense: int = 0  # in which it has been moved; 0: it has not
+    measured: bool = False  # its measured position, else its reference
+
+
+NO_JUMP = Jump()
 
 
 @dataclass(frozen=True)
@@ -34,7 +46,7 @@ class Sent:
     phase: Phase
     sequence: int
     time: float  # [s]
-    jump: tuple[int, int] = (0, 0)  # axis, and sense in which its reference has been moved; 0: it has not
+    jump: Jump = NO_JUMP
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """The phases of a test of a controller, one after the other. Needs no ROS."""
 
-from collections.abc import Callable, Iterable
-from itertools import repeat
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +11,7 @@ from afm_model.core.errors import DivergenceError, DriveError
 from afm_model.core.schema import Value
 from afm_model.parts.signals import Measurement
 
-from .log import Answer, Log, Phase, Sent
+from .log import NO_JUMP, Answer, Jump, Log, Phase, Sent
 
 _PATIENCE = 2.0
 """Time to wait for an answer, by the clock of the connection [s]."""
@@ -21,22 +20,28 @@ _UNANSWERED = 3
 _SETTLE = 0.1
 """Time to wait for a second answer [s]."""
 _TICKS = {
-    Phase.LOCKSTEP: 200,
+    Phase.LOCKSTEP: 2000,
     Phase.RESUMED: 20,
     Phase.RESET: 20,
     Phase.FAULT: 100,
-    Phase.REPEAT: 200,
+    Phase.REPEAT: 2000,
     Phase.RESTART: 20,
 }
+"""Measurements of a phase; what comes in REPEAT is compared with LOCKSTEP."""
+_AFTERWARDS = 100
+"""Measurements of the phase FAULT after the faults."""
 LONG_TICKS = 100_000
 """Measurements of the phase LONG."""
 _LOOKS = 100
 """How often the memory is looked at in it."""
 _MOST_MEMORY = 500_000_000
 """It ends when the controller has taken so much more [bytes]."""
-_JUMPS = np.random.default_rng(1).choice((-1, 1), 128).tolist()
-_JUMP = 5e-10, 5e-10, 2e-9
-"""In the phase STEPS the reference of one axis after the other is moved by so much to and fro, at random [m]."""
+_SETTLED, _JUMPS = 100, 128
+"""In the phase STEPS nothing jumps at first, then one thing after the other, to and fro at random."""
+_JUMP = np.array([5e-10, 5e-10, 2e-9])
+"""How far along x, y and z [m]."""
+_SHAKE = 1e-3
+"""All measured positions move by about so much of it besides, so that no sensor seems to be stuck."""
 _REALTIME_TICKS, _REALTIME_PERIOD = 50, 0.01
 _STRONGEST = 1e3
 """Drives are clipped at this voltage: no scanner moves so far [V]."""
@@ -99,13 +104,19 @@ class Procedure:
     parameters : SimParameters
     long_ticks : int
         Measurements of the phase LONG.
+    seed : int
+        Of what is at random.
     """
 
-    def __init__(self, connection: TestConnection, parameters: SimParameters, long_ticks: int = LONG_TICKS) -> None:
+    def __init__(
+        self, connection: TestConnection, parameters: SimParameters, long_ticks: int = LONG_TICKS, seed: int = 1
+    ) -> None:
         self._connection = connection
+        self._random = np.random.default_rng(seed)
         self._long_ticks = long_ticks
         self._parameters = parameters
         self._instrument = Instrument(parameters, 1, hashed=False)
+        self._at_rest = self._instrument.measurement.copy()
         # In real time an answer comes while the tick goes on, and is in force from the next one on.
         self._late = int(parameters.run.mode == "realtime")
         self._phase = Phase.LOCKSTEP
@@ -145,20 +156,20 @@ class Procedure:
         self._ask(_TICKS[self._phase])
         self._collect(_SETTLE)
 
-    def _ask(self, ticks: int, jumps: Iterable[tuple[int, int]] = repeat((0, 0))) -> bool:
+    def _ask(self, ticks: int) -> bool:
         """Make ticks with answers; False if too many did not come."""
         unanswered = 0
-        for _, jump in zip(range(ticks), jumps, strict=False):
-            if not self._instrument.unasked:
-                sequence = self._send(jump)
-                if not self._collect(_PATIENCE, lambda sequence=sequence: sequence in self._drives):  # type: ignore[misc]
-                    unanswered += 1
-                    if unanswered == _UNANSWERED:
-                        return False
+        for _ in range(ticks):
+            if not self._instrument.unasked and not self._answered(self._send()):
+                unanswered += 1
+                if unanswered == _UNANSWERED:
+                    return False
             self._tick()
         return True
 
     def _long(self) -> None:
+        # What a fault has done to the controller is not counted here, nor in the phase STEPS.
+        self._begin_again()
         memory = self.log.memory
         for _ in range(_LOOKS):
             if not self._ask(self._long_ticks // _LOOKS):
@@ -169,8 +180,35 @@ class Procedure:
         self._collect(_SETTLE)
 
     def _jump(self) -> None:
-        for axis in range(3):
-            self._ask(len(_JUMPS), [(axis, sense) for sense in _JUMPS])
+        """Measurements of a microscope that no drive moves: what a drive answers is not mixed with what it has done."""
+        jumps = [NO_JUMP] * _SETTLED
+        for measured in (False, True):
+            for axis in range(3):
+                jumps += [Jump(axis, sense, measured) for sense in self._random.choice((-1, 1), _JUMPS).tolist()]
+        unanswered = 0
+        for sequence, jump in enumerate(jumps, self._instrument.ticks):
+            measurement = self._still(sequence, jump, _SHAKE * self._random.standard_normal(3))
+            if not self._answered(self._publish(sequence, measurement, jump)):
+                unanswered += 1
+                if unanswered == _UNANSWERED:
+                    break
+
+    def _still(self, sequence: int, jump: Jump, shake: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A measurement at rest, but for a jump, and positions that are moved by `shake`, in units of a jump."""
+        measurement = self._at_rest.copy()
+        y = measurement.view(Measurement)[0]
+        y.reference_position[:2] = y.position[:2]
+        y.reference_velocity[:] = y.reference_acceleration[:] = 0.0
+        moved = _JUMP * shake
+        (moved if jump.measured else y.reference_position)[jump.axis] += _JUMP[jump.axis] * jump.sense
+        y.position += moved
+        # A scanner that rises lifts the tip.
+        y.deflection += moved[2]
+        y.deflection_voltage += moved[2] / self._parameters.detector.deflection_sensitivity
+        newest = sequence - 1 - self._late
+        y.newest_drive_sequence = max(newest, -1)
+        y.drive_sequence = max(newest - self._parameters.plant.delay_ticks, -1)
+        return measurement
 
     def _realtime(self) -> None:
         sent = []
@@ -185,11 +223,9 @@ class Procedure:
         self._collect(5 * _SETTLE)
 
     def _send_again(self) -> None:
-        sequence = self._send()
-        self._collect(_PATIENCE, lambda: sequence in self._drives)
+        self._answered(self._send())
         self._drives.clear()
-        self._send()
-        self._collect(_PATIENCE, lambda: sequence in self._drives)
+        self._answered(self._send())
         self._tick()
         self._collect(_SETTLE)
 
@@ -207,8 +243,11 @@ class Procedure:
             values |= {f"fault.{name}.{field}": value for field, value in fields.items()}
             values[f"fault.{name}.start"] = start
         self._instrument.set_faults(changed(self._parameters, values))
-        self._lockstep()
+        answers = self._ask(_TICKS[self._phase])
         self._instrument.set_faults(self._parameters)
+        if answers:
+            self._ask(_AFTERWARDS)
+        self._collect(_SETTLE)
 
     def _restart(self) -> None:
         self.log.reconnected = self._connection.restart()
@@ -222,14 +261,17 @@ class Procedure:
         self._instrument.skip_block()
         self._instrument.reset()
 
-    def _send(self, jump: tuple[int, int] = (0, 0)) -> int:
-        sequence, measurement = self._instrument.ticks, self._instrument.measurement
-        if jump[1]:
-            measurement = measurement.copy()
-            measurement.view(Measurement)[0].reference_position[jump[0]] += _JUMP[jump[0]] * jump[1]
+    def _send(self) -> int:
+        return self._publish(self._instrument.ticks, self._instrument.measurement)
+
+    def _publish(self, sequence: int, measurement: NDArray[np.float64], jump: Jump = NO_JUMP) -> int:
         self.log.sent.append(Sent(self._phase, sequence, self._connection.now(), jump))
         self._connection.publish(sequence, measurement)
         return sequence
+
+    def _answered(self, sequence: int) -> bool:
+        """Wait for the answer to a measurement; False if it did not come."""
+        return self._collect(_PATIENCE, lambda: sequence in self._drives)
 
     def _tick(self) -> None:
         """Make one tick with the answer, or with the previous drive where none came."""

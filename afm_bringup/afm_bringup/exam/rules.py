@@ -11,7 +11,7 @@ from afm_model import SimParameters
 from afm_node_common import topics
 
 from .log import IN_LOCKSTEP, Answer, Log, Phase
-from .response import lags
+from .response import Response, responses
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,14 @@ class Terms:
 _STRONGEST = 1e6
 """No drive is stronger, where there is no limit [V]."""
 _ONE_BY_ONE = (Phase.LOCKSTEP, Phase.LONG, Phase.STEPS, Phase.REPEAT)
+_UPWARDS = 0.5
+"""A drive may rise with the measured position by so much of what it rises with the reference: a law that predicts may
+have it so (predictive in packets .2).
+"""
+_ACROSS = 0.2
+"""A drive of x or y may answer the reference of the other one by so much of what each answers its own: a sensor that is
+turned by 10 degrees makes .18, the laws of the package .004.
+"""
 _LEAK = 5_000_000
 """What a controller may take in a quarter of a long run, once, but not in the next quarter as well [bytes]."""
 
@@ -205,8 +213,8 @@ def _stamp(log: Log, terms: Terms) -> str | None:
     )
 
 
-def _answered_jumps(log: Log, terms: Terms) -> list[tuple[int, list[int]]] | None:
-    return lags(log, 2 if terms.sim.onboard.kind != "none" else 3) if terms.feedback else None
+def _answered_jumps(log: Log, terms: Terms) -> list[Response] | None:
+    return responses(log, 2 if terms.sim.onboard.kind != "none" else 3) if terms.feedback else None
 
 
 def _response(log: Log, terms: Terms) -> str | None:
@@ -214,13 +222,27 @@ def _response(log: Log, terms: Terms) -> str | None:
         return None
 
     def problems() -> Iterator[str]:
-        for axis, (lag, senses) in enumerate(found):
-            others = [name for name, sense in zip("xyz", senses, strict=True) if sense]
-            if lag < 0:
+        for axis, response in enumerate(found):
+            name = "xyz"[axis]
+            measured = f"measured {'position' if axis < 2 else 'height of the tip'}"
+            if response.lag < 0:
+                others = [other for other, step in zip("xyz", response.steps, strict=True) if step]
                 instead = f": that of {' and '.join(others)} does" if others else ""
-                yield f"the drive of {'xyz'[axis]} does not answer when its reference moves{instead}"
-            elif senses[axis] < 0:
-                yield f"the drive of {'xyz'[axis]} falls when its reference rises"
+                yield f"the drive of {name} does not answer when its reference moves{instead}"
+                continue
+            if response.steps[axis] < 0:
+                yield f"the drive of {name} falls when its reference rises"
+            if response.feedback is None:
+                yield f"the drive of {name} does not answer the {measured}"
+            elif response.feedback > _UPWARDS * abs(response.steps[axis]):
+                yield f"the drive of {name} rises when the {measured} rises"
+            if axis < 2 and (step := response.steps[1 - axis]):
+                smallest = min(abs(each.steps[i]) for i, each in enumerate(found[:2]) if each.steps[i])
+                if abs(step) > _ACROSS * smallest:
+                    yield (
+                        f"the drive of {'xy'[1 - axis]} moves by {step:.3g} V when the reference of {name} jumps, "
+                        f"that of {name} by {response.steps[axis]:.3g} V"
+                    )
 
     return _first(problems())
 
@@ -229,9 +251,9 @@ def _present(log: Log, terms: Terms) -> str | None:
     if (found := _answered_jumps(log, terms)) is None:
         return None
     return _first(
-        f"the drive of {'xyz'[axis]} answers the measurement {lag} before the one whose sequence it has"
-        for axis, (lag, _) in enumerate(found)
-        if lag > 0
+        f"the drive of {'xyz'[axis]} answers the measurement {response.lag} before the one whose sequence it has"
+        for axis, response in enumerate(found)
+        if response.lag > 0
     )
 
 
@@ -287,9 +309,14 @@ RULES = (
     Rule("sent again", "answers a measurement that is sent again", _send_again),
     Rule("reset", "continues when the sequences begin again at 0", lambda log, _: _answered(log, Phase.RESET)),
     Rule("fault", "answers when sensors fail or measurements get lost", lambda log, _: _answered(log, Phase.FAULT)),
-    Rule("response", "moves the drive of an axis up when the reference of that axis jumps up", _response),
+    Rule(
+        "response",
+        "moves the drive of an axis up when its reference jumps up, hardly the other one of x and y, and answers its "
+        "measured position, too",
+        _response,
+    ),
     Rule("present", "computes a drive from the measurement whose sequence it has", _present),
-    Rule("repeats", "sends the same drives for the same measurements after a reset", _repeats),
+    Rule("repeats", "sends the same drives for the same measurements after a reset, the first 2000", _repeats),
     Rule("memory", "takes no more memory from measurement to measurement", _memory),
     Rule("restart", "finds a simulator that was restarted", _restart),
     Rule(

@@ -18,7 +18,7 @@ bear a drive that comes a period late."""
 _STUCK = 0.1
 """Radians of the shortest wave from which on a tip that rests behind the reference is freed."""
 _SLOW = 0.1
-"""Way in a time unit over the error up to which a tip counts as resting, or soon to rest, beside a reference that rests.
+"""Way in a time unit over the error up to which a tip counts as resting, or soon to, beside a reference that rests.
 
 In packets a part of that: the next drive follows soon.
 """
