@@ -251,3 +251,16 @@ def test_friction_half_as_strong_as_told_does_not_throw_the_tip(feedback, period
     # From three quarters of it on: 70 to 510 % in the first period.
     law = contender(f"predictive feedback={feedback}")
     assert run_case(CASE["friction x 0.5"], Rate("slow", period, delay), law)["first"] < 20.0
+
+
+@pytest.mark.parametrize("surface", ["known", "observed"])
+@pytest.mark.parametrize("rate", [0, 1])
+def test_a_z_sensor_with_another_zero_than_the_piezo_is_told(rate, surface):
+    displaced = Case("displaced", {"fault.f.kind": "offset", "fault.f.signal": "position_z", "fault.f.size": 5e-9})
+    law = contender(f"predictive surface={surface}")
+    assert (
+        "the zero of the z sensor is not that of the piezo"
+        in simulate(*parameters_of(displaced, RATES[rate], law)).remark
+    )
+    for case in (CASE["the truth"], CASE["sensitivity of the piezo +5 %"], CASE["friction x 2"], CASE["height x 2"]):
+        assert "z sensor" not in simulate(*parameters_of(case, RATES[rate], law)).remark

@@ -14,6 +14,7 @@ from .gains import grid
 from .predictive_constants import (
     A_DECADE,
     CREEP,
+    FIRST_Z,
     INTERVALS,
     LONG,
     LONGEST_DELAY,
@@ -184,6 +185,11 @@ def remark(state: Any) -> str:
         told.append(f"the model did not explain the measurements: fell back to open loop {times}")
     if state.contradicts > 0.0 and state.unknown:
         told.append("the height measured is not that of sample.*: the surface is followed as law.surface = observed")
+    if abs(state.learned[2, 1]) >= FIRST_Z[1]:
+        told.append(
+            "a force along z is larger than the law learns, and the load is off by it: the zero of the z sensor is not "
+            "that of the piezo, or the z piezo drifts"
+        )
     if state.off_told != 0:
         periods = "control period" if abs(state.off_told) == 1 else "control periods"
         way = "later" if state.off_told > 0 else "earlier"
