@@ -117,3 +117,12 @@ def test_an_offset_of_the_lateral_signal_is_taken_for_friction_unless_friction_i
         for friction in ("identified", "nominal")
     )
     assert least < identified < most and nominal < 0.05
+
+
+@pytest.mark.parametrize(
+    ("rate", "surface", "sample"), [(0, "observed", "flat"), (1, "observed", "flat"), (1, "learned", "paper")]
+)
+def test_a_raster_turns_round_without_a_push_along_its_slow_axis(rate, surface, sample):
+    # For a hold friction was asked for along the slow axis: 8 % at 200 us.
+    slow = {"reference.amplitude_y": 5e-11, "reference.omega_y": 25.0, "sample.kind": sample}
+    assert run_case(Case("raster", slow), RATES[rate], contender(f"predictive surface={surface}"))["third"] < 0.3

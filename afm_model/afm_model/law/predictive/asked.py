@@ -11,9 +11,12 @@ from ...parts.signals import Measurement
 from .nominal_plant import look, nominal_bound
 from .predictive_constants import Constants
 from .predictive_state import State
+from .sample_estimate import REST
 
 _FORGET = 0.9
 _SLOWEST = 1e-5
+_TURNS = 0.1
+"""Sine of the angle between rate and acceleration from which on a reference turns round a corner."""
 
 
 @kernel
@@ -106,6 +109,19 @@ def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) ->
         ask_of(2, i, p.of_both * (p.w + p.eta_c2 * (s.p[2] - z - p.a)) + s.slow[2] + s.softer[2] * z, p, s)
 
 
+@kernel
+def heads(i: int, v_x: float, v_y: float, s: State) -> tuple[float, float]:
+    """Rate of the reference in fine interval i; where it nearly rests and turns, the way that it comes from or goes to.
+
+    There friction does not turn with it: the drive would push a tip across that does not move.
+    """
+    a_x, a_y = s.path[i + 1, 0, 1] - s.path[i, 0, 1], s.path[i + 1, 1, 1] - s.path[i, 1, 1]
+    a, v = math.sqrt(a_x * a_x + a_y * a_y), math.sqrt(v_x * v_x + v_y * v_y)
+    if v >= REST * s.fastest or abs(a_x * v_y - a_y * v_x) <= _TURNS * a * v:
+        return v_x, v_y
+    return (a_x, a_y) if a_x * v_x + a_y * v_y > 0.0 else (-a_x, -a_y)
+
+
 @routine
 def ask(first: float, n: int, p: Constants, s: State) -> None:
     """Write path, friction, direction and what is asked for n fine intervals from the time `first` on."""
@@ -114,10 +130,10 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
     s.path_begins = first
     ask_of_z(0, n, 0.0, 0.0, p, s)
     for i in range(n):
-        v_x, v_y = rate(i, 0, s), rate(i, 1, s)
+        v_x, v_y = heads(i, rate(i, 0, s), rate(i, 1, s), s)
         # A drive that is held cannot turn with friction inside its slot: there the scanner rests for a moment.
         middle = i - i % p.fine + p.fine // 2
-        m_x, m_y = s.path[middle, 0, 1], s.path[middle, 1, 1]
+        m_x, m_y = heads(middle, s.path[middle, 0, 1], s.path[middle, 1, 1], s)
         if v_x * m_x + v_y * m_y <= 0.0:
             v_x, v_y = m_x, m_y
         speed = math.sqrt(v_x * v_x + v_y * v_y)
