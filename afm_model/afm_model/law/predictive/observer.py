@@ -237,7 +237,7 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     """Run the copy up to measurement k, and correct it and the ratio by the positions x, y_ and the lateral force."""
     from_x, from_y, periods = s.X, s.Y, max(k - s.last, 1)
     rested = s.V_X == 0.0 and s.V_Y == 0.0
-    force = y.lateral_force / p.lateral_force
+    force = y.lateral_force / p.lateral_force - s.zero
     pass_drives(k, y, True, p, s)
     u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
     if p.slots == 1 and periods == 1:

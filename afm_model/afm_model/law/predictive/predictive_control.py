@@ -54,7 +54,7 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
     ratio = s.grip
     if p.identified and p.measured == 0:
         u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
-        ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
+        ratio = take_ratio(y.lateral_force / p.lateral_force - s.zero, u_x, u_y, p, s)
     approach(ratio, p, s)
     if p.surface == KNOWN and ratio > TOUCHES:
         doubt_surface(p, s)

@@ -63,6 +63,10 @@ class PredictiveLaw(SampledLaw):
     lateral_gain: Literal["nominal", "estimated"] = Field(
         "estimated", description="force on the scanner per lateral signal, over that of the model"
     )
+    lateral_zero: Literal["nominal", "estimated"] = Field(
+        "estimated",
+        description="lateral signal without friction; with feedback=measured nominal, 0",
+    )
     slow_force: Literal["nominal", "estimated"] = Field(
         "estimated", description="force that the model does not contain, such as that of creep and drift"
     )
@@ -171,6 +175,7 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
+    yield LawEstimate("lateral_zero", "N", float(s.zero * p.lateral_force))
     yield LawEstimate("delay", "s", float(s.delay * p.slot / p.w0))
     yield LawEstimate("distrust", "1", float(s.distrust))
     yield LawEstimate("fallbacks", "1", float(s.fallbacks))

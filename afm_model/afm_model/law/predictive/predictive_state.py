@@ -101,6 +101,12 @@ class State(Record):
     H: Annotated[Array, (FOLLOWED,)]
     ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it
+    # Zero of the lateral signal, what the last turn told of it beyond that, the sense along x in which the tip slipped
+    # last, and by how much the ratio was raised at rest since.
+    zero: float
+    zero_found: float
+    side: float
+    raised: float
     # How height and ratio go on, continuation.py: the last places, what was found there, how many count.
     place: Annotated[Array, (POINTS, 2)]
     found: Annotated[Array, (POINTS, 2)]
