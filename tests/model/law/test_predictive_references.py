@@ -106,19 +106,6 @@ def test_it_is_reached_with_positions_alone_and_friction_that_is_told_wrong(surf
     assert np.max(np.abs(result.truth["position"][-500:, :2] - AMPLITUDE)) < 0.03 * AMPLITUDE
 
 
-@pytest.mark.parametrize(("rate", "least", "most"), [(0, 1.0, 5.0), (1, 5.0, 25.0)])
-def test_an_offset_of_the_lateral_signal_is_taken_for_friction_unless_friction_is_believed(rate, least, most):
-    # The docs tell it as a limit of the law: 1 % of friction.
-    offset = {"fault.f.kind": "offset", "fault.f.signal": "lateral_force", "fault.f.size": 2e-9}
-    identified, nominal = (
-        run_case(Case("offset", offset), RATES[rate], contender(f"predictive surface=known friction={friction}"))[
-            "third"
-        ]
-        for friction in ("identified", "nominal")
-    )
-    assert least < identified < most and nominal < 0.05
-
-
 @pytest.mark.parametrize(
     ("rate", "surface", "sample"), [(0, "observed", "flat"), (1, "observed", "flat"), (1, "learned", "paper")]
 )

@@ -115,9 +115,11 @@ def heads(i: int, v_x: float, v_y: float, s: State) -> tuple[float, float]:
 
     There friction does not turn with it: the drive would push a tip across that does not move.
     """
+    v2, slow = v_x * v_x + v_y * v_y, REST * s.fastest
+    if v2 >= slow * slow:
+        return v_x, v_y
     a_x, a_y = s.path[i + 1, 0, 1] - s.path[i, 0, 1], s.path[i + 1, 1, 1] - s.path[i, 1, 1]
-    a, v = math.sqrt(a_x * a_x + a_y * a_y), math.sqrt(v_x * v_x + v_y * v_y)
-    if v >= REST * s.fastest or abs(a_x * v_y - a_y * v_x) <= _TURNS * a * v:
+    if abs(a_x * v_y - a_y * v_x) <= _TURNS * math.sqrt(v2 * (a_x * a_x + a_y * a_y)):
         return v_x, v_y
     return (a_x, a_y) if a_x * v_x + a_y * v_y > 0.0 else (-a_x, -a_y)
 

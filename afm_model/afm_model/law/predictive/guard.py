@@ -56,6 +56,7 @@ def forget(p: Constants, s: State) -> None:
                 s.unsure[axis, i, j] = square(p.first[axis, i]) if i == j else 0.0
         believe(axis, NOTHING, s)
     forget_gain_of_y(s)
+    s.zero = s.zero_found = s.side = 0.0
 
 
 @kernel

@@ -65,7 +65,7 @@ class PredictiveLaw(SampledLaw):
     )
     lateral_zero: Literal["nominal", "estimated"] = Field(
         "estimated",
-        description="lateral signal without friction; with feedback=measured nominal, 0",
+        description="lateral signal without friction; with feedback=measured, and in packets, nominal: 0",
     )
     slow_force: Literal["nominal", "estimated"] = Field(
         "estimated", description="force that the model does not contain, such as that of creep and drift"
