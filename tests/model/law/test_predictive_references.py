@@ -8,9 +8,13 @@ import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
 from afm_model.core.records import record_at
+from afm_model.law.predictive.predictive_constants import OF_VALUE, VALUE
+from afm_model.law.predictive.sample_estimate import take_ratio
 from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import RATES, Case, run_case
+
+from .predictive_records import records
 
 OMEGA, AMPLITUDE = 50.0, 5e-9
 PERIOD = 2.0 * math.pi / OMEGA
@@ -32,6 +36,18 @@ def test_friction_is_learned_at_any_angle_to_the_force_that_is_measured(degrees,
 def test_friction_told_too_weak_is_learned_nearly_across_that_force_too(rate, most):
     stronger = turned(81.0, **{"contact.tau": 1.5 * 0.91e9})
     assert run_case(stronger, RATES[rate], contender("predictive"))["third"] < most
+
+
+@pytest.mark.parametrize(("part", "noise"), [(1.0, 1.0), (0.3, 1.0), (0.03, 10.0), (0.01, 30.0)])
+def test_what_is_seen_of_friction_counts_less_where_little_of_it_lies_along_x(part, noise):
+    p, s = records(surface="observed")
+    s.started, s.slips, s.fastest, s.load = 1.0, 1.0, 1.0, p.load_0
+    s.V_X, s.V_Y = part, math.sqrt(1.0 - part * part)
+    s.ratio[VALUE], s.ratio[OF_VALUE] = 1.0, p.ratio_noise**2
+    measured = take_ratio(1.0001 * part * p.f_0, 0.0, 0.0, p, s)
+    assert measured == pytest.approx(1.0001, rel=1e-9)
+    # A Kalman filter whose variance is that of the noise along x.
+    assert s.ratio[VALUE] - 1.0 == pytest.approx(1e-4 / (1.0 + noise**2), rel=1e-6)
 
 
 def follow(reference: Callable[[float], tuple[float, float]], duration: float, rate: int, surface: str, **true: str):

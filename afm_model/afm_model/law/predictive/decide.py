@@ -85,14 +85,17 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
     s.plan[slot, 0] = drive(0, at, e_x, s.V_X - s.path[at, 0, 1], p, s) + changed_x
     s.plan[slot, 1] = drive(1, at, e_y, s.V_Y - s.path[at, 1, 1], p, s) + changed_y
     s.plan[slot, 2] = u_z
-    size = math.sqrt(e_x * e_x + e_y * e_y)
-    slow = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y) * p.slots < _SLOW * size
-    if p.frees != 0 and way == 0.0 and far > _STUCK and slow and turns and (p.measured == 0 or far < _NEAR):
-        # Towards a reference that rests no friction was asked for.
-        f = bound_at(s.X, s.Y, s.Z, p, s)
-        s.plan[slot, 0] -= s.gain_of[0] * f * e_x / size
-        s.plan[slot, 1] -= s.gain_of[1] * f * e_y / size
-    elif p.frees != 0 and s.V_X == 0.0 and s.V_Y == 0.0 and far > _STUCK and -(e_x * r_x + e_y * r_y) > way * way:
+    if p.frees == 0 or far <= _STUCK:
+        return
+    if way == 0.0:
+        size = math.sqrt(e_x * e_x + e_y * e_y)
+        slow = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y) * p.slots < _SLOW * size
+        if slow and turns and (p.measured == 0 or far < _NEAR):
+            # Towards a reference that rests no friction was asked for.
+            f = bound_at(s.X, s.Y, s.Z, p, s)
+            s.plan[slot, 0] -= s.gain_of[0] * f * e_x / size
+            s.plan[slot, 1] -= s.gain_of[1] * f * e_y / size
+    elif s.V_X == 0.0 and s.V_Y == 0.0 and -(e_x * r_x + e_y * r_y) > way * way:
         # A tip that rests behind the reference is held by friction where it is, not by that of the reference. A surface
         # makes no more of a difference.
         more = max(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[at], 0.0)
