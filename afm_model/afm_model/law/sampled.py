@@ -45,34 +45,41 @@ class SampledLaw(LawParameters):
         """Whether the law is made for another control period than this one [s]."""
         return abs(self.period - period) > 1e-6 * period
 
+    @property
+    def drives_a_period(self) -> int:
+        """How many drives an answer holds for one control period, each with its time."""
+        return 1
+
 
 class TimingWarning(UserWarning):
-    """A law is made for another control period or delay than those of the plant."""
+    """A law is made for another control period, delay or DAC than those of the plant."""
 
 
 TIMING = ("period", "delay_ticks")
 """Names of the parameters of `SampledLaw`."""
 
 
-def require_plant(law: LawParameters, plant: PlantParameters) -> None:
-    """Raise ParameterError if a law has a model of friction that is not that of the plant."""
-    known = find("law", law.kind).plants
-    if known and plant.kind not in known:
+def require_plant(controller: Tree, plant: PlantParameters) -> None:
+    """Raise ParameterError if the law of a controller has a model of friction that is not that of the plant."""
+    law = find("law", controller.law.kind)
+    if law.plants and plant.kind not in law.plants and not law.needs_no_friction(controller):
         raise ParameterError(
-            f"law.kind = {law.kind} is not allowed with plant.kind = {plant.kind}: its model of friction is that of "
-            f"plant.kind = {' or '.join(known)}; take a law that needs none, such as pid"
+            f"law.kind = {law.name} is not allowed with plant.kind = {plant.kind} and a scanner that friction moves: "
+            f"its model of friction is that of plant.kind = {' or '.join(law.plants)}; take a law that needs none, "
+            "such as pid, or tell the controller of a stiff scanner, as microscope.scanner does"
         )
 
 
-def disagreements(law: LawParameters, plant: PlantParameters) -> list[str]:
-    """Where a law is made for another period or delay than those of the plant, a sentence each.
+def disagreements(law: LawParameters, instrument: Tree) -> list[str]:
+    """Where a law is made for another period, delay or DAC than those of the plant, a sentence each.
 
     Parameters
     ----------
     law : LawParameters
         Of any law; one that is not made for a period has nothing to disagree.
-    plant : PlantParameters
+    instrument : SimParameters
     """
+    plant = instrument.plant
     control_period, delay_ticks = plant.control_period, plant.delay_ticks
     if not isinstance(law, SampledLaw):
         return []
@@ -86,6 +93,12 @@ def disagreements(law: LawParameters, plant: PlantParameters) -> list[str]:
         told.append(
             f"the law is made for another delay: law.delay_ticks = {law.delay_ticks} should be plant.delay_ticks = "
             f"{delay_ticks}"
+        )
+    slot, dac_period = control_period / law.drives_a_period, instrument.piezo.dac_period or control_period
+    if dac_period > (1.0 + 1e-6) * slot:
+        told.append(
+            f"of the {law.drives_a_period} drives that the law sends for each control period not all are put in force: "
+            f"piezo.dac_period should be {slot:g} s, it is {dac_period:g} s"
         )
     return told
 

@@ -133,7 +133,7 @@ def load_scenario(
             )
         parts["controller"] = inside
     try:
-        require_plant(parts.get("controller", ControllerParameters()).law, sim.plant)
+        require_plant(parts.get("controller", ControllerParameters()), sim.plant)
     except ParameterError as error:
         raise ScenarioError(f"{_told(path, overrides)}: {error}") from None
     return Scenario(path.stem, path, **parts, sections=sections)

@@ -154,7 +154,7 @@ def simulate(
         If a part of somebody else's does not work.
     """
     law = _parameters_of(controller)
-    for sentence in disagreements(law.law, parameters.plant) if law is not None else []:
+    for sentence in disagreements(law.law, parameters) if law is not None else []:
         warnings.warn(sentence, TimingWarning, stacklevel=2)
     blocks: list[Block] = []
     events: list[RunEvent] = []
@@ -263,7 +263,7 @@ def engine_of(
     if isinstance(controller, Replay):
         parameters = replayed(parameters)
     if (own := _parameters_of(controller)) is not None:
-        require_plant(own.law, parameters.plant)
+        require_plant(own, parameters.plant)
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
 
     def pacing(engine: Engine) -> Pacing:

@@ -32,7 +32,7 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
     of_law = find("law", controller.law.kind).warnings(controller, plant.control_period)
     # What the law answers along z has no effect where a loop inside the instrument drives z.
     told += [sentence for sentence in of_law if not (inside_drives_z(sim) and sentence.startswith("along z "))]
-    others = disagreements(controller.law, plant)
+    others = disagreements(controller.law, sim)
     # Limits of a law that is made for something else tell nothing; those of the paper's laws without delay are known
     # exactly, and told by themselves.
     of_the_paper = isinstance(controller.law, PaperLaw) and plant.delay_ticks == 0

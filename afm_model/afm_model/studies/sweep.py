@@ -100,7 +100,7 @@ def sweep(
 
     def sets() -> Iterator[Set | str]:
         for each in sets_of(scenario, columns):
-            others.extend([] if isinstance(each, str) else disagreements(each[1].law, each[0].plant)[:1])
+            others.extend([] if isinstance(each, str) else disagreements(each[1].law, each[0])[:1])
             yield each
 
     run_all = partial(_run_all, fingerprint=fingerprint, lanes=lanes)
@@ -196,7 +196,7 @@ def sets_of(
                 made[key] = str(error)
         return made[key]
 
-    follows = not disagreements(scenario.controller.law, scenario.sim.plant)
+    follows = not disagreements(scenario.controller.law, scenario.sim)
     for i in range(count_of(columns)):
         news: dict[str, dict[str, Value]] = {node: {} for node in base}
         for name, values in columns.items():

@@ -1,7 +1,7 @@
 """Friction-predicting control, docs/laws.md: a law that knows that friction sticks, and acts before it does."""
 
 from ...parts.part import Law
-from .predictive_constants import ANSWERS, Constants, kept, values
+from .predictive_constants import ANSWERS, Constants, is_stiff, kept, values
 from .predictive_control import control
 from .predictive_law import PredictiveLaw, check, estimates, remark, warnings
 from .predictive_state import State, start
@@ -22,6 +22,7 @@ PREDICTIVE = Law(
     "scanner, cantilever, contact, its friction; of the sample its shortest wave and height (surface=known: all); "
     "noise of the sensors",
     plants=("compliant", "paper"),
+    needs_no_friction=is_stiff,
     memory=("sent", lambda parameters: 3 * ANSWERS * kept(parameters)),
 )
 

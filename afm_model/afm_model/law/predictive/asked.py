@@ -144,4 +144,6 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
         for axis in range(2):
             q = 0.5 * (s.path[i, axis, 0] + s.path[i + 1, axis, 0])
             held = s.gain_of[axis] * s.friction[i] * s.direction[i, axis] + s.slow[axis] + s.softer[axis] * q
+            if p.stiff != 0:
+                held += s.held_rate[axis] * (first + (i + 0.5) * p.tau - 0.5 * s.delay * p.slot)
             ask_of(axis, i, held, p, s)

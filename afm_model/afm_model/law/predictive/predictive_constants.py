@@ -92,6 +92,10 @@ from places that are estimated."""
 _SOON, _SOON_MEASURED = 3.0, 4.5
 """Where it takes so long until the drive that answers a measurement is over, friction is sought from lower on [1/w0];
 the same with positions alone, where a map that is written meanwhile is worse for it."""
+_NOWHERE = 1e-12
+"""Way [m] by which friction moves the scanner that counts as none."""
+_NO_NOISE = 1e-5
+"""Noise of a position where there is none [x0]."""
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05
@@ -153,6 +157,7 @@ class Constants(Record):
     ripple: float  # of the strength, from that curvature
     of_height: float  # relative change of friction with the height that is most likely; 0: it is not used
     measured: int
+    stiff: int  # one: friction moves the scanner by next to nothing
     # In packets the surface is continued from the last places:
     reach: float  # how far from the last of them, phase of the shortest wave
     most_ahead: float  # and to how far from the mean, over the range of the surface
@@ -180,9 +185,9 @@ class Constants(Record):
     Phi: Annotated[Array, (3, 2, 2)]
     Gamma: Annotated[Array, (3, 2)]
     G: Annotated[Array, (3, INTERVALS, 2)]
-    Gamma_hold: Annotated[Array, (3, 2)]  # of the free axes over a control period
+    Phi_hold: Annotated[Array, (3, 2, 2)]  # of the free axes over a control period
+    Gamma_hold: Annotated[Array, (3, 2)]
     L: Annotated[Array, (2, 2)]  # of the observer along z, in the same way
-    free_z: Annotated[Array, (2, 2)]  # transition of z over a control period
     free: Annotated[Array, (2, 2)]  # a control period of the free scanner, mean of x and y: transition, and of a drive
     of_drive: Annotated[Array, (2,)]
 
@@ -227,6 +232,15 @@ def least_bound(law: Tree, hold: float) -> float:
     return 0.75 if law.packet == 1 and soon else 0.45
 
 
+def is_stiff(parameters: Tree) -> bool:
+    """Whether friction, at the load of the setpoint zero on a flat sample, moves the scanner by next to nothing."""
+    scanner, cantilever, contact = parameters.scanner, parameters.cantilever, parameters.contact
+    load = cantilever.W - cantilever.m_c * square(2.0 * math.pi * cantilever.f_c) * cantilever.a
+    friction = bound_of_load(contact.friction_at_pull_off, 1.0, load / contact.pull_off_force)
+    softest = scanner.mass_ratio * cantilever.m_c * square(2.0 * math.pi * min(scanner.f_x, scanner.f_y))
+    return bool(friction < _NOWHERE * softest)
+
+
 def values(parameters: Tree) -> Numbers:
     """Values of Constants."""
     law, scanner, cantilever, contact = parameters.law, parameters.scanner, parameters.cantilever, parameters.contact
@@ -234,7 +248,7 @@ def values(parameters: Tree) -> Numbers:
     w0, x0, z0 = scales.w0, scales.x0, scales.z0
     mu, m_c = scanner.mass_ratio, cantilever.m_c
     lateral_force, normal_force = mu * m_c * square(w0) * x0, m_c * square(w0) * z0
-    measured, identified = law.feedback == "measured", law.friction == "identified"
+    measured = law.feedback == "measured"
     hold = law.period * w0
     slots, spare = law.packet, law.spare
     slot = hold / slots
@@ -272,12 +286,14 @@ def values(parameters: Tree) -> Numbers:
 
     small = 0.01 / r
     f_0, up, down = bound(0.0, load_0), bound(small, load_0), bound(-small, load_0)
+    stiff = is_stiff(parameters)
+    identified = law.friction == "identified" and not stiff
     dn = 1e-3 * L_s
     delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
     height_noise = hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
     ratio_noise = hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
     ripple = abs(up - down) / (2.0 * small * f_0) * square(law.wave_number * x0) * law.height / z0
-    noise = law.position_noise / x0
+    noise = law.position_noise / x0 if measured or not stiff else _NO_NOISE
     disturbance = FLOOR * square(eta_c) / mu
     L = [
         observer_gains(stiffness[2], damping[2], hold, factor * disturbance, law.position_noise / z0)
@@ -285,7 +301,7 @@ def values(parameters: Tree) -> Numbers:
     ]
     first = first_deviations(law)
     slowly = (_SLOWLY, _SLOWLY, _SLOWLY_Z) if measured else 1.0
-    of_hold = [transition(stiffness[i], damping[i], hold)[1] for i in range(3)]
+    of_hold = [transition(stiffness[i], damping[i], hold) for i in range(3)]
     free, of_drive = transition(stiffness[:2].mean(), damping[:2].mean(), hold)
     return {
         "hold": hold,
@@ -302,10 +318,10 @@ def values(parameters: Tree) -> Numbers:
         # In packets the next drive follows soon, and in a long hold z cannot follow.
         "back": round(division.response / (slot / division.fine)) * (slots == 1 and slot <= LONG),
         "tau": slot / division.fine,
-        "refined": slot > LONG and n + division.fine <= INTERVALS,
+        "refined": slot > LONG and not stiff and n + division.fine <= INTERVALS,
         # In a long hold the drive is refined for that. In packets positions alone do not tell rest.
-        "frees": slot <= LONG and not (measured and slots > 1),
-        "taken": _TAKEN_MEASURED if measured else _TAKEN,
+        "frees": slot <= LONG and not (measured and slots > 1) and not stiff,
+        "taken": math.inf if stiff else _TAKEN_MEASURED if measured else _TAKEN,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),
         "ring": exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
         "steps": steps,
@@ -345,12 +361,13 @@ def values(parameters: Tree) -> Numbers:
         # Of waves that are all alike up to the largest wave number: the mean of its square is a third.
         "of_height": ripple / law.height * z0 / 3.0 if measured and slots == 1 and law.surface != "learned" else 0.0,
         "measured": measured,
+        "stiff": stiff,
         "reach": _REACH_MEASURED if measured else _REACH,
         "most_ahead": _MOST_AHEAD_MEASURED if measured else _MOST_AHEAD,
         "bumps": [0.0, ripple * identified],
         "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,
-        "z_noise": noise * x0 / z0,
+        "z_noise": law.position_noise / z0,
         "force_noise": ratio_noise * f_0,
         "uneven": [_UNEVEN, ratio_noise],
         "astray": _ASTRAY * hold,
@@ -359,8 +376,8 @@ def values(parameters: Tree) -> Numbers:
         "height_noise": height_noise,
         "ratio_noise": ratio_noise,
         "L": np.array(L),
-        "Gamma_hold": np.array(of_hold),
-        "free_z": transition(stiffness[2], damping[2], hold)[0],
+        "Phi_hold": np.array([Phi for Phi, _ in of_hold]),
+        "Gamma_hold": np.array([Gamma for _, Gamma in of_hold]),
         "free": free,
         "of_drive": of_drive,
         "x0": x0,

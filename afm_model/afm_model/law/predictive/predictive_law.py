@@ -32,7 +32,9 @@ class PredictiveLaw(SampledLaw):
     """What the friction-predicting law knows and assumes. Its gains follow from the microscope and the period."""
 
     kind: str = Field("predictive", description="friction-predicting control, docs/laws.md")
-    packet: Annotated[int, Ge(1), Le(64)] = Field(1, description="drives in a control period, each with its time")
+    packet: Annotated[int, Ge(1), Le(64)] = Field(
+        1, description="drives in a control period, each with its time; piezo.dac_period has to be as short"
+    )
     spare: Annotated[int, Ge(0), Le(16)] = Field(
         0,
         description="further control periods for which an answer holds drives, played while the next one is late",
@@ -102,6 +104,10 @@ class PredictiveLaw(SampledLaw):
         2e9, description="largest wave number of the sample along x and y, for an observed surface"
     )
 
+    @property
+    def drives_a_period(self) -> int:
+        return self.packet
+
 
 def check(parameters: Tree) -> None:
     """Raise ValueError for parameters that are not allowed together."""
@@ -158,6 +164,13 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
 
 def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     """What it believes of the microscope, each with its standard deviation, and how far it distrusts its model."""
+    if p.stiff:
+        for i, axis in enumerate("xy"):
+            yield LawEstimate(f"slow_force_{axis}", "N", float(s.held[i] * p.lateral_force))
+            deviation = p.lateral_force * math.sqrt(max(s.of_held[i, 2, 2], 0.0))
+            yield LawEstimate(f"slow_force_{axis}_deviation", "N", float(deviation))
+        yield from _of_timing_and_trust(p, s)
+        return
     for i, axis in enumerate("xyz"):
         force, of_model = p.normal_force if axis == "z" else p.lateral_force, p.stiffness[i]
         told = [
@@ -176,6 +189,10 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
     yield LawEstimate("lateral_zero", "N", float(s.zero * p.lateral_force))
+    yield from _of_timing_and_trust(p, s)
+
+
+def _of_timing_and_trust(p: Any, s: Any) -> Iterator[LawEstimate]:
     yield LawEstimate("delay", "s", float(s.delay * p.slot / p.w0))
     yield LawEstimate("distrust", "1", float(s.distrust))
     yield LawEstimate("fallbacks", "1", float(s.fallbacks))

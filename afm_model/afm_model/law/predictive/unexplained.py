@@ -275,8 +275,8 @@ def learn_stiffness_of_z(missed: float, p: Constants, s: State) -> None:
     """
     moved, before = s.moved_by_c, s.learned[2, 2]
     v, v_rate = moved[0], moved[1]
-    moved[0] = p.free_z[0, 0] * v + p.free_z[0, 1] * v_rate - p.Gamma_hold[2, 0] * s.Z
-    moved[1] = p.free_z[1, 0] * v + p.free_z[1, 1] * v_rate - p.Gamma_hold[2, 1] * s.Z
+    moved[0] = p.Phi_hold[2, 0, 0] * v + p.Phi_hold[2, 0, 1] * v_rate - p.Gamma_hold[2, 0] * s.Z
+    moved[1] = p.Phi_hold[2, 1, 0] * v + p.Phi_hold[2, 1, 1] * v_rate - p.Gamma_hold[2, 1] * s.Z
     L_0, L_1 = p.L[s.unknown, 0], p.L[s.unknown, 1]
     # A Kalman filter that corrects by L_0 has innovations of this variance.
     update_of_z(missed, moved[0], p.z_noise / math.sqrt(1.0 - L_0), p, s)
