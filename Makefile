@@ -22,7 +22,7 @@ help:
 	@echo "make figures draw the figures of docs/paper.md again"
 	@echo "make notebooks run the notebooks of notebooks/ and keep their figures in them"
 	@echo "make maps    draw again where each law holds: docs/figures/maps, bode (some minutes)"
-	@echo "make laws    make the tables of docs/laws.md again, and the picture of wrong models (some minutes)"
+	@echo "make laws    make the tables of docs/laws.md and docs/predictive.md again, and the picture of wrong models (some minutes)"
 	@echo "make bench   measure speed, each figure beside its floor (about 10 minutes on an idle machine)"
 	@echo "make soak    a session for half an hour; what it uses has to stay what it was (ARGS=\"--minutes 5\": shorter)"
 	@echo "make torture what is killed, stopped, filled or confused, and what then becomes of a run (about half an hour;"

@@ -1,7 +1,7 @@
-"""Numbers of `predictive` that follow from its equations, without a run; docs/laws.md, section 8.
+"""Numbers of `predictive` that follow from its equations, without a run; docs/predictive.md.
 
 python tools/law_bounds.py            # print the tables
-python tools/law_bounds.py --write    # and put them into docs/laws.md
+python tools/law_bounds.py --write    # and put them into docs/predictive.md
 
 Noise: a scanner that slips along x = y obeys one linear model: position, speed, friction, height of the sample, and how
 these two go on. How well it is known is told by the Riccati equation. A drive that answers a measurement acts a delay
@@ -35,9 +35,7 @@ from afm_model.law.predictive.predictive_constants import values
 
 sys.path.insert(0, str(Path(__file__).parent))
 from law_loop import table as of_loop
-from make_docs import between_marks
-
-PAGE = Path(__file__).parent.parent / "docs" / "laws.md"
+from law_pages import put
 
 SPEED = 0.1 * math.sqrt(2.0)
 """Of the reference, sine of 5 nm and 50 rad/s on x and y, where it is fastest [x0 w0]."""
@@ -288,12 +286,10 @@ def with_loop() -> dict[str, str]:
 
 def main() -> int:
     """Print the tables; `--write`: into the page as well."""
-    page = PAGE.read_text()
     for mark, text in with_loop().items():
         print(text)
-        page = between_marks(page, mark, text)
-    if "--write" in sys.argv[1:]:
-        PAGE.write_text(page)
+        if "--write" in sys.argv[1:]:
+            put(mark, text)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""The loop of `predictive` as it is closed, filter included, over a period of the reference: docs/laws.md, section 8.
+"""The loop of `predictive` as it is closed, filter included, over a period of the reference: docs/predictive.md.
 
 The code itself is linearised: instrument and law run until the filter has settled, a number of their state is changed
 by a little, and both go on for a period. What is left of the change is a column of the matrix whose eigenvalues

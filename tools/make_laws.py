@@ -1,13 +1,12 @@
-"""Make the tables of docs/laws.md and the picture of wrong models, all with one command; some minutes.
+"""Make the tables of docs/laws.md and docs/predictive.md and the picture of wrong models; some minutes.
 
 python tools/make_laws.py                 # print
-python tools/make_laws.py --write         # and put them into docs/laws.md, docs/figures/robust.png
+python tools/make_laws.py --write         # and put them into their pages, and docs/figures/robust.png
 python tools/make_laws.py laws asked      # some only
 """
 
 import argparse
 import math
-import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -20,15 +19,14 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 import law_bounds
 import measure_predictive
-from make_docs import between_marks
+from law_pages import DOCS, PAGES, marks, put
 
 from afm_bringup.compare_robust import robust_laws, robust_picture, robust_table
 from afm_model.core.registry import names
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASES, RATES, Case, mixed, run_case
 
-PAGE = Path(__file__).parent.parent / "docs" / "laws.md"
-PICTURE = PAGE.parent / "figures" / "robust.png"
+PICTURE = DOCS / "figures" / "robust.png"
 KNOWLEDGE = ("known", "observed", "learned")
 """What `predictive` knows of the surface: all, nothing, the line that it has been along."""
 PREDICTIVE = tuple(f"predictive surface={surface}" for surface in KNOWLEDGE)
@@ -225,12 +223,12 @@ TABLES: dict[str, Callable[[], str]] = {
 
 
 def every() -> dict[str, Callable[[], str]]:
-    """All tables by their marks in the page."""
+    """All tables by their marks in the pages."""
     measured = {
         f"predictive {name}": lambda make=make: "\n".join(make()) for name, make in measure_predictive.TABLES.items()
     }
-    of_page = re.findall(r"<!-- (bound .*) -->", PAGE.read_text())
-    bounds = {mark: lambda mark=mark: of_equations()[mark] for mark in of_page}
+    of_pages = [mark for page in PAGES for mark in marks(page) if mark.startswith("bound ")]
+    bounds = {mark: lambda mark=mark: of_equations()[mark] for mark in of_pages}
     return {f"laws {name}": make for name, make in TABLES.items()} | measured | bounds
 
 
@@ -238,7 +236,7 @@ def main() -> int:
     """Print or write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("tables", nargs="*", help=f"all, or some of: {', '.join(every())} (or their last words)")
-    parser.add_argument("--write", action="store_true", help="put them into docs/laws.md")
+    parser.add_argument("--write", action="store_true", help="put them into their pages")
     arguments = parser.parse_args()
     chosen = {
         mark: make
@@ -251,7 +249,7 @@ def main() -> int:
         text = make()
         print(f"{mark}\n{text}\n", flush=True)
         if arguments.write:
-            PAGE.write_text(between_marks(PAGE.read_text(), mark, text))
+            put(mark, text)
     if arguments.write and "laws laws" in chosen:
         drawn = [row for row in rows((*PREDICTIVE, *OTHERS)) if row["law"] in DRAWN]
         robust_picture(drawn).savefig(PICTURE, dpi=80)

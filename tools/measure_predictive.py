@@ -1,7 +1,7 @@
-"""Measure the friction-predicting law; prints the tables of its section in docs/laws.md.
+"""Measure the friction-predicting law; prints the tables of docs/predictive.md, Measured.
 
 python tools/measure_predictive.py            # print
-python tools/measure_predictive.py --write    # and put them into docs/laws.md
+python tools/measure_predictive.py --write    # and put them into docs/predictive.md
 """
 
 import argparse
@@ -18,9 +18,8 @@ from afm_model import Controller, ControllerParameters, SimParameters, Simulatio
 from afm_model.run import Latency, simulate_realtime
 
 sys.path.insert(0, str(Path(__file__).parent))
-from make_docs import between_marks
+from law_pages import put
 
-PAGE = Path(__file__).parent.parent / "docs" / "laws.md"
 PERIOD = 2.0 * math.pi / 50.0
 """Of the reference [s]."""
 TAU = 0.91e9
@@ -183,13 +182,13 @@ TABLES = {"knowledge": knowledge, "noise": noise, "late": late, "cost": cost}
 def main() -> int:
     """Print or write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/laws.md")
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/predictive.md")
     write = parser.parse_args().write
     for mark, measured in TABLES.items():
         text = "\n".join(measured())
         print(text, flush=True)
         if write:
-            PAGE.write_text(between_marks(PAGE.read_text(), f"predictive {mark}", text))
+            put(f"predictive {mark}", text)
     return 0
 
 

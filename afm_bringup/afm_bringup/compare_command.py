@@ -177,7 +177,7 @@ def _untuned(text: str) -> Contender:
 
 
 def _robust(laws: list[Contender], noise: list[float], draws: int, folder: Path) -> int:
-    """Print the table of wrong models law by law; write it as CSV, as the tables of docs/laws.md, and as a picture."""
+    """Print the table of wrong models law by law; write it as CSV, as the tables of the docs, and as a picture."""
     if len(noise) != 1:
         raise ParameterError(
             f"noise = {' '.join(f'{level:g}' for level in noise)} is not allowed with --robust: give one level"

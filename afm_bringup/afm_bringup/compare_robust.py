@@ -1,4 +1,4 @@
-"""The table of wrong models as a picture, a panel a law, and as the table of docs/laws.md."""
+"""The table of wrong models as a picture, a panel a law, and as the table of docs/predictive.md."""
 
 import math
 from collections.abc import Sequence

@@ -12,7 +12,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
 from law_bounds import (
     AMPLITUDE,
-    PAGE,
     SPEED,
     constants,
     of_drift,
@@ -23,6 +22,7 @@ from law_bounds import (
     tables,
     uncertainties,
 )
+from law_pages import page_of
 from make_docs import between_marks
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
@@ -239,14 +239,14 @@ def test_no_sensor_sees_a_drift_over_a_flat_sample_and_the_tip_is_off_by_it():
 
 
 def test_tables_of_the_page_are_those_of_the_tool():
-    page = PAGE.read_text()
     for mark, text in tables().items():
+        page = page_of(mark).read_text()
         assert between_marks(page, mark, text) == page
 
 
 @pytest.mark.long
 def test_the_table_of_the_loop_is_that_of_the_tool():
-    page = PAGE.read_text()
+    page = page_of("bound loop").read_text()
     assert between_marks(page, "bound loop", of_loop()) == page
 
 

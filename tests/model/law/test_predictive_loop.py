@@ -46,7 +46,8 @@ def test_matrix_of_one_period_foretells_the_next_one():
 
 
 def test_scanner_and_filter_are_separate(matrix):
-    # (8.11): a deviation of the scanner leaves next to none of the estimates, one of the estimates moves the scanner.
+    # docs/predictive.md (8.11): a deviation of the scanner leaves next to none of the estimates, one of the estimates
+    # moves the scanner.
     n = len(PLANT)
     assert np.abs(matrix[n:, :n]).max() < 5e-2 * np.abs(matrix[n:, n:]).max()
     assert np.abs(matrix[:n, :n]).max() < 5e-3

@@ -71,7 +71,8 @@ def test_packets_bear_a_resonance_of_one_axis_that_is_told_wrong(surface, most):
 
 
 def test_hysteresis_leaves_the_force_that_the_page_says():
-    # docs/laws.md, what it cannot do: between the branches of a loop much larger than the stroke, 2.8 a A in position.
+    # docs/predictive.md, what it cannot do: between the branches of a loop much larger than the stroke, 2.8 a A in
+    # position.
     opening, amplitude = 0.05, 5e-9
     told = {"piezo.kind": "ceramic", "piezo.hysteresis_x": opening, "reference.amplitude_x": amplitude}
     sim = build(SimParameters, told)

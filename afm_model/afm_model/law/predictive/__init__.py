@@ -1,4 +1,4 @@
-"""Friction-predicting control, docs/laws.md: a law that knows that friction sticks, and acts before it does."""
+"""Friction-predicting control, docs/predictive.md: a law that knows that friction sticks, and acts before it does."""
 
 from ...parts.part import Law
 from .predictive_constants import ANSWERS, Constants, is_stiff, kept, values

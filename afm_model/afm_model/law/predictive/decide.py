@@ -1,4 +1,4 @@
-"""The drive of one slot; that of a long hold is improved on the motion that it leads to: docs/laws.md, section 8."""
+"""The drive of one slot; that of a long hold is improved on the motion that it leads to: docs/predictive.md."""
 
 import math
 

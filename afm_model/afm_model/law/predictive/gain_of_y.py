@@ -1,4 +1,4 @@
-"""Positions alone: how much larger the gain of friction is along y than along x, docs/laws.md (8.9).
+"""Positions alone: how much larger the gain of friction is along y than along x, docs/predictive.md (8.9).
 
 A scanner whose gain along y is wrong slides in another direction than the copy, by the same angle all the time. So what
 positions are off tells that gain. It is the one constant bias of the Kalman filter of observer.py, and is estimated

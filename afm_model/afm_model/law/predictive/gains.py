@@ -1,4 +1,4 @@
-"""Gains of a held drive by least squares over a horizon: docs/laws.md (8.2) to (8.4)."""
+"""Gains of a held drive by least squares over a horizon: docs/predictive.md (8.2) to (8.4)."""
 
 import math
 from typing import NamedTuple

@@ -1,7 +1,7 @@
 """The guard: while the model does not explain what is measured, the drive is that of the free scanner.
 
 That drive needs no model of friction and feeds nothing back: friction only brakes what it moves, at any delay. It is
-docs/laws.md, (8.7), (8.8).
+docs/predictive.md, (8.7), (8.8).
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Positions alone: where the scanner is and how strong friction is, in one Kalman filter, docs/laws.md (8.9), (8.10).
+"""Positions alone: scanner and strength of friction in one Kalman filter, docs/predictive.md (8.9), (8.10).
 
 A copy of the plant runs along, set-valued friction included. At the low speed of a reference friction turns the motion
 at once into the balance of forces b, drive less spring: the scanner slips along b. So the errors of position, speed

@@ -1,4 +1,4 @@
-"""Hysteresis and creep of the piezo, as the law learns them from its own drives, docs/laws.md (8.6).
+"""Hysteresis and creep of the piezo, as the law learns them from its own drives, docs/predictive.md (8.6).
 
 What a drive u does depends on the drives before it: w = u - sum_i o_i D_i - k C. The stops D_i follow u as far as their
 thresholds r_i let them, and C is what creep has still to bring, the sum of lags of its time constants t_j,

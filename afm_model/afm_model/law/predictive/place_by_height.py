@@ -1,4 +1,4 @@
-"""Positions alone: the height of the sample under the tip tells where the tip is, docs/laws.md (8.12).
+"""Positions alone: the height of the sample under the tip tells where the tip is, docs/predictive.md (8.12).
 
 Of a surface that was told, or of the map of the line, the slope is known. On a slope the heights of two places differ,
 and height is measured as well as a position: on a steep one a place is seen far better so than by the sensor of x or y.

@@ -31,7 +31,7 @@ from .predictive_constants import (
 class PredictiveLaw(SampledLaw):
     """What the friction-predicting law knows and assumes. Its gains follow from the microscope and the period."""
 
-    kind: str = Field("predictive", description="friction-predicting control, docs/laws.md")
+    kind: str = Field("predictive", description="friction-predicting control, docs/predictive.md")
     packet: Annotated[int, Ge(1), Le(64)] = Field(
         1, description="drives in a control period, each with its time; piezo.dac_period has to be as short"
     )
@@ -145,13 +145,13 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
     if law.feedback == "measured" and law.surface == "observed" and law.packet > 1:
         told.append(
             f"x and y will be tracked within a tenth of the way at best: with law.feedback = measured and law.packet ="
-            f" {law.packet} law.surface should be known or learned, it is {law.surface} (docs/laws.md)"
+            f" {law.packet} law.surface should be known or learned, it is {law.surface} (docs/predictive.md)"
         )
     if law.feedback == "measured" and slot * parameters.scales.w0 >= LONG:
         told.append(
             f"the tip may be lost where friction is stronger than told: with law.feedback = measured a drive should be"
             f" held for less than {LONG / parameters.scales.w0:g} s, it is for {slot:g} s; raise law.packet"
-            " (docs/laws.md)"
+            " (docs/predictive.md)"
         )
     return told + [
         f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet "

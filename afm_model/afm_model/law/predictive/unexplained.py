@@ -1,7 +1,7 @@
 """What the model does not explain: gain of the lateral signal, slow force, stiffness, memory of the piezo.
 
-A Kalman filter an axis, docs/laws.md (8.6). The force that the last drive has left over moves no free scanner: it is
-friction, a slow force b (drift), what a spring that is c stiffer holds, and what the piezo takes from the drive by
+A Kalman filter an axis, docs/predictive.md (8.6). The force that the last drive has left over moves no free scanner: it
+is friction, a slow force b (drift), what a spring that is c stiffer holds, and what the piezo takes from the drive by
 hysteresis, stops D_i, and creep C (piezo_memory.py),
 
     F = gamma f + b + c q + sum_i o_i D_i + k C,
