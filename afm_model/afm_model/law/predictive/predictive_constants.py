@@ -94,8 +94,6 @@ _SOON, _SOON_MEASURED = 3.0, 4.5
 the same with positions alone, where a map that is written meanwhile is worse for it."""
 _NOWHERE = 1e-12
 """Way [m] by which friction moves the scanner that counts as none."""
-_NO_NOISE = 1e-5
-"""Noise of a position where there is none [x0]."""
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05
@@ -293,7 +291,7 @@ def values(parameters: Tree) -> Numbers:
     height_noise = hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
     ratio_noise = hypot(FLOOR, law.force_noise / lateral_force / f_0 if measured else 0.0)
     ripple = abs(up - down) / (2.0 * small * f_0) * square(law.wave_number * x0) * law.height / z0
-    noise = law.position_noise / x0 if measured or not stiff else _NO_NOISE
+    noise = law.position_noise / x0
     disturbance = FLOOR * square(eta_c) / mu
     L = [
         observer_gains(stiffness[2], damping[2], hold, factor * disturbance, law.position_noise / z0)
@@ -367,7 +365,7 @@ def values(parameters: Tree) -> Numbers:
         "bumps": [0.0, ripple * identified],
         "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,
-        "z_noise": law.position_noise / z0,
+        "z_noise": noise * x0 / z0,
         "force_noise": ratio_noise * f_0,
         "uneven": [_UNEVEN, ratio_noise],
         "astray": _ASTRAY * hold,

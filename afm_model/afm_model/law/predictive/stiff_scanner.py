@@ -1,11 +1,13 @@
 """A scanner so stiff that friction does not move it: position, rate and load along x and y from positions alone.
 
-A Kalman filter an axis: the scanner under the drives that were in force, and a load b whose rate drifts,
+A Kalman filter an axis, docs/predictive.md (8.13): the scanner under the drives that were in force, and a load b,
 
-    q'' = U - eta^2 q - 2 xi eta q' - b,    b'' = white noise.
+    q'' = U - eta^2 q - 2 xi eta q' - b + white noise,    b'' = white noise.
 
 Hysteresis, creep and a sensitivity that is told wrong are such a load.
 """
+
+import math
 
 from ...core.elementary import square
 from ...core.jit import kernel, routine
@@ -19,14 +21,16 @@ _CHANGES = 0.1
 """Change of the load over that of the drive for the travel: by hysteresis."""
 _WHILE = 100.0
 """Time in which the rate of the load may become another one by so much [1/w0]."""
-_UNMODELLED = 0.01
-"""What the position is off the copy by more than noise, over the way of the reference until an answer is in force. With
-less the filter follows so fast that the loop does not bear a sensitivity that is a third wrong, with a delay."""
+_ACCELERATES = 0.5
+"""Acceleration by a resonance that is told wrong, over the change of the drive for the travel."""
+_FASTEST = 1.3
+"""Largest bandwidth for the load: over the resonance, and times the time until a drive takes effect. Faster, the loop
+does not bear a sensitivity or a resonance that is some ten percent wrong."""
 
 
 @kernel
 def load_rate(axis: int, p: Constants, s: State) -> float:
-    """Largest rate of the load that is likely."""
+    """Rate of the load that is likely."""
     return _CHANGES * p.stiffness[axis] * max(s.fastest, p.position_noise / _WHILE)
 
 
@@ -52,16 +56,22 @@ def carry_load(axis: int, periods: int, p: Constants, s: State) -> None:
     F[2, 2], F[2, 3], F[3, 3] = 1.0, p.hold, 1.0
     for _ in range(periods):
         carry_covariance(P, F, s.half)
+        P[1, 1] += square(_ACCELERATES * p.stiffness[axis] * s.fastest) * p.hold
         P[3, 3] += square(load_rate(axis, p, s)) * p.hold / _WHILE
     s.held[axis] += periods * p.hold * s.held_rate[axis]
 
 
 @kernel
 def correct_axis(axis: int, off: float, p: Constants, s: State) -> tuple[float, float]:
-    """Correct an axis by its measured position, off by so much from the copy; change of position and rate."""
+    """Correct the load of an axis by its measured position, off by so much from the copy.
+
+    What has to be added to position and rate of the copy is returned.
+    """
     P = s.of_held[axis]
-    unmodelled = _UNMODELLED * s.fastest * (p.hold + s.delay * p.slot)
-    variance = P[0, 0] + square(p.position_noise) + square(unmodelled)
+    bandwidth = _FASTEST * min(math.sqrt(p.stiffness[axis]), 1.0 / (s.delay * p.slot + 0.5 * p.hold))
+    # With this noise a filter of the load alone has that bandwidth.
+    least = load_rate(axis, p, s) / (math.sqrt(_WHILE * p.hold) * square(square(bandwidth)))
+    variance = P[0, 0] + square(p.measured * p.position_noise) + square(least)
     for i in range(4):
         s.gains[i] = P[i, 0] / variance
     for i in range(4):
