@@ -33,14 +33,15 @@ def pytest_collection_finish() -> None:
 
 
 LONGEST = (
-    *("test_verbs_measuring.py", "test_exam.py", "test_own_controller.py", "test_sim_lockstep.py", "test_soak.py"),
+    *("test_exam.py", "test_own_controller.py", "test_session_interrupted.py", "test_session_bad_days.py"),
+    *("test_soak.py", "test_scan.py", "test_recorder_bad_days.py", "test_check_controller.py"),
     *("test_coverage.py", "test_notebooks.py", "test_predictive_memory.py", "test_wrong_models.py"),
 )
-"""Files that take more than 20 s of processor time, or wait so long."""
+"""Files that take 20 s of processor time or more."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files over topics, which wait, among those of the model, which compute: no processor is idle and none is crowded.
+    """Files over topics, which wait, among those of the model, which compute: processors are neither idle nor crowded.
 
     The longest ones come first, and at the end short ones of the model, so that no worker waits for another one that
     has just begun a long file. Before all of them those files that compile what all share: a session that has to
