@@ -1,7 +1,9 @@
 """Settings of all tests. The environment is set here, before anything of ROS is imported."""
 
+import gc
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from _pytest import approx
@@ -21,16 +23,45 @@ settings.register_profile("random", deadline=None, max_examples=1000, database=N
 settings.load_profile("reproducible")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Long files first, so that no worker waits at the end for another one that has just begun a long file.
+def pytest_collection_finish() -> None:
+    """What stands now lives to the end, as in a node that has started: Python need not look through it for circles.
 
-    Before them those files that compile what all share: a session that has to compile may miss its time.
+    With all tests loaded that takes a third of a second, and nodes look for circles after each verb and recording.
     """
-    items.sort(key=_turn)
+    gc.collect()
+    gc.freeze()
 
 
-def _turn(item: pytest.Item) -> int:
-    return {"model": 0, "system": 1, "nodes": 2}.get(item.path.parent.name, 3)
+LONGEST = (
+    *("test_exam.py", "test_own_controller.py", "test_session_interrupted.py", "test_session_bad_days.py"),
+    *("test_soak.py", "test_scan.py", "test_recorder_bad_days.py", "test_check_controller.py"),
+    *("test_coverage.py", "test_notebooks.py", "test_predictive_memory.py", "test_wrong_models.py", "test_lattice.py"),
+)
+"""Files that take 20 s of processor time or more; the last one where its kernels have to be compiled, which other files
+then find on disk."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files over topics, which wait, among those of the model, which compute: processors are neither idle nor crowded.
+
+    The longest ones come first, and at the end short ones of the model, so that no worker waits for another one that
+    has just begun a long file. Before all of them those files that compile what all share: a session that has to
+    compile may miss its time.
+    """
+    turns = _turns(list(dict.fromkeys(item.path for item in items)))
+    items.sort(key=lambda item: turns[item.path])
+
+
+def _turns(files: list[Path]) -> dict[Path, float]:
+    """When each file begins, as a part of all."""
+    over_topics = [file for file in files if file.parent.name in ("system", "nodes")]
+    shared = [file for file in files if file.parent.name == "model"]
+    others = [file for file in files if file not in {*over_topics, *shared}]
+    turns = {file: -1.0 for file in shared}
+    for group, until in ((over_topics, 0.85), (others, 1.0)):
+        group.sort(key=lambda file: file.name not in LONGEST)
+        turns |= {file: until * (place + 0.5) / len(group) for place, file in enumerate(group)}
+    return turns
 
 
 @pytest.fixture(autouse=True)

@@ -33,7 +33,9 @@ def used_by(pid: int | str) -> set[File]:
         maps = Path(f"/proc/{pid}/maps").read_text()
     except OSError:
         return set()
-    return {(path, int(inode)) for inode, path in _MAPPED.findall(maps)}
+    # A few of some thousand lines: to look for the pattern in all of them takes twice as long as to read them.
+    ours = "\n".join(line for line in maps.splitlines() if "/dev/shm/" in line)
+    return {(path, int(inode)) for inode, path in _MAPPED.findall(ours)}
 
 
 def make_private() -> None:

@@ -179,20 +179,15 @@ def test_kernels_of_the_loop_do_not_depend_on_files_and_studies(tmp_path):
     has_kernels("afm_copy", str(copy / "__init__.py"))
     tick = copy / "instrument" / "tick.py"
 
-    def after(file: str) -> str:
-        with (copy / file).open("a") as source:
-            source.write("\nEDITED = 1\n")
+    def after(*files: str) -> str:
+        for file in files:
+            with (copy / file).open("a") as source:
+                source.write("\nEDITED = 1\n")
         return Sources(None).fingerprint("afm_copy.instrument.tick", str(tick))[0]
 
-    before = Sources(None).fingerprint("afm_copy.instrument.tick", str(tick))[0]
-    for file in (
-        "files/gwyddion.py",
-        "microscope/operator.py",
-        "run/run.py",
-        "studies/sweep.py",
-        "analysis/force_curves.py",
-    ):
-        assert after(file) == before
+    before = after()
+    others = "files/gwyddion.py", "microscope/operator.py", "run/run.py", "studies/sweep.py", "analysis/force_curves.py"
+    assert after(*others) == before
     assert len({before, after("core/records.py"), after("sample/paper.py"), after("instrument/tick.py")}) == 4
 
 

@@ -28,11 +28,15 @@ SYSTEMATIC = {
 DRAWS = {
     "contact_fit": 12,
     "fit_resonator": 150,
-    "force_curve": 300,
-    "step_height": 200,
+    "force_curve": 150,
+    "spring_constant": 200,
+    "step_height": 150,
     "wedge_by_flat": 60,
-    "verbs": 12,
+    "verbs": 6,
 }
+"""Of slow cases; others have 400."""
+MORE_DRAWS = {"force_curve": 300, "spring_constant": 400, "step_height": 200, "verbs": 12}
+"""Of some of them in the long test."""
 ENOUGH = 150
 """Draws that tell a wrong factor."""
 
@@ -49,9 +53,14 @@ def wrong(off: np.ndarray, larger: bool) -> str:
     return ""
 
 
-@pytest.mark.parametrize("case", examine.CASES)
-def test_truth_is_within_the_uncertainty_as_often_as_it_says(case):
-    draws = DRAWS.get(case, 400)
+@pytest.mark.parametrize(
+    ("case", "draws"),
+    [
+        *((case, DRAWS.get(case, 400)) for case in examine.CASES),
+        *(pytest.param(case, draws, marks=pytest.mark.long) for case, draws in MORE_DRAWS.items()),
+    ],
+)
+def test_truth_is_within_the_uncertainty_as_often_as_it_says(case, draws):
     rows = examine.examine(case, draws, COLOURS)
     assert rows
     for row in rows:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import block_diag
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
 
@@ -137,15 +138,17 @@ def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, stre
         return strength * p["f_0"] * (p["eta_c2"] * p["f_load"] - p["ripple"] / p["height"]) * half * math.sin(q * x)
 
     def rate(t, y, begins):
-        x, v, of_surface, its_rate, _, slope = y
+        x, v, of_surface, its_rate, _, slope = y.reshape(6, 6)
         at = SPEED * (begins + t)
         held = (friction(at + 1e-4) - friction(at - 1e-4)) / 2e-4
         height = half * q * math.cos(q * at) * v + SPEED * slope
-        return [v, -(stiffness + held) * x - damping * v - of_surface, its_rate, 0.0, height, 0.0]
+        none = np.zeros(6)
+        return np.ravel([v, -(stiffness + held) * x - damping * v - of_surface, its_rate, none, height, none])
 
     wave = round(2.0 * math.pi / (q * SPEED * h))
+    # Of the six states side by side.
     steps = [
-        np.column_stack([solve_ivp(rate, (0.0, h), e, args=(k * h,), rtol=1e-8).y[:, -1] for e in np.eye(6)])
+        solve_ivp(rate, (0.0, h), np.eye(6).ravel(), args=(k * h,), rtol=1e-8).y[:, -1].reshape(6, 6)
         for k in range(wave)
     ]
     # What a period adds: friction and height bend as much as those of the shortest wave at its top.
@@ -155,19 +158,19 @@ def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, stre
     of_height = math.hypot(p["height_noise"], p["z_noise"])
     noise = np.array([p["position_noise"], math.sqrt(2.0) * p["force_noise"], of_height])
     # The state at each measurement as the sum of what was there at first and what each period has added.
-    state, seen, squares = np.eye(6), [], []
+    state, told, squares = np.eye(6), np.eye(6), []
     for k in range(3 * wave):
         state = np.hstack([steps[k % wave] @ state, adds])
-        seen.append(state[[0, 2, 4]] / noise[:, None])
+        seen = state[[0, 2, 4]] / noise[:, None]
+        told = block_diag(told, np.eye(2)) + seen.T @ seen
         if k < 2 * wave:
             continue
-        told = np.vstack([np.pad(row, ((0, 0), (0, state.shape[1] - row.shape[1]))) for row in seen])
-        left = np.linalg.inv(np.eye(state.shape[1]) + told.T @ told)
         later, more = state, []
         for j in (1, 2):
             later, more = steps[(k + j) % wave] @ later, [steps[(k + j) % wave] @ each for each in more] + [adds]
         of_more = sum(np.square(each[0]).sum() for each in more)
-        squares.append((state[0] @ left @ state[0], later[0] @ left @ later[0] + of_more))
+        left = np.linalg.solve(told, np.column_stack([state[0], later[0]]))
+        squares.append((state[0] @ left[:, 0], later[0] @ left[:, 1] + of_more))
     of_estimate, of_later = np.array(squares).T
     percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
     expected = math.sqrt(of_estimate.mean()), math.sqrt(of_later.mean()), math.sqrt(of_later.max())

@@ -47,7 +47,7 @@ class Forces:
         d = begin + pull * np.concatenate([np.linspace(0.0, 2.0, 20_001), np.geomspace(2.0, 400.0, 2000)[1:]])
         crossed = int(np.argmax(balance(d) * pull <= 0.0))
         assert crossed > 0
-        return float(brentq(lambda x: balance(x)[0], d[crossed - 1], d[crossed], xtol=1e-13))
+        return float(brentq(lambda x: balance(x)[0], d[crossed - 1], d[crossed], xtol=1e-8))
 
 
 @pytest.mark.parametrize(

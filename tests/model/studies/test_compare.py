@@ -314,12 +314,12 @@ def test_class_that_ends_its_worker_is_named(tmp_path):
         "        print(error)\n"
     )
     path = os.pathsep.join([str(tmp_path), str(EXAMPLES), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, script], env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=120
-    )
+    # One failure is allowed, not three: each takes the start of a worker.
+    environment = os.environ | {"PYTHONPATH": path, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1"}
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr
     words = (
-        "4 worker processes have ended, one after the other, in the same runs, those of law ending:Bad: something in"
+        "2 worker processes have ended, one after the other, in the same runs, those of law ending:Bad: something in"
     )
     assert done.stdout.startswith(words)
 

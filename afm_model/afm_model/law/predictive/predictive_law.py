@@ -169,16 +169,26 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
             yield LawEstimate(f"slow_force_{axis}", "N", float(s.held[i] * p.lateral_force))
             deviation = p.lateral_force * math.sqrt(max(s.of_held[i, 2, 2], 0.0))
             yield LawEstimate(f"slow_force_{axis}_deviation", "N", float(deviation))
-        yield from _of_timing_and_trust(p, s)
-        return
+    else:
+        yield from _of_friction(p, s)
+    yield LawEstimate("delay", "s", float(s.delay * p.slot / p.w0))
+    yield LawEstimate("distrust", "1", float(s.distrust))
+    yield LawEstimate("fallbacks", "1", float(s.fallbacks))
+
+
+def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
+    """What it believes where friction moves the scanner."""
+    # Each name of a record is looked up once: that takes longer than all that is computed here.
+    gain_of, slow, softer, takes, unsure, stiffness = s.gain_of, s.slow, s.softer, s.takes, s.unsure, p.stiffness
+    lateral_force = p.lateral_force
     for i, axis in enumerate("xyz"):
-        force, of_model = p.normal_force if axis == "z" else p.lateral_force, p.stiffness[i]
+        force, of_model = p.normal_force if axis == "z" else lateral_force, stiffness[i]
         told = [
-            ("lateral_gain", "1", s.gain_of[i], s.unsure[i, 0, 0], 1.0),
-            ("slow_force", "N", s.slow[i] * force, s.unsure[i, 1, 1], force),
-            ("stiffness", "1", 1.0 + s.softer[i] / of_model, s.unsure[i, 2, 2], 1.0 / of_model),
-            ("hysteresis", "1", s.takes[i, :STOPS].sum(), s.unsure[i, 3:CREEP, 3:CREEP].sum(), 1.0),
-            ("creep", "1", s.takes[i, STOPS] * A_DECADE, s.unsure[i, CREEP, CREEP], A_DECADE),
+            ("lateral_gain", "1", gain_of[i], unsure[i, 0, 0], 1.0),
+            ("slow_force", "N", slow[i] * force, unsure[i, 1, 1], force),
+            ("stiffness", "1", 1.0 + softer[i] / of_model, unsure[i, 2, 2], 1.0 / of_model),
+            ("hysteresis", "1", takes[i, :STOPS].sum(), unsure[i, 3:CREEP, 3:CREEP].sum(), 1.0),
+            ("creep", "1", takes[i, STOPS] * A_DECADE, unsure[i, CREEP, CREEP], A_DECADE),
         ]
         # Along z there is no friction, and no hysteresis is learned.
         for name, unit, value, variance, scale in told[1:3] if axis == "z" else told:
@@ -188,14 +198,7 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
-    yield LawEstimate("lateral_zero", "N", float(s.zero * p.lateral_force))
-    yield from _of_timing_and_trust(p, s)
-
-
-def _of_timing_and_trust(p: Any, s: Any) -> Iterator[LawEstimate]:
-    yield LawEstimate("delay", "s", float(s.delay * p.slot / p.w0))
-    yield LawEstimate("distrust", "1", float(s.distrust))
-    yield LawEstimate("fallbacks", "1", float(s.fallbacks))
+    yield LawEstimate("lateral_zero", "N", float(s.zero * lateral_force))
 
 
 def remark(state: Any) -> str:
