@@ -207,7 +207,8 @@ def laboratory(titles: Iterable[str] = (), amplitudes: Iterable[float] = (5e-9, 
                     score = simulate(*scan(law, plant, amplitude, period, delay)).score
                     errors.append(f"{max(score.max_percent[:2]):.2g}")
                 cells.append("; ".join(errors))
-            rows.append([f"{title}, {1e9 * amplitude:g} nm", *cells])
+            size = f"{1e9 * amplitude:g} nm" if amplitude < 1e-6 else f"{1e6 * amplitude:g} um"
+            rows.append([f"{title}, {size}", *cells])
     return table(["pid; observer; predictive [%]", *(rate[0] for rate in rates)], rows)
 
 

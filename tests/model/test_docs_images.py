@@ -36,8 +36,7 @@ def test_slow_z_loop_smears_edges_and_the_law_of_x_and_y_decides_where_they_are(
     assert number(told["right", "the paper's law"][3]) == pytest.approx(1e9 * right.width, rel=0.1)
 
 
-def test_predictive_takes_no_hysteresis_of_a_long_scan_for_creep():
-    # It was: features then were displaced by 87 nm, not 49.
+def test_predictive_leaves_what_the_z_loop_lags_behind():
     told = {row[1]: row for row in table("control") if row[0] == "right"}
     found = control.faults(control.scan("predictive", "right", 4))
     assert 1e9 * found.largest == pytest.approx(number(told["predictive"][4]), rel=0.1)

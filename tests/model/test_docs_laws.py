@@ -72,6 +72,13 @@ def test_measured_tables_are_what_the_law_does_now():
     assert printed["surface and friction known"][head.index("50 us + 1")] == now.strip("|").split("|")[1].strip()
 
 
+def test_table_of_a_laboratory_microscope_is_what_the_laws_do_now():
+    rows = {row[0]: row[1:] for row in read("predictive laboratory")}
+    _, _, now = measure_predictive.laboratory(["and 50 pm of noise"], [5e-9])
+    title, *cells = [cell.strip() for cell in now.strip("|").split("|")]
+    assert rows[title] == cells
+
+
 def test_every_table_of_the_pages_is_made_by_one_command():
     found = [mark for page in PAGES for mark in marks(page)]
     assert len(found) == len(set(found))
