@@ -64,7 +64,7 @@ def test_what_the_stiffness_does_to_the_copy_follows_its_equations_and_its_corre
         s.Z, s.V_Z, missed = rng.normal(), rng.normal(), 1e-3 * rng.normal()
         before, variance = float(s.learned[2, 2]), float(s.unsure[2, 2, 2])
         at = np.array([s.Z, s.V_Z])
-        W = np.array(p.free_z) @ W - np.array(p.Gamma_hold)[2] * s.Z
+        W = np.array(p.Phi_hold[2]) @ W - np.array(p.Gamma_hold)[2] * s.Z
         learn_stiffness_of_z(missed, p, s)
         change = s.learned[2, 2] - before
         assert change != 0.0 and s.softer[2] == s.learned[2, 2]
