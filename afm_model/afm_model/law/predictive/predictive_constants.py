@@ -316,9 +316,9 @@ def values(parameters: Tree) -> Numbers:
         # In packets the next drive follows soon, and in a long hold z cannot follow.
         "back": round(division.response / (slot / division.fine)) * (slots == 1 and slot <= LONG),
         "tau": slot / division.fine,
-        "refined": slot > LONG and not stiff and n + division.fine <= INTERVALS,
+        "refined": slot > LONG and n + division.fine <= INTERVALS,
         # In a long hold the drive is refined for that. In packets positions alone do not tell rest.
-        "frees": slot <= LONG and not (measured and slots > 1) and not stiff,
+        "frees": slot <= LONG and not (measured and slots > 1),
         "taken": math.inf if stiff else _TAKEN_MEASURED if measured else _TAKEN,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),
         "ring": exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
