@@ -154,6 +154,33 @@ def test_processes_at_once_compile_into_one_cache(toy):
     assert toy.run() == (21.0, 2)
 
 
+def test_what_one_process_compiles_another_one_waits_for(toy):
+    # The first one is about to compile; the second one is asked for the same kernel meanwhile.
+    begins = (
+        "outer._cache.load_overload((types.float64,), outer.targetctx)\nprint('begins', flush=True)\ninput()\nresult"
+    )
+    first = toy.script.replace("result", begins, 1)
+    waits = "from toy import kernel_cache\nkernel_cache.time.sleep = lambda _: print('waits', flush=True)\nresult"
+    second = toy.script.replace("result", waits, 1)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(toy.cache), "PYTHONDONTWRITEBYTECODE": "1"}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": environment}
+    with subprocess.Popen([sys.executable, "-c", first], **pipes) as one:
+        assert one.stdout.readline() == "begins\n"
+        with subprocess.Popen([sys.executable, "-c", second], **pipes) as other:
+            assert other.stdout.readline() == "waits\n"
+            one.communicate("\n", timeout=60)
+            *_, last = other.communicate(timeout=60)[0].splitlines()
+    assert last.split()[:3] == ["21.0", "21.0", "1"]
+    assert not list(toy.cache.rglob("*.lock"))
+
+
+def test_kernel_that_cannot_be_compiled_keeps_none_waiting(toy):
+    fails = "try:\n    outer('text')\nexcept Exception:\n    print('fails')\nresult"
+    toy.script = toy.script.replace("result", fails, 1)
+    assert in_a_new_process(toy.script, NUMBA_CACHE_DIR=str(toy.cache)).startswith("fails\n21.0")
+    assert not list(toy.cache.rglob("*.lock"))
+
+
 def test_cache_that_cannot_be_written_or_read_ends_no_process(toy, tmp_path):
     occupied = tmp_path / "file"
     occupied.touch()

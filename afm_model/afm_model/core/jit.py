@@ -27,7 +27,16 @@ def _compiled(function: _F, **options: Any) -> _F:
     if config.DISABLE_JIT:
         return function
     dispatcher: Any = numba.njit(function, error_model="numpy", **options)
-    dispatcher._cache = KernelCache(function)
+    dispatcher._cache = cache = KernelCache(function)
+    compile_now = dispatcher.compile
+
+    def compile_once(signature: Any) -> Any:
+        try:
+            return compile_now(signature)
+        finally:
+            cache.release()
+
+    dispatcher.compile = compile_once
     return dispatcher
 
 
@@ -65,6 +74,9 @@ def plain(function: _F) -> _F:
 def callback(signature: Any, function: Callable[..., object]) -> Any:
     """Compile `function` as a C function of `signature`, cached beside the kernels."""
     made = CFunc(function, sigutils.normalize_signature(signature), locals={}, options={"error_model": "numpy"})
-    made._cache = KernelCache(function)
-    made.compile()
+    made._cache = cache = KernelCache(function)
+    try:
+        made.compile()
+    finally:
+        cache.release()
     return made

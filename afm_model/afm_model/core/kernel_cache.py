@@ -2,9 +2,11 @@
 
 numba's own cache checks only the file of the function itself: after an edit in a callee of another file it serves the
 old machine code. Here an edit compiles anew what depends on it and nothing else, and going back finds what was there
-before. Each kernel is a file of its own, written whole: processes at once do not disturb each other.
+before. Each kernel is a file of its own, written whole: processes at once do not disturb each other. What one of them
+compiles the others wait for.
 """
 
+import fcntl
 import hashlib
 import os
 import pickle
@@ -13,6 +15,7 @@ import time
 import types
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,6 +35,8 @@ UNUSED_DAYS = 30
 LARGEST = 256_000_000
 """Above this the folder is cut down, what was used last stays. [bytes]"""
 _DAY = 86400.0
+_PATIENCE = 180.0
+"""What another process compiles is waited for so long [s], in case that process stands still."""
 
 
 def _folder() -> Path | None:
@@ -109,6 +114,13 @@ def _described(code: types.CodeType, docstring: str | None = None) -> Any:
     return code.co_code, code.co_names, code.co_varnames, constants
 
 
+def _read(path: Path, target_context: Any) -> Any:
+    try:
+        return compiler.CompileResult._rebuild(target_context, *pickle.loads(path.read_bytes()))
+    except Exception:  # not there, or damaged, which may raise anything
+        return None
+
+
 class KernelCache(caching._Cache):  # type: ignore[misc]
     """Machine code of one function, as numba's dispatchers and C functions ask for it.
 
@@ -125,6 +137,7 @@ class KernelCache(caching._Cache):  # type: ignore[misc]
         self._module = spec.name if spec is not None else Path(self._file).stem
         has_kernels(self._module, self._file)
         self._enabled = True
+        self._locks: dict[Path, int] = {}
 
     @property
     def cache_path(self) -> str | None:
@@ -148,17 +161,48 @@ class KernelCache(caching._Cache):  # type: ignore[misc]
         return Path(folder) / f"{self._function.__qualname__.replace('<', '').replace('>', '')}-{digest[:20]}"
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """What was compiled for a signature, or None."""
+        """What was compiled for a signature, or None: then it is for this process to compile, until `release`."""
         target_context.refresh()
         path = self._path(signature, target_context.codegen())
         if path is None:
             return None
-        try:
-            compiled = compiler.CompileResult._rebuild(target_context, *pickle.loads(path.read_bytes()))
-        except Exception:  # not there, or damaged, which may raise anything
-            return None
-        _use(path.parent)
+        compiled = _read(path, target_context)
+        if compiled is None:
+            self._lock(path)
+            compiled = _read(path, target_context)
+        if compiled is not None:
+            _use(path.parent)
         return compiled
+
+    def _lock(self, path: Path) -> None:
+        """Be the one that compiles a kernel, once no other process does."""
+        if path in self._locks:  # a kernel that calls itself
+            return
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock = os.open(path.with_name(f"{path.name}.lock"), os.O_RDWR | os.O_CREAT)
+        except OSError:  # a folder that cannot be written is told of when the kernel is kept
+            return
+        self._locks[path] = lock
+        begin = time.monotonic()
+        while time.monotonic() - begin < _PATIENCE:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return
+            except BlockingIOError:
+                time.sleep(0.02)
+            except OSError:  # a file system without locks
+                return
+
+    def release(self) -> None:
+        """Let others compile: what was missing is there, or cannot be compiled."""
+        while self._locks:
+            path, lock = self._locks.popitem()
+            with suppress(OSError):
+                path.with_name(f"{path.name}.lock").unlink()
+            with suppress(OSError):
+                fcntl.flock(lock, fcntl.LOCK_UN)  # closing it is not enough if a copy of the process has it
+            os.close(lock)
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep what was compiled for a signature; a folder that cannot be written costs a warning."""
