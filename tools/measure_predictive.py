@@ -19,6 +19,7 @@ from afm_model.parameters.microscope_parameters import resolved
 from afm_model.run import Latency, simulate_realtime
 
 sys.path.insert(0, str(Path(__file__).parent))
+from laboratory import CERAMIC
 from law_pages import put
 
 PERIOD = 2.0 * math.pi / 50.0
@@ -159,14 +160,6 @@ LABORATORY = {
     "microscope.scanner": "flexure_90um",
     "microscope.pair": "si_sio2",
     "microscope.setpoint_force": 10e-9,
-}
-CERAMIC = {
-    "piezo.kind": "ceramic",
-    "piezo.hysteresis_x": 0.12,
-    "piezo.hysteresis_y": 0.12,
-    "piezo.stroke_x": 90e-6,
-    "piezo.stroke_y": 90e-6,
-    "piezo.creep": 0.02,
 }
 SENSORS = {"detector.deflection_noise_density": 3e-13, "detector.position_noise": 5e-11}
 IMPERFECT: tuple[tuple[str, dict[str, Any], dict[str, Any]], ...] = (

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import matplotlib.pyplot as plt
 import numpy as np
+from laboratory import CERAMIC
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -38,12 +39,7 @@ INSTRUMENT: dict[str, Value] = {
     "detector.sample_period": SAMPLE,
     "detector.channels": ", ".join(CHANNELS),
     **SENSITIVITY,
-    "piezo.kind": "ceramic",
-    "piezo.hysteresis_x": 0.12,
-    "piezo.hysteresis_y": 0.12,
-    "piezo.stroke_x": 90e-6,
-    "piezo.stroke_y": 90e-6,
-    "piezo.creep": 0.02,
+    **CERAMIC,
     "sample.kind": "grating",
     "sample.pitch": PITCH,
     "sample.top": TOP,

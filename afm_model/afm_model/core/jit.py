@@ -26,18 +26,22 @@ warnings.filterwarnings(
 def _compiled(function: _F, **options: Any) -> _F:
     if config.DISABLE_JIT:
         return function
-    dispatcher: Any = numba.njit(function, error_model="numpy", **options)
-    dispatcher._cache = cache = KernelCache(function)
-    compile_now = dispatcher.compile
+    return _kept(numba.njit(function, error_model="numpy", **options), function)
 
-    def compile_once(signature: Any) -> Any:
+
+def _kept(made: Any, function: Callable[..., object]) -> Any:
+    """What numba made of a function, kept on disk, and compiled by one process while the others wait."""
+    made._cache = cache = KernelCache(function)
+    compile_now = made.compile
+
+    def compile_once(*signature: Any) -> Any:
         try:
-            return compile_now(signature)
+            return compile_now(*signature)
         finally:
             cache.release()
 
-    dispatcher.compile = compile_once
-    return dispatcher
+    made.compile = compile_once
+    return made
 
 
 def kernel(function: _F) -> _F:
@@ -73,10 +77,7 @@ def plain(function: _F) -> _F:
 
 def callback(signature: Any, function: Callable[..., object]) -> Any:
     """Compile `function` as a C function of `signature`, cached beside the kernels."""
-    made = CFunc(function, sigutils.normalize_signature(signature), locals={}, options={"error_model": "numpy"})
-    made._cache = cache = KernelCache(function)
-    try:
-        made.compile()
-    finally:
-        cache.release()
+    options = {"error_model": "numpy"}
+    made = _kept(CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options), function)
+    made.compile()
     return made
