@@ -22,9 +22,10 @@ import measure_predictive
 from law_pages import DOCS, PAGES, marks, put
 
 from afm_bringup.compare_robust import robust_laws, robust_picture, robust_table
+from afm_model import SimParameters
 from afm_model.core.registry import names
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASES, RATES, Case, mixed, run_case
+from afm_model.studies.wrong_models import CASE, CASES, RATES, Case, mixed, run_case
 
 PICTURE = DOCS / "figures" / "robust.png"
 KNOWLEDGE = ("known", "observed", "learned")
@@ -65,6 +66,7 @@ ASKED: tuple[tuple[str, tuple[str, ...], tuple[tuple[float, float, float], ...]]
 )
 """Rows of the table of wrong models; largest error asked of them in the third period at each of RATES, with the surface
 known, nothing known, the line learned [%]."""
+_TAU = SimParameters().contact.tau
 _DRIFT = "drift 1 nm/s: 7.5 %, which no sensor sees (table below)"
 WHY: dict[tuple[str, str], str] = {
     (_MANY, "50 us + 1"): _DRIFT,
@@ -139,6 +141,37 @@ def asked() -> str:
             reason = "" if met else WHY.get((title, rate), "no bound known")
             lines.append([title, rate, wanted, " / ".join(reached), reason])
     return table(["rows", "rate", "asked [%]", "reached [%]", "not met: what forbids it"], lines)
+
+
+def noise_limit(case: str, rate: str, knows: str, limit: float) -> float:
+    """What is asked with positions alone and noise [%]: twice that without, and what the noise itself leaves."""
+    given = CASE[case]
+    strength = float(given.true.get("contact.tau", _TAU)) / _TAU
+    at = next(each for each in RATES if each.title == rate)
+    # What is wrong about the scanner is found while it may change.
+    wander = bool(given.told) or any(name.startswith(("piezo.", "detector.lateral_gain")) for name in given.true)
+    left = law_bounds.bound_of_noise(at.period, at.delay_ticks, strength, knows, at.packet > 1, wander)
+    return 2.0 * limit + left
+
+
+def asked_noisy() -> str:
+    """The same with noise: of each kind of knowledge the row nearest to what is asked, or all that have more."""
+    found = cells(1.0)
+    lines = []
+    for title, cases, limits in ASKED[:-1]:
+        for rate, most in zip(TITLES, limits, strict=True):
+            reached = []
+            for law, knows, limit in zip(PREDICTIVE, KNOWLEDGE, most, strict=True):
+                errors = {case: found[law, case, rate]["third"] for case in cases}
+                asked = {case: noise_limit(case, rate, knows, limit) for case in cases}
+                nearest = max(cases, key=lambda case: errors[case] / asked[case])
+                over = [case for case in cases if errors[case] > asked[case]]
+                shown = [f"{number(errors[case])} of {number(asked[case])}" for case in over or [nearest]]
+                names = [f" ({case})" if len(cases) > 1 else "" for case in over or [nearest]]
+                cell = "; ".join(f"**{each}**{name}" if over else each + name for each, name in zip(shown, names))
+                reached.append(cell)
+            lines.append([title, rate, *reached])
+    return table(["rows", "rate", "surface known [%]", "nothing known [%]", "line learned [%]"], lines)
 
 
 def noise() -> str:
@@ -219,6 +252,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "mixed": all_wrong,
     "noise": noise,
     "noisy": noisy,
+    "asked with noise": asked_noisy,
 }
 
 

@@ -137,6 +137,32 @@ def test_in_packets_a_tip_that_was_thrown_and_stands_still_again_hardly_changes_
     assert changes[1] > 0.99 * changes[0] or packet > 1
 
 
+@pytest.mark.parametrize(
+    ("law", "ripples", "anew"),
+    [
+        ({"feedback": "measured"}, 3.9, False),
+        ({"feedback": "measured"}, 4.1, True),
+        ({"feedback": "measured"}, -4.1, True),
+        ({"feedback": "measured", "packet": 20, "period": 1e-3}, 4.1, False),
+        ({}, 4.1, False),
+    ],
+)
+def test_with_positions_alone_friction_that_is_on_no_map_begins_a_new_one(law, ripples, anew, rng):
+    p, s = records(surface="learned", **law)
+    travel(p, s, np.arange(0.0, 40.0, 0.28), 0.0, rng)
+    s.ratio[MEAN] = 1.0
+    s.X = s.Y = s.p[0] = s.p[1] = 40.0 / math.sqrt(2.0)
+    ratio = 1.0 + 0.1 * height(40.0) + ripples * p.ripple
+    write_map(0.02, ratio, p, s)
+    if anew:
+        # As if it were the first measurement.
+        assert s.map_ratio == pytest.approx(np.full(NODES, ratio), abs=1e-12)
+        assert s.map_H == pytest.approx(np.full(NODES, 0.02), abs=1e-12)
+        assert np.count_nonzero(np.isfinite(s.visited)) <= 5
+    else:
+        assert np.count_nonzero(np.isfinite(s.visited)) > 40
+
+
 def test_the_map_tells_nothing_ahead_and_beside_the_line(rng):
     p, s = records(surface="learned")
     travel(p, s, np.arange(0.0, 30.0, 0.28), 0.0, rng)

@@ -22,6 +22,7 @@ from law_bounds import (
     radius,
     tables,
     uncertainties,
+    with_noise,
 )
 from law_pages import page_of
 from make_docs import between_marks
@@ -175,6 +176,68 @@ def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, stre
     percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
     expected = math.sqrt(of_estimate.mean()), math.sqrt(of_later.mean()), math.sqrt(of_later.max())
     assert uncertainties(period, 1, strength) == pytest.approx(percent * np.array(expected), rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("knows", "period", "strength"), [("known", 1e-3, 1.5), ("learned", 1e-3, 1.0), ("observed", 1e-3, 1.5)]
+)
+def test_bound_of_noise_without_shorter_waves_is_that_of_the_differential_equation(knows, period, strength):
+    p = constants(period, 1, feedback="measured", packet=20)
+    h, size, f = p["hold"], p["height"], strength * p["f_0"]
+    q, omega = 2.0 * p["wave_number"] / math.sqrt(2.0), SPEED / (AMPLITUDE * math.sqrt(2.0))
+    stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
+    waves, cycles = (0 if knows == "known" else 24), {"known": 2, "learned": 3, "observed": 4}[knows]
+    k = (np.arange(waves) + 0.5) / max(waves, 1)
+
+    def place(t):
+        return SPEED * t if knows == "observed" else SPEED / omega * math.sin(omega * t)
+
+    def height(x):
+        return np.concatenate([np.cos(k * q * x), np.sin(k * q * x)])
+
+    def friction(x):
+        # By the load, and by the curvature of the surface.
+        bent = np.concatenate([k, k]) ** 2 * height(x)
+        return f * (p["eta_c2"] * p["f_load"] * height(x) - p["ripple"] / size * bent)
+
+    def told(x):
+        return 0.5 * size * math.sin(q * x)
+
+    def told_friction(x):
+        return f * (p["eta_c2"] * p["f_load"] - p["ripple"] / size) * told(x)
+
+    def slope(of, x):
+        return (of(x + 1e-4) - of(x - 1e-4)) / 2e-4
+
+    def rate(t, y):
+        # Error and its rate, by their first values and by each wave.
+        e, v = y.reshape(2, -1)
+        sense = 1.0 if knows == "observed" else math.copysign(1.0, math.cos(omega * t))
+        held = np.concatenate([[0.0, 0.0], friction(place(t))]) + slope(told_friction, place(t)) * e
+        return np.ravel([v, -stiffness * e - damping * v - sense * held])
+
+    count = round((8.0 * math.pi / (q * SPEED) if knows == "observed" else cycles * 2.0 * math.pi / omega) / h)
+    first = np.hstack([np.eye(2), np.zeros((2, 2 * waves))]).ravel()
+    steps = np.tile(np.eye(2 + 2 * waves), (count + 2, 1, 1))
+    for i in range(count + 2):
+        end = solve_ivp(rate, (h * i, h * (i + 1)), first, rtol=1e-6, atol=1e-9, max_step=2.0).y[:, -1]
+        steps[i, :2] = end.reshape(2, -1)
+    P = np.diag([p["position_noise"] ** 2, 0.01, *np.full(2 * waves, size**2 / (8.0 * max(waves, 1)))])
+    noise = p["position_noise"], math.hypot(p["height_noise"], p["z_noise"]), math.sqrt(2.0) * p["force_noise"]
+    left = []
+    for i in range(count):
+        P, x = steps[i] @ P @ steps[i].T, place(h * (i + 1))
+        # Position, height and friction are measured at once.
+        H = np.zeros((3, len(P)))
+        H[:, 0] = 1.0, slope(told, x), slope(told_friction, x)
+        H[1, 2:], H[2, 2:] = height(x), friction(x)
+        gain = np.linalg.solve(H @ P @ H.T + np.diag(np.square(noise)), H @ P).T
+        rest = np.eye(len(P)) - gain @ H
+        P = rest @ P @ rest.T + (gain * np.square(noise)) @ gain.T
+        later = (steps[i + 2] @ steps[i + 1])[0]
+        left.append(later @ P @ later)
+    expected = 300.0 * math.sqrt(max(left[-(count // cycles) :])) / (AMPLITUDE * math.sqrt(2.0))
+    assert with_noise(period, 1, strength, knows) == pytest.approx(expected, rel=0.05)
 
 
 def test_what_a_surface_leaves_is_what_drawn_surfaces_leave_whose_mean_is_foreseen():

@@ -11,7 +11,7 @@ from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .continuation import forget_places
 from .gain_of_y import forget_gain_of_y
-from .map import NODES
+from .map import NODES, begin_map
 from .predictive_constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Constants
 from .predictive_state import State
 from .sample_estimate import REST
@@ -43,12 +43,8 @@ def forget(p: Constants, s: State) -> None:
     if s.fallbacks > _TIMES:
         # A line longer than the ring tells nothing any more.
         s.least, s.most = -float(NODES), float(NODES)
-    s.written = s.gripped = 0.0
-    for i in range(NODES):
-        s.visited[i] = math.inf
-        for j in range(i + 1):
-            s.covariance[i, j] = s.prior[NODES + j - i]
-    s.told = s.counts = s.misfit = s.misfit_H = 0.0
+    begin_map(s)
+    s.told = s.counts = 0.0
     for axis in range(3):
         for i in range(UNEXPLAINED):
             s.learned[axis, i] = NOTHING[i]

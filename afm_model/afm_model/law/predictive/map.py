@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from ...core.elementary import square
 from ...core.jit import kernel, routine
+from .continuation import mean_ratio
 from .predictive_constants import Constants
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ FARTHEST = 100.0
 """Largest of these squares that counts."""
 FORGET = 0.02
 """Weight of one measurement in that mean."""
+OTHER, JUMP = 4.0, 6.0
+"""What is off the map by more than so many ripples of friction, and so many deviations, is not on it."""
 NOISE = 1.5e-4
 """Variance of a measurement over that of the prior: 0.15 nm of the default height."""
 
@@ -94,6 +97,16 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
 
 
 @kernel
+def begin_map(s: "State") -> None:
+    """Nothing is written."""
+    s.written = s.gripped = s.misfit = s.misfit_H = 0.0
+    for i in range(NODES):
+        s.visited[i] = math.inf
+        for j in range(i + 1):
+            s.covariance[i, j] = s.prior[NODES + j - i]
+
+
+@kernel
 def draw_line(p: Constants, s: "State") -> None:
     """Lay the line along the reference, once it moves."""
     speed = math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
@@ -135,14 +148,6 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         return
     if along < s.least - 1.0 or along > s.most + 1.0:
         return
-    if s.written == 0.0:
-        for i in range(NODES):
-            s.map_H[i] = H
-    if ratio > 0.0 and s.gripped == 0.0:
-        s.gripped = 1.0
-        for i in range(NODES):
-            s.map_ratio[i] = ratio
-    s.written = 1.0
     first = math.floor(along)
     w = weights(along - first)
     i = first - 1
@@ -156,6 +161,22 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     # A load that a drive has just changed still rings.
     ringing = p.ring * s.rise * p.f_load / p.ripple
     variance = NOISE + swing * swing + ringing * ringing + q * q * s.doubt
+    if ratio > 0.0 and s.gripped != 0.0 and p.measured != 0 and p.slots == 1:
+        change = ratio
+        for a in range(4):
+            change -= w[a] * s.map_ratio[(i + a) % NODES]
+        most = square(OTHER * mean_ratio(s)) + JUMP * JUMP * variance
+        if square(change / p.ripple) > most:
+            # Friction that held a tip at rest, as behind a fallback, is less than its bound: it was no map of this.
+            begin_map(s)
+    if s.written == 0.0:
+        for j in range(NODES):
+            s.map_H[j] = H
+    if ratio > 0.0 and s.gripped == 0.0:
+        s.gripped = 1.0
+        for j in range(NODES):
+            s.map_ratio[j] = ratio
+    s.written = 1.0
     innovation, change = H, ratio
     for j in range(NODES):
         s.gain[j] = 0.0
