@@ -22,6 +22,7 @@ from afm_model.core.schema import with_parts
 from afm_model.parameters import ControllerParameters, Group, InstrumentParameters, SetupSection, specifications
 
 from . import scheduling
+from .answers import hold_answers
 from .barrier import guard_services
 from .process import Process
 from .shared_memory import make_private, shared_memory_cleanup
@@ -176,6 +177,7 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
             made.append(make_node())
             make_private()
             guard_services(made[-1])
+            hold_answers(made[-1])
             executor.add_node(made[-1])
 
         def spin_once(timeout: float) -> None:

@@ -1,5 +1,6 @@
 """Reads the parameters of other nodes, and receives their changes."""
 
+import math
 import time
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -16,6 +17,10 @@ from afm_node_common.subscriptions import InvalidMessage, Subscriptions
 
 _ANSWER_TIME = 5.0
 """Wall time within which a node answers the parameter services, or has none [s]."""
+
+_AGAIN = 1.0
+"""Wall time after which a node that has not answered is asked again [s], each time after twice as long: an answer that
+is sent before the node has found who asked is lost."""
 
 _TYPES = range(ParameterType.PARAMETER_BOOL, ParameterType.PARAMETER_STRING_ARRAY + 1)
 
@@ -48,12 +53,12 @@ class ParameterWatch:
         self._known = known
         self._changed = changed
         self._clients: dict[str, tuple[Client, Client]] = {}
-        self._asked: set[str] = set()
+        self._asked: dict[str, tuple[float, float]] = {}  # when, and for how long an answer is waited for
         self._missed_since: dict[str, float] = {}
         subscriptions.subscribe(ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events)
 
     def look(self, others: Iterable[str] = ()) -> None:
-        """Query the nodes that are new since the last call; to be called periodically.
+        """Query the nodes that are new since the last call, or have not answered; to be called periodically.
 
         Parameters
         ----------
@@ -63,11 +68,16 @@ class ParameterWatch:
         there = {full_name(name, at): at for name, at in self._node.get_node_names_and_namespaces()}
         wanted = {name for name, at in there.items() if at == namespace or name in others}
         wanted.discard(self._node.get_fully_qualified_name())
-        self._asked &= wanted  # a node that has ended is queried again after a restart
-        for name in wanted - self._asked:
+        # A node that has ended is queried again after a restart.
+        self._asked = {name: asked for name, asked in self._asked.items() if name in wanted}
+        now = time.monotonic()
+        for name in wanted:
+            at, patience = self._asked.get(name, (-math.inf, 0.5 * _AGAIN))
+            if now < at + patience:
+                continue
             list_names, get_values = self._clients_of(name)
             if list_names.service_is_ready() and get_values.service_is_ready():
-                self._asked.add(name)
+                self._asked[name] = now, 2.0 * patience
                 listed = list_names.call_async(ListParameters.Request())
                 listed.add_done_callback(lambda future, name=name: self._on_names(name, future))
 
@@ -96,6 +106,8 @@ class ParameterWatch:
             for name, value in zip(names, answered.result().values, strict=False)
             if value.type in _TYPES
         }
+        if node in self._asked:
+            self._asked[node] = math.inf, math.inf
         if node in self.values:
             self._take(node, found)
         else:

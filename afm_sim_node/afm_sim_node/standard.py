@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from afm_model.run import OVER, Run, State
+from afm_node_common.answers import AnsweringServer
 
 from .control import Control
 
@@ -35,7 +36,7 @@ class Standard:
     """
 
     def __init__(self, node: Node, run: Run, control: Control) -> None:
-        from rclpy.action import ActionServer, CancelResponse
+        from rclpy.action import CancelResponse
         from simulation_interfaces import action, msg, srv
 
         self._run, self._control = run, control
@@ -60,7 +61,7 @@ class Standard:
         node.create_service(srv.SetSimulationState, "set_simulation_state", self._serve_set)
         node.create_service(srv.ResetSimulation, "reset_simulation", self._serve_reset)
         node.create_service(srv.StepSimulation, "step_simulation", self._serve_step, callback_group=control.patient)
-        self._actions = ActionServer(
+        self._actions = AnsweringServer(
             node,
             action.SimulateSteps,
             "simulate_steps",

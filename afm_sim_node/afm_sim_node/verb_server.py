@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from rclpy.action import ActionServer, CancelResponse
+from rclpy.action import CancelResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
@@ -16,6 +16,7 @@ from afm_model.microscope.results import CANCELLED, Outcome
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Withdraw
 from afm_model.run import Run
+from afm_node_common.answers import AnsweringServer
 from afm_node_common.barrier import sentence
 from afm_node_common.verb_codec import ACTIONS, TITLES, put_outcome, verb_of
 
@@ -28,7 +29,7 @@ _LAST_WORDS = 0.3
 """Wall time that a node which ends leaves for the answer to its last goal [s]."""
 
 
-class PatientServer(ActionServer):
+class PatientServer(AnsweringServer):
     """An action server whose goals are executed by somebody else, and answered when that is over.
 
     A coroutine in its place would be resumed again and again by the executor, which looks at every entity of the node
@@ -45,13 +46,6 @@ class PatientServer(ActionServer):
     ) -> None:
         super().__init__(node, kind, name, self._never, **options)
         self._begin = begin
-        self.processes: dict[bytes, bytes] = {}
-        """Process that has asked for the goal which is being accepted."""
-
-    async def _execute_goal_request(self, request_header_and_message: Any) -> None:
-        header, request = request_header_and_message
-        self.processes = {bytes(request.goal_id.uuid): process_of(header)}
-        await super()._execute_goal_request(request_header_and_message)
 
     def _never(self, goal: ServerGoalHandle) -> Any:
         raise AssertionError("a goal is answered by `answer`")
@@ -198,7 +192,7 @@ class VerbServer:
             raise VerbError(objection)
         self._begun(verb)
         if goal is not None:
-            process = self._servers[name].processes.get(bytes(goal.goal_id.uuid), b"")
+            process = process_of(self._servers[name].asking.get(bytes(goal.goal_id.uuid), b""))
             self._clients.begin(ACTIONS[name], name, goal, process)
         self._going = Going(type(verb).__name__, name, goal, over)
         try:

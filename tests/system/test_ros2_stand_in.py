@@ -12,7 +12,7 @@ from afm_msgs.action import MoveTo, Verb
 from afm_msgs.srv import Exchange, Step
 from rclpy.action import ActionServer
 from rclpy.node import Node
-from support import ROOT, Graph, executable
+from support import ROOT, Command, Graph, executable
 
 from afm_node_common.verb_codec import values_of
 
@@ -120,22 +120,34 @@ def test_parameters_are_filled_in_as_the_docs_show(page: str, command: str, kind
     assert values_of(getattr(request, field)) == given
 
 
-def test_action_is_listed_and_a_goal_is_sent_with_its_feedback_and_result() -> None:
-    def move(goal: object) -> MoveTo.Result:
-        goal.publish_feedback(MoveTo.Feedback(progress=0.5, detail="moving"))  # type: ignore[attr-defined]
-        goal.succeed()  # type: ignore[attr-defined]
-        return MoveTo.Result(success=True, x=goal.request.x)  # type: ignore[attr-defined]
+def test_action_is_listed_and_a_goal_is_sent_with_its_feedback_and_result(tmp_path: Path) -> None:
+    def move(goal: Any) -> MoveTo.Result:
+        goal.succeed()
+        return MoveTo.Result(success=True, x=goal.request.x)
 
-    program = str(ROOT / "tools" / "bin" / "ros2")
-    goal = ("send_goal", "/stand_in/move_to", "afm_msgs/action/MoveTo", "{x: 1e-9}", "--feedback")
+    goals: list[Any] = []
+    goal_sent = ("send_goal", "/stand_in/move_to", "afm_msgs/action/MoveTo", "{x: 1e-9}", "--feedback")
+    program = ROOT / "tools" / "bin" / "ros2"
+    told = []
     with Graph() as graph:
-        server = ActionServer(graph.add(Node("stand_in_server")), MoveTo, "/stand_in/move_to", move)
-        told = []
-        for arguments in (("list", "-t"), ("info", "/stand_in/move_to"), goal):
-            with subprocess.Popen([program, "action", *arguments], stdout=subprocess.PIPE, text=True) as process:
-                graph.spin_until(lambda process=process: process.poll() is not None)
-                assert process.stdout is not None and process.returncode == 0
-                told.append(process.stdout.read())
+        node = graph.add(Node("stand_in_server"))
+        server = ActionServer(node, MoveTo, "/stand_in/move_to", move, handle_accepted_callback=goals.append)
+        for arguments in (("list", "-t"), ("info", "/stand_in/move_to"), goal_sent):
+            with Command(program, "action", *arguments, folder=tmp_path) as command:
+
+                def shown(command: Command = command) -> bool:
+                    """Whether the client has shown feedback. What a server says before both have found each other gets
+                    lost: as a microscope does, it says how far it is again and again."""
+                    goals[0].publish_feedback(MoveTo.Feedback(progress=0.5, detail="moving"))
+                    return "detail='moving'" in command.text
+
+                if "--feedback" in arguments:
+                    command.wait_until(lambda: goals, graph)
+                    command.wait_until(shown, graph)
+                    assert "Goal finished" not in command.text
+                    goals[0].execute()
+                assert command.wait(graph) == 0, command.told
+                told.append(command.text)
         server.destroy()
     assert "/stand_in/move_to [afm_msgs/action/MoveTo]" in told[0]
     assert "Action servers: 1\n    /stand_in_server" in told[1]

@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from afm_model import Command, DriveError, SimParameters
 from afm_model.core.errors import MalformedError
 from afm_node_common import topics
+from afm_node_common.answers import hold_answers
 from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import Drive, drive_codec
@@ -83,6 +84,7 @@ class TopicConnection:
         self._outbox = Outbox(self._node, Measurement, topics.MEASUREMENT, topics.MEASUREMENT_QOS)
         self._status = self._node.create_publisher(InstrumentStatus, topics.STATUS, topics.LATCHED_QOS)
         PreviewServer(self._node, self._parameters)
+        hold_answers(self._node)
         self._status_at = 0.0
 
     def _close(self) -> None:
