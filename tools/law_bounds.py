@@ -222,7 +222,7 @@ def bound_of_noise(
     return with_noise(period, delay, strength, knows, wander and knows != "observed")
 
 
-def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float, float]:
+def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float, float, float]:
     """What a surface seen under the tip only leaves, with positions and rates known exactly.
 
     The height is a Gaussian process with all wave numbers up to `law.wave_number` alike, as large as that of a wave of
@@ -241,9 +241,9 @@ def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float,
 
     Returns
     -------
-    (friction, error) : floats
+    (friction, error, at_most) : floats
         Rms of what is not known of the friction that the curvature makes at the end of that time, over the rms of that
-        of a wave; rms error of an axis there [% of the amplitude], over all places of the wave.
+        of a wave; rms error of an axis there [% of the amplitude], over all places of the wave, and at the worst one.
     """
     p = constants(period, delay, packet=20)
     q = 2.0 * p["wave_number"] / math.sqrt(2.0)
@@ -277,7 +277,8 @@ def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float,
             response[i] = of_end[1] * step
             of_end = of_end + step * np.array([-spring * of_end[1], of_end[0] - damping * of_end[1]])
         squares.append(response @ left @ response)
-    return friction, 100.0 * math.sqrt(np.mean(squares)) / (AMPLITUDE * math.sqrt(2.0))
+    percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
+    return friction, percent * math.sqrt(np.mean(squares)), percent * math.sqrt(max(squares))
 
 
 def thrown(time: float) -> float:
@@ -363,14 +364,17 @@ def tables() -> dict[str, str]:
     ]
     known = ["| period + delay | surface known, friction x 1.5; x 2 [%] | line learned, the truth; x 1.5; x 2 [%] "]
     known[0] += "| a line not seen before [%] |"
+    wander = [
+        "| period + delay | surface known, the truth; friction x 2 [%] | line learned, the truth; friction x 2 [%] |"
+    ]
     surface = [
-        "| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations [%] "
+        "| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations at the worst place [%] "
         "| of friction x 1.5 [%] | x 2 [%] |"
     ]
     edge = ["| period + delay | edge just before a measurement [%] | just behind one [%] | in the row of patches [%] |"]
     drift = ["| drift of an axis | after one period [%] | after three [%] |"]
     stable = ["| period | drives as expected | one period later | two |"]
-    for rows, columns in ((noise, 6), (known, 4), (surface, 6), (edge, 4), (drift, 3), (stable, 4)):
+    for rows, columns in ((noise, 6), (known, 4), (wander, 3), (surface, 6), (edge, 4), (drift, 3), (stable, 4)):
         rows.append("| " + " | ".join(["---"] * columns) + " |")
     for name, rate in (("1e-15 m/s", 1e-15), ("2 nm/min, a design of low drift", 3e-11), ("1 nm/s", 1e-9)):
         drift.append(f"| {name} | {of_drift(rate, 1):.2g} | {of_drift(rate):.2g} |")
@@ -384,13 +388,22 @@ def tables() -> dict[str, str]:
             for knows, strengths in zip(KNOWS, ((1.5, 2.0), (1.0, 1.5, 2.0), (1.0, 1.5, 2.0)), strict=True)
         ]
         known.append(f"| {name} + 1 | " + " | ".join(left) + " |")
-        friction, error = of_surface(period, 1)
-        errors = [error, *(of_surface(period, 1, each)[1] for each in (1.5, 2.0))]
-        deviations = " | ".join(f"{3.0 * each:.2g}" for each in errors)
+        left = ["; ".join(f"{with_noise(period, 1, f, knows, True):.2g}" for f in (1.0, 2.0)) for knows in KNOWS[:2]]
+        wander.append(f"| {name} + 1 | " + " | ".join(left) + " |")
+        each_strength = [of_surface(period, 1, strength) for strength in (1.0, 1.5, 2.0)]
+        (friction, error, _), deviations = each_strength[0], " | ".join(f"{3.0 * each[2]:.2g}" for each in each_strength)
         surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {deviations} |")
         edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
-    found = {"noise": noise, "known": known, "surface": surface, "edge": edge, "drift": drift, "stability": stable}
+    found = {
+        "noise": noise,
+        "known": known,
+        "wander": wander,
+        "surface": surface,
+        "edge": edge,
+        "drift": drift,
+        "stability": stable,
+    }
     return {f"bound {name}": "\n".join(rows) for name, rows in found.items()}
 
 

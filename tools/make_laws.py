@@ -71,7 +71,7 @@ _DRIFT = "drift 1 nm/s: 7.5 %, which no sensor sees (table below)"
 WHY: dict[tuple[str, str], str] = {
     (_MANY, "50 us + 1"): _DRIFT,
     (_MANY, "200 us + 1"): _DRIFT,
-    (_MANY, "1 ms packets"): f"{_DRIFT}; friction x 2 over an unknown surface: 22 % (table below)",
+    (_MANY, "1 ms packets"): f"{_DRIFT}; friction x 2 over an unknown surface: 55 % (table below)",
     ("patches x .9", "200 us + 1"): "28 %: the edge (table below)",
     ("patches x .9", "1 ms packets"): "51 %: the edge (table below)",
 }
@@ -223,6 +223,7 @@ NOISY = (
     "hysteresis .5 %",
     "hysteresis 5 %, creep 1.5 %",
     "creep 1.5 %",
+    "crosstalk .02",
     "Lissajous 2:3",
     "along y alone",
 )

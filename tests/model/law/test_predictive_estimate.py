@@ -8,7 +8,7 @@ import pytest
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive import PREDICTIVE
 from afm_model.law.predictive.asked import continue_reference, take_reference
-from afm_model.law.predictive.map import NODES, read_map, write_map
+from afm_model.law.predictive.map import NODES, SPACING, read_map, write_map
 from afm_model.law.predictive.nominal_plant import REACH, beyond
 from afm_model.law.predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 from afm_model.parts.signals import Measurement
@@ -138,19 +138,22 @@ def test_in_packets_a_tip_that_was_thrown_and_stands_still_again_hardly_changes_
 
 
 @pytest.mark.parametrize(
-    ("law", "ripples", "anew"),
+    ("law", "doubt", "ripples", "anew"),
     [
-        ({"feedback": "measured"}, 3.9, False),
-        ({"feedback": "measured"}, 4.1, True),
-        ({"feedback": "measured"}, -4.1, True),
-        ({"feedback": "measured", "packet": 20, "period": 1e-3}, 4.1, False),
-        ({}, 4.1, False),
+        ({"feedback": "measured"}, 0.0, 3.9, False),
+        ({"feedback": "measured"}, 0.0, 4.1, True),
+        ({"feedback": "measured"}, 0.0, -4.1, True),
+        # Nine of 36 variances more: five ripples.
+        ({"feedback": "measured"}, 0.25, 4.9, False),
+        ({"feedback": "measured"}, 0.25, 5.1, True),
+        ({"feedback": "measured", "packet": 20, "period": 1e-3}, 0.0, 4.1, False),
+        ({}, 0.0, 4.1, False),
     ],
 )
-def test_with_positions_alone_friction_that_is_on_no_map_begins_a_new_one(law, ripples, anew, rng):
+def test_with_positions_alone_friction_that_is_on_no_map_begins_a_new_one(law, doubt, ripples, anew, rng):
     p, s = records(surface="learned", **law)
     travel(p, s, np.arange(0.0, 40.0, 0.28), 0.0, rng)
-    s.ratio[MEAN] = 1.0
+    s.ratio[MEAN], s.doubt = 1.0, doubt * (s.pitch / SPACING) ** 2
     s.X = s.Y = s.p[0] = s.p[1] = 40.0 / math.sqrt(2.0)
     ratio = 1.0 + 0.1 * height(40.0) + ripples * p.ripple
     write_map(0.02, ratio, p, s)
