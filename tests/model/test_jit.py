@@ -187,6 +187,34 @@ print(both(3.0), foreign(3.0), twice(4.0), factorial(3.0), callback(number(numbe
         assert in_a_new_process(run, NUMBA_CACHE_DIR=str(tmp_path)) == printed
 
 
+def test_routine_is_called_by_a_kernel_that_calls_it_twice_and_not_compiled_into_it(tmp_path):
+    script = tmp_path / "calls.py"
+    line = "    x += math.exp(-x) * math.sqrt(x)\n"
+    script.write_text(f"""
+import math
+from afm_model.core.jit import kernel, routine
+
+@routine
+def long(x):
+{line * 50}
+    return x
+
+@kernel
+def twice(x):
+    return long(x) + long(2.0 * x)
+
+@kernel
+def outer(x):
+    return twice(x)
+
+outer(1.0)
+defined = [line for code in outer.inspect_llvm().values() for line in code.splitlines() if line.startswith("define")]
+print(sum("long" in line for line in defined), sum("twice" in line for line in defined))
+""")
+    run = f"import runpy; runpy.run_path({str(script)!r})"
+    assert in_a_new_process(run, NUMBA_CACHE_DIR=str(tmp_path)) == "1 0\n"
+
+
 def test_processes_at_once_compile_into_one_cache(toy):
     with ThreadPoolExecutor(2) as threads:
         assert {result for result, _ in threads.map(lambda _: toy.run(), range(2))} == {21.0}

@@ -72,7 +72,8 @@ def kernel(function: _F) -> _F:
 
 def routine(function: _F) -> _F:
     """As `kernel`, but called, not compiled into its callers: for what is long and is called from several places."""
-    return _compiled(function)
+    # Left out, numba takes it from the caller that it compiles at the time.
+    return _compiled(function, forceinline=False)
 
 
 def inlined(function: _F) -> _F:
