@@ -53,7 +53,9 @@ class _WholeLibrary(codegen.JITCodeLibrary):  # type: ignore[misc]
             _collect(library, found)
         pieces = [each for each in found if isinstance(each, _PieceLibrary)]
         for piece in pieces:
-            self._reload_init.update(piece._reload_init)
+            if hasattr(piece, "_reload_init"):
+                # Not every numba has it.
+                self._reload_init.update(piece._reload_init)
             self._final_module.link_in(piece._final_module, preserve=True)
         # A copy that nothing calls may be left out. Said before all is linked, one would be left out that only a later
         # piece calls.
