@@ -122,7 +122,7 @@ def toy(tmp_path):
 
     made = Toy()
     made.package.mkdir()
-    for name in ("jit.py", "kernel_cache.py", "sources.py"):
+    for name in ("jit.py", "kernel_cache.py", "pieces.py", "sources.py"):
         (made.package / name).write_text((Path(jit.__file__).parent / name).read_text())
         os.utime(made.package / name, (1e9, 1e9))
     for name in TOY:
@@ -146,6 +146,73 @@ def test_edit_compiles_anew_what_depends_on_it_and_nothing_else(toy):
     # Both versions stand on disk.
     toy.write("callee.py", factor=2.0)
     assert toy.run() == (21.0, 2)
+
+
+def test_what_only_compiled_code_calls_is_a_piece_of_it_and_no_file(toy):
+    toy.run()
+    assert {file.name.partition("-")[0] for file in toy.cache.rglob("toy*/*")} == {"outer"}
+    assert toy.run() == (21.0, 2)
+
+
+def test_kernels_call_one_another_and_themselves_and_functions_of_others_call_them(tmp_path):
+    script = tmp_path / "calls.py"
+    script.write_text("""
+import numba
+from afm_model.core.jit import callback, kernel, routine
+
+@kernel
+def twice(x):
+    print("twice", x)
+    return 2.0 * x
+
+@routine
+def factorial(n):
+    return 1.0 if n < 1 else n * factorial(n - 1)
+
+@routine
+def both(x):
+    return twice(x) + factorial(x)
+
+@numba.njit
+def foreign(x):
+    return both(x) + twice(x)
+
+number = numba.float64
+print(both(3.0), foreign(3.0), twice(4.0), factorial(3.0), callback(number(number), both.py_func).ctypes(4.0))
+""")
+    printed = "twice 3.0\ntwice 3.0\ntwice 3.0\ntwice 4.0\ntwice 4.0\n12.0 18.0 8.0 6.0 32.0\n"
+    run = f"import runpy; runpy.run_path({str(script)!r})"
+    # Compiled, and as it was kept.
+    for _ in range(2):
+        assert in_a_new_process(run, NUMBA_CACHE_DIR=str(tmp_path)) == printed
+
+
+def test_routine_is_called_by_a_kernel_that_calls_it_twice_and_not_compiled_into_it(tmp_path):
+    script = tmp_path / "calls.py"
+    line = "    x += math.exp(-x) * math.sqrt(x)\n"
+    script.write_text(f"""
+import math
+from afm_model.core.jit import kernel, routine
+
+@routine
+def long(x):
+{line * 50}
+    return x
+
+@kernel
+def twice(x):
+    return long(x) + long(2.0 * x)
+
+@kernel
+def outer(x):
+    return twice(x)
+
+outer(1.0)
+defined = [line for code in outer.inspect_llvm().values() for line in code.splitlines() if line.startswith("define")]
+print(sum("long" in line for line in defined), sum("twice" in line for line in defined))
+""")
+    run = f"import runpy; runpy.run_path({str(script)!r})"
+    assert in_a_new_process(run, NUMBA_CACHE_DIR=str(tmp_path)) == "1 0\n"
 
 
 def test_processes_at_once_compile_into_one_cache(toy):

@@ -21,6 +21,7 @@ from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
 from .jit import inlined, routine
+from .pieces import INLINED
 
 ir: Any = _ir
 types: Any = _types
@@ -61,12 +62,12 @@ _to_integer: Any = _cast(types.int64, types.float64, ir.IntType(64))
 _to_float: Any = _cast(types.float64, types.int64, ir.DoubleType())
 
 
-@overload(_bits)
+@overload(_bits, jit_options=INLINED)
 def _compiled_bits(x):  # type: ignore[no-untyped-def]  # numba compares this signature with that of the implementation
     return lambda x: _to_integer(x)
 
 
-@overload(_from_bits)
+@overload(_from_bits, jit_options=INLINED)
 def _compiled_from_bits(i):  # type: ignore[no-untyped-def]  # as above
     return lambda i: _to_float(i)
 

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
 import numba
@@ -11,6 +12,7 @@ from numba.core.ccallback import CFunc as _CFunc
 from numba.extending import register_jitable
 
 from .kernel_cache import KernelCache
+from .pieces import INLINED, PIECE, Whole, in_ours
 
 config: Any = _config
 sigutils: Any = _sigutils
@@ -26,7 +28,20 @@ warnings.filterwarnings(
 def _compiled(function: _F, **options: Any) -> _F:
     if config.DISABLE_JIT:
         return function
-    return _kept(numba.njit(function, error_model="numpy", **options), function)
+    options["error_model"] = "numpy"
+    made: Any = numba.njit(function, pipeline_class=Whole, **options)
+
+    @cache
+    def piece() -> Any:
+        called: Any = numba.njit(function, **PIECE, **options)
+        called._compiling_counter = made._compiling_counter  # by which numba sees that a function calls itself
+        return called
+
+    # Our compiled code calls a piece; Python, and functions that are not ours, call what is whole.
+    template, overload = made.get_call_template, made.get_overload
+    made.get_call_template = lambda *kinds: (piece().get_call_template if in_ours() else template)(*kinds)
+    made.get_overload = lambda signature: (piece().get_overload if in_ours() else overload)(signature)
+    return _kept(made, function)
 
 
 def _kept(made: Any, function: Callable[..., object]) -> Any:
@@ -45,10 +60,10 @@ def _kept(made: Any, function: Callable[..., object]) -> Any:
 
 
 def kernel(function: _F) -> _F:
-    """Compile `function` in nopython mode, cached on disk, with IEEE division (x/0 is inf, no exception).
+    """Compile `function` in nopython mode, with IEEE division (x/0 is inf, no exception).
 
-    Kernels are compiled into their callers: numba returns even a float through memory and tests an error code after
-    every call, which costs a step of the plant some percent.
+    Kernels are compiled into their callers (pieces.py): numba returns even a float through memory and tests an error
+    code after every call, which costs a step of the plant some percent. What is called from outside is kept on disk.
 
     `NUMBA_DISABLE_JIT=1` leaves the plain Python function in place, for coverage and for debugging.
     """
@@ -57,12 +72,13 @@ def kernel(function: _F) -> _F:
 
 def routine(function: _F) -> _F:
     """As `kernel`, but called, not compiled into its callers: for what is long and is called from several places."""
-    return _compiled(function)
+    # Left out, numba takes it from the caller that it compiles at the time.
+    return _compiled(function, forceinline=False)
 
 
 def inlined(function: _F) -> _F:
     """A plain Python function that kernels take too: reading parameters calls it and compiles nothing."""
-    return register_jitable(error_model="numpy", forceinline=True)(function)
+    return register_jitable(error_model="numpy", **INLINED)(function)
 
 
 def is_compiled(function: object) -> bool:
@@ -78,6 +94,7 @@ def plain(function: _F) -> _F:
 def callback(signature: Any, function: Callable[..., object]) -> Any:
     """Compile `function` as a C function of `signature`, cached beside the kernels."""
     options = {"error_model": "numpy"}
-    made = _kept(CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options), function)
+    signature = sigutils.normalize_signature(signature)
+    made = _kept(CFunc(function, signature, locals={}, options=options, pipeline_class=Whole), function)
     made.compile()
     return made

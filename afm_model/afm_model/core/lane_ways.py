@@ -14,6 +14,7 @@ from numba.extending import intrinsic, overload
 
 from .jit import plain
 from .lanes import KeptRecord, LaneBlock, LaneRecord
+from .pieces import INLINED
 
 ir: Any = _ir
 types: Any = _types
@@ -26,7 +27,7 @@ def by_lane(alone: Callable[..., Any], in_lane: Callable[..., Any]) -> Any:
         # Compiled, it would return a copy of a record in place of the record.
         return plain(alone)(*arguments)
 
-    @overload(chosen, jit_options={"forceinline": True})
+    @overload(chosen, jit_options=INLINED)
     def _compiled(*arguments):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
         kinds = arguments[0] if len(arguments) == 1 and isinstance(arguments[0], tuple) else arguments
         function = in_lane if any(isinstance(each, LaneBlock) for each in kinds) else alone
@@ -51,7 +52,7 @@ def _select_of(typing_context: Any, condition: Any, one: Any, other: Any) -> Any
 _select: Any = intrinsic(_select_of)
 
 
-@overload(where, jit_options={"forceinline": True})
+@overload(where, jit_options=INLINED)
 def _compiled_where(condition, one, other):  # type: ignore[no-untyped-def]  # as above
     return lambda condition, one, other: _select(condition, one, other)
 
@@ -84,7 +85,7 @@ def _settled_of(typing_context: Any, index: Any, address: Any) -> Any:
 _settled: Any = intrinsic(_settled_of)
 
 
-@overload(settled, jit_options={"forceinline": True})
+@overload(settled, jit_options=INLINED)
 def _compiled_settled(index, m):  # type: ignore[no-untyped-def]  # as above
     if isinstance(m, LaneBlock):
         return lambda index, m: _settled(index, m.own.address)
@@ -99,7 +100,7 @@ def rare(condition: bool, m: Any) -> bool:
     return condition
 
 
-@overload(rare, jit_options={"forceinline": True})
+@overload(rare, jit_options=INLINED)
 def _compiled_rare(condition, m):  # type: ignore[no-untyped-def]  # as above
     if not isinstance(m, LaneBlock):
         return lambda condition, m: condition
@@ -129,7 +130,7 @@ def _kept_of(typing_context: Any, record: Any, marked: Any) -> Any:
 _kept: Any = intrinsic(_kept_of)
 
 
-@overload(kept, jit_options={"forceinline": True})
+@overload(kept, jit_options=INLINED)
 def _compiled_kept(record, m):  # type: ignore[no-untyped-def]  # as above
     if isinstance(record, LaneRecord):
         return lambda record, m: _kept(record, m.own.marked != 0.0)

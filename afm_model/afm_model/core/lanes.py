@@ -19,6 +19,7 @@ from numba.extending import NativeValue as _NativeValue
 from numba.extending import infer_getattr, intrinsic, models, overload, register_model, typeof_impl
 from numba.extending import unbox as _unbox_of
 
+from .pieces import INLINED
 from .records import Record, data_pointer, size
 
 ir: Any = _ir
@@ -298,7 +299,7 @@ _kept_put: Any = intrinsic(_put_into_kept)
 _number: Any = intrinsic(_number_of)
 
 
-@overload(operator.getitem, jit_options={"forceinline": True})
+@overload(operator.getitem, jit_options=INLINED)
 def _getitem(vector, index):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
     if isinstance(vector, LaneBlock):
         return lambda vector, index: _number(vector.own.address, index)
@@ -307,7 +308,7 @@ def _getitem(vector, index):  # type: ignore[no-untyped-def]  # numba compares t
     return (lambda vector, index: _item(vector, index)) if isinstance(vector, LaneVector | LaneRecord) else None
 
 
-@overload(operator.setitem, jit_options={"forceinline": True})
+@overload(operator.setitem, jit_options=INLINED)
 def _setitem(vector, index, value):  # type: ignore[no-untyped-def]  # as above
     if isinstance(vector, KeptVector):
         return lambda vector, index, value: _kept_put(vector, index, value)

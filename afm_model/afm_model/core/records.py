@@ -25,6 +25,7 @@ from numba.extending import intrinsic, overload, typeof_impl
 from numpy.typing import NDArray
 
 from .errors import PartError
+from .pieces import INLINED
 
 ir: Any = _ir
 types: Any = _types
@@ -122,7 +123,7 @@ def _at(typing_context: Any, block: Any, index: Any, record: Any) -> Any:
 _record_at: Any = intrinsic(_at)
 
 
-@overload(record_at, jit_options={"forceinline": True})
+@overload(record_at, jit_options=INLINED)
 def _compiled(block, index, record):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
     return lambda block, index, record: _record_at(block, index, record)
 
@@ -143,7 +144,7 @@ def _pointer(typing_context: Any, block: Any, index: Any) -> Any:
 _pointer_at: Any = intrinsic(_pointer)
 
 
-@overload(pointer_at, jit_options={"forceinline": True})
+@overload(pointer_at, jit_options=INLINED)
 def _compiled_pointer(block, index):  # type: ignore[no-untyped-def]
     return lambda block, index: _pointer_at(block, index)
 
@@ -165,7 +166,7 @@ def _of_record(typing_context: Any, record: Any) -> Any:
 _numbers_of: Any = intrinsic(_of_record)
 
 
-@overload(numbers_of, jit_options={"forceinline": True})
+@overload(numbers_of, jit_options=INLINED)
 def _compiled_numbers_of(record):  # type: ignore[no-untyped-def]
     return lambda record: _numbers_of(record)
 
@@ -187,7 +188,7 @@ def _address(typing_context: Any, block: Any, index: Any) -> Any:
 _address_at: Any = intrinsic(_address)
 
 
-@overload(address_at, jit_options={"forceinline": True})
+@overload(address_at, jit_options=INLINED)
 def _compiled_address(block, index):  # type: ignore[no-untyped-def]
     return lambda block, index: _address_at(block, index)
 
@@ -214,6 +215,6 @@ def _numbers(typing_context: Any, address: Any) -> Any:
 _numbers_at: Any = intrinsic(_numbers)
 
 
-@overload(numbers_at, jit_options={"forceinline": True})
+@overload(numbers_at, jit_options=INLINED)
 def _compiled_numbers(address, count):  # type: ignore[no-untyped-def]
     return lambda address, count: _numbers_at(address)

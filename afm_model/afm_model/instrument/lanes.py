@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.jit import config, kernel, routine
 from ..core.kernel_cache import fingerprint
 from ..core.lanes import LANES, LaneBlock, Lanes, Own, for_lanes
+from ..core.pieces import INLINED
 from ..core.records import Block, Record, numbers_at, place, pointer_at, record_at, size
 from ..parts.dispatch import step, surface_of
 from ..parts.header import BlockHeader
@@ -67,7 +68,7 @@ def _move(t: float, m: Any) -> None:
     """The plant's step of a lane, from time t [s] on."""
 
 
-@overload(_move, jit_options={"forceinline": True})
+@overload(_move, jit_options=INLINED)
 def _compiled_move(t, m):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
     function = m.lanes.functions["step"]
 
@@ -81,7 +82,7 @@ def _look(m: Any) -> None:
     """What is true in a lane."""
 
 
-@overload(_look, jit_options={"forceinline": True})
+@overload(_look, jit_options=INLINED)
 def _compiled_look(m):  # type: ignore[no-untyped-def]  # as above
     observe = m.lanes.functions["observe"]
 
@@ -96,12 +97,12 @@ def _has_marks(lanes: Any) -> bool:
     return False
 
 
-@overload(_has_marks, jit_options={"forceinline": True})
+@overload(_has_marks, jit_options=INLINED)
 def _compiled_has_marks(lanes):  # type: ignore[no-untyped-def]  # as above
     return (lambda lanes: True) if lanes.lanes.marks else (lambda lanes: False)
 
 
-@overload(surface_of, jit_options={"forceinline": True})
+@overload(surface_of, jit_options=INLINED)
 def _surface_of_lane(x, y, m):  # type: ignore[no-untyped-def]  # as above
     if not isinstance(m, LaneBlock):
         return None

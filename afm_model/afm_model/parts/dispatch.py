@@ -16,6 +16,7 @@ from numba.extending import intrinsic, overload
 
 from ..core.call import INTEGER, NUMBER, PLAIN, Argument
 from ..core.jit import kernel
+from ..core.pieces import INLINED
 from ..core.records import Block, data_pointer, place, record_at
 from .header import BlockHeader, LawHeader
 from .loop import Onboard
@@ -81,7 +82,7 @@ def dispatcher(family: type[Part], name: str) -> Callable[..., None]:
 
     compiled: Any = intrinsic(called)
 
-    @overload(dispatched, jit_options={"forceinline": True})
+    @overload(dispatched, jit_options=INLINED)
     def _compiled(*arguments):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
         return lambda *arguments: compiled(arguments)
 
@@ -120,7 +121,7 @@ def surface_of(x: float, y: float, m: Block) -> Any:
     return _surface_of_block(x, y, m)
 
 
-@overload(surface_of, jit_options={"forceinline": True})
+@overload(surface_of, jit_options=INLINED)
 def _compiled_surface(x, y, m):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
     return (lambda x, y, m: _surface_of_block(x, y, m)) if isinstance(m, types.Array | types.CPointer) else None
 
