@@ -391,7 +391,10 @@ def tables() -> dict[str, str]:
         left = ["; ".join(f"{with_noise(period, 1, f, knows, True):.2g}" for f in (1.0, 2.0)) for knows in KNOWS[:2]]
         wander.append(f"| {name} + 1 | " + " | ".join(left) + " |")
         each_strength = [of_surface(period, 1, strength) for strength in (1.0, 1.5, 2.0)]
-        (friction, error, _), deviations = each_strength[0], " | ".join(f"{3.0 * each[2]:.2g}" for each in each_strength)
+        (friction, error, _), deviations = (
+            each_strength[0],
+            " | ".join(f"{3.0 * each[2]:.2g}" for each in each_strength),
+        )
         surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {deviations} |")
         edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")

@@ -144,18 +144,29 @@ def asked() -> str:
 
 
 def noise_limit(case: str, rate: str, knows: str, limit: float) -> float:
-    """What is asked with positions alone and noise [%]: twice that without, and what the noise itself leaves."""
+    """What is asked with positions alone and noise [%]: twice that without, and what noise and drift leave."""
     given = CASE[case]
     strength = float(given.true.get("contact.tau", _TAU)) / _TAU
     at = next(each for each in RATES if each.title == rate)
     # What is wrong about the scanner is found while it may change.
     wander = bool(given.told) or any(name.startswith(("piezo.", "detector.lateral_gain")) for name in given.true)
     left = law_bounds.bound_of_noise(at.period, at.delay_ticks, strength, knows, at.packet > 1, wander)
-    return 2.0 * limit + left
+    return 2.0 * limit + left + law_bounds.of_drift(float(given.true.get("drift.rate_x", 0.0)))
+
+
+def _of_asked(errors: dict[str, float], asked: dict[str, float]) -> str:
+    """Errors of some rows beside what is asked of them: those that have more, or the nearest one."""
+    over = [case for case in errors if errors[case] > asked[case]]
+    told = []
+    for case in over or [max(errors, key=lambda case: errors[case] / asked[case])]:
+        text = f"{number(errors[case])} of {number(asked[case])}"
+        text = f"**{text}**" if over else text
+        told.append(f"{text} ({case})" if len(errors) > 1 else text)
+    return "; ".join(told)
 
 
 def asked_noisy() -> str:
-    """The same with noise: of each kind of knowledge the row nearest to what is asked, or all that have more."""
+    """What was asked of `predictive` with noise, and what the medians of the runs are."""
     found = cells(1.0)
     lines = []
     for title, cases, limits in ASKED[:-1]:
@@ -164,12 +175,7 @@ def asked_noisy() -> str:
             for law, knows, limit in zip(PREDICTIVE, KNOWLEDGE, most, strict=True):
                 errors = {case: found[law, case, rate]["third"] for case in cases}
                 asked = {case: noise_limit(case, rate, knows, limit) for case in cases}
-                nearest = max(cases, key=lambda case: errors[case] / asked[case])
-                over = [case for case in cases if errors[case] > asked[case]]
-                shown = [f"{number(errors[case])} of {number(asked[case])}" for case in over or [nearest]]
-                names = [f" ({case})" if len(cases) > 1 else "" for case in over or [nearest]]
-                cell = "; ".join(f"**{each}**{name}" if over else each + name for each, name in zip(shown, names))
-                reached.append(cell)
+                reached.append(_of_asked(errors, asked))
             lines.append([title, rate, *reached])
     return table(["rows", "rate", "surface known [%]", "nothing known [%]", "line learned [%]"], lines)
 

@@ -65,6 +65,41 @@ def test_what_is_said_to_be_reached_is_in_the_table():
         assert any(over) == bool(reason) == ("**" in reached)
 
 
+def test_what_is_asked_with_noise_is_held_against_what_the_table_has():
+    _, *shown = read("laws noisy")
+    noisy = {row[0]: [cell.split("; ") for cell in row[1:]] for row in shown}
+    _, *asked = read("laws asked with noise")
+    assert [row[:2] for row in asked] == [[title, rate.title] for title, *_ in make_laws.ASKED[:-1] for rate in RATES]
+    limits = {title: limits for title, _, limits in make_laws.ASKED}
+    compared = 0
+    for title, rate, *cells in asked:
+        at = [each.title for each in RATES].index(rate)
+        for i, cell in enumerate(cells):
+            for told in cell.split("; "):
+                bold, reached, limit, case = re.fullmatch(r"(\**)([\d.]+) of ([\d.]+)\**(?: \((.*)\))?", told).groups()
+                most = make_laws.noise_limit(case or title, rate, make_laws.KNOWLEDGE[i], limits[title][at][i])
+                assert make_laws.number(most) == limit
+                assert bool(bold) == (float(reached) > 1.005 * most) or abs(float(reached) / most - 1.0) < 0.05
+                if (case or title) in noisy:
+                    assert noisy[case or title][at][i] == reached
+                    compared += 1
+    assert compared > 20
+
+
+@pytest.mark.parametrize(
+    ("case", "rate", "knows", "limit"),
+    [
+        # Twice 1 %, and 14 % of friction x 2; gain, slow force and stiffness that wander; no model of the surface.
+        ("friction x 2", "1 ms packets", "learned", 2.0 + 13.6),
+        ("lateral gain 0.9", "50 us + 1", "known", 2.0 + 0.281),
+        ("friction x 1.5", "200 us + 1", "observed", 2.0 + 2.385),
+        ("drift 1 nm/s", "200 us + 1", "known", 2.0 + 7.54),
+    ],
+)
+def test_limit_with_noise_is_twice_that_without_and_what_noise_and_drift_leave(case, rate, knows, limit):
+    assert make_laws.noise_limit(case, rate, knows, 1.0) == pytest.approx(limit, rel=0.01)
+
+
 def test_measured_tables_are_what_the_law_does_now():
     head, *rows = read("predictive knowledge")
     printed = {row[0]: row for row in rows}
