@@ -3,14 +3,6 @@
 python tools/law_bounds.py            # print the tables
 python tools/law_bounds.py --write    # and put them into docs/predictive.md
 
-Noise: a scanner that slips along x = y obeys one linear model: position, speed, friction, height of the sample, and how
-these two go on. How well it is known is told by the Riccati equation. A drive that answers a measurement acts a delay
-later and is held: the error at the end of its period is at least the uncertainty of the prediction to there. The bend
-of the surface is the largest that the law assumes; half of it leaves next to as much.
-
-Surface and noise: the same of a surface that has no shorter waves than a known one, which is told, has been seen before
-or lies ahead of the tip; its height determines friction. In packets only this one holds.
-
 Surface: of a surface that is seen under the tip only, once a period, the part is left that those measurements do not
 determine, whoever computes the drive.
 
@@ -25,13 +17,11 @@ filter over a period of the reference: law_loop.py.
 
 import math
 import sys
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive.gains import transition
@@ -47,179 +37,12 @@ AMPLITUDE = 20.0
 """[x0]"""
 WIDTH = 8.0
 """Of the patches of the row `patches x .9` [x0]."""
-_PARTS = 8
-"""Of a control period, in which the slope of friction counts as constant."""
 
 
 def constants(period: float, delay: int = 0, **law: Any) -> Any:
     """Of the law for this period [s] and delay in control periods."""
     given = {"law.kind": "predictive", "law.period": period, "law.delay_ticks": delay}
     return values(build(ControllerParameters, given | {f"law.{name}": value for name, value in law.items()}))
-
-
-def uncertainties(period: float, delay: int, strength: float = 1.0) -> tuple[float, float, float]:
-    """Deviations of an axis in percent of the amplitude: of the estimate, and of the position a delay and a hold later.
-
-    Where friction falls on the way of the tip an error grows: a spring that pushes away, by the slope of friction.
-
-    Parameters
-    ----------
-    period : float [s]
-    delay : int
-        Control periods.
-    strength : float
-        Friction over the nominal one.
-
-    Returns
-    -------
-    (estimate, later, at_most) : floats
-        Rms over all places of a wave of both, and the second one at the worst place.
-    """
-    p = constants(period, delay, feedback="measured")
-    h, q = p["hold"], 2.0 * p["wave_number"] / math.sqrt(2.0)
-    rate = q * SPEED
-    of_wave = max(16, round(2.0 * math.pi / (rate * h)))
-    stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
-    half, of_ripple = 0.5 * p["height"], strength * p["f_0"] * p["ripple"]
-    pushes = (strength * p["f_0"] * p["eta_c2"] * p["f_load"] * p["height"] - of_ripple) * 0.5 * q
-
-    def transition_at(phase: float) -> NDArray[np.float64]:
-        """Of position, speed, friction and its rate, height and its slope, through a period that begins there."""
-        Phi: NDArray[np.float64] = np.eye(6)
-        for i in range(_PARTS):
-            cos = math.cos(phase + rate * h * (i + 0.5) / _PARTS)
-            A = np.zeros((6, 6))
-            A[0, 1] = A[2, 3] = 1.0
-            A[1, :3] = -stiffness - pushes * cos, -damping, -1.0
-            # The height that is measured changes by the way that the tip has really gone.
-            A[4, 1], A[4, 5] = half * q * cos, SPEED
-            Phi = expm(A * h / _PARTS) @ Phi
-        return Phi
-
-    # The slopes of friction and height change from period to period by those of the steepest bend of the surface.
-    of_friction = np.array([0.0, 0.0, 0.5 * h * h, h, 0.0, 0.0]) * of_ripple * rate * rate
-    of_height = np.array([0.0, 0.0, 0.0, 0.0, 0.5 * SPEED * h, 1.0]) * half * q * q * SPEED * h
-    Q = np.outer(of_friction, of_friction) + np.outer(of_height, of_height) + 1e-12 * np.eye(6)
-    # Friction along x is 1 / sqrt(2) of its bound.
-    noise = {0: p["position_noise"] ** 2, 2: 2.0 * p["force_noise"] ** 2, 4: p["height_noise"] ** 2 + p["z_noise"] ** 2}
-    P, estimate, later = np.diag([*2 * (p["position_noise"] ** 2,), *4 * (0.1,)]), [], []
-    steps = [transition_at(rate * h * k) for k in range(4 * of_wave + delay + 1)]
-    for k in range(4 * of_wave):
-        P = steps[k] @ P @ steps[k].T + Q
-        for i, variance in noise.items():
-            P = P - np.outer(P[:, i], P[i]) / (P[i, i] + variance)
-        if k >= 3 * of_wave:
-            estimate.append(P[0, 0])
-            ahead = P
-            for Phi in steps[k + 1 : k + 2 + delay]:
-                ahead = Phi @ ahead @ Phi.T + Q
-            later.append(ahead[0, 0])
-    percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
-    return percent * math.sqrt(np.mean(estimate)), percent * math.sqrt(np.mean(later)), percent * math.sqrt(max(later))
-
-
-KNOWS = ("known", "learned", "observed")
-
-
-def with_noise(period: float, delay: int, strength: float, knows: str, wander: bool = False) -> float:
-    """Three deviations of an axis at the worst place, at the end of a drive, of a surface without shorter waves [%].
-
-    The height is a Gaussian process with all wave numbers up to `law.wave_number` alike, as large as that of a wave of
-    `law.height`, and determines friction by load and curvature. Scanner and surface follow one linear model about the
-    reference, and positions, forces and heights with the noise that the law is told are all that is measured.
-
-    Parameters
-    ----------
-    period : float [s]
-    delay : int
-        Control periods.
-    strength : float
-        Friction over the nominal one.
-    knows : str
-        "known": the surface is told, second period of the sine; "learned": it is not, third period; "observed": the
-        tip goes on along a line where it has not been, at the largest speed of the sine, fourth wave.
-    wander : bool
-        Gain of friction, slow force and stiffness are not known at first, and change by the random walks that the law
-        assumes.
-    """
-    p = constants(period, delay, feedback="measured", packet=20)
-    h, steps = p["hold"], max(4, math.ceil(p["hold"] / 0.1))
-    q, omega, size = 2.0 * p["wave_number"] / math.sqrt(2.0), SPEED / (AMPLITUDE * math.sqrt(2.0)), p["height"]
-    stiffness, damping, f = p["stiffness"][:2].mean(), p["damping"][:2].mean(), strength * p["f_0"]
-    by_load, by_curvature = p["eta_c2"] * p["f_load"], p["ripple"] / size
-    pushes = f * (by_load - by_curvature) * 0.5 * size * q
-    of_waves = np.zeros(0) if knows == "known" else (np.arange(16) + 0.5) / 16
-
-    def state_at(t: float) -> tuple[float, float]:
-        """Sense of the motion, phase of the wave."""
-        if knows == "observed":
-            return 1.0, q * SPEED * t
-        return math.copysign(1.0, math.cos(omega * t)), q * SPEED / omega * math.sin(omega * t)
-
-    def waves(phase: float, of_height: float, of_curvature: float) -> NDArray[np.float64]:
-        sizes = of_height - of_curvature * np.square(of_waves)
-        return np.concatenate([np.cos(phase * of_waves) * sizes, np.sin(phase * of_waves) * sizes])
-
-    count = 2 + 2 * of_waves.size
-    numbers = 3 if wander else 0
-
-    def transition_from(t: float) -> NDArray[np.float64]:
-        """Of error, its rate, the sizes of the waves, and the numbers of the scanner, through a period."""
-        Phi, step = np.eye(count + numbers), h / steps
-        for i in range(steps):
-            sense, phase = state_at(t + (i + 0.5) * step)
-            Phi[0] += 0.5 * step * Phi[1]
-            rate = -(stiffness + sense * pushes * math.cos(phase)) * Phi[0] - damping * Phi[1]
-            rate[2:count] -= sense * f * waves(phase, by_load, by_curvature)
-            rate[count:] -= np.array([sense * f, 1.0, phase / q])[:numbers]
-            Phi[1] += step * rate
-            Phi[0] += 0.5 * step * Phi[1]
-        return Phi
-
-    period_of = 2.0 * math.pi / (q * SPEED if knows == "observed" else omega)
-    last = {"known": 2, "learned": 3, "observed": 4}[knows]
-    P = np.diag(
-        [
-            *(p["position_noise"] ** 2, 0.01),
-            *(size**2 / (8.0 * of_waves.size) for _ in range(count - 2)),
-            *np.square(p["first"][0][:numbers]),
-        ]
-    )
-    walks = np.diag(np.concatenate([np.zeros(count), p["walk"][0][:numbers]]))
-    noise = (p["position_noise"] ** 2, p["height_noise"] ** 2 + p["z_noise"] ** 2, 2.0 * p["force_noise"] ** 2)
-    ahead, largest = [transition_from(h * j) for j in range(delay + 2)], 0.0
-    for k in range(round(last * period_of / h)):
-        P = ahead[0] @ P @ ahead[0].T + walks
-        P = 0.5 * (P + P.T)
-        phase = state_at(h * (k + 1))[1]
-        steep = math.cos(phase)
-        # Position, height, friction: what each has of the error, and of the waves.
-        of_error = (1.0, 0.5 * size * q * steep, pushes * steep)
-        seen = (waves(phase, 0.0, 0.0), waves(phase, 1.0, 0.0), f * waves(phase, by_load, by_curvature))
-        for e, surface, variance in zip(of_error, seen, noise, strict=True):
-            row = np.concatenate([[e, 0.0], surface, np.zeros(numbers)])
-            gain = P @ row
-            P = P - np.outer(gain, gain) / (row @ gain + variance)
-        ahead = [*ahead[1:], transition_from(h * (k + delay + 2))]
-        if h * (k + 1) > (last - 1) * period_of:
-            row = ahead[delay][0]
-            for Phi in reversed(ahead[:delay]):
-                row = row @ Phi
-            largest = max(largest, float(row @ P @ row))
-    return 300.0 * math.sqrt(largest) / (AMPLITUDE * math.sqrt(2.0))
-
-
-@cache
-def bound_of_noise(
-    period: float, delay: int, strength: float, knows: str, packets: bool, wander: bool = False
-) -> float:
-    """Largest error that noise leaves with positions alone, three deviations at the worst place [%].
-
-    Of a surface ahead that is not known single drives assume no more than its largest bend.
-    """
-    if knows == "observed" and not packets:
-        return 3.0 * uncertainties(period, delay, strength)[2]
-    return with_noise(period, delay, strength, knows, wander and knows != "observed")
 
 
 def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float, float, float]:
@@ -353,20 +176,16 @@ def radius(period: float, late: int, packet: int = 1) -> float:
     return max(found)
 
 
+def rule(columns: int) -> str:
+    """Below the head of a table."""
+    return "| " + " | ".join(["---"] * columns) + " |"
+
+
 RATES = (("50 us", 5e-5), ("100 us", 1e-4), ("200 us", 2e-4), ("250 us", 2.5e-4), ("500 us", 5e-4), ("1 ms", 1e-3))
 
 
 def tables() -> dict[str, str]:
     """Each table by its mark in the page, but the one of the loop."""
-    noise = [
-        "| period + delay | estimate, rms [%] | at the end of the drive, rms [%] | 3 deviations at the worst place [%] "
-        "| of friction x 1.5 [%] | x 2 [%] |"
-    ]
-    known = ["| period + delay | surface known, friction x 1.5; x 2 [%] | line learned, the truth; x 1.5; x 2 [%] "]
-    known[0] += "| a line not seen before [%] |"
-    wander = [
-        "| period + delay | surface known, the truth; friction x 2 [%] | line learned, the truth; friction x 2 [%] |"
-    ]
     surface = [
         "| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations at the worst place [%] "
         "| of friction x 1.5 [%] | x 2 [%] |"
@@ -374,39 +193,17 @@ def tables() -> dict[str, str]:
     edge = ["| period + delay | edge just before a measurement [%] | just behind one [%] | in the row of patches [%] |"]
     drift = ["| drift of an axis | after one period [%] | after three [%] |"]
     stable = ["| period | drives as expected | one period later | two |"]
-    for rows, columns in ((noise, 6), (known, 4), (wander, 3), (surface, 6), (edge, 4), (drift, 3), (stable, 4)):
-        rows.append("| " + " | ".join(["---"] * columns) + " |")
+    for rows, columns in ((surface, 6), (edge, 4), (drift, 3), (stable, 4)):
+        rows.append(rule(columns))
     for name, rate in (("1e-15 m/s", 1e-15), ("2 nm/min, a design of low drift", 3e-11), ("1 nm/s", 1e-9)):
         drift.append(f"| {name} | {of_drift(rate, 1):.2g} | {of_drift(rate):.2g} |")
-    for name, period in RATES[:4]:
-        of_each = [uncertainties(period, 1, strength) for strength in (1.0, 1.5, 2.0)]
-        (now, later, _), deviations = of_each[0], " | ".join(f"{3.0 * each[2]:.2g}" for each in of_each)
-        noise.append(f"| {name} + 1 | {now:.2f} | {later:.2f} | {deviations} |")
     for name, period in RATES:
-        left = [
-            "; ".join(f"{with_noise(period, 1, strength, knows):.2g}" for strength in strengths)
-            for knows, strengths in zip(KNOWS, ((1.5, 2.0), (1.0, 1.5, 2.0), (1.0, 1.5, 2.0)), strict=True)
-        ]
-        known.append(f"| {name} + 1 | " + " | ".join(left) + " |")
-        left = ["; ".join(f"{with_noise(period, 1, f, knows, True):.2g}" for f in (1.0, 2.0)) for knows in KNOWS[:2]]
-        wander.append(f"| {name} + 1 | " + " | ".join(left) + " |")
-        each_strength = [of_surface(period, 1, strength) for strength in (1.0, 1.5, 2.0)]
-        (friction, error, _), deviations = (
-            each_strength[0],
-            " | ".join(f"{3.0 * each[2]:.2g}" for each in each_strength),
-        )
+        of_each = [of_surface(period, 1, strength) for strength in (1.0, 1.5, 2.0)]
+        (friction, error, _), deviations = of_each[0], " | ".join(f"{3.0 * each[2]:.2g}" for each in of_each)
         surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {deviations} |")
         edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
         stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
-    found = {
-        "noise": noise,
-        "known": known,
-        "wander": wander,
-        "surface": surface,
-        "edge": edge,
-        "drift": drift,
-        "stability": stable,
-    }
+    found = {"surface": surface, "edge": edge, "drift": drift, "stability": stable}
     return {f"bound {name}": "\n".join(rows) for name, rows in found.items()}
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 import law_bounds
+import law_noise
 import measure_predictive
 from law_pages import DOCS, PAGES, marks, put
 
@@ -150,7 +151,7 @@ def noise_limit(case: str, rate: str, knows: str, limit: float) -> float:
     at = next(each for each in RATES if each.title == rate)
     # What is wrong about the scanner is found while it may change.
     wander = bool(given.told) or any(name.startswith(("piezo.", "detector.lateral_gain")) for name in given.true)
-    left = law_bounds.bound_of_noise(at.period, at.delay_ticks, strength, knows, at.packet > 1, wander)
+    left = law_noise.bound_of_noise(at.period, at.delay_ticks, strength, knows, at.packet > 1, wander)
     return 2.0 * limit + left + law_bounds.of_drift(float(given.true.get("drift.rate_x", 0.0)))
 
 
@@ -249,7 +250,7 @@ def noisy() -> str:
 @cache
 def of_equations() -> dict[str, str]:
     """Tables that follow from the equations and the loop."""
-    return law_bounds.with_loop()
+    return law_bounds.with_loop() | law_noise.tables()
 
 
 TABLES: dict[str, Callable[[], str]] = {

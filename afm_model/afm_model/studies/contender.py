@@ -3,12 +3,14 @@
 A law is a part by its kind, an object that answers measurements, or one that runs elsewhere.
 """
 
+import faulthandler
 import importlib
 import itertools
 import math
 import sys
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,6 +29,11 @@ NOISE: dict[str, float] = {"detector.noise": 1e-3, "detector.position_noise": 5e
 _OF_THE_PAPER = "positions and velocities of the scanner, deflection; scanner, cantilever; bounds on friction"
 """Knowledge of the paper's laws."""
 _UNDECLARED = "not declared"
+PATIENCE = 300.0
+"""Wall time without an answer after which an object ends its process [s]."""
+_OFTEN = 1.0
+"""How often at most that time begins anew [s]: it takes a thread each time."""
+_STANDARD_ERROR = 2
 Start = Callable[[SimParameters], AbstractContextManager[Any]]
 """Starts a law that runs somewhere else, for one run: told the instrument as all laws are, it gives an object with
 `answer(measurement)`; LawError if it does not start or answer. At the exit the law is ended."""
@@ -64,7 +71,7 @@ class Contender:
         It is told a copy of its own: what it changes there changes no run.
         """
         own = told.model_copy(deep=True)
-        return self.start(own) if self.start is not None else nullcontext(load_law(self.kind)(own))
+        return self.start(own) if self.start is not None else _watched(load_law(self.kind)(own))
 
     @property
     def parameters(self) -> dict[str, Value]:
@@ -81,6 +88,30 @@ class Contender:
             return _OF_THE_PAPER
         # One line, as that of every other law.
         return " ".join(str(getattr(law, "knowledge", "")).split()) or _UNDECLARED
+
+
+@contextmanager
+def _watched(law: Any) -> Iterator[Any]:
+    """A law that is an object. If it gives no answer its process ends, and a traceback tells where it was.
+
+    Nothing else stops a loop without end in compiled code. Not where a debugger looks on.
+    """
+    answer, again = law.answer, -math.inf
+
+    def answer_in_time(measurement: Any) -> Any:
+        nonlocal again
+        now = time.monotonic()
+        if now >= again and sys.gettrace() is None:
+            again = now + _OFTEN
+            faulthandler.dump_traceback_later(PATIENCE, exit=True, file=_STANDARD_ERROR)
+        return answer(measurement)
+
+    with suppress(AttributeError):  # of an object that takes no attributes
+        law.answer = answer_in_time
+    try:
+        yield law
+    finally:
+        faulthandler.cancel_dump_traceback_later()
 
 
 def contender(text: str) -> Contender:

@@ -25,6 +25,7 @@ from ..instrument import Instrument
 from ..instrument.controller import Controller
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulated import ticks_to_simulate
+from .contender import PATIENCE
 
 Row = dict[str, Any]
 """Results of a run by the names of their columns."""
@@ -193,7 +194,8 @@ def _killed(names: list[str], times: int) -> str:
     shown = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
     return (
         f"{times} worker processes have ended, one after the other, in the same runs, those of {shown}: something in "
-        f"them ends its process (os._exit, a fault in compiled code), or needs more memory than there is"
+        f"them ends its process (os._exit, a fault in compiled code, a class that gives no answer for {PATIENCE:g} s), "
+        f"or needs more memory than there is"
     )
 
 

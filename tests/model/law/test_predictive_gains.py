@@ -21,9 +21,9 @@ from law_bounds import (
     of_surface,
     radius,
     tables,
-    uncertainties,
-    with_noise,
 )
+from law_noise import RATES, uncertainties, with_noise
+from law_noise import tables as tables_of_noise
 from law_pages import page_of
 from make_docs import between_marks
 
@@ -312,6 +312,18 @@ def test_no_sensor_sees_a_drift_over_a_flat_sample_and_the_tip_is_off_by_it():
 
 def test_tables_of_the_page_are_those_of_the_tool():
     for mark, text in tables().items():
+        page = page_of(mark).read_text()
+        assert between_marks(page, mark, text) == page
+
+
+def test_tables_of_noise_are_those_of_the_tool():
+    for mark, text in tables_of_noise(RATES[-1:]).items():
+        assert set(text.splitlines()) <= set(page_of(mark).read_text().splitlines())
+
+
+@pytest.mark.long
+def test_all_rows_of_the_tables_of_noise_are_those_of_the_tool():
+    for mark, text in tables_of_noise().items():
         page = page_of(mark).read_text()
         assert between_marks(page, mark, text) == page
 
