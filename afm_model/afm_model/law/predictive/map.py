@@ -37,8 +37,10 @@ FARTHEST = 100.0
 """Largest of these squares that counts."""
 FORGET = 0.02
 """Weight of one measurement in that mean."""
-OTHER, JUMP = 4.0, 6.0
-"""What is off the map by more than so many ripples of friction, and so many deviations, is not on it."""
+JUMP = 6.0
+"""Standard deviations beyond which an innovation is another surface."""
+_OTHER = 4.0
+"""Ripples of friction beyond which it is, too."""
 NOISE = 1.5e-4
 """Variance of a measurement over that of the prior: 0.15 nm of the default height."""
 
@@ -165,7 +167,7 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         change = ratio
         for a in range(4):
             change -= w[a] * s.map_ratio[(i + a) % NODES]
-        most = square(OTHER * mean_ratio(s)) + JUMP * JUMP * variance
+        most = square(_OTHER * mean_ratio(s)) + JUMP * JUMP * variance
         if square(change / p.ripple) > most:
             # Friction that held a tip at rest, as behind a fallback, is less than its bound: it was no map of this.
             begin_map(s)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from ...core.elementary import hypot, square
 from ...core.jit import kernel, routine
 from .continuation import FRICTION, mean_ratio
-from .map import raise_map
+from .map import JUMP, raise_map
 from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound, of_height
 from .predictive_constants import (
     AT_X,
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 ROUGH = 0.35
 """Rms second derivative along a line of a surface of unit height and wave number: that of half a wave, 1/(2 sqrt 2)."""
-JUMP = 6.0
-"""Standard deviations beyond which an innovation is another surface."""
 _ANOTHER, _ANOTHER_FULL = 0.0225, 5e-4
 """Mean square over a wave by which a known surface is off the measured height, over its own, from which on it is
 another; the same of single drives and full feedback, where one that is seen under the tip is as good as a true one."""
