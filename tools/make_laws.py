@@ -151,8 +151,11 @@ def noise_limit(case: str, rate: str, knows: str, limit: float) -> float:
     at = next(each for each in RATES if each.title == rate)
     # What is wrong about the scanner is found while it may change.
     wander = bool(given.told) or any(name.startswith(("piezo.", "detector.lateral_gain")) for name in given.true)
+    drift = law_bounds.of_drift(float(given.true.get("drift.rate_x", 0.0)))
+    # A surface that was told or learned at another place is not known.
+    knows = "observed" if drift > 0.1 else knows
     left = law_noise.bound_of_noise(at.period, at.delay_ticks, strength, knows, at.packet > 1, wander)
-    return 2.0 * limit + left + law_bounds.of_drift(float(given.true.get("drift.rate_x", 0.0)))
+    return 2.0 * limit + left + drift
 
 
 def _of_asked(errors: dict[str, float], asked: dict[str, float]) -> str:

@@ -95,7 +95,9 @@ def test_what_is_asked_with_noise_is_held_against_what_the_table_has():
         ("friction x 2", "1 ms packets", "learned", 2.0 + 13.6),
         ("lateral gain 0.9", "50 us + 1", "known", 2.0 + 0.281),
         ("friction x 1.5", "200 us + 1", "observed", 2.0 + 2.385),
-        ("drift 1 nm/s", "200 us + 1", "known", 2.0 + 7.54),
+        # What lies elsewhere is not known.
+        ("drift 1 nm/s", "200 us + 1", "known", 2.0 + 1.41 + 7.54),
+        ("drift 1e-15 m/s", "200 us + 1", "known", 2.0),
     ],
 )
 def test_limit_with_noise_is_twice_that_without_and_what_noise_and_drift_leave(case, rate, knows, limit):
