@@ -18,6 +18,7 @@ import distributed
 import numpy as np
 import pandas as pd
 import pytest
+from clusters import cluster_here
 
 from afm_model import ParameterError, Scenario, SweepError, simulate, sweep
 from afm_model.core import kernel_cache
@@ -45,11 +46,9 @@ def scenario(**values: object) -> Scenario:
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[str]:
-    """Address of a running scheduler with two workers, in this process: nothing to start or to leave behind."""
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address="127.0.0.1:0"
-    ) as running:
-        yield running.scheduler_address
+    """Address of a running scheduler with two workers, in this process."""
+    with cluster_here(workers=2) as address:
+        yield address
 
 
 def test_row_is_the_single_run_to_the_last_bit(cluster):

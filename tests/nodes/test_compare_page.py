@@ -10,8 +10,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 from xml.etree import ElementTree
 
-import distributed
 import pytest
+from clusters import cluster_here
 
 from afm_bringup import compare_command
 from afm_bringup.compare_page import page
@@ -23,15 +23,13 @@ LAWS = ["pid", "tanh alpha=0.4", "sgn"]
 
 @pytest.fixture(scope="module")
 def comparison() -> Comparison:
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address="127.0.0.1:0"
-    ) as running:
+    with cluster_here() as scheduler:
         return compare(
             LAWS,
             periods=[2e-5, 5e-5],
             delay_ticks=[0, 2],
             references=["sine 1000"],
-            scheduler=running.scheduler_address,
+            scheduler=scheduler,
             progress=False,
         )
 

@@ -7,9 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import distributed
 import pandas as pd
 import yaml
+from clusters import cluster_here
 from pd_twin import EXAMPLE
 from support import Command, assert_nothing_left, executable, processes, session
 
@@ -19,16 +19,14 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_row_over_topics_has_the_trajectory_of_the_table(tmp_path):
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address="127.0.0.1:0"
-    ) as running:
+    with cluster_here() as scheduler:
         comparison = compare(
             ["observer", "pid"],
             periods=[2e-5],
             delay_ticks=[1],
             noise=[1.0],
             references=["sine 1000"],
-            scheduler=running.scheduler_address,
+            scheduler=scheduler,
             progress=False,
         )
     scenario = tmp_path / "row.yaml"

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import distributed
 import pytest
+from clusters import cluster_here
 from support import session, write_scenario
 
 from afm_model import Controller, Scenario, build, load_scenario, simulate, sweep
@@ -52,11 +52,8 @@ def by_an_object(given: Scenario, folder: Path) -> tuple[str, int]:
 
 
 def by_sweep(given: Scenario, folder: Path) -> tuple[str, int]:
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address="127.0.0.1:0"
-    ) as cluster:
+    with cluster_here() as scheduler:
         name = "afm_controller_node.law.alpha"
-        scheduler = cluster.scheduler_address
         (row,) = sweep(given, {name: [1.0]}, scheduler=scheduler, fingerprint=True, progress=False).itertuples()
     assert row.error.startswith("the instrument had the drive in "), row.error
     return row.trajectory_sha256, int("it withdrew the sample 1 time," in row.error)

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-import distributed
 import pytest
+from clusters import cluster_here
 
 from .short import EXAMPLES
 
@@ -11,10 +11,8 @@ from .short import EXAMPLES
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[str]:
     """Address of a running scheduler with a worker, in this process."""
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address="127.0.0.1:0"
-    ) as running:
-        yield running.scheduler_address
+    with cluster_here() as address:
+        yield address
 
 
 @pytest.fixture
