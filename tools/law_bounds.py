@@ -29,7 +29,7 @@ from afm_model.law.predictive.predictive_constants import values
 
 sys.path.insert(0, str(Path(__file__).parent))
 from law_loop import table as of_loop
-from law_pages import put
+from law_pages import show, table
 
 SPEED = 0.1 * math.sqrt(2.0)
 """Of the reference, sine of 5 nm and 50 rad/s on x and y, where it is fastest [x0 w0]."""
@@ -43,6 +43,12 @@ def constants(period: float, delay: int = 0, **law: Any) -> Any:
     """Of the law for this period [s] and delay in control periods."""
     given = {"law.kind": "predictive", "law.period": period, "law.delay_ticks": delay}
     return values(build(ControllerParameters, given | {f"law.{name}": value for name, value in law.items()}))
+
+
+def pushing(p: Any, strength: float) -> float:
+    """By how much friction that falls along x = y pushes the tip away, or draws it back, a unit of way, at most."""
+    f, by_load, by_curvature = strength * p["f_0"], p["eta_c2"] * p["f_load"], p["ripple"] / p["height"]
+    return float(f * (by_load - by_curvature) * 0.5 * p["height"] * 2.0 * p["wave_number"] / math.sqrt(2.0))
 
 
 def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float, float, float]:
@@ -90,7 +96,7 @@ def of_surface(period: float, delay: int, strength: float = 1.0) -> tuple[float,
     changes = waves(ahead, by_load, by_curvature)
     left = np.square(strength * p["f_0"]) * changes @ of_waves @ changes.T
     stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
-    pushes = strength * p["f_0"] * (by_load - by_curvature) * 0.5 * p["height"] * q
+    pushes = pushing(p, strength)
     squares = []
     for place in np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False):
         # Error at the end by a push in each step before, backwards.
@@ -176,35 +182,30 @@ def radius(period: float, late: int, packet: int = 1) -> float:
     return max(found)
 
 
-def rule(columns: int) -> str:
-    """Below the head of a table."""
-    return "| " + " | ".join(["---"] * columns) + " |"
-
-
 RATES = (("50 us", 5e-5), ("100 us", 1e-4), ("200 us", 2e-4), ("250 us", 2.5e-4), ("500 us", 5e-4), ("1 ms", 1e-3))
 
 
 def tables() -> dict[str, str]:
     """Each table by its mark in the page, but the one of the loop."""
-    surface = [
-        "| period + delay | friction not known, over its ripple | error, rms [%] | 3 deviations at the worst place [%] "
-        "| of friction x 1.5 [%] | x 2 [%] |"
-    ]
-    edge = ["| period + delay | edge just before a measurement [%] | just behind one [%] | in the row of patches [%] |"]
-    drift = ["| drift of an axis | after one period [%] | after three [%] |"]
-    stable = ["| period | drives as expected | one period later | two |"]
-    for rows, columns in ((surface, 6), (edge, 4), (drift, 3), (stable, 4)):
-        rows.append(rule(columns))
-    for name, rate in (("1e-15 m/s", 1e-15), ("2 nm/min, a design of low drift", 3e-11), ("1 nm/s", 1e-9)):
-        drift.append(f"| {name} | {of_drift(rate, 1):.2g} | {of_drift(rate):.2g} |")
+    surface, edge, stable = [], [], []
     for name, period in RATES:
         of_each = [of_surface(period, 1, strength) for strength in (1.0, 1.5, 2.0)]
-        (friction, error, _), deviations = of_each[0], " | ".join(f"{3.0 * each[2]:.2g}" for each in of_each)
-        surface.append(f"| {name} + 1 | {friction:.2g} | {error:.2g} | {deviations} |")
-        edge.append(f"| {name} + 1 | " + " | ".join(f"{each:.2g}" for each in of_edges(period, 1)) + " |")
-        stable.append(f"| {name} | " + " | ".join(f"{radius(period, late):.2f}" for late in range(3)) + " |")
-    found = {"surface": surface, "edge": edge, "drift": drift, "stability": stable}
-    return {f"bound {name}": "\n".join(rows) for name, rows in found.items()}
+        friction, error, _ = of_each[0]
+        deviations = [f"{3.0 * each[2]:.2g}" for each in of_each]
+        surface.append([f"{name} + 1", f"{friction:.2g}", f"{error:.2g}", *deviations])
+        edge.append([f"{name} + 1", *(f"{each:.2g}" for each in of_edges(period, 1))])
+        stable.append([name, *(f"{radius(period, late):.2f}" for late in range(3))])
+    rates = (("1e-15 m/s", 1e-15), ("2 nm/min, a design of low drift", 3e-11), ("1 nm/s", 1e-9))
+    drift = [[name, f"{of_drift(rate, 1):.2g}", f"{of_drift(rate):.2g}"] for name, rate in rates]
+    rate, worst = "period + delay", "3 deviations at the worst place [%]"
+    left = ["friction not known, over its ripple", "error, rms [%]", worst, "of friction x 1.5 [%]", "x 2 [%]"]
+    edges = ["edge just before a measurement [%]", "just behind one [%]", "in the row of patches [%]"]
+    return {
+        "bound surface": table([rate, *left], surface),
+        "bound edge": table([rate, *edges], edge),
+        "bound drift": table(["drift of an axis", "after one period [%]", "after three [%]"], drift),
+        "bound stability": table(["period", "drives as expected", "one period later", "two"], stable),
+    }
 
 
 def with_loop() -> dict[str, str]:
@@ -214,10 +215,7 @@ def with_loop() -> dict[str, str]:
 
 def main() -> int:
     """Print the tables; `--write`: into the page as well."""
-    for mark, text in with_loop().items():
-        print(text)
-        if "--write" in sys.argv[1:]:
-            put(mark, text)
+    show(with_loop().items(), "--write" in sys.argv[1:])
     return 0
 
 

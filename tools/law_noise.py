@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 sys.path.insert(0, str(Path(__file__).parent))
-from law_bounds import AMPLITUDE, RATES, SPEED, constants, rule
-from law_pages import put
+from law_bounds import AMPLITUDE, RATES, SPEED, constants, pushing
+from law_pages import show, table
 
 _PARTS = 8
 """Of a control period, in which the slope of friction counts as constant."""
@@ -54,8 +54,7 @@ def uncertainties(period: float, delay: int, strength: float = 1.0) -> tuple[flo
     rate = q * SPEED
     of_wave = max(16, round(2.0 * math.pi / (rate * h)))
     stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
-    half, of_ripple = 0.5 * p["height"], strength * p["f_0"] * p["ripple"]
-    pushes = (strength * p["f_0"] * p["eta_c2"] * p["f_load"] * p["height"] - of_ripple) * 0.5 * q
+    half, of_ripple, pushes = 0.5 * p["height"], strength * p["f_0"] * p["ripple"], pushing(p, strength)
 
     def transition_at(phase: float) -> NDArray[np.float64]:
         """Of position, speed, friction and its rate, height and its slope, through a period that begins there."""
@@ -121,7 +120,7 @@ def with_noise(period: float, delay: int, strength: float, knows: str, wander: b
     q, omega, size = 2.0 * p["wave_number"] / math.sqrt(2.0), SPEED / (AMPLITUDE * math.sqrt(2.0)), p["height"]
     stiffness, damping, f = p["stiffness"][:2].mean(), p["damping"][:2].mean(), strength * p["f_0"]
     by_load, by_curvature = p["eta_c2"] * p["f_load"], p["ripple"] / size
-    pushes = f * (by_load - by_curvature) * 0.5 * size * q
+    pushes = pushing(p, strength)
     of_waves = np.zeros(0) if knows == "known" else (np.arange(16) + 0.5) / 16
 
     def state_at(t: float) -> tuple[float, float]:
@@ -198,39 +197,33 @@ def bound_of_noise(
 
 def tables(rates: tuple[tuple[str, float], ...] = RATES) -> dict[str, str]:
     """Each table by its mark in the page, with the rows of these rates."""
-    noise = [
-        "| period + delay | estimate, rms [%] | at the end of the drive, rms [%] | 3 deviations at the worst place [%] "
-        "| of friction x 1.5 [%] | x 2 [%] |"
-    ]
-    known = ["| period + delay | surface known, friction x 1.5; x 2 [%] | line learned, the truth; x 1.5; x 2 [%] "]
-    known[0] += "| a line not seen before [%] |"
-    wander = [
-        "| period + delay | surface known, the truth; friction x 2 [%] | line learned, the truth; friction x 2 [%] |"
-    ]
-    for rows, columns in ((noise, 6), (known, 4), (wander, 3)):
-        rows.append(rule(columns))
+    noise, known, wander = [], [], []
     for name, period in rates:
         if period <= _LONGEST:
             of_each = [uncertainties(period, 1, strength) for strength in (1.0, 1.5, 2.0)]
-            (now, later, _), deviations = of_each[0], " | ".join(f"{3.0 * each[2]:.2g}" for each in of_each)
-            noise.append(f"| {name} + 1 | {now:.2f} | {later:.2f} | {deviations} |")
+            now, later, _ = of_each[0]
+            noise.append([f"{name} + 1", f"{now:.2f}", f"{later:.2f}", *(f"{3.0 * each[2]:.2g}" for each in of_each)])
         left = [
             "; ".join(f"{with_noise(period, 1, strength, knows):.2g}" for strength in strengths)
             for knows, strengths in zip(KNOWS, ((1.5, 2.0), (1.0, 1.5, 2.0), (1.0, 1.5, 2.0)), strict=True)
         ]
-        known.append(f"| {name} + 1 | " + " | ".join(left) + " |")
+        known.append([f"{name} + 1", *left])
         left = ["; ".join(f"{with_noise(period, 1, f, knows, True):.2g}" for f in (1.0, 2.0)) for knows in KNOWS[:2]]
-        wander.append(f"| {name} + 1 | " + " | ".join(left) + " |")
-    found = {"noise": noise, "known": known, "wander": wander}
-    return {f"bound {name}": "\n".join(rows) for name, rows in found.items()}
+        wander.append([f"{name} + 1", *left])
+    rate, worst = "period + delay", "3 deviations at the worst place [%]"
+    head = [rate, "estimate, rms [%]", "at the end of the drive, rms [%]", worst, "of friction x 1.5 [%]", "x 2 [%]"]
+    told = ["surface known, friction x 1.5; x 2 [%]", "line learned, the truth; x 1.5; x 2 [%]"]
+    either = ["surface known, the truth; friction x 2 [%]", "line learned, the truth; friction x 2 [%]"]
+    return {
+        "bound noise": table(head, noise),
+        "bound known": table([rate, *told, "a line not seen before [%]"], known),
+        "bound wander": table([rate, *either], wander),
+    }
 
 
 def main() -> int:
     """Print the tables; `--write`: into the page as well."""
-    for mark, text in tables().items():
-        print(text)
-        if "--write" in sys.argv[1:]:
-            put(mark, text)
+    show(tables().items(), "--write" in sys.argv[1:])
     return 0
 
 

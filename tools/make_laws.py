@@ -8,7 +8,7 @@ python tools/make_laws.py laws asked      # some only
 import argparse
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from itertools import product
@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import law_bounds
 import law_noise
 import measure_predictive
-from law_pages import DOCS, PAGES, marks, put
+from law_pages import DOCS, PAGES, marks, put, table
 
 from afm_bringup.compare_robust import robust_laws, robust_picture, robust_table
 from afm_model import SimParameters
@@ -40,7 +40,8 @@ OTHERS = (
 DRAWN = (PREDICTIVE[1], "observer friction=learned", "pid slowness=0.15")
 """Laws of the picture."""
 Row = dict[str, Any]
-TITLES = tuple(rate.title for rate in RATES)
+RATE = {rate.title: rate for rate in RATES}
+TITLES = tuple(RATE)
 
 _MAIN = (
     "resonances",
@@ -81,7 +82,7 @@ WHY: dict[tuple[str, str], str] = {
 
 def _row(of: tuple[str, Case, str, float]) -> Row:
     law, case, rate, noise = of
-    at = next(each for each in RATES if each.title == rate)
+    at = RATE[rate]
     return {"law": law, "case": case.title, "rate": rate, **run_case(case, at, contender(law), noise)}
 
 
@@ -96,11 +97,6 @@ def rows(laws: tuple[str, ...], noise: float = 0.0, rates: tuple[str, ...] = TIT
 def cells(noise: float = 0.0) -> dict[tuple[str, str, str], Row]:
     """Rows of `predictive` by law, case and rate."""
     return {(row["law"], row["case"], row["rate"]): row for row in rows(PREDICTIVE, noise)}
-
-
-def table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """In Markdown."""
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *lines))
 
 
 def number(error: float) -> str:
@@ -148,7 +144,7 @@ def noise_limit(case: str, rate: str, knows: str, limit: float) -> float:
     """What is asked with positions alone and noise [%]: twice that without, and what noise and drift leave."""
     given = CASE[case]
     strength = float(given.true.get("contact.tau", _TAU)) / _TAU
-    at = next(each for each in RATES if each.title == rate)
+    at = RATE[rate]
     # What is wrong about the scanner is found while it may change.
     wander = bool(given.told) or any(name.startswith(("piezo.", "detector.lateral_gain")) for name in given.true)
     drift = law_bounds.of_drift(float(given.true.get("drift.rate_x", 0.0)))

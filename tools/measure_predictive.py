@@ -8,7 +8,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from afm_model.run import Latency, simulate_realtime
 
 sys.path.insert(0, str(Path(__file__).parent))
 from laboratory import CERAMIC
-from law_pages import put
+from law_pages import show, table
 
 PERIOD = 2.0 * math.pi / 50.0
 """Of the reference [s]."""
@@ -98,11 +98,6 @@ def cell(result: Simulation) -> str:
     return figures(result.score) + (f", TV {variation:.1f}" if variation > 1.05 else "")
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """In Markdown."""
-    return [f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows)]
-
-
 def knowledge(told: Iterable[str] = (), rates: Iterable[str] = ()) -> list[str]:
     """Every rate with every knowledge, or some of both, everything measured without noise."""
     kept = [rate for rate in RATES if not rates or rate[0] in rates]
@@ -117,7 +112,7 @@ def knowledge(told: Iterable[str] = (), rates: Iterable[str] = ()) -> list[str]:
             for _, period, delay, law in kept
         ]
         rows.append([title, *cells])
-    return table(["", *(rate[0] for rate in kept)], rows)
+    return table(["", *(rate[0] for rate in kept)], rows).splitlines()
 
 
 def noise() -> list[str]:
@@ -135,7 +130,7 @@ def noise() -> list[str]:
         rows.append([told, *cells, *[""] * (len(rates) - len(cells))])
     learned = " → ".join(measured(RATES[3], KNOWLEDGE[4][1], first) for first in (2.0, 3.0, 5.0))
     rows.append(["learned, from period 2 → 3 → 5", "", learned, ""])
-    return table(["", *(rate[0] for rate in rates)], rows)
+    return table(["", *(rate[0] for rate in rates)], rows).splitlines()
 
 
 def late() -> list[str]:
@@ -150,7 +145,7 @@ def late() -> list[str]:
             latency = Latency(kind="normal", median=0.8 * period, spread=0.297, seed=2)
             cells.append(figures(simulate_realtime(sim, Controller(controller), latency).score))
         rows.append([rate, *cells])
-    return table(["", "no spare period", "one spare period"], rows)
+    return table(["", "no spare period", "one spare period"], rows).splitlines()
 
 
 LINES = 0.1
@@ -202,7 +197,7 @@ def laboratory(titles: Iterable[str] = (), amplitudes: Iterable[float] = (5e-9, 
                 cells.append("; ".join(errors))
             size = f"{1e9 * amplitude:g} nm" if amplitude < 1e-6 else f"{1e6 * amplitude:g} um"
             rows.append([f"{title}, {size}", *cells])
-    return table(["pid; observer; predictive [%]", *(rate[0] for rate in rates)], rows)
+    return table(["pid; observer; predictive [%]", *(rate[0] for rate in rates)], rows).splitlines()
 
 
 def cost() -> list[str]:
@@ -227,7 +222,7 @@ def cost() -> list[str]:
                 answering.answer(measurement, k * period)
             best = min(best, (time.perf_counter() - begin) / len(given))
         rows.append([told, f"{1e6 * best:.0f}"])
-    return table(["", "us an answer"], rows)
+    return table(["", "us an answer"], rows).splitlines()
 
 
 TABLES = {"knowledge": knowledge, "noise": noise, "late": late, "laboratory": laboratory, "cost": cost}
@@ -237,12 +232,8 @@ def main() -> int:
     """Print or write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true", help="put the tables into docs/predictive.md")
-    write = parser.parse_args().write
-    for mark, measured in TABLES.items():
-        text = "\n".join(measured())
-        print(text, flush=True)
-        if write:
-            put(f"predictive {mark}", text)
+    made = ((f"predictive {mark}", "\n".join(measured())) for mark, measured in TABLES.items())
+    show(made, parser.parse_args().write)
     return 0
 
 
