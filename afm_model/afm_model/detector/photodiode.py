@@ -1,7 +1,7 @@
 """Four-quadrant photodiode: deflection and lateral force as voltages, with their imperfections.
 
     V_deflection = deflection_gain z / S_z + lateral_in_deflection F / S_F
-    V_lateral    = deflection_in_lateral z / S_z + lateral_gain F / S_F
+    V_lateral    = deflection_in_lateral z / S_z + lateral_gain F / S_F + lateral_offset
 
 then noise, low-pass, ADC; docs/imperfections.md.
 """
@@ -50,6 +50,7 @@ class Photodiode(DetectorParameters):
     deflection_in_lateral: _Part = Field(
         0.0, description="crosstalk: part of the deflection voltage that is in the lateral voltage"
     )
+    lateral_offset: Annotated[float, Unit("V")] = Field(0.0, description="lateral voltage without a lateral force")
     adc_bits: Annotated[int, Ge(0), Lt(33)] = Field(0, description="resolution over +-adc_limit; 0: continuous")
     adc_limit: Annotated[Positive, Unit("V")] = Field(
         10.0, description="with adc_bits > 0 the ADC saturates at +-adc_limit"
@@ -82,6 +83,7 @@ class Constants(LowPass):
     lateral_gain: float
     lateral_in_deflection: float
     deflection_in_lateral: float
+    lateral_offset: Annotated[float, "V"]
     adc_lsb: Annotated[float, "V"]
     adc_limit: Annotated[float, "V"]
     range: Annotated[float, "V"]
@@ -119,7 +121,7 @@ def detect(o: Truth, d: Detection, p: Constants, s: State, r: Block) -> None:
     z = (o.tip_height - p.a + o.deflection_excess) / p.deflection_sensitivity
     f = (o.friction[0] + o.lateral_excess) / p.lateral_sensitivity
     deflection = p.deflection_gain * z + p.lateral_in_deflection * f
-    lateral = p.lateral_gain * f + p.deflection_in_lateral * z
+    lateral = p.lateral_gain * f + p.deflection_in_lateral * z + p.lateral_offset
     if p.filtered == 0.0:
         deflection += p.noise * r[0]
         lateral += p.noise * r[1]

@@ -78,6 +78,7 @@ CASES = (
     *(Case(f"lateral gain {gain:g}", {"detector.lateral_gain": gain}) for gain in (0.9, 1.1)),
     Case("deflection gain 1.05", {"detector.deflection_gain": 1.05}),
     Case("crosstalk .02", {"detector.lateral_in_deflection": 0.02, "detector.deflection_in_lateral": 0.02}),
+    *(Case(f"lateral zero off by {n} nN", {"detector.lateral_offset": n / 50.0}) for n in (2, 20)),
     *(Case(f"friction x {factor:g}", {"contact.tau": factor * _TAU}) for factor in (0.5, 0.6, 1.5, 2.0)),
     Case("patches x .9", {"sample.kind": "patches", "sample.width": 2e-9, "sample.strength": 0.9}),
     Case("height x 2", {"sample.beta": 25e-9}),

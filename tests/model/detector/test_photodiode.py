@@ -106,6 +106,13 @@ def test_crosstalk_and_gains_are_recovered_from_voltages_with_and_without():
     assert before == after
 
 
+def test_an_offset_of_the_lateral_signal_is_added_and_moves_nothing():
+    clean, _, before = moved({})
+    off, _, after = moved({"detector.lateral_offset": -0.4})
+    assert (off[0] == clean[0]).all() and off[1] == pytest.approx(clean[1] - 0.4, abs=1e-12)
+    assert before == after
+
+
 def test_low_pass_filters_the_signal_as_an_analog_one():
     corner, T = 5e3, 1e-6
     clean, _, _ = moved({})

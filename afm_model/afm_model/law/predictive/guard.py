@@ -16,6 +16,7 @@ from .predictive_constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Con
 from .predictive_state import State
 from .sample_estimate import REST
 from .unexplained import GAIN_LIMITS, NOTHING, SEEMS, believe
+from .zero_of_signal import forget_zero
 
 _FAR = 0.5
 """Innovation, or error that grows while the tip slips, over what standing still would cost."""
@@ -52,7 +53,6 @@ def forget(p: Constants, s: State) -> None:
                 s.unsure[axis, i, j] = square(p.first[axis, i]) if i == j else 0.0
         believe(axis, NOTHING, s)
     forget_gain_of_y(s)
-    s.zero = s.zero_found = s.side = 0.0
 
 
 @kernel
@@ -148,6 +148,7 @@ def begin_anew(p: Constants, s: State) -> None:
     A bound of friction that is to be found is approached from below.
     """
     forget(p, s)
+    forget_zero(s)
     forget_places(s)
     s.unknown, s.contradicts = int(p.surface != KNOWN), 0.0
     s.calm_ticks, s.slips, s.patience, s.reserve_end = 0.0, 0.0, 0.0, -1

@@ -331,8 +331,7 @@ def values(parameters: Tree) -> Numbers:
         "adapts": identified and any(map(any, first)),
         "first": first,
         "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(slowly) * hold,
-        # In packets a tip that is thrown at each turn tells another one.
-        "finds_zero": identified and not measured and slots == 1 and law.lateral_zero == "estimated",
+        "finds_zero": identified and law.lateral_zero == "estimated",
         "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],
         "lag_left": [exp(-slot / (each * w0)) for each in _LAG_TIMES],

@@ -17,6 +17,7 @@ from .predictive_state import State
 from .sample_estimate import TOUCHES, approach, doubt_surface, measured_height, place_variance, take_height, take_ratio
 from .stiff_scanner import begin_load, observe_stiff
 from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
+from .zero_of_signal import find_zero, find_zero_at_rest
 
 
 @routine
@@ -84,6 +85,8 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     """See `afm_model.parts.Law`."""
     if s.started == 0.0:
         begin_anew(p, s)
+        if p.finds_zero != 0:
+            find_zero_at_rest(y, p, s)
     take_reference(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)
     if p.finds_delay != 0:
@@ -96,6 +99,8 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         explain_measured(y, p, s)
     take_sample(y, p, s)
     watch(k, y, p, s)
+    if p.finds_zero != 0:
+        find_zero(y, p, s)
     s.last = k
     s.at_x, s.at_y = s.X, s.Y
     if p.surface == LEARNED and p.measured != 0 and p.slots == 1:

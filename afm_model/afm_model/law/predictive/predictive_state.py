@@ -105,12 +105,19 @@ class State(Record):
     H: Annotated[Array, (FOLLOWED,)]
     ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it
-    # Zero of the lateral signal, what the last turn told of it beyond that, the sense along x in which the tip slipped
-    # last, and by how much the ratio was raised at rest since.
+    # zero_of_signal.py: the zero believed; the one found over friction, and its variance; what a tip at rest has told;
+    # sense of the reference along x; the stroke before and this one; place and signal at the last measurement, the
+    # reference then, and whether the tip went as asked.
     zero: float
     zero_found: float
-    side: float
-    raised: float
+    variance_of_zero: float
+    known_at_rest: float
+    sense: float
+    strokes: Annotated[Array, (2, 6)]
+    stroke_x: float
+    stroke_signal: float
+    asked_x: float
+    steady: float
     # How height and ratio go on, continuation.py: the last places, what was found there, how many count.
     place: Annotated[Array, (POINTS, 2)]
     found: Annotated[Array, (POINTS, 2)]

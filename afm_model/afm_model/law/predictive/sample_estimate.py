@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.elementary import hypot, square
 from ...core.jit import kernel, routine
-from .continuation import FRICTION, mean_ratio
+from .continuation import mean_ratio
 from .map import JUMP, raise_map
 from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound, of_height
 from .predictive_constants import (
@@ -46,8 +46,6 @@ _HELD = 0.5
 little is known of y."""
 TELLS = 0.005
 """Smallest cosine between the motion and x at which the force along x tells friction, rates being measured."""
-_ZERO, _FARTHEST = 2e-4, 0.5
-"""Zero of the lateral signal, over friction, from which on two turns tell it; the farthest that is believed."""
 _TELLS_IN_PACKETS = 0.05
 """The same in packets, where the motion between two measurements is not steady."""
 TOUCHES = 0.1
@@ -248,23 +246,6 @@ def variance(axis: int, friction: float, q: float, s: "State") -> float:
     return max(total, 0.0)
 
 
-@kernel
-def find_zero(off: float, p: Constants, s: "State") -> None:
-    """Find the zero of the lateral signal by what it is off the one expected in the first slip behind a turn.
-
-    Friction has the same bound on both sides of a turn. A zero that is off adds to it on one side and takes from it on
-    the other one, by the same force along x at every turn; what the model does not know turns with the motion.
-    """
-    side = 1.0 if s.V_X > 0.0 else -1.0
-    if side == s.side:
-        return
-    found = 0.5 * off if s.side != 0.0 else 0.0
-    if found * s.zero_found > 0.0 and min(abs(found), abs(s.zero_found)) > _ZERO * p.f_0:
-        zero = s.zero + 0.25 * (found + s.zero_found)
-        s.zero = min(max(zero, -_FARTHEST * p.f_0), _FARTHEST * p.f_0)
-    s.side, s.zero_found = side, found
-
-
 @routine
 def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -> float:
     """Follow the bound of friction over the nominal one.
@@ -296,7 +277,6 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
                 doubt = 3.0 * math.sqrt(variance(1, b_y, s.Y, s)) * abs(b_y) / size
             size = max(abs(force) * size / abs(b_x) - doubt, abs(force))
         held = size / nominal
-        s.raised += max(held - s.ratio[VALUE], 0.0)
         s.ratio[VALUE] = max(s.ratio[VALUE], held)
         s.ratio[MEAN] = max(s.ratio[MEAN], held)
         # What a slope does not explain holds everywhere.
@@ -308,11 +288,6 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     measured = force * speed / (s.V_X * nominal)
     noise = p.ratio_noise * max(1.0, 0.3 * speed / abs(s.V_X))
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
-    if p.finds_zero:
-        # What held the tip at rest was seen with the same zero as what it slips against now.
-        raised = s.raised if s.mapped == 0.0 and s.goes_on[FRICTION] == 0.0 else 0.0
-        find_zero((measured - s.here + raised) * nominal * s.V_X / speed, p, s)
-    s.raised = 0.0
     s.slips += 1.0
     if s.unknown == 0:
         # Nothing of it is left to follow but what changes slowly: the mean over a wave of the surface.

@@ -1,0 +1,153 @@
+"""Zero of the lateral signal, from a tip at rest, then from loops of friction: docs/predictive.md (8.14).
+
+A tip that has been set down and not moved yet is held by its spring and its drive alone: what the signal is off from
+that is its zero.
+
+Later: friction turns with the motion, the zero does not. On a stroke of the reference along x, from turn to turn, the
+mean of the signal is r n + F_0, where n is the mean nominal bound times the cosine of the way, and r the ratio of
+friction to it. A stroke and the way back tell both. No model of the scanner is needed for that.
+"""
+
+import math
+
+from ...core.elementary import hypot, square
+from ...core.jit import kernel
+from ...parts.signals import Measurement
+from .continuation import FRICTION
+from .map import begin_map
+from .nominal_plant import balance, look, nominal_bound
+from .predictive_constants import FLOOR, LEARNED, MEAN, POINTS, RATIO, VALUE, Constants
+from .predictive_state import State
+from .sample_estimate import REST
+
+_SLOW = 0.003
+"""Deviation of a slow force at the start, over the bound of friction, and of the gain of the signal."""
+_GAIN = 0.1
+_WALK = 1e-4
+"""Random walk of the zero from turn to turn, over the bound of friction."""
+_CERTAIN = 2.5
+"""Standard deviations from which on a zero is believed."""
+_ANOTHER = 5.0
+"""And by which a loop is off from where on it is another zero."""
+_STEADY = 0.5
+"""Rate of the tip less that of the reference, over the latter, up to which the tip goes as asked."""
+_SHORTEST = 1.0
+"""Least way of a stroke on which it does, in radians of the shortest wave."""
+_BACK = 0.3
+"""Radians of it from where a stroke ends to where the one before began, up to which it is the way back."""
+_OTHER_MAP = 0.01
+"""Change of the zero, over the bound of friction, behind which a map of friction counts no more."""
+_SIGNAL, _NOMINAL, _WAY, _ASKED, _FROM_X, _FROM_Y = range(6)
+"""Of a stroke: sums over the way along x of the signal, and of the nominal bound times the cosine; that way; the way of
+the reference; where it began."""
+
+
+@kernel
+def forget_zero(s: State) -> None:
+    """Nothing is known of it."""
+    s.zero = s.zero_found = s.known_at_rest = s.sense = s.steady = 0.0
+    s.variance_of_zero = 1.0
+    s.strokes[:] = 0.0
+
+
+@kernel
+def believe_zero(p: Constants, s: State) -> None:
+    """Believe in the zero once it is certain.
+
+    What was seen with the one before is put right: slow force, friction in this sense.
+    """
+    if s.zero == 0.0 and square(s.zero_found) < square(_CERTAIN) * s.variance_of_zero:
+        return
+    change = s.zero_found * p.f_0 - s.zero
+    s.zero += change
+    if s.started == 0.0:
+        return
+    s.learned[0, 1] += s.gain_of[0] * change
+    if p.measured == 0:
+        s.slow[0] += s.gain_of[0] * change
+    if s.slips == 0.0 or s.sense == 0.0 or s.strokes[1, _WAY] == 0.0:
+        return
+    less = change * s.strokes[1, _WAY] / s.strokes[1, _NOMINAL]
+    s.ratio[VALUE] -= less
+    s.ratio[MEAN] -= less
+    for i in range(POINTS):
+        s.found[i, FRICTION] -= less
+    s.P[RATIO, RATIO] += square(less)
+    if p.surface == LEARNED and abs(change) > _OTHER_MAP * p.f_0:
+        begin_map(s)
+
+
+@kernel
+def find_zero_at_rest(y: Measurement, p: Constants, s: State) -> None:
+    """Learn from a tip that has not slipped yet.
+
+    Not if the drive pushes it by more than the signal tells: then it is the piezo that is off.
+    """
+    signal, held = y.lateral_force / p.lateral_force, balance(0, y.drive[0] / p.volts[0], y.position[0] / p.x0, p, s)
+    if s.started == 0.0 and abs(signal) < abs(held):
+        return
+    # Where the tip is held the gain of the signal counts too.
+    variance = square(_GAIN * held) + square(FLOOR * p.f_0)
+    if p.measured != 0:
+        variance += square(p.stiffness[0] * p.position_noise) + square(p.force_noise)
+    weight = square(p.f_0) / variance
+    s.known_at_rest += weight
+    s.zero_found += weight / s.known_at_rest * ((signal - held) / p.f_0 - s.zero_found)
+    s.variance_of_zero = square(_SLOW) + 1.0 / s.known_at_rest
+    believe_zero(p, s)
+
+
+@kernel
+def compare_strokes(p: Constants, s: State) -> None:
+    """Learn from the stroke that has ended if it is the way back of the one before."""
+    there, back = s.strokes[0], s.strokes[1]
+    way = p.wave_number * min(abs(there[_WAY]), abs(back[_WAY]))
+    apart = p.wave_number * (abs(s.p[0] - there[_FROM_X]) + abs(s.p[1] - there[_FROM_Y]))
+    if way < _SHORTEST or apart > _BACK:
+        return
+    mean_there, n_there = there[_SIGNAL] / there[_WAY], there[_NOMINAL] / there[_WAY]
+    mean_back, n_back = back[_SIGNAL] / back[_WAY], back[_NOMINAL] / back[_WAY]
+    ratio = (mean_there - mean_back) / (n_there - n_back)
+    found = (mean_back - ratio * n_back) / p.f_0
+    # Where the tip did not go as asked one of them is on other waves of the surface.
+    missed = max(2.0 - there[_WAY] / there[_ASKED] - back[_WAY] / back[_ASKED], 0.0)
+    variance = square(ratio * (FLOOR + p.ripple * missed / math.sqrt(max(missed * way, 1.0))))
+    s.variance_of_zero += square(_WALK)
+    off = square(found - s.zero_found)
+    if off > square(_ANOTHER) * (s.variance_of_zero + variance):
+        s.variance_of_zero += off
+    gain = s.variance_of_zero / (s.variance_of_zero + variance)
+    s.zero_found += gain * (found - s.zero_found)
+    s.variance_of_zero *= 1.0 - gain
+    believe_zero(p, s)
+
+
+@kernel
+def find_zero(y: Measurement, p: Constants, s: State) -> None:
+    """Learn from a tip that rests, and on a stroke; at a turn along x compare it with the one before."""
+    if s.known_at_rest > 0.0 and s.slips == 0.0 and hypot(s.V_X, s.V_Y) <= REST * s.fastest:
+        find_zero_at_rest(y, p, s)
+    else:
+        s.known_at_rest = 0.0
+    signal, speed = y.lateral_force / p.lateral_force, hypot(s.v[0], s.v[1])
+    # In packets, and while a tip is thrown, only the way between two measurements tells how it goes.
+    estimated = p.measured != 0 and p.slots == 1 and s.distrust < 1.0
+    rate = s.V_X if estimated else (s.X - s.stroke_x) / p.hold
+    steady = 1.0 if abs(rate - s.v[0]) < _STEADY * abs(s.v[0]) else 0.0
+    sense, now = 0.0 if s.v[0] == 0.0 else math.copysign(1.0, s.v[0]), s.strokes[1]
+    if sense != 0.0 and sense == s.sense:
+        step = s.p[0] - s.asked_x
+        now[_ASKED] += step
+        if steady * s.steady > 0.0:
+            look(s.X, s.Y, p, s)
+            now[_SIGNAL] += 0.5 * (signal + s.stroke_signal) * step
+            now[_NOMINAL] += nominal_bound(s.load, p, s) * s.v[0] / speed * step
+            now[_WAY] += step
+    elif sense != 0.0:
+        if s.sense != 0.0:
+            compare_strokes(p, s)
+        for i in range(len(now)):
+            s.strokes[0, i], now[i] = now[i], 0.0
+        now[_FROM_X], now[_FROM_Y] = s.p[0], s.p[1]
+        s.sense = sense
+    s.stroke_x, s.stroke_signal, s.asked_x, s.steady = s.X, signal, s.p[0], steady
