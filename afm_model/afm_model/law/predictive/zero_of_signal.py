@@ -29,13 +29,13 @@ _CERTAIN = 2.5
 """Standard deviations from which on a zero is believed."""
 _ANOTHER = 5.0
 """And by which a loop is off from where on it is another zero."""
-_STEADY = 0.5
+_STEADY = 0.9
 """Rate of the tip less that of the reference, over the latter, up to which the tip goes as asked."""
 _SHORTEST = 1.0
 """Least way of a stroke on which it does, in radians of the shortest wave."""
 _BACK = 0.3
 """Radians of it from where a stroke ends to where the one before began, up to which it is the way back."""
-_OTHER_MAP = 0.01
+_OTHER_MAP = 0.002
 """Change of the zero, over the bound of friction, behind which a map of friction counts no more."""
 _SIGNAL, _NOMINAL, _WAY, _ASKED, _FROM_X, _FROM_Y = range(6)
 """Of a stroke: sums over the way along x of the signal, and of the nominal bound times the cosine; that way; the way of
