@@ -113,7 +113,7 @@ class State(Record):
     variance_of_zero: float
     known_at_rest: float
     sense: float
-    strokes: Annotated[Array, (2, 6)]
+    strokes: Annotated[Array, (2, 7)]
     stroke_x: float
     stroke_signal: float
     asked_x: float

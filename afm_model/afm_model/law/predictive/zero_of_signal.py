@@ -23,6 +23,8 @@ from .sample_estimate import REST
 _SLOW = 0.003
 """Deviation of a slow force at the start, over the bound of friction, and of the gain of the signal."""
 _GAIN = 0.1
+_LOOP = 4e-4
+"""Deviation of what a loop tells, over friction."""
 _WALK = 1e-4
 """Random walk of the zero from turn to turn, over the bound of friction."""
 _CERTAIN = 2.5
@@ -37,9 +39,9 @@ _BACK = 0.3
 """Radians of it from where a stroke ends to where the one before began, up to which it is the way back."""
 _OTHER_MAP = 0.002
 """Change of the zero, over the bound of friction, behind which a map of friction counts no more."""
-_SIGNAL, _NOMINAL, _WAY, _ASKED, _FROM_X, _FROM_Y = range(6)
-"""Of a stroke: sums over the way along x of the signal, and of the nominal bound times the cosine; that way; the way of
-the reference; where it began."""
+_SIGNAL, _SQUARE, _NOMINAL, _WAY, _ASKED, _FROM_X, _FROM_Y = range(7)
+"""Of a stroke: sums over the way along x of the signal, its square, and of the nominal bound times the cosine; that way;
+the way of the reference; where it began."""
 
 
 @kernel
@@ -111,7 +113,9 @@ def compare_strokes(p: Constants, s: State) -> None:
     found = (mean_back - ratio * n_back) / p.f_0
     # Where the tip did not go as asked one of them is on other waves of the surface.
     missed = max(2.0 - there[_WAY] / there[_ASKED] - back[_WAY] / back[_ASKED], 0.0)
-    variance = square(ratio * (FLOOR + p.ripple * missed / math.sqrt(max(missed * way, 1.0))))
+    uneven = back[_SQUARE] / back[_WAY] - square(mean_back) + there[_SQUARE] / there[_WAY] - square(mean_there)
+    part = missed / math.sqrt(max(missed * way, 1.0))
+    variance = square(_LOOP * ratio) + square(part / p.f_0) * max(uneven, 0.0)
     s.variance_of_zero += square(_WALK)
     off = square(found - s.zero_found)
     if off > square(_ANOTHER) * (s.variance_of_zero + variance):
@@ -140,7 +144,9 @@ def find_zero(y: Measurement, p: Constants, s: State) -> None:
         now[_ASKED] += step
         if steady * s.steady > 0.0:
             look(s.X, s.Y, p, s)
-            now[_SIGNAL] += 0.5 * (signal + s.stroke_signal) * step
+            mean = 0.5 * (signal + s.stroke_signal)
+            now[_SIGNAL] += mean * step
+            now[_SQUARE] += mean * mean * step
             now[_NOMINAL] += nominal_bound(s.load, p, s) * s.v[0] / speed * step
             now[_WAY] += step
     elif sense != 0.0:
