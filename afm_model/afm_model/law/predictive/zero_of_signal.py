@@ -25,11 +25,11 @@ _SLOW = 0.003
 _GAIN = 0.1
 _LOOP = 4e-4
 """Deviation of what a loop tells, over friction."""
-_WALK = 1e-4
+_WALK = 5e-4
 """Random walk of the zero from turn to turn, over the bound of friction."""
 _CERTAIN = 2.5
 """Standard deviations from which on a zero is believed."""
-_ANOTHER = 5.0
+_ANOTHER = 3.0
 """And by which a loop is off from where on it is another zero."""
 _STEADY = 0.9
 """Rate of the tip less that of the reference, over the latter, up to which the tip goes as asked."""
