@@ -5,18 +5,41 @@ The reference beyond the measurement is continued as the sine, parabola or line 
 
 import math
 
-from ...core.elementary import sincos
+from ...core.elementary import hypot, sincos
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement
-from .nominal_plant import look, nominal_bound
+from .nominal_plant import look, nominal_bound, stretched
 from .predictive_constants import Constants
 from .predictive_state import State
 from .sample_estimate import REST
 
+_FAR = 4.0
+"""Distance from a moving reference at the start beyond which a tip is brought to it [x0]."""
 _FORGET = 0.9
 _SLOWEST = 1e-5
 _TURNS = 0.1
 """Sine of the angle between rate and acceleration from which on a reference turns round a corner."""
+
+
+@kernel
+def start_softly(y: Measurement, p: Constants, s: State) -> None:
+    """Bring a tip that is far from a moving reference at the start to it, no faster than the reference moves.
+
+    Sent there at once it would leave the sample.
+    """
+    if s.started == 0.0:
+        far_x, far_y = y.position[0] / p.x0 - s.p[0], y.position[1] / p.x0 - s.p[1]
+        far = hypot(far_x, far_y) > _FAR and s.fastest > 0.0
+        s.lead[0], s.lead[1] = (far_x, far_y) if far else (0.0, 0.0)
+    left, step = hypot(s.lead[0], s.lead[1]), s.fastest * p.hold
+    if left > step:
+        for axis in range(2):
+            s.v[axis] -= s.lead[axis] / left * s.fastest
+            s.lead[axis] *= 1.0 - step / left
+            s.p[axis] += s.lead[axis]
+    elif left > 0.0:
+        s.lead[0] = s.lead[1] = 0.0
+        s.from_x, s.from_y, s.reach = s.p[0], s.p[1], 0.0
 
 
 @kernel
@@ -41,6 +64,7 @@ def take_reference(y: Measurement, p: Constants, s: State) -> None:
         s.omega[axis] = math.sqrt(max(square, _SLOWEST * _SLOWEST))
         s.p_last[axis] = s.p[axis]
         s.acc_last[axis] = s.acc[axis]
+    start_softly(y, p, s)
 
 
 @kernel
@@ -106,7 +130,7 @@ def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) ->
     for i in range(at, at + n):
         s.friction[i] = 0.5 * (s.friction[i] + s.friction[i + 1])
         z = 0.5 * (s.path[i, 2, 0] + s.path[i + 1, 2, 0])
-        ask_of(2, i, p.of_both * (p.w + p.eta_c2 * (s.p[2] - z - p.a)) + s.slow[2] + s.softer[2] * z, p, s)
+        ask_of(2, i, p.of_both * (p.w + p.eta_c2 * (s.p[2] - z - p.a)) + s.slow[2] + s.softer[2] * stretched(2, z, s), p, s)
 
 
 @kernel
@@ -143,7 +167,7 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
         s.direction[i, 0], s.direction[i, 1] = scale * v_x, scale * v_y
         for axis in range(2):
             q = 0.5 * (s.path[i, axis, 0] + s.path[i + 1, axis, 0])
-            held = s.gain_of[axis] * s.friction[i] * s.direction[i, axis] + s.slow[axis] + s.softer[axis] * q
+            held = s.gain_of[axis] * s.friction[i] * s.direction[i, axis] + s.slow[axis] + s.softer[axis] * stretched(axis, q, s)
             if p.stiff != 0:
                 held += s.held_rate[axis] * (first + (i + 0.5) * p.tau - 0.5 * s.delay * p.slot)
             ask_of(axis, i, held, p, s)

@@ -10,7 +10,7 @@ from ...core.jit import kernel, routine
 from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask
 from .decide import decide
-from .nominal_plant import drives_of, predict
+from .nominal_plant import drive_in_force, drives_of, predict
 from .predictive_constants import ANSWERS, SLOTS, Constants
 from .predictive_state import State
 
@@ -66,7 +66,7 @@ def recall(k: int, y: Measurement, p: Constants, s: State) -> None:
         answered = newest_answered(newest, s)
         if answered < 0:
             for axis in range(3):
-                s.plan[j, axis] = y.drive[axis] / p.volts[axis]
+                s.plan[j, axis] = drive_in_force(axis, y, p, s)
         else:
             at = min((k - answered) * p.slots + j, s.lengths[answered % ANSWERS] - 1)
             sent = drives_of(answered % ANSWERS, p, s)
@@ -86,20 +86,26 @@ def remember(k: int, planned: int, p: Constants, s: State) -> None:
 
 
 @kernel
+def volts(slot: int, axis: int, p: Constants, s: State) -> float:
+    """Of a drive in the plan."""
+    return (s.plan[slot, axis] + s.zero_of_drive[axis]) * p.volts[axis]
+
+
+@kernel
 def answer(planned: int, u: PiezoDrive, p: Constants, s: State) -> None:
     """Write so many slots of the plan into the answer: the drive that is first in force or, of more, all with their
     times.
     """
     for axis in range(3):
-        u.voltage[axis] = s.plan[s.delay, axis] * p.volts[axis]
+        u.voltage[axis] = volts(s.delay, axis, p, s)
     u.horizon_count = 0
     if planned > s.delay + 1:
         u.horizon_period = p.slot / p.w0
         u.horizon_count = planned - 1
         for axis in range(3):
-            u.voltage[axis] = s.plan[0, axis] * p.volts[axis]
+            u.voltage[axis] = volts(0, axis, p, s)
             for i in range(u.horizon_count):
-                u.horizon[i, axis] = s.plan[i + 1, axis] * p.volts[axis]
+                u.horizon[i, axis] = volts(i + 1, axis, p, s)
 
 
 @kernel

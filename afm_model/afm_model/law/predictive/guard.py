@@ -16,7 +16,7 @@ from .predictive_constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Con
 from .predictive_state import State
 from .sample_estimate import REST
 from .unexplained import GAIN_LIMITS, NOTHING, SEEMS, believe
-from .zero_of_signal import forget_zero
+from .zeros import forget_zero
 
 _FAR = 0.5
 """Innovation, or error that grows while the tip slips, over what standing still would cost."""

@@ -112,7 +112,7 @@ def begin_map(s: "State") -> None:
 def draw_line(p: Constants, s: "State") -> None:
     """Lay the line along the reference, once it moves."""
     speed = math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
-    if s.pitch > 0.0 or speed == 0.0:
+    if s.pitch > 0.0 or speed == 0.0 or s.lead[0] != 0.0 or s.lead[1] != 0.0:
         return
     s.line_x, s.line_y = s.p[0], s.p[1]
     s.line_tx, s.line_ty = s.v[0] / speed, s.v[1] / speed
@@ -136,6 +136,8 @@ def misfit_of(innovation: float, size: float, variance: float) -> float:
 def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     """Kalman update by a height, and a ratio if that is positive, measured where the scanner is."""
     draw_line(p, s)
+    if s.pitch == 0.0:
+        return
     asked, on = place(s.p[0], s.p[1], s)
     s.least, s.most = min(s.least, asked), max(s.most, asked)
     along, on = place(s.X, s.Y, s)

@@ -115,15 +115,27 @@ def bound_at(x: float, y: float, z: float, p: Constants, s: "State") -> float:
 
 
 @kernel
+def drive_in_force(axis: int, y: Measurement, p: Constants, s: "State") -> float:
+    """At a measurement."""
+    return y.drive[axis] / p.volts[axis] - s.zero_of_drive[axis]
+
+
+@kernel
 def friction_turns_drive(axis: int, p: Constants, s: "State") -> bool:
     """Whether friction turns the drive by steps: on a long way it is a small part of the drive for the travel."""
     return p.stiffness[axis] * s.reach <= _TURNED * p.f_0
 
 
 @kernel
+def stretched(axis: int, q: float, s: "State") -> float:
+    """How far the spring of an axis is stretched at the place q."""
+    return q - s.unstretched[axis]
+
+
+@kernel
 def left_at_rest(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
     """What the drive leaves at rest: for friction, or along z for the load."""
-    return u - s.slow[axis] - (p.stiffness[axis] + s.softer[axis]) * q
+    return u - s.slow[axis] - (p.stiffness[axis] + s.softer[axis]) * q + s.softer[axis] * s.unstretched[axis]
 
 
 @kernel
@@ -200,7 +212,7 @@ def take_load(y: Measurement, p: Constants, s: "State") -> None:
     # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
     # after a correction.
     held = p.of_both * (p.w + p.eta_c2 * (s.Q - s.Z - p.a))
-    rise = left_at_rest(2, y.drive[2] / p.volts[2], s.Z, p, s) - p.damping[2] * s.V_Z - held
+    rise = left_at_rest(2, drive_in_force(2, y, p, s), s.Z, p, s) - p.damping[2] * s.V_Z - held
     phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
     follows = p.height * phase_rate * phase_rate
     s.rise = rise - min(max(rise, -follows), follows)
@@ -219,6 +231,6 @@ def drive_of_period(k: int, j: int, axis: int, y: Measurement, p: Constants, s: 
     """Drive that was in force in slot j behind measurement k, as the measurement y tells it."""
     kept = max(y.drive_sequence, 0) % ANSWERS
     if y.drive_sequence < 0 or s.answered[kept] != y.drive_sequence:
-        return y.drive[axis] / p.volts[axis]
+        return drive_in_force(axis, y, p, s)
     at = max(0, min((k - y.drive_sequence) * p.slots + j, s.lengths[kept] - 1))
     return drives_of(kept, p, s)[3 * at + axis]

@@ -13,7 +13,7 @@ u.
 
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement
-from .nominal_plant import drive_of_period, move
+from .nominal_plant import drive_in_force, drive_of_period, move
 from .predictive_constants import LAGS, MEMORY, SLOTS, STOPS, Constants
 from .predictive_state import State
 
@@ -80,7 +80,7 @@ def pass_drives(k: int, y: Measurement, moves: bool, p: Constants, s: State) -> 
     periods = min(max(k - s.last, 1), SLOTS) if s.started != 0.0 else 0
     for axis in range(2):
         if s.started == 0.0:
-            s.drive_now[axis] = y.drive[axis] / p.volts[axis]
+            s.drive_now[axis] = drive_in_force(axis, y, p, s)
             for i in range(MEMORY):
                 s.memory_now[axis, i] = 0.0
             for j in range(LAGS):
@@ -96,7 +96,7 @@ def pass_drives(k: int, y: Measurement, moves: bool, p: Constants, s: State) -> 
                 s.drive_passed[axis] = drive_of_period(s.last + ahead, j, axis, y, p, s)
                 if p.slots == 1 and ahead == periods - 1:
                     # Whatever the delay is: the drive that was in force.
-                    s.drive_passed[axis] = y.drive[axis] / p.volts[axis]
+                    s.drive_passed[axis] = drive_in_force(axis, y, p, s)
             w_x, w_y = advance(0, s.drive_passed[0], p, s), advance(1, s.drive_passed[1], p, s)
             if moves:
                 move(w_x, w_y, s.drive_passed[2], p.dt_copy, p.steps_copy, p, s)
@@ -116,7 +116,7 @@ def pass_drives(k: int, y: Measurement, moves: bool, p: Constants, s: State) -> 
 @kernel
 def effective(axis: int, y: Measurement, p: Constants, s: State) -> float:
     """What the drive in force at a measurement does."""
-    u = y.drive[axis] / p.volts[axis]
+    u = drive_in_force(axis, y, p, s)
     for i in range(MEMORY):
         u -= s.takes[axis, i] * s.memory_now[axis, i]
     return u

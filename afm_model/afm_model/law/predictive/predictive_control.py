@@ -9,7 +9,7 @@ from .decide import decide, refine
 from .flight import answer, extend, find_delay, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
-from .nominal_plant import level, predict, take_load
+from .nominal_plant import drive_in_force, level, predict, take_load
 from .observer import begin_observer, observe_scanner
 from .piezo_memory import effective, pass_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, Constants
@@ -17,7 +17,7 @@ from .predictive_state import State
 from .sample_estimate import TOUCHES, approach, doubt_surface, measured_height, place_variance, take_height, take_ratio
 from .stiff_scanner import begin_load, observe_stiff
 from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
-from .zero_of_signal import find_zero, find_zero_at_rest
+from .zeros import find_zero, find_zero_at_rest, find_zero_of_drive
 
 
 @routine
@@ -85,9 +85,11 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     """See `afm_model.parts.Law`."""
     if s.started == 0.0:
         begin_anew(p, s)
+    take_reference(y, p, s)
+    if s.started == 0.0:
+        find_zero_of_drive(y, p, s)
         if p.finds_zero != 0:
             find_zero_at_rest(y, p, s)
-    take_reference(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)
     if p.finds_delay != 0:
         find_delay(k, y, p, s)
@@ -131,7 +133,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         s.fallbacks += 1.0
         for i in range(planned):
             for axis in range(3):
-                s.plan[i, axis] = y.drive[axis] / p.volts[axis]
+                s.plan[i, axis] = drive_in_force(axis, y, p, s)
     elif p.remembers != 0:
         plan_drives(planned, p, s)
     remember(k, planned, p, s)

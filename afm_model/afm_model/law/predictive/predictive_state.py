@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from ...core.elementary import exp
-from ...core.records import Array, Integers, Record
+from ...core.records import Array, Integers, Record, Vector
 from ...parts.part import Numbers, Tree
 from .map import LENGTH, NODES, SPACING
 from .predictive_constants import ANSWERS, FOLLOWED, INTERVALS, LAGS, MEMORY, POINTS, SLOTS, TABLE, UNEXPLAINED
@@ -105,9 +105,11 @@ class State(Record):
     H: Annotated[Array, (FOLLOWED,)]
     ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it
-    # zero_of_signal.py: the zero believed; the one found over friction, and its variance; what a tip at rest has told;
+    # zeros.py: the zero believed; the one found over friction, and its variance; what a tip at rest has told;
     # sense of the reference along x; the stroke before and this one; place and signal at the last measurement, the
     # reference then, and whether the tip went as asked.
+    zero_of_drive: Vector  # what was left over at the start; the places where the springs are not stretched then
+    unstretched: Vector
     zero: float
     zero_found: float
     variance_of_zero: float
@@ -174,6 +176,7 @@ class State(Record):
     p: Annotated[Array, (3,)]  # reference now: position, rate, acceleration of x, y; as it was; sums of its frequency
     v: Annotated[Array, (3,)]
     acc: Annotated[Array, (3,)]
+    lead: Annotated[Array, (2,)]  # of a tip far from it at the start: how much of the way is left
     p_last: Annotated[Array, (2,)]
     acc_last: Annotated[Array, (2,)]
     sum_pa: Annotated[Array, (2,)]

@@ -7,7 +7,7 @@ from ...core.elementary import hypot, square
 from ...core.jit import kernel, routine
 from .continuation import mean_ratio
 from .map import JUMP, raise_map
-from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound, of_height
+from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound, of_height, stretched
 from .predictive_constants import (
     AT_X,
     AT_Y,
@@ -274,7 +274,7 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         if abs(b_x) > 0.3 * size:
             doubt = 0.0
             if s.slips > 0.0 and p.wave_number * hypot(s.X - s.p[0], s.Y - s.p[1]) < _HELD:
-                doubt = 3.0 * math.sqrt(variance(1, b_y, s.Y, s)) * abs(b_y) / size
+                doubt = 3.0 * math.sqrt(variance(1, b_y, stretched(1, s.Y, s), s)) * abs(b_y) / size
             size = max(abs(force) * size / abs(b_x) - doubt, abs(force))
         held = size / nominal
         s.ratio[VALUE] = max(s.ratio[VALUE], held)

@@ -17,7 +17,7 @@ from ...core.elementary import hypot, square
 from ...core.jit import kernel
 from ...core.records import Block
 from ...parts.signals import Measurement
-from .nominal_plant import balance, friction_turns_drive
+from .nominal_plant import balance, drive_in_force, friction_turns_drive, stretched
 from .piezo_memory import effective
 from .predictive_constants import CREEP, FLOOR, MEMORY, STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
@@ -188,11 +188,11 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     s.seen[0, 1] = s.V_X
     went = hypot(q - s.at_x, y.position[1] / p.x0 - s.at_y)
     if went < _SLOW * s.fastest * p.hold + SEEMS * p.position_noise:
-        update(0, left, signal, q, s.memory_now, noise, p, s)
-    force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * q
+        update(0, left, signal, stretched(0, q, s), s.memory_now, noise, p, s)
+    force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * stretched(0, q, s)
     for i in range(MEMORY):
         force += s.takes[0, i] * s.memory_now[0, i]
-    of_force = variance(0, signal, q, s)
+    of_force = variance(0, signal, stretched(0, q, s), s)
     s.counts += min(p.hold / _SPAN, 1.0) * (square(force) - of_force - s.counts)
     # In packets the motion magnifies what is left.
     counts = COUNTS * p.f_0 * (0.5 if p.slots > 1 else 1.0)
@@ -236,8 +236,8 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
     if abs(across) > _COUNTS_ACROSS * turning:
         s.told = 2.0
     if s.told == 2.0:
-        noise = hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, s.X, s))) / t_x
-        update(1, across / t_x, f_y, s.Y, s.memory_now, noise, p, s)
+        noise = hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, stretched(0, s.X, s), s))) / t_x
+        update(1, across / t_x, f_y, stretched(1, s.Y, s), s.memory_now, noise, p, s)
 
 
 @kernel
@@ -263,7 +263,7 @@ def learn_of_z(u: float, p: Constants, s: State) -> None:
     if s.unknown != 0:
         phase += _UNSEEN * min(p.wave_number * s.fastest * p.hold, 1.0)
     noise = p.of_both * p.eta_c2 * p.height * (_UNEVEN_Z + phase)
-    update_of_z(left_over(2, s.Z, s.V_Z, u, p, s), s.Z, noise, p, s)
+    update_of_z(left_over(2, s.Z, s.V_Z, u, p, s), stretched(2, s.Z, s), noise, p, s)
 
 
 @kernel
@@ -275,8 +275,8 @@ def learn_stiffness_of_z(missed: float, p: Constants, s: State) -> None:
     """
     moved, before = s.moved_by_c, s.learned[2, 2]
     v, v_rate = moved[0], moved[1]
-    moved[0] = p.Phi_hold[2, 0, 0] * v + p.Phi_hold[2, 0, 1] * v_rate - p.Gamma_hold[2, 0] * s.Z
-    moved[1] = p.Phi_hold[2, 1, 0] * v + p.Phi_hold[2, 1, 1] * v_rate - p.Gamma_hold[2, 1] * s.Z
+    moved[0] = p.Phi_hold[2, 0, 0] * v + p.Phi_hold[2, 0, 1] * v_rate - p.Gamma_hold[2, 0] * stretched(2, s.Z, s)
+    moved[1] = p.Phi_hold[2, 1, 0] * v + p.Phi_hold[2, 1, 1] * v_rate - p.Gamma_hold[2, 1] * stretched(2, s.Z, s)
     L_0, L_1 = p.L[s.unknown, 0], p.L[s.unknown, 1]
     # A Kalman filter that corrects by L_0 has innovations of this variance.
     update_of_z(missed, moved[0], p.z_noise / math.sqrt(1.0 - L_0), p, s)
@@ -296,10 +296,10 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     known = s.started != 0.0 and k - s.last == 1
     known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
     if known:
-        learn_of_z(y.drive[2] / p.volts[2], p, s)
+        learn_of_z(drive_in_force(2, y, p, s), p, s)
     before, speed = hypot(s.seen[0, 1], s.seen[1, 1]), hypot(s.V_X, s.V_Y)
     d_x, d_y = s.X - s.seen[0, 0], s.Y - s.seen[1, 0]
-    q_x, q_y = s.X - 0.5 * d_x, s.Y - 0.5 * d_y
+    q_x, q_y = stretched(0, s.X - 0.5 * d_x, s), stretched(1, s.Y - 0.5 * d_y, s)
     way = hypot(d_x, d_y)
     # How far the motion is from a steady one, over its way.
     uneven = hypot(d_x - p.hold * s.V_X, d_y - p.hold * s.V_Y)
@@ -307,7 +307,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     if known and max(before, speed) <= REST * s.fastest:
         # At rest friction is what the drive in force leaves.
         held = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal)
-        update(0, held, signal, s.X, s.memory_now, p.f_0 * FLOOR + p.force_noise, p, s)
+        update(0, held, signal, stretched(0, s.X, s), s.memory_now, p.f_0 * FLOOR + p.force_noise, p, s)
     elif known and _SLIDES * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
         phase = p.wave_number * (abs(d_x) + abs(d_y))
         noise = p.f_0 * (_SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise

@@ -1,11 +1,14 @@
-"""Zero of the lateral signal, from a tip at rest, then from loops of friction: docs/predictive.md (8.14).
+"""What drive and lateral signal are off from where nothing moves, docs/predictive.md, Zeros, (8.14).
 
-A tip that has been set down and not moved yet is held by its spring and its drive alone: what the signal is off from
+The drive: at the start a tip that rests is held by spring, friction and load alone. What is left over is what the piezo
+is off from the position sensors, or these from it.
+
+The lateral signal, at first: before the tip slips the signal is the friction that the drive leaves. What it is off from
 that is its zero.
 
-Later: friction turns with the motion, the zero does not. On a stroke of the reference along x, from turn to turn, the
-mean of the signal is r n + F_0, where n is the mean nominal bound times the cosine of the way, and r the ratio of
-friction to it. A stroke and the way back tell both. No model of the scanner is needed for that.
+The lateral signal, later: friction turns with the motion, the zero does not. On a stroke of the reference along x, from
+turn to turn, the mean of the signal is r n + F_0, where n is the mean nominal bound times the cosine of the way, and r
+the ratio of friction to it. A stroke and the way back tell both. No model of the scanner is needed for that.
 """
 
 import math
@@ -15,8 +18,8 @@ from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .continuation import FRICTION
 from .map import begin_map
-from .nominal_plant import balance, look, nominal_bound
-from .predictive_constants import FLOOR, LEARNED, MEAN, POINTS, RATIO, VALUE, Constants
+from .nominal_plant import balance, drive_in_force, left_at_rest, look, nominal_bound
+from .predictive_constants import FIRST_Z, FLOOR, LEARNED, MEAN, POINTS, RATIO, VALUE, Constants
 from .predictive_state import State
 from .sample_estimate import REST
 
@@ -29,6 +32,10 @@ _WALK = 5e-4
 """Random walk of the zero from turn to turn, over the bound of friction."""
 _CERTAIN = 2.5
 """Standard deviations from which on a zero is believed."""
+_FAR = 5.0
+"""And from which on a drive is off."""
+_RESTS = 0.1
+"""Way of a tip in a control period up to which the drive tells its zero [x0]."""
 _ANOTHER = 3.0
 """And by which a loop is off from where on it is another zero."""
 _STEADY = 0.9
@@ -50,6 +57,32 @@ def forget_zero(s: State) -> None:
     s.zero = s.zero_found = s.known_at_rest = s.sense = s.steady = 0.0
     s.variance_of_zero = 1.0
     s.strokes[:] = 0.0
+
+
+@kernel
+def find_zero_of_drive(y: Measurement, p: Constants, s: State) -> None:
+    """Take a force at the start that is more than friction, load and the filter of (8.6) explain for one of the piezo.
+
+    What signal and drive tell alike of x is friction, along the reference; along z the load is measured.
+    """
+    moves = hypot(y.velocity[0], y.velocity[1]) / (p.x0 * p.w0) * p.hold
+    if s.fallbacks > 0.0 or (p.measured == 0 and moves > _RESTS):
+        return
+    noise = hypot(p.stiffness[0] * p.position_noise, p.force_noise) if p.measured != 0 else 0.0
+    signal = y.lateral_force / p.lateral_force
+    left_x = left_at_rest(0, drive_in_force(0, y, p, s), y.position[0] / p.x0, p, s)
+    left_y = left_at_rest(1, drive_in_force(1, y, p, s), y.position[1] / p.x0, p, s)
+    held = math.copysign(min(abs(signal), abs(left_x)), left_x) if signal * left_x > 0.0 else 0.0
+    off_x, off_y = left_x - held, left_y - (held * s.v[1] / s.v[0] if s.v[0] != 0.0 else 0.0)
+    z, tip = y.position[2] / p.z0, p.a + y.deflection / p.z0
+    load = p.of_both * (p.w + p.eta_c2 * (tip - z - p.a))
+    off_z = left_at_rest(2, drive_in_force(2, y, p, s), z, p, s) - load
+    least = _SLOW * p.f_0 + _FAR * noise
+    s.zero_of_drive[0] = off_x if abs(off_x) > least else 0.0
+    s.zero_of_drive[1] = off_y if abs(off_y) > least else 0.0
+    s.zero_of_drive[2] = off_z if abs(off_z) > FIRST_Z[1] else 0.0
+    for axis in range(3):
+        s.unstretched[axis] = -s.zero_of_drive[axis] / p.stiffness[axis]
 
 
 @kernel
@@ -85,7 +118,7 @@ def find_zero_at_rest(y: Measurement, p: Constants, s: State) -> None:
 
     Not if the drive pushes it by more than the signal tells: then it is the piezo that is off.
     """
-    signal, held = y.lateral_force / p.lateral_force, balance(0, y.drive[0] / p.volts[0], y.position[0] / p.x0, p, s)
+    signal, held = y.lateral_force / p.lateral_force, balance(0, drive_in_force(0, y, p, s), y.position[0] / p.x0, p, s)
     if s.started == 0.0 and abs(signal) < abs(held):
         return
     # Where the tip is held the gain of the signal counts too.
