@@ -50,11 +50,12 @@ _MAIN = (
     "sensitivity",
     "lateral gain",
     "lateral zero",
+    "z sensor",
     "friction x",
     "hysteresis .5 %",
     "drift",
 )
-_MANY = "resonances, mass, sensitivity, lateral gain and zero, friction, hysteresis .5 %, drift"
+_MANY = "resonances, mass, sensitivity, lateral gain and zero, z sensor, friction, hysteresis .5 %, drift"
 ASKED: tuple[tuple[str, tuple[str, ...], tuple[tuple[float, float, float], ...]], ...] = (
     ("the truth", ("the truth",), ((0.04, 0.1, 0.04), (0.4, 0.6, 0.4), (0.4, 16.0, 0.4))),
     (

@@ -21,7 +21,6 @@ from .map import begin_map
 from .nominal_plant import balance, drive_in_force, left_at_rest, look, nominal_bound
 from .predictive_constants import FIRST_Z, FLOOR, LEARNED, MEAN, POINTS, RATIO, VALUE, Constants
 from .predictive_state import State
-from .sample_estimate import REST
 
 _SLOW = 0.003
 """Deviation of a slow force at the start, over the bound of friction, and of the gain of the signal."""
@@ -35,7 +34,7 @@ _CERTAIN = 2.5
 _FAR = 5.0
 """And from which on a drive is off."""
 _RESTS = 0.1
-"""Way of a tip in a control period up to which the drive tells its zero [x0]."""
+"""Way of a tip up to which it rests [x0]."""
 _ANOTHER = 3.0
 """And by which a loop is off from where on it is another zero."""
 _STEADY = 0.9
@@ -68,7 +67,6 @@ def find_zero_of_drive(y: Measurement, p: Constants, s: State) -> None:
     moves = hypot(y.velocity[0], y.velocity[1]) / (p.x0 * p.w0) * p.hold
     if s.fallbacks > 0.0 or (p.measured == 0 and moves > _RESTS):
         return
-    noise = hypot(p.stiffness[0] * p.position_noise, p.force_noise) if p.measured != 0 else 0.0
     signal = y.lateral_force / p.lateral_force
     left_x = left_at_rest(0, drive_in_force(0, y, p, s), y.position[0] / p.x0, p, s)
     left_y = left_at_rest(1, drive_in_force(1, y, p, s), y.position[1] / p.x0, p, s)
@@ -77,10 +75,13 @@ def find_zero_of_drive(y: Measurement, p: Constants, s: State) -> None:
     z, tip = y.position[2] / p.z0, p.a + y.deflection / p.z0
     load = p.of_both * (p.w + p.eta_c2 * (tip - z - p.a))
     off_z = left_at_rest(2, drive_in_force(2, y, p, s), z, p, s) - load
-    least = _SLOW * p.f_0 + _FAR * noise
+    least, least_z = _SLOW * p.f_0, FIRST_Z[1]
+    if p.measured != 0:
+        least += _FAR * hypot(p.stiffness[0] * p.position_noise, p.force_noise)
+        least_z += _FAR * p.stiffness[2] * p.z_noise
     s.zero_of_drive[0] = off_x if abs(off_x) > least else 0.0
     s.zero_of_drive[1] = off_y if abs(off_y) > least else 0.0
-    s.zero_of_drive[2] = off_z if abs(off_z) > FIRST_Z[1] else 0.0
+    s.zero_of_drive[2] = off_z if abs(off_z) > least_z else 0.0
     for axis in range(3):
         s.unstretched[axis] = -s.zero_of_drive[axis] / p.stiffness[axis]
 
@@ -162,15 +163,16 @@ def compare_strokes(p: Constants, s: State) -> None:
 @kernel
 def find_zero(y: Measurement, p: Constants, s: State) -> None:
     """Learn from a tip that rests, and on a stroke; at a turn along x compare it with the one before."""
-    if s.known_at_rest > 0.0 and s.slips == 0.0 and hypot(s.V_X, s.V_Y) <= REST * s.fastest:
+    moved = hypot(s.X - s.from_x, s.Y - s.from_y)
+    if s.known_at_rest > 0.0 and s.slips == 0.0 and moved < _RESTS + _FAR * p.measured * p.position_noise:
         find_zero_at_rest(y, p, s)
     else:
         s.known_at_rest = 0.0
     signal, speed = y.lateral_force / p.lateral_force, hypot(s.v[0], s.v[1])
-    # In packets, and while a tip is thrown, only the way between two measurements tells how it goes.
-    estimated = p.measured != 0 and p.slots == 1 and s.distrust < 1.0
-    rate = s.V_X if estimated else (s.X - s.stroke_x) / p.hold
-    steady = 1.0 if abs(rate - s.v[0]) < _STEADY * abs(s.v[0]) else 0.0
+    # What rests between two measurements holds less than its bound. Positions alone tell no rate of a tip that is lost.
+    goes = s.V_X if p.measured == 0 or s.distrust < 1.0 else s.v[0]
+    went = (s.X - s.stroke_x) / p.hold if p.measured == 0 or p.slots > 1 or s.distrust == 1.0 else s.v[0]
+    steady = 1.0 if max(abs(goes - s.v[0]), abs(went - s.v[0])) < _STEADY * abs(s.v[0]) else 0.0
     sense, now = 0.0 if s.v[0] == 0.0 else math.copysign(1.0, s.v[0]), s.strokes[1]
     if sense != 0.0 and sense == s.sense:
         step = s.p[0] - s.asked_x
