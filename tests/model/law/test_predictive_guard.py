@@ -255,11 +255,12 @@ def test_friction_half_as_strong_as_told_does_not_throw_the_tip(feedback, period
 
 @pytest.mark.parametrize("surface", ["known", "observed"])
 @pytest.mark.parametrize("rate", [0, 1])
-def test_a_z_sensor_with_another_zero_than_the_piezo_is_told(rate, surface):
-    displaced = Case("displaced", {"fault.f.kind": "offset", "fault.f.signal": "position_z", "fault.f.size": 5e-9})
+def test_a_z_sensor_that_gets_another_zero_than_the_piezo_is_told(rate, surface):
+    fault = {"kind": "offset", "signal": "position_z", "size": 5e-9, "start": 0.01}
+    displaced = Case("displaced", {f"fault.f.{name}": value for name, value in fault.items()})
     law = contender(f"predictive surface={surface}")
     assert (
-        "the zero of the z sensor is not that of the piezo"
+        "the zero of the z sensor is no longer that of the piezo"
         in simulate(*parameters_of(displaced, RATES[rate], law)).remark
     )
     for case in (CASE["the truth"], CASE["sensitivity of the piezo +5 %"], CASE["friction x 2"], CASE["height x 2"]):

@@ -29,7 +29,8 @@ def start_softly(y: Measurement, p: Constants, s: State) -> None:
     """
     if s.started == 0.0:
         far_x, far_y = y.position[0] / p.x0 - s.p[0], y.position[1] / p.x0 - s.p[1]
-        far = hypot(far_x, far_y) > _FAR and s.fastest > 0.0
+        # Where friction does not move the scanner it does not throw the tip either.
+        far = p.stiff == 0 and s.fastest > 0.0 and hypot(far_x, far_y) > _FAR
         s.lead[0], s.lead[1] = (far_x, far_y) if far else (0.0, 0.0)
     left, step = hypot(s.lead[0], s.lead[1]), s.fastest * p.hold
     if left > step:
@@ -130,7 +131,9 @@ def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) ->
     for i in range(at, at + n):
         s.friction[i] = 0.5 * (s.friction[i] + s.friction[i + 1])
         z = 0.5 * (s.path[i, 2, 0] + s.path[i + 1, 2, 0])
-        ask_of(2, i, p.of_both * (p.w + p.eta_c2 * (s.p[2] - z - p.a)) + s.slow[2] + s.softer[2] * stretched(2, z, s), p, s)
+        ask_of(
+            2, i, p.of_both * (p.w + p.eta_c2 * (s.p[2] - z - p.a)) + s.slow[2] + s.softer[2] * stretched(2, z, s), p, s
+        )
 
 
 @kernel
@@ -167,7 +170,11 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
         s.direction[i, 0], s.direction[i, 1] = scale * v_x, scale * v_y
         for axis in range(2):
             q = 0.5 * (s.path[i, axis, 0] + s.path[i + 1, axis, 0])
-            held = s.gain_of[axis] * s.friction[i] * s.direction[i, axis] + s.slow[axis] + s.softer[axis] * stretched(axis, q, s)
+            held = (
+                s.gain_of[axis] * s.friction[i] * s.direction[i, axis]
+                + s.slow[axis]
+                + s.softer[axis] * stretched(axis, q, s)
+            )
             if p.stiff != 0:
                 held += s.held_rate[axis] * (first + (i + 0.5) * p.tau - 0.5 * s.delay * p.slot)
             ask_of(axis, i, held, p, s)

@@ -17,7 +17,7 @@ from .predictive_state import State
 from .sample_estimate import TOUCHES, approach, doubt_surface, measured_height, place_variance, take_height, take_ratio
 from .stiff_scanner import begin_load, observe_stiff
 from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
-from .zeros import find_zero, find_zero_at_rest, find_zero_of_drive
+from .zeros import find_zero, find_zeros_at_start
 
 
 @routine
@@ -87,9 +87,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         begin_anew(p, s)
     take_reference(y, p, s)
     if s.started == 0.0:
-        find_zero_of_drive(y, p, s)
-        if p.finds_zero != 0:
-            find_zero_at_rest(y, p, s)
+        find_zeros_at_start(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)
     if p.finds_delay != 0:
         find_delay(k, y, p, s)

@@ -171,6 +171,8 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
             yield LawEstimate(f"slow_force_{axis}_deviation", "N", float(deviation))
     else:
         yield from _of_friction(p, s)
+    for i, axis in enumerate("xyz"):
+        yield LawEstimate(f"sensor_zero_{axis}", "m", float(s.unstretched[i] * (p.z0 if axis == "z" else p.x0)))
     yield LawEstimate("delay", "s", float(s.delay * p.slot / p.w0))
     yield LawEstimate("distrust", "1", float(s.distrust))
     yield LawEstimate("fallbacks", "1", float(s.fallbacks))
@@ -213,8 +215,8 @@ def remark(state: Any) -> str:
         told.append("the height measured is not that of sample.*: the surface is followed as law.surface = observed")
     if abs(state.learned[2, 1]) >= FIRST_Z[1]:
         told.append(
-            "a force along z is larger than the law learns, and the load is off by it: the zero of the z sensor is not "
-            "that of the piezo, or the z piezo drifts"
+            "a force along z is larger than the law learns, and the load is off by it: the zero of the z sensor is no "
+            "longer that of the piezo, or the z piezo drifts"
         )
     if state.off_told != 0:
         periods = "control period" if abs(state.off_told) == 1 else "control periods"

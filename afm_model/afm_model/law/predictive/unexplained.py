@@ -236,7 +236,9 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
     if abs(across) > _COUNTS_ACROSS * turning:
         s.told = 2.0
     if s.told == 2.0:
-        noise = hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, stretched(0, s.X, s), s))) / t_x
+        noise = (
+            hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, stretched(0, s.X, s), s))) / t_x
+        )
         update(1, across / t_x, f_y, stretched(1, s.Y, s), s.memory_now, noise, p, s)
 
 

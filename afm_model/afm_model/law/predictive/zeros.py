@@ -33,6 +33,8 @@ _CERTAIN = 2.5
 """Standard deviations from which on a zero is believed."""
 _FAR = 5.0
 """And from which on a drive is off."""
+_ALIKE = 0.1
+"""Part of friction by which signal and drive may tell another one at the start."""
 _RESTS = 0.1
 """Way of a tip up to which it rests [x0]."""
 _ANOTHER = 3.0
@@ -56,34 +58,6 @@ def forget_zero(s: State) -> None:
     s.zero = s.zero_found = s.known_at_rest = s.sense = s.steady = 0.0
     s.variance_of_zero = 1.0
     s.strokes[:] = 0.0
-
-
-@kernel
-def find_zero_of_drive(y: Measurement, p: Constants, s: State) -> None:
-    """Take a force at the start that is more than friction, load and the filter of (8.6) explain for one of the piezo.
-
-    What signal and drive tell alike of x is friction, along the reference; along z the load is measured.
-    """
-    moves = hypot(y.velocity[0], y.velocity[1]) / (p.x0 * p.w0) * p.hold
-    if s.fallbacks > 0.0 or (p.measured == 0 and moves > _RESTS):
-        return
-    signal = y.lateral_force / p.lateral_force
-    left_x = left_at_rest(0, drive_in_force(0, y, p, s), y.position[0] / p.x0, p, s)
-    left_y = left_at_rest(1, drive_in_force(1, y, p, s), y.position[1] / p.x0, p, s)
-    held = math.copysign(min(abs(signal), abs(left_x)), left_x) if signal * left_x > 0.0 else 0.0
-    off_x, off_y = left_x - held, left_y - (held * s.v[1] / s.v[0] if s.v[0] != 0.0 else 0.0)
-    z, tip = y.position[2] / p.z0, p.a + y.deflection / p.z0
-    load = p.of_both * (p.w + p.eta_c2 * (tip - z - p.a))
-    off_z = left_at_rest(2, drive_in_force(2, y, p, s), z, p, s) - load
-    least, least_z = _SLOW * p.f_0, FIRST_Z[1]
-    if p.measured != 0:
-        least += _FAR * hypot(p.stiffness[0] * p.position_noise, p.force_noise)
-        least_z += _FAR * p.stiffness[2] * p.z_noise
-    s.zero_of_drive[0] = off_x if abs(off_x) > least else 0.0
-    s.zero_of_drive[1] = off_y if abs(off_y) > least else 0.0
-    s.zero_of_drive[2] = off_z if abs(off_z) > least_z else 0.0
-    for axis in range(3):
-        s.unstretched[axis] = -s.zero_of_drive[axis] / p.stiffness[axis]
 
 
 @kernel
@@ -115,13 +89,8 @@ def believe_zero(p: Constants, s: State) -> None:
 
 @kernel
 def find_zero_at_rest(y: Measurement, p: Constants, s: State) -> None:
-    """Learn from a tip that has not slipped yet.
-
-    Not if the drive pushes it by more than the signal tells: then it is the piezo that is off.
-    """
+    """Learn from a tip that has not slipped yet."""
     signal, held = y.lateral_force / p.lateral_force, balance(0, drive_in_force(0, y, p, s), y.position[0] / p.x0, p, s)
-    if s.started == 0.0 and abs(signal) < abs(held):
-        return
     # Where the tip is held the gain of the signal counts too.
     variance = square(_GAIN * held) + square(FLOOR * p.f_0)
     if p.measured != 0:
@@ -131,6 +100,38 @@ def find_zero_at_rest(y: Measurement, p: Constants, s: State) -> None:
     s.zero_found += weight / s.known_at_rest * ((signal - held) / p.f_0 - s.zero_found)
     s.variance_of_zero = square(_SLOW) + 1.0 / s.known_at_rest
     believe_zero(p, s)
+
+
+@kernel
+def find_zeros_at_start(y: Measurement, p: Constants, s: State) -> None:
+    """Take what is left over at the start for the zero of drive and signal, if the tip rests.
+
+    Either the tip has been set down, and friction holds nothing; or signal and drive tell the same friction of x, which
+    lies along the reference. Along z the load is measured.
+    """
+    moves = hypot(y.velocity[0], y.velocity[1]) / (p.x0 * p.w0) * p.hold
+    if s.fallbacks > 0.0 or (p.measured == 0 and moves > _RESTS):
+        return
+    least, least_z = _SLOW * p.f_0, FIRST_Z[1]
+    if p.measured != 0:
+        least += _FAR * hypot(p.stiffness[0] * p.position_noise, p.force_noise)
+        least_z += _FAR * p.stiffness[2] * p.z_noise
+    signal = y.lateral_force / p.lateral_force
+    off_x = left_at_rest(0, drive_in_force(0, y, p, s), y.position[0] / p.x0, p, s)
+    off_y = left_at_rest(1, drive_in_force(1, y, p, s), y.position[1] / p.x0, p, s)
+    if abs(signal - off_x) < least + _ALIKE * abs(off_x):
+        off_y -= off_x * s.v[1] / s.v[0] if s.v[0] != 0.0 else 0.0
+        off_x = 0.0
+    z, tip = y.position[2] / p.z0, p.a + y.deflection / p.z0
+    load = p.of_both * (p.w + p.eta_c2 * (tip - z - p.a))
+    off_z = left_at_rest(2, drive_in_force(2, y, p, s), z, p, s) - load
+    s.zero_of_drive[0] = off_x if abs(off_x) > least else 0.0
+    s.zero_of_drive[1] = off_y if abs(off_y) > least else 0.0
+    s.zero_of_drive[2] = off_z if abs(off_z) > least_z else 0.0
+    for axis in range(3):
+        s.unstretched[axis] = -s.zero_of_drive[axis] / p.stiffness[axis]
+    if p.finds_zero != 0:
+        find_zero_at_rest(y, p, s)
 
 
 @kernel
