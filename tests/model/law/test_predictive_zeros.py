@@ -88,7 +88,7 @@ def test_it_is_found_beside_all_other_numbers_that_are_told_wrong():
 
 
 def tracked(case: Case, rate: int, law: str, noise: float = 0.0) -> tuple[float, float]:
-    """Largest error of x and y in the first and the third period, of what the sensors read; the tip is on the sample."""
+    """Largest error of x and y in the first and the third period, of what the sensors read; the tip is in contact."""
     run = simulate(*parameters_of(case, RATES[rate], contender(law), noise, 0))
     read, asked = run.measurements["position"][:, :2], run.measurements["reference_position"][:, :2]
     off = [case.true.get(f"fault.position_{axis}.size", 0.0) for axis in "xy"]

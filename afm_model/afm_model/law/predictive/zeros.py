@@ -31,14 +31,14 @@ _WALK = 5e-4
 """Random walk of the zero from turn to turn, over the bound of friction."""
 _CERTAIN = 2.5
 """Standard deviations from which on a zero is believed."""
+_ANOTHER = 3.0
+"""And by which a loop has to be off to be one of another zero."""
 _FAR = 5.0
-"""And from which on a drive is off."""
+"""And by which a drive has to be, to have another zero."""
 _ALIKE = 0.1
 """Part of friction by which signal and drive may tell another one at the start."""
 _RESTS = 0.1
 """Way of a tip up to which it rests [x0]."""
-_ANOTHER = 3.0
-"""And by which a loop is off from where on it is another zero."""
 _STEADY = 0.9
 """Rate of the tip less that of the reference, over the latter, up to which the tip goes as asked."""
 _SHORTEST = 1.0
@@ -48,8 +48,8 @@ _BACK = 0.3
 _OTHER_MAP = 0.002
 """Change of the zero, over the bound of friction, behind which a map of friction counts no more."""
 _SIGNAL, _SQUARE, _NOMINAL, _WAY, _ASKED, _FROM_X, _FROM_Y = range(7)
-"""Of a stroke: sums over the way along x of the signal, its square, and of the nominal bound times the cosine; that way;
-the way of the reference; where it began."""
+"""Of a stroke: sums over the way along x of the signal, its square, and of the nominal bound times the cosine; that
+way; the way of the reference; where it began."""
 
 
 @kernel
