@@ -22,9 +22,10 @@ from .nominal_plant import balance, drive_in_force, left_at_rest, look, nominal_
 from .predictive_constants import FIRST_Z, FLOOR, LEARNED, MEAN, POINTS, RATIO, VALUE, Constants
 from .predictive_state import State
 
-_SLOW = 0.003
-"""Deviation of a slow force at the start, over the bound of friction, and of the gain of the signal."""
+_SLOW, _SLOW_LATER = 0.003, 0.01
+"""Deviation of a slow force at the start, and later, over the bound of friction."""
 _GAIN = 0.1
+"""Deviation of the gain of the signal."""
 _LOOP = 4e-4
 """Deviation of what a loop tells, over friction."""
 _WALK = 5e-4
@@ -38,7 +39,9 @@ _FAR = 5.0
 _ALIKE = 0.1
 """Part of friction by which signal and drive may tell another one at the start."""
 _RESTS = 0.1
-"""Way of a tip up to which it rests [x0]."""
+"""Way of a tip in a control period up to which it rests at the start [x0]."""
+_HOLDS = 0.25
+"""Friction, over its bound as told, that holds a tip for certain."""
 _STEADY = 0.9
 """Rate of the tip less that of the reference, over the latter, up to which the tip goes as asked."""
 _SHORTEST = 1.0
@@ -91,6 +94,9 @@ def believe_zero(p: Constants, s: State) -> None:
 def find_zero_at_rest(y: Measurement, p: Constants, s: State) -> None:
     """Learn from a tip that has not slipped yet."""
     signal, held = y.lateral_force / p.lateral_force, balance(0, drive_in_force(0, y, p, s), y.position[0] / p.x0, p, s)
+    if s.slips > 0.0 or abs(held) > _HOLDS * p.f_0:
+        s.known_at_rest = 0.0
+        return
     # Where the tip is held the gain of the signal counts too.
     variance = square(_GAIN * held) + square(FLOOR * p.f_0)
     if p.measured != 0:
@@ -151,10 +157,14 @@ def compare_strokes(p: Constants, s: State) -> None:
     uneven = back[_SQUARE] / back[_WAY] - square(mean_back) + there[_SQUARE] / there[_WAY] - square(mean_there)
     part = missed / math.sqrt(max(missed * way, 1.0))
     variance = square(_LOOP * ratio) + square(part / p.f_0) * max(uneven, 0.0)
+    # The balance of forces tells the zero less a slow force: one that needs much of that is an error of the loop.
+    off = found - (s.zero - s.learned[0, 1] / s.gain_of[0]) / p.f_0
+    if off * off > square(_ANOTHER) * (variance + square(_SLOW_LATER) + s.unsure[0, 1, 1] / square(p.f_0)):
+        return
     s.variance_of_zero += square(_WALK)
-    off = square(found - s.zero_found)
-    if off > square(_ANOTHER) * (s.variance_of_zero + variance):
-        s.variance_of_zero += off
+    change = square(found - s.zero_found)
+    if change > square(_ANOTHER) * (s.variance_of_zero + variance):
+        s.variance_of_zero += change
     gain = s.variance_of_zero / (s.variance_of_zero + variance)
     s.zero_found += gain * (found - s.zero_found)
     s.variance_of_zero *= 1.0 - gain
@@ -164,11 +174,8 @@ def compare_strokes(p: Constants, s: State) -> None:
 @kernel
 def find_zero(y: Measurement, p: Constants, s: State) -> None:
     """Learn from a tip that rests, and on a stroke; at a turn along x compare it with the one before."""
-    moved = hypot(s.X - s.from_x, s.Y - s.from_y)
-    if s.known_at_rest > 0.0 and s.slips == 0.0 and moved < _RESTS + _FAR * p.measured * p.position_noise:
+    if s.known_at_rest > 0.0:
         find_zero_at_rest(y, p, s)
-    else:
-        s.known_at_rest = 0.0
     signal, speed = y.lateral_force / p.lateral_force, hypot(s.v[0], s.v[1])
     # What rests between two measurements holds less than its bound. Positions alone tell no rate of a tip that is lost.
     goes = s.V_X if p.measured == 0 or s.distrust < 1.0 else s.v[0]
