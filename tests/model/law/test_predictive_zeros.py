@@ -111,6 +111,14 @@ def test_position_sensors_that_are_off_from_the_piezo_cost_nothing(axis, off, fe
     assert tracked(displaced(off, f"position_{axis}"), rate, law)[1] < max(2.0 * plain, 0.1)
 
 
+@pytest.mark.parametrize("rate", [0, 1, 2])
+@pytest.mark.parametrize("off", [-8e-9, 3e-6])
+def test_a_surface_that_was_told_is_found_again_by_a_z_sensor_that_is_off(rate, off):
+    law = contender("predictive surface=known")
+    plain = run_case(CASE["the truth"], RATES[rate], law)["third"]
+    assert run_case(displaced(off, "position_z"), RATES[rate], law)["third"] == pytest.approx(plain, rel=0.01)
+
+
 def test_all_of_them_together_with_noise():
     # Signal and drive tell different forces along x, of the same sense.
     offs = {"position_x": 12e-9, "position_y": -9e-9, "position_z": 3e-6, "lateral_force": -60e-9}

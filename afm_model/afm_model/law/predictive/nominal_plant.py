@@ -55,10 +55,11 @@ def beyond(f: Any, d_x: float, d_y: float, p: Constants) -> float:
 
 @kernel
 def look_at_known(x: float, y: float, p: Constants, s: "State") -> None:
-    """Height, curvature and strength of friction at (x, y) of the sample that was told."""
+    """Height as the z sensor sees it, curvature and strength of friction at (x, y) of the sample that was told."""
     # State and Constants have the fields of Surface and of the sample's constants.
     known: Any = (s, p)
     surface(x, y, known[0], known[1], 0)
+    s.height += s.zero_of_height
 
 
 @kernel

@@ -110,6 +110,7 @@ class State(Record):
     # reference then, and whether the tip went as asked.
     zero_of_drive: Vector  # what was left over at the start; the places where the springs are not stretched then
     unstretched: Vector
+    zero_of_height: float  # what the z sensor is off, if not the piezo is
     zero: float
     zero_found: float
     variance_of_zero: float

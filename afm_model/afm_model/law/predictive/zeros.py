@@ -18,8 +18,8 @@ from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .continuation import FRICTION
 from .map import begin_map
-from .nominal_plant import balance, drive_in_force, left_at_rest, look, nominal_bound
-from .predictive_constants import FIRST_Z, FLOOR, LEARNED, MEAN, POINTS, RATIO, VALUE, Constants
+from .nominal_plant import balance, drive_in_force, left_at_rest, look, look_at_known, nominal_bound
+from .predictive_constants import FIRST_Z, FLOOR, KNOWN, LEARNED, MEAN, POINTS, RATIO, VALUE, Constants
 from .predictive_state import State
 
 _SLOW, _SLOW_LATER = 0.003, 0.01
@@ -135,7 +135,14 @@ def find_zeros_at_start(y: Measurement, p: Constants, s: State) -> None:
     s.zero_of_drive[1] = off_y if abs(off_y) > least else 0.0
     s.zero_of_drive[2] = off_z if abs(off_z) > least_z else 0.0
     for axis in range(3):
-        s.unstretched[axis] = -s.zero_of_drive[axis] / p.stiffness[axis]
+        # Along z the cantilever is a part of the spring, and a sensor that is off tells a wrong load as well.
+        spring = p.stiffness[axis] - (p.of_both * p.eta_c2 if axis == 2 else 0.0)
+        s.unstretched[axis] = -s.zero_of_drive[axis] / spring
+    if p.surface == KNOWN:
+        # Where the sample lies tells which of the two is off.
+        look_at_known(y.position[0] / p.x0, y.position[1] / p.x0, p, s)
+        off = tip - z + p.delta + p.delta_curvature * s.curvature - s.height
+        s.zero_of_height = -s.unstretched[2] if abs(off + s.unstretched[2]) < abs(off) else 0.0
     if p.finds_zero != 0:
         find_zero_at_rest(y, p, s)
 
