@@ -29,8 +29,7 @@ def estimates(case: Case, rate: int, law: str, noise: float = 0.0, seed: int = 0
     return simulate(*parameters_of(case, RATES[rate], contender(law), noise, seed)).estimates
 
 
-@pytest.mark.parametrize("size", [2e-9, -20e-9, 400e-9])
-@pytest.mark.parametrize("surface", ["known", "observed", "learned"])
+@pytest.mark.parametrize(("size", "surface"), [(2e-9, "known"), (-20e-9, "learned"), (400e-9, "observed")])
 @pytest.mark.parametrize("feedback", ["full", "measured"])
 @pytest.mark.parametrize(("rate", "most"), [(0, 2.0), (1, 2.0), (2, 3.0)])
 def test_a_zero_that_is_off_from_the_start_costs_next_to_nothing(size, surface, feedback, rate, most):
@@ -60,13 +59,20 @@ def test_its_deviation_is_that_of_what_is_found_with_noise():
     assert (0.3 < rms).all() and (rms < 2.0).all()
 
 
-@pytest.mark.parametrize("rate", [0, 2])
-@pytest.mark.parametrize("title", [case.title for case in CASES if not case.title.startswith(("crosstalk", "lateral"))])
-def test_nothing_else_that_is_told_wrong_is_taken_for_it(title, rate):
-    if title == "noise":
-        # With measured rates nothing is tracked then.
-        return
-    assert abs(estimates(CASE[title], rate, "predictive")["lateral_zero"]).max() < 2e-10
+SINGLE = [case for case in CASES if not case.title.startswith(("crosstalk", "lateral", "noise"))]
+"""With noise and measured rates nothing is tracked."""
+THROWN = ("friction x 2", "patches x .9", "Lissajous 2:3", "frequency x 5", "hysteresis 5 %, creep 1.5 %")
+
+
+@pytest.mark.parametrize(
+    ("case", "rate"),
+    [*((case, 0) for case in SINGLE), *((CASE[title], 2) for title in THROWN), (mixed(24), 2), (mixed(25), 2)],
+    ids=lambda each: getattr(each, "title", each),
+)
+@pytest.mark.filterwarnings("ignore:the law is made for another delay")
+def test_nothing_else_that_is_told_wrong_is_taken_for_it(case, rate):
+    # In packets tips that are thrown tell loops that are none: one was believed in mixtures 24 and 25.
+    assert abs(estimates(case, rate, "predictive")["lateral_zero"]).max() < 2e-10
 
 
 def test_it_is_left_where_it_is_if_it_is_to_be_believed():
@@ -100,7 +106,7 @@ def tracked(case: Case, rate: int, law: str, noise: float = 0.0) -> tuple[float,
     return float(error[run.time <= third].max()), float(error[run.time > 2.0 * third].max())
 
 
-@pytest.mark.parametrize(("axis", "off"), [("x", -7e-9), ("x", 21e-9), ("y", 13e-9), ("z", -400e-9), ("z", 9e-9)])
+@pytest.mark.parametrize(("axis", "off"), [("x", 21e-9), ("y", -13e-9), ("z", -400e-9)])
 @pytest.mark.parametrize("feedback", ["full", "measured"])
 @pytest.mark.parametrize("rate", [0, 1, 2])
 def test_position_sensors_that_are_off_from_the_piezo_cost_nothing(axis, off, feedback, rate):
