@@ -65,14 +65,19 @@ THROWN = ("friction x 2", "patches x .9", "Lissajous 2:3", "frequency x 5", "hys
 
 
 @pytest.mark.parametrize(
-    ("case", "rate"),
-    [*((case, 0) for case in SINGLE), *((CASE[title], 2) for title in THROWN), (mixed(24), 2), (mixed(25), 2)],
+    ("case", "rate", "surface"),
+    [
+        *((case, 0, "observed") for case in SINGLE),
+        *((CASE[title], 2, "observed") for title in THROWN),
+        (mixed(24), 2, "learned"),
+        (mixed(25), 2, "known"),
+    ],
     ids=lambda each: getattr(each, "title", each),
 )
 @pytest.mark.filterwarnings("ignore:the law is made for another delay")
-def test_nothing_else_that_is_told_wrong_is_taken_for_it(case, rate):
+def test_nothing_else_that_is_told_wrong_is_taken_for_it(case, rate, surface):
     # In packets tips that are thrown tell loops that are none: one was believed in mixtures 24 and 25.
-    assert abs(estimates(case, rate, "predictive")["lateral_zero"]).max() < 2e-10
+    assert abs(estimates(case, rate, f"predictive surface={surface}")["lateral_zero"]).max() < 2e-10
 
 
 def test_it_is_left_where_it_is_if_it_is_to_be_believed():

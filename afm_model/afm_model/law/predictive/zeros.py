@@ -46,6 +46,8 @@ _STEADY = 0.9
 """Rate of the tip less that of the reference, over the latter, up to which the tip goes as asked."""
 _SHORTEST = 1.0
 """Least way of a stroke on which it does, in radians of the shortest wave."""
+_MOST = 0.5
+"""Least part of the way of a stroke on which it does."""
 _BACK = 0.3
 """Radians of it from where a stroke ends to where the one before began, up to which it is the way back."""
 _OTHER_MAP = 0.002
@@ -153,7 +155,7 @@ def compare_strokes(p: Constants, s: State) -> None:
     there, back = s.strokes[0], s.strokes[1]
     way = p.wave_number * min(abs(there[_WAY]), abs(back[_WAY]))
     apart = p.wave_number * (abs(s.p[0] - there[_FROM_X]) + abs(s.p[1] - there[_FROM_Y]))
-    if way < _SHORTEST or apart > _BACK:
+    if way < _SHORTEST or way < _MOST * p.wave_number * abs(back[_ASKED]) or apart > _BACK:
         return
     mean_there, n_there = there[_SIGNAL] / there[_WAY], there[_NOMINAL] / there[_WAY]
     mean_back, n_back = back[_SIGNAL] / back[_WAY], back[_NOMINAL] / back[_WAY]
