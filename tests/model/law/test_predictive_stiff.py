@@ -164,6 +164,7 @@ def test_microscope_whose_scanner_is_told_needs_no_model_of_friction(tmp_path):
     assert set(believed) == {
         "time",
         *(f"slow_force_{axis}{of}" for axis in "xy" for of in ("", "_deviation")),
+        *(f"sensor_zero_{axis}" for axis in "xyz"),
         *("delay", "distrust", "fallbacks"),
     }
 

@@ -114,6 +114,7 @@ class State(Record):
     zero: float
     zero_found: float
     variance_of_zero: float
+    other_zero: float  # that the last pair of strokes told, if it was another one
     known_at_rest: float
     sense: float
     strokes: Annotated[Array, (2, 7)]

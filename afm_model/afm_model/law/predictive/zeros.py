@@ -26,8 +26,8 @@ _SLOW, _SLOW_LATER = 0.003, 0.01
 """Deviation of a slow force at the start, and later, over the bound of friction."""
 _GAIN = 0.1
 """Deviation of the gain of the signal."""
-_LOOP = 4e-4
-"""Deviation of what a loop tells, over friction."""
+_LOOP, _LOOP_PACKET = 4e-4, 1e-3
+"""Deviation of what a loop tells, over friction; in packets, where the tip goes unevenly."""
 _WALK = 5e-4
 """Random walk of the zero from turn to turn, over the bound of friction."""
 _CERTAIN = 2.5
@@ -60,7 +60,7 @@ way; the way of the reference; where it began."""
 @kernel
 def forget_zero(s: State) -> None:
     """Nothing is known of it."""
-    s.zero = s.zero_found = s.known_at_rest = s.sense = s.steady = 0.0
+    s.zero = s.zero_found = s.other_zero = s.known_at_rest = s.sense = s.steady = 0.0
     s.variance_of_zero = 1.0
     s.strokes[:] = 0.0
 
@@ -165,7 +165,7 @@ def compare_strokes(p: Constants, s: State) -> None:
     missed = max(2.0 - there[_WAY] / there[_ASKED] - back[_WAY] / back[_ASKED], 0.0)
     uneven = back[_SQUARE] / back[_WAY] - square(mean_back) + there[_SQUARE] / there[_WAY] - square(mean_there)
     part = missed / math.sqrt(max(missed * way, 1.0))
-    variance = square(_LOOP * ratio) + square(part / p.f_0) * max(uneven, 0.0)
+    variance = square((_LOOP if p.slots == 1 else _LOOP_PACKET) * ratio) + square(part / p.f_0) * max(uneven, 0.0)
     # The balance of forces tells the zero less a slow force: one that needs much of that is an error of the loop.
     off = found - (s.zero - s.learned[0, 1] / s.gain_of[0]) / p.f_0
     if off * off > square(_ANOTHER) * (variance + square(_SLOW_LATER) + s.unsure[0, 1, 1] / square(p.f_0)):
@@ -173,6 +173,11 @@ def compare_strokes(p: Constants, s: State) -> None:
     s.variance_of_zero += square(_WALK)
     change = square(found - s.zero_found)
     if change > square(_ANOTHER) * (s.variance_of_zero + variance):
+        # Friction that has changed between two strokes tells another zero too, but not twice the same.
+        again = square(found - s.other_zero) < square(_ANOTHER) * 2.0 * variance
+        s.other_zero = found
+        if not again:
+            return
         s.variance_of_zero += change
     gain = s.variance_of_zero / (s.variance_of_zero + variance)
     s.zero_found += gain * (found - s.zero_found)
