@@ -66,7 +66,6 @@ def _sine(amplitude: float = 1.0, speed: float = 1.0, **more: Value) -> dict[str
 
 
 _TAU = 0.91e9
-_OFF_Z: dict[str, Value] = {"kind": "offset", "signal": "position_z", "size": 50e-9}
 CASES = (
     Case("the truth"),
     *(Case(f"resonances {100 * (f - 1):+.0f} %", {}, _all_axes("scanner.f_{}", f)) for f in (0.95, 0.98, 1.02, 1.05)),
@@ -80,7 +79,7 @@ CASES = (
     Case("deflection gain 1.05", {"detector.deflection_gain": 1.05}),
     Case("crosstalk .02", {"detector.lateral_in_deflection": 0.02, "detector.deflection_in_lateral": 0.02}),
     *(Case(f"lateral zero off by {n} nN", {"detector.lateral_offset": n / 50.0}) for n in (2, 20)),
-    Case("z sensor off by 50 nm", {f"fault.z.{k}": v for k, v in _OFF_Z.items()}),
+    Case("z sensor off by 50 nm", {"fault.z.kind": "offset", "fault.z.signal": "position_z", "fault.z.size": 50e-9}),
     *(Case(f"friction x {factor:g}", {"contact.tau": factor * _TAU}) for factor in (0.5, 0.6, 1.5, 2.0)),
     Case("patches x .9", {"sample.kind": "patches", "sample.width": 2e-9, "sample.strength": 0.9}),
     Case("height x 2", {"sample.beta": 25e-9}),

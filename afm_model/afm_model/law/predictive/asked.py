@@ -8,7 +8,7 @@ import math
 from ...core.elementary import hypot, sincos
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement
-from .nominal_plant import look, nominal_bound, stretched
+from .nominal_plant import held_along_z, look, nominal_bound, stretched
 from .predictive_constants import Constants
 from .predictive_state import State
 from .sample_estimate import REST
@@ -131,9 +131,7 @@ def ask_of_z(at: int, n: int, e_x: float, e_y: float, p: Constants, s: State) ->
     for i in range(at, at + n):
         s.friction[i] = 0.5 * (s.friction[i] + s.friction[i + 1])
         z = 0.5 * (s.path[i, 2, 0] + s.path[i + 1, 2, 0])
-        ask_of(
-            2, i, p.of_both * (p.w + p.eta_c2 * (s.p[2] - z - p.a)) + s.slow[2] + s.softer[2] * stretched(2, z, s), p, s
-        )
+        ask_of(2, i, held_along_z(s.p[2] - z, p) + s.slow[2] + s.softer[2] * stretched(2, z, s), p, s)
 
 
 @kernel

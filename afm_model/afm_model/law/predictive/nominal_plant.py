@@ -122,6 +122,12 @@ def drive_in_force(axis: int, y: Measurement, p: Constants, s: "State") -> float
 
 
 @kernel
+def held_along_z(apart: float, p: Constants) -> float:
+    """What the drive of z has to hold of load and cantilever, with the tip so far above the scanner."""
+    return p.of_both * (p.w + p.eta_c2 * (apart - p.a))
+
+
+@kernel
 def friction_turns_drive(axis: int, p: Constants, s: "State") -> bool:
     """Whether friction turns the drive by steps: on a long way it is a small part of the drive for the travel."""
     return p.stiffness[axis] * s.reach <= _TURNED * p.f_0
@@ -190,7 +196,7 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         sum_y += j_y
         V_X = 0.0 if stick else (p_x - j_x) * n_x
         V_Y = 0.0 if stick else (p_y - j_y) * n_y
-        held = p.of_both * (p.w + p.eta_c2 * (s.height - p.delta - p.a))
+        held = held_along_z(s.height - p.delta, p)
         V_Z = n_z * ((1.0 - d_z) * V_Z + h * (left_at_rest(2, u_z, Z, p, s) - held))
         X += half * V_X
         Y += half * V_Y
@@ -212,7 +218,7 @@ def take_load(y: Measurement, p: Constants, s: "State") -> None:
     s.load = p.w + p.eta_c2 * (s.Q - p.a)
     # Where the scanner accelerates along z by more than following the surface takes, the tip does too: at rest, and
     # after a correction.
-    held = p.of_both * (p.w + p.eta_c2 * (s.Q - s.Z - p.a))
+    held = held_along_z(s.Q - s.Z, p)
     rise = left_at_rest(2, drive_in_force(2, y, p, s), s.Z, p, s) - p.damping[2] * s.V_Z - held
     phase_rate = p.wave_number * (abs(s.V_X) + abs(s.V_Y))
     follows = p.height * phase_rate * phase_rate

@@ -106,8 +106,8 @@ class State(Record):
     ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it
     # zeros.py: the zero believed; the one found over friction, and its variance; what a tip at rest has told;
-    # sense of the reference along x; the stroke before and this one; place and signal at the last measurement, the
-    # reference then, and whether the tip went as asked.
+    # sense of the reference along x; the stroke before and this one; signal and reference at the last measurement, and
+    # whether the tip went as asked.
     zero_of_drive: Vector  # what was left over at the start; the places where the springs are not stretched then
     unstretched: Vector
     zero_of_height: float  # what the z sensor is off, if not the piezo is
@@ -118,7 +118,6 @@ class State(Record):
     known_at_rest: float
     sense: float
     strokes: Annotated[Array, (2, 7)]
-    stroke_x: float
     stroke_signal: float
     asked_x: float
     steady: float

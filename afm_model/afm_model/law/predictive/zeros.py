@@ -18,7 +18,7 @@ from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .continuation import FRICTION
 from .map import begin_map
-from .nominal_plant import balance, drive_in_force, left_at_rest, look, look_at_known, nominal_bound
+from .nominal_plant import balance, drive_in_force, held_along_z, left_at_rest, look, look_at_known, nominal_bound
 from .predictive_constants import FIRST_Z, FLOOR, KNOWN, LEARNED, MEAN, POINTS, RATIO, VALUE, Constants
 from .predictive_state import State
 
@@ -131,8 +131,7 @@ def find_zeros_at_start(y: Measurement, p: Constants, s: State) -> None:
         off_y -= off_x * s.v[1] / s.v[0] if s.v[0] != 0.0 else 0.0
         off_x = 0.0
     z, tip = y.position[2] / p.z0, p.a + y.deflection / p.z0
-    load = p.of_both * (p.w + p.eta_c2 * (tip - z - p.a))
-    off_z = left_at_rest(2, drive_in_force(2, y, p, s), z, p, s) - load
+    off_z = left_at_rest(2, drive_in_force(2, y, p, s), z, p, s) - held_along_z(tip - z, p)
     s.zero_of_drive[0] = off_x if abs(off_x) > least else 0.0
     s.zero_of_drive[1] = off_y if abs(off_y) > least else 0.0
     s.zero_of_drive[2] = off_z if abs(off_z) > least_z else 0.0
@@ -193,7 +192,7 @@ def find_zero(y: Measurement, p: Constants, s: State) -> None:
     signal, speed = y.lateral_force / p.lateral_force, hypot(s.v[0], s.v[1])
     # What rests between two measurements holds less than its bound. Positions alone tell no rate of a tip that is lost.
     goes = s.V_X if p.measured == 0 or s.distrust < 1.0 else s.v[0]
-    went = (s.X - s.stroke_x) / p.hold if p.measured == 0 or p.slots > 1 or s.distrust == 1.0 else s.v[0]
+    went = (s.X - s.at_x) / p.hold if p.measured == 0 or p.slots > 1 or s.distrust == 1.0 else s.v[0]
     steady = 1.0 if max(abs(goes - s.v[0]), abs(went - s.v[0])) < _STEADY * abs(s.v[0]) else 0.0
     sense, now = 0.0 if s.v[0] == 0.0 else math.copysign(1.0, s.v[0]), s.strokes[1]
     if sense != 0.0 and sense == s.sense:
@@ -213,4 +212,4 @@ def find_zero(y: Measurement, p: Constants, s: State) -> None:
             s.strokes[0, i], now[i] = now[i], 0.0
         now[_FROM_X], now[_FROM_Y] = s.p[0], s.p[1]
         s.sense = sense
-    s.stroke_x, s.stroke_signal, s.asked_x, s.steady = s.X, signal, s.p[0], steady
+    s.stroke_signal, s.asked_x, s.steady = signal, s.p[0], steady
