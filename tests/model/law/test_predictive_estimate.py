@@ -8,10 +8,13 @@ import pytest
 from afm_model import ControllerParameters, build
 from afm_model.law.predictive import PREDICTIVE
 from afm_model.law.predictive.asked import continue_reference, take_reference
-from afm_model.law.predictive.map import NODES, SPACING, read_map, write_map
-from afm_model.law.predictive.nominal_plant import REACH, beyond
+from afm_model.law.predictive.map import NODES, SPACING, begin_map, read_map, write_map
+from afm_model.law.predictive.nominal_plant import REACH, beyond, level, look
+from afm_model.law.predictive.predictive_constants import RATIO
 from afm_model.law.predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 from afm_model.parts.signals import Measurement
+from afm_model.studies.contender import contender
+from afm_model.studies.wrong_models import RATES, Case, run_case
 
 from ..tables import record_of
 from .predictive_records import records
@@ -164,6 +167,34 @@ def test_with_positions_alone_friction_that_is_on_no_map_begins_a_new_one(law, d
         assert np.count_nonzero(np.isfinite(s.visited)) <= 5
     else:
         assert np.count_nonzero(np.isfinite(s.visited)) > 40
+
+
+@pytest.mark.parametrize(("deviations", "counts"), [(2.9, 0.05), (-2.9, 0.05), (3.1, 1.0), (-3.1, 1.0)])
+def test_friction_that_is_off_its_map_by_noise_counts_over_a_wave_and_by_more_at_once(deviations, counts, rng):
+    p, s = records(surface="learned", feedback="measured")
+    travel(p, s, np.arange(0.0, 40.0, 0.28), 0.0, rng)
+    # A twentieth of the wave in a period at most; the tip is in the middle of the line.
+    s.fastest = 0.05 * 2.0 * math.pi / (p.wave_number * p.hold)
+    s.X = s.Y = s.at_x = s.at_y = 20.0 / math.sqrt(2.0)
+    s.P[RATIO, RATIO] = 1e-6
+    look(s.X, s.Y, p, s)
+    mapped, change = float(s.here), 1e-3 * deviations
+    # Beside what it was off before.
+    for off in (0.0, 0.01):
+        s.offset, s.ratio[VALUE] = off, mapped + off + change
+        level(p, s)
+        assert s.offset - off == pytest.approx(counts * change, rel=1e-9)
+    begin_map(s)
+    assert s.offset == 0.0
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.2])
+def test_friction_that_changes_on_a_line_that_was_learned_costs_nothing_two_periods_later(factor):
+    fault = {"kind": "friction", "size": factor, "start": 0.1}
+    case = Case("friction changes", {f"fault.sample.{name}": value for name, value in fault.items()})
+    run = run_case(case, RATES[1], contender("predictive surface=learned"), noise=1.0)
+    assert run["third"] < 1.0
+    assert not run["lost"]
 
 
 def test_the_map_tells_nothing_ahead_and_beside_the_line(rng):

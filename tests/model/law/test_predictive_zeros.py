@@ -84,6 +84,12 @@ def test_it_is_left_where_it_is_if_it_is_to_be_believed():
     assert run_case(displaced(2e-9), RATES[0], law)["third"] > 1.0
 
 
+def test_what_is_left_of_a_fallback_is_taken_for_no_zero():
+    # The first stroke behind it told 0.6 nN, and 1.3 % of error were left in the third period.
+    found = [estimates(CASE["friction x 0.5"], 1, "predictive surface=learned", 1.0, seed) for seed in range(3)]
+    assert np.median([abs(each["lateral_zero"]).max() for each in found]) < 2e-10
+
+
 def test_it_is_found_beside_all_other_numbers_that_are_told_wrong():
     for seed in range(4):
         case = mixed(seed)
@@ -195,11 +201,26 @@ def test_at_rest_noise_is_averaged_and_not_believed():
     assert s["variance_of_zero"] == pytest.approx((noise / p["f_0"]) ** 2 / 5.0 + 0.003**2, rel=0.02)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.8, 1.3])
-def test_a_loop_tells_the_zero_of_any_friction_and_direction(angle):
+def test_the_measurement_that_the_law_begins_with_counts_once():
+    p, s = records(surface="observed")
+    y = measured(p, 0.3, 0.0)
+    find_zeros_at_start(y, p, s)
+    once, s["started"] = s["known_at_rest"], 0.0
+    find_zero(y, p, s)
+    assert s["known_at_rest"] == once > 0.0
+    s["started"] = 1.0
+    find_zero(y, p, s)
+    assert s["known_at_rest"] == pytest.approx(2.0 * once, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("angle", "behind", "counts"), [(0.0, 0.0, True), (0.8, 0.29, True), (1.3, 0.0, True), (0.0, 0.31, False)]
+)
+def test_a_loop_tells_the_zero_of_any_friction_and_direction_where_the_tip_is_near(angle, behind, counts):
     p, s = records(surface="observed")
     d_x, d_y = math.cos(angle), math.sin(angle)
     ratio, zero, h = 0.6, -0.9, p["hold"]
+    behind /= p["wave_number"] * (d_x + d_y)
     s["slips"] = 5.0
     s["ratio"][VALUE] = s["ratio"][MEAN] = ratio + zero / (p["f_0"] * d_x)
     s["load"], s["started"] = p["load_0"], 1.0
@@ -208,9 +229,10 @@ def test_a_loop_tells_the_zero_of_any_friction_and_direction(angle):
         s["p"][:2] = 20.0 * math.sin(phase) * np.array([d_x, d_y])
         s["v"][:2] = 20.0 * 2.0 * math.pi / 300.0 / h * math.cos(phase) * np.array([d_x, d_y])
         s["at_x"] = s["X"]
-        s["X"], s["Y"], s["V_X"], s["V_Y"] = s["p"][0], s["p"][1], s["v"][0], s["v"][1]
+        s["X"], s["Y"] = s["p"][0] - behind * d_x, s["p"][1] - behind * d_y
+        s["V_X"], s["V_Y"] = s["v"][:2]
         sense = math.copysign(1.0, math.cos(phase))
         find_zero(measured(p, ratio * p["f_0"] * sense * d_x + zero, s["X"]), p, s)
-    assert s["zero"] == pytest.approx(zero, rel=1e-3)
+    assert s["zero"] == pytest.approx(zero if counts else 0.0, rel=1e-3)
     # At the first turn what was seen against it is put right: the ratio, and the slow force.
-    assert s["learned"][0, 1] == pytest.approx(zero, rel=1e-3)
+    assert s["learned"][0, 1] == pytest.approx(zero if counts else 0.0, rel=1e-3)

@@ -157,6 +157,6 @@ def begin_anew(p: Constants, s: State) -> None:
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
     for i in range(NODES):
         s.map_H[i] = s.map_ratio[i] = 0.0
-    s.signal = s.way = s.pitch = s.offset = s.offset_H = 0.0
+    s.signal = s.way = s.pitch = s.offset_H = 0.0
     for axis in range(2):
         s.sum_pa[axis] = s.sum_pp[axis] = 0.0

@@ -101,7 +101,7 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
 @kernel
 def begin_map(s: "State") -> None:
     """Nothing is written."""
-    s.written = s.gripped = s.misfit = s.misfit_H = 0.0
+    s.written = s.gripped = s.offset = s.misfit = s.misfit_H = 0.0
     for i in range(NODES):
         s.visited[i] = math.inf
         for j in range(i + 1):

@@ -2,6 +2,7 @@
 deflection.
 """
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from ...contact.friction import friction_impulse
@@ -11,7 +12,7 @@ from ...parts.signals import Measurement
 from ...sample.paper import surface
 from .continuation import FRICTION, HEIGHT, go_on
 from .map import read_map
-from .predictive_constants import ANSWERS, LEARNED, MEAN, SLOPE_X, SLOPE_Y, VALUE, Constants
+from .predictive_constants import ANSWERS, LEARNED, MEAN, RATIO, SLOPE_X, SLOPE_Y, VALUE, Constants
 
 if TYPE_CHECKING:
     from .predictive_state import State
@@ -24,6 +25,8 @@ _FINE = 0.28
 """Phase in a control period up to which height is continued so well that it tells friction."""
 _TURNED = 10.0
 """Drive for the travel over friction, up to which friction turns the drive."""
+_NOISE = 3.0
+"""Standard deviations up to which the ratio is off its map by noise."""
 
 
 @kernel
@@ -92,13 +95,18 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
 
 @kernel
 def level(p: Constants, s: "State") -> None:
-    """The map tells how height and ratio change from here; what they are here is measured."""
-    s.offset = s.offset_H = 0.0
+    """The map tells how height and ratio change from here; what they are here is measured.
+
+    Of the ratio a deviation that is no noise counts at once, others over the time of a wave.
+    """
+    s.offset_H = 0.0
     look(s.X, s.Y, p, s)
     if s.mapped_H > 0.0:
-        s.offset_H = s.H[0] - s.height
+        s.offset_H = s.H[VALUE] - s.height
     if s.mapped > 0.0:
-        s.offset = s.ratio[0] - s.here
+        off = s.ratio[VALUE] - s.here
+        noise = off * off < _NOISE * _NOISE * s.P[RATIO, RATIO]
+        s.offset += off * (min(p.wave_number * s.fastest * p.hold / (2.0 * math.pi), 1.0) if noise else 1.0)
 
 
 @kernel

@@ -30,7 +30,7 @@ _LOOP, _LOOP_PACKET = 4e-4, 1e-3
 """Deviation of what a loop tells, over friction; in packets, where the tip goes unevenly."""
 _WALK = 5e-4
 """Random walk of the zero from turn to turn, over the bound of friction."""
-_CERTAIN = 2.5
+_CERTAIN = 2.0
 """Standard deviations from which on a zero is believed."""
 _ANOTHER = 3.0
 """And by which a loop has to be off to be one of another zero."""
@@ -44,6 +44,8 @@ _HOLDS = 0.25
 """Friction, over its bound as told, that holds a tip for certain."""
 _STEADY = 0.9
 """Rate of the tip less that of the reference, over the latter, up to which the tip goes as asked."""
+_NEAR = 0.3
+"""Radians of the shortest wave by which it is off the reference then, at most; in packets that tells nothing."""
 _SHORTEST = 1.0
 """Least way of a stroke on which it does, in radians of the shortest wave."""
 _MOST = 0.5
@@ -85,6 +87,8 @@ def believe_zero(p: Constants, s: State) -> None:
     less = change * s.strokes[1, _WAY] / s.strokes[1, _NOMINAL]
     s.ratio[VALUE] -= less
     s.ratio[MEAN] -= less
+    # In packets and with measured rates a map counts as it is.
+    s.offset -= less if p.measured != 0 and p.slots == 1 else 0.0
     for i in range(POINTS):
         s.found[i, FRICTION] -= less
     s.P[RATIO, RATIO] += square(less)
@@ -173,7 +177,7 @@ def compare_strokes(p: Constants, s: State) -> None:
     change = square(found - s.zero_found)
     if change > square(_ANOTHER) * (s.variance_of_zero + variance):
         # Friction that has changed between two strokes tells another zero too, but not twice the same.
-        again = square(found - s.other_zero) < square(_ANOTHER) * 2.0 * variance
+        again = square(found - s.other_zero) < min(square(_ANOTHER) * 2.0 * variance, 0.25 * change)
         s.other_zero = found
         if not again:
             return
@@ -187,13 +191,14 @@ def compare_strokes(p: Constants, s: State) -> None:
 @kernel
 def find_zero(y: Measurement, p: Constants, s: State) -> None:
     """Learn from a tip that rests, and on a stroke; at a turn along x compare it with the one before."""
-    if s.known_at_rest > 0.0:
+    if s.known_at_rest > 0.0 and s.started != 0.0:
         find_zero_at_rest(y, p, s)
     signal, speed = y.lateral_force / p.lateral_force, hypot(s.v[0], s.v[1])
     # What rests between two measurements holds less than its bound. Positions alone tell no rate of a tip that is lost.
     goes = s.V_X if p.measured == 0 or s.distrust < 1.0 else s.v[0]
     went = (s.X - s.at_x) / p.hold if p.measured == 0 or p.slots > 1 or s.distrust == 1.0 else s.v[0]
-    steady = 1.0 if max(abs(goes - s.v[0]), abs(went - s.v[0])) < _STEADY * abs(s.v[0]) else 0.0
+    near = p.slots > 1 or p.wave_number * (abs(s.X - s.p[0]) + abs(s.Y - s.p[1])) < _NEAR
+    steady = 1.0 if near and max(abs(goes - s.v[0]), abs(went - s.v[0])) < _STEADY * abs(s.v[0]) else 0.0
     sense, now = 0.0 if s.v[0] == 0.0 else math.copysign(1.0, s.v[0]), s.strokes[1]
     if sense != 0.0 and sense == s.sense:
         step = s.p[0] - s.asked_x
