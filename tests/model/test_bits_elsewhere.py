@@ -20,11 +20,6 @@ PLAIN = {
     "NUMBA_CPU_NAME": "generic",
     "NUMBA_CPU_FEATURES": "",
 }
-SOME = ["closed_loop_tanh", "lever, dmt, three modes, heat", "sample rough", "real time, late and lost"]
-"""Law and contact; modes and random numbers; Fourier transform and splines; latencies."""
-switches = pytest.mark.skipif(
-    sys.platform != "linux" or os.uname().machine != "x86_64", reason="these switches are of x86-64"
-)
 
 
 def differing(command: list[Any], **environment: str) -> list[str]:
@@ -37,14 +32,9 @@ def differing(command: list[Any], **environment: str) -> list[str]:
     return [line for name, line in lines if name in bits.NAMES and (name not in bits.FITTED or "trajectory" in line)]
 
 
-@switches
-def test_bits_are_the_same_without_fma_and_avx() -> None:
-    assert differing([sys.executable, BITS, *SOME], **PLAIN) == []
-
-
 @pytest.mark.long
 @pytest.mark.timeout(0)
-@switches
+@pytest.mark.skipif(sys.platform != "linux" or os.uname().machine != "x86_64", reason="these switches are of x86-64")
 def test_all_bits_but_those_of_fits_are_the_same_without_fma_and_avx() -> None:
     assert differing([sys.executable, BITS], **PLAIN) == []
 

@@ -20,6 +20,7 @@ from afm_recorder_node.reader import read_recording
 SAMPLE = Sample(at=0.0, memory=1e8, shared=1e6, descriptors=20, threads=10, segments=5, processor=0.0)
 
 
+@pytest.mark.long
 def test_session_uses_no_more_after_ten_thousands_of_messages_than_before(tmp_path: Path) -> None:
     """In lockstep, as fast as it goes: what grew with each message or tick would be seen in seconds."""
     out = tmp_path / "out"
@@ -35,6 +36,7 @@ def test_session_uses_no_more_after_ten_thousands_of_messages_than_before(tmp_pa
     assert_nothing_left()
 
 
+@pytest.mark.long
 def test_processes_use_no_more_after_many_verbs_and_recordings_than_before(tmp_path: Path) -> None:
     samples, recordings = soak_verbs(tmp_path / "out", seconds=0.0, warm_up=3.0, told=print, rounds=7)
     assert recordings >= 7

@@ -41,7 +41,11 @@ def test_our_controller_keeps_every_rule_that_can_be_tested(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("way", "sentence"), [("nan", "the drive for measurement 50 is [nan,"), ("leaks", "it has taken ")]
+    ("way", "sentence"),
+    [
+        ("nan", "the drive for measurement 50 is [nan,"),
+        pytest.param("leaks", "it has taken ", marks=pytest.mark.long),
+    ],
 )
 def test_a_wrong_controller_is_found_out(tmp_path: Path, way: str, sentence: str) -> None:
     with check(sys.executable, WRONG, way, folder=tmp_path) as command:

@@ -26,6 +26,8 @@ from support import (
 from afm_bringup.results_folder import ResultsFolder
 from afm_recorder_node.reader import read_recording
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def endless(tmp_path: Path) -> Path:

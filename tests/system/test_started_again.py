@@ -3,8 +3,10 @@
 import signal
 from pathlib import Path
 
+import pytest
 from support import Command, Graph, Observer, executable, remove_shared_memory_left, ros_arguments, wait_for_the_end_of
 
+pytestmark = pytest.mark.long
 PARAMETERS = {"run.lockstep_timeout": 1000.0}
 
 

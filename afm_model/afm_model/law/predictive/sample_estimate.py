@@ -207,7 +207,8 @@ def doubt_surface(p: Constants, s: "State") -> None:
     """
     look_at_known(s.X, s.Y, p, s)
     H = measured_height(s.Z, p, s)
-    off = square((H + p.delta_curvature * s.curvature - s.height) / p.height)
+    higher = H + p.delta_curvature * s.curvature - s.height
+    off = square(higher / p.height)
     noise = square(p.height_noise / p.height)
     if p.measured != 0:
         noise += square(p.wave_number) * place_variance(s)
@@ -216,6 +217,9 @@ def doubt_surface(p: Constants, s: "State") -> None:
     # In packets of positions alone a tip that is thrown is estimated at a wrong place for some measurements.
     waves = _LONGER if p.measured != 0 and p.slots > 1 else 1.0
     part = min(phase / (2.0 * math.pi * waves), 1.0) if s.started != 0.0 else 0.0
+    if s.unknown == 0 and s.zero_of_height != 0.0:
+        # One measurement told it, with its noise.
+        s.zero_of_height += part * higher
     s.contradicts += part * (min(off, _ONE_ALONE * most) - s.contradicts)
     before = s.unknown
     if s.unknown == 0 and s.contradicts > most:
