@@ -38,12 +38,12 @@ def test_another_height_is_found_out_within_two_waves_and_the_true_one_is_known_
     assert s.unknown == 0
 
 
-@pytest.mark.parametrize(("begins", "ends"), [(0.03, 0.0), (0.0, 0.0), (-0.02, 0.0)])
-def test_heights_that_a_z_sensor_moved_are_put_right_within_some_waves(begins, ends):
+@pytest.mark.parametrize("begins", [0.03, 0.0, -0.02])
+def test_heights_that_a_z_sensor_moved_are_put_right_within_some_waves(begins):
     p, s = records(surface="known")
     s.zero_of_height = begins * p.beta
     walk(p, s, 6, 1.0)
-    assert s.zero_of_height / p.beta == pytest.approx(ends, abs=1e-3)
+    assert s.zero_of_height / p.beta == pytest.approx(0.0, abs=1e-3)
     assert s.unknown == 0
 
 
