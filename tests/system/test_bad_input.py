@@ -1,6 +1,7 @@
 """What a session refuses, it refuses in one sentence with the value and what is allowed, before anything is written."""
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -14,6 +15,9 @@ from afm_model import ScenarioError, scenario_names
 
 SIMULATOR = "/**/afm_sim_node"
 CONTROLLER = "/**/afm_controller_node"
+
+PORT_LEFT = re.compile(r"RTPS_TRANSPORT_SHM.*Failed init_port fast\w+_port7[0-3]\d\d: open_and_lock_file failed")
+"""What Fast DDS prints where two nodes want the port of a killed one: docs/reliability.md, Shared memory."""
 
 
 def section(name: str, *lines: str) -> str:
@@ -251,7 +255,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, End]:
 @pytest.mark.parametrize("name", CASES)
 def test_session_is_refused_in_one_sentence_and_nothing_is_written(ends: dict[str, End], name: str) -> None:
     case, end = CASES[name], ends[name]
-    lines = end.printed.strip().splitlines()
+    lines = [line for line in end.printed.strip().splitlines() if not PORT_LEFT.search(line)]
     assert [line for line in lines if not line.startswith("error: ")] == [], end.printed
     assert len(lines) == 1, end.printed
     for part in case.told:
