@@ -147,13 +147,10 @@ def noise_limit(case: str, rate: str, knows: str, limit: float) -> float:
     given = CASE[case]
     strength = float(given.true.get("contact.tau", _TAU)) / _TAU
     at = RATE[rate]
-    # What is wrong about the scanner is found while it may change. A zero of the lateral signal acts as a slow force.
-    wandering = ("piezo.", "detector.lateral_gain", "detector.lateral_offset")
-    wander = bool(given.told) or any(name.startswith(wandering) for name in given.true)
     drift = law_bounds.of_drift(float(given.true.get("drift.rate_x", 0.0)))
     # A surface that was told or learned at another place is not known.
     knows = "observed" if drift > 0.1 else knows
-    left = law_noise.bound_of_noise(at.period, at.delay_ticks, strength, knows, at.packet > 1, wander)
+    left = law_noise.bound_of_noise(at.period, at.delay_ticks, strength, knows, at.packet > 1)
     return 2.0 * limit + left + drift
 
 

@@ -161,7 +161,9 @@ def test_with_positions_alone_friction_that_is_on_no_map_begins_a_new_one(law, d
     ratio = 1.0 + 0.1 * height(40.0) + ripples * p.ripple
     write_map(0.02, ratio, p, s)
     if anew:
-        # As if it were the first measurement.
+        assert not np.isfinite(s.visited).any()
+        # The next one is as if it were the first.
+        write_map(0.02, ratio, p, s)
         assert s.map_ratio == pytest.approx(np.full(NODES, ratio), abs=1e-12)
         assert s.map_H == pytest.approx(np.full(NODES, 0.02), abs=1e-12)
         assert np.count_nonzero(np.isfinite(s.visited)) <= 5
@@ -184,7 +186,7 @@ def test_friction_that_is_off_its_map_by_noise_counts_over_a_wave_and_by_more_at
         s.offset, s.ratio[VALUE] = off, mapped + off + change
         level(p, s)
         assert s.offset - off == pytest.approx(counts * change, rel=1e-9)
-    begin_map(s)
+    begin_map(p, s)
     assert s.offset == 0.0
 
 

@@ -128,8 +128,8 @@ def test_what_a_surface_leaves_falls_with_the_period():
     assert of_surface(1e-3, 1, 2.0)[1] > 6.0 * of_surface(1e-3, 1)[1]
 
 
-@pytest.mark.parametrize(("period", "strength"), [(5e-5, 2.0), (2e-4, 1.5)])
-def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, strength):
+@pytest.mark.parametrize(("period", "strength", "wander"), [(5e-5, 2.0, False), (2e-4, 1.5, True)])
+def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, strength, wander):
     p = constants(period, 1, feedback="measured")
     q, h, half = 2.0 * p["wave_number"] / math.sqrt(2.0), p["hold"], 0.5 * p["height"]
     stiffness, damping = p["stiffness"][:2].mean(), p["damping"][:2].mean()
@@ -139,31 +139,36 @@ def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, stre
         return strength * p["f_0"] * (p["eta_c2"] * p["f_load"] - p["ripple"] / p["height"]) * half * math.sin(q * x)
 
     def rate(t, y, begins):
-        x, v, of_surface, its_rate, _, slope = y.reshape(6, 6)
+        x, v, of_surface, its_rate, _, slope, another = y.reshape(7, 7)
         at = SPEED * (begins + t)
         held = (friction(at + 1e-4) - friction(at - 1e-4)) / 2e-4
         height = half * q * math.cos(q * at) * v + SPEED * slope
-        none = np.zeros(6)
-        return np.ravel([v, -(stiffness + held) * x - damping * v - of_surface, its_rate, none, height, none])
+        pushed = -(stiffness + held) * x - damping * v - of_surface - another
+        none = np.zeros(7)
+        return np.ravel([v, pushed, its_rate, none, height, none, none])
 
     wave = round(2.0 * math.pi / (q * SPEED * h))
-    # Of the six states side by side.
+    # Of the seven states side by side.
     steps = [
-        solve_ivp(rate, (0.0, h), np.eye(6).ravel(), args=(k * h,), rtol=1e-8).y[:, -1].reshape(6, 6)
+        solve_ivp(rate, (0.0, h), np.eye(7).ravel(), args=(k * h,), rtol=1e-8).y[:, -1].reshape(7, 7)
         for k in range(wave)
     ]
     # What a period adds: friction and height bend as much as those of the shortest wave at its top.
     bend_f, bend_h = strength * p["f_0"] * p["ripple"] * (q * SPEED) ** 2, half * q * q * SPEED * h
-    adds = np.column_stack([[0.0, 0.0, 0.5 * h * h * bend_f, h * bend_f, 0.0, 0.0], [0.0] * 6])
-    adds[4:, 1] = 0.5 * SPEED * h * bend_h, bend_h
+    adds = np.zeros((7, 3))
+    adds[2:4, 0] = 0.5 * h * h * bend_f, h * bend_f
+    adds[4:6, 1] = 0.5 * SPEED * h * bend_h, bend_h
+    # And what gain and slow force wander by.
+    gain, slow, *_ = np.sqrt(p["walk"][0])
+    adds[6, 2] = wander * math.hypot(gain * strength * p["f_0"], slow)
     of_height = math.hypot(p["height_noise"], p["z_noise"])
     noise = np.array([p["position_noise"], math.sqrt(2.0) * p["force_noise"], of_height])
     # The state at each measurement as the sum of what was there at first and what each period has added.
-    state, told, squares = np.eye(6), np.eye(6), []
+    state, told, squares = np.diag([*6 * (1.0,), float(wander)]), np.eye(7), []
     for k in range(3 * wave):
         state = np.hstack([steps[k % wave] @ state, adds])
         seen = state[[0, 2, 4]] / noise[:, None]
-        told = block_diag(told, np.eye(2)) + seen.T @ seen
+        told = block_diag(told, np.eye(3)) + seen.T @ seen
         if k < 2 * wave:
             continue
         later, more = state, []
@@ -175,7 +180,7 @@ def test_bound_of_noise_is_what_all_measurements_of_two_waves_leave(period, stre
     of_estimate, of_later = np.array(squares).T
     percent = 100.0 / (AMPLITUDE * math.sqrt(2.0))
     expected = math.sqrt(of_estimate.mean()), math.sqrt(of_later.mean()), math.sqrt(of_later.max())
-    assert uncertainties(period, 1, strength) == pytest.approx(percent * np.array(expected), rel=0.03)
+    assert uncertainties(period, 1, strength, wander) == pytest.approx(percent * np.array(expected), rel=0.03)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from ...core.jit import kernel
 from ...parts.signals import Measurement
 from .continuation import forget_places
 from .gain_of_y import forget_gain_of_y
-from .map import NODES, begin_map
+from .map import NODES, begin_map, keep_map
 from .predictive_constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Constants
 from .predictive_state import State
 from .sample_estimate import REST
@@ -44,7 +44,7 @@ def forget(p: Constants, s: State) -> None:
     if s.fallbacks > _TIMES:
         # A line longer than the ring tells nothing any more.
         s.least, s.most = -float(NODES), float(NODES)
-    begin_map(s)
+    begin_map(p, s)
     s.told = s.counts = 0.0
     for axis in range(3):
         for i in range(UNEXPLAINED):
@@ -75,6 +75,7 @@ def see_turn(p: Constants, s: State) -> None:
         if p.stiff == 0:
             forget(p, s)
         s.least = s.most = s.pitch = s.way = 0.0
+    keep_map(s)
     s.turned[0, 0], s.turned[0, 1], s.turned[1, 0], s.turned[1, 1] = s.p[0], s.p[1], v_x, v_y
     s.fastest_before, s.fastest_since = s.fastest_since, 0.0
 

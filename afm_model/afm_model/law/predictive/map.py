@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ...core.elementary import square
 from ...core.jit import kernel, routine
 from .continuation import mean_ratio
+from .drift import carry_drift, find_drift, forget_drift
 from .predictive_constants import Constants
 
 if TYPE_CHECKING:
@@ -67,22 +68,38 @@ def weights(f: float) -> tuple[float, float, float, float]:
 
 
 @kernel
+def room(s: "State") -> float:
+    """By how many nodes the ring is longer than the line."""
+    return NODES - 8 - (s.most - s.least)
+
+
+@kernel
+def seen_before(i: int, s: "State") -> bool:
+    """Whether the tip was at node i and the three behind it a wave of its way ago or longer."""
+    for a in range(4):
+        if s.way - s.visited[(i + a) % NODES] < AGE * s.pitch / SPACING:
+            return False
+    return True
+
+
+@kernel
 def read_map(x: float, y: float, p: Constants, s: "State") -> None:
     """Put height and strength at (x, y) into the state, if the tip was there before."""
     along, on = place(x, y, s)
     # The ring is longer than the line, or it knows nothing.
-    if not on or s.most - s.least > NODES - 8:
+    if not on or room(s) < 0.0:
         return
+    along += s.shift / s.pitch
     first = math.floor(along)
     w = weights(along - first)
     i = first - 1
+    if not seen_before(i, s):
+        return
     H, ratio, variance = 0.0, 0.0, 0.0
     for a in range(4):
         at = (i + a) % NODES
         H += w[a] * s.map_H[at]
         ratio += w[a] * s.map_ratio[at]
-        if s.way - s.visited[at] < AGE * s.pitch / SPACING:
-            return
         for b in range(a):
             other = (i + b) % NODES
             variance += 2.0 * w[a] * w[b] * s.covariance[max(at, other), min(at, other)]
@@ -99,8 +116,9 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
 
 
 @kernel
-def begin_map(s: "State") -> None:
+def begin_map(p: Constants, s: "State") -> None:
     """Nothing is written."""
+    forget_drift(p, s)
     s.written = s.gripped = s.offset = s.misfit = s.misfit_H = 0.0
     for i in range(NODES):
         s.visited[i] = math.inf
@@ -132,6 +150,24 @@ def misfit_of(innovation: float, size: float, variance: float) -> float:
     return min(square(innovation / size) / variance, FARTHEST)
 
 
+@kernel
+def before_stroke(i: int, f: float, s: "State") -> tuple[float, float]:
+    """Height and its slope on the map as it was at the last turn, a fraction f of an interval beyond node i + 1."""
+    g, height, slope = 1.0 - f, 0.0, 0.0
+    w = weights(f)
+    for a, weight in enumerate((-0.5 * g * g, 1.5 * f * f - 2.0 * f, 2.0 * g - 1.5 * g * g, 0.5 * f * f)):
+        height += w[a] * s.map_before[(i + a) % NODES]
+        slope += weight * s.map_before[(i + a) % NODES]
+    return height, slope / s.pitch
+
+
+@kernel
+def keep_map(s: "State") -> None:
+    """Keep the heights as they are, at a turn."""
+    for i in range(NODES):
+        s.map_before[i] = s.map_H[i]
+
+
 @routine
 def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     """Kalman update by a height, and a ratio if that is positive, measured where the scanner is."""
@@ -140,6 +176,10 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         return
     asked, on = place(s.p[0], s.p[1], s)
     s.least, s.most = min(s.least, asked), max(s.most, asked)
+    carry_drift(p, s)
+    if abs(s.shift) > s.pitch * max(room(s), 0.0):
+        # The ring has no more nodes for what has come to the line.
+        begin_map(p, s)
     along, on = place(s.X, s.Y, s)
     if not on:
         return
@@ -152,6 +192,10 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         return
     if along < s.least - 1.0 or along > s.most + 1.0:
         return
+    # What the tip has passed between two measurements is known by both.
+    before, _ = place(s.at_x, s.at_y, s)
+    before = min(max(before, s.least), s.most) + s.shift / s.pitch
+    along += s.shift / s.pitch
     first = math.floor(along)
     w = weights(along - first)
     i = first - 1
@@ -172,7 +216,8 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         most = square(_OTHER * mean_ratio(s)) + JUMP * JUMP * variance
         if square(change / p.ripple) > most:
             # Friction that held a tip at rest, as behind a fallback, is less than its bound: it was no map of this.
-            begin_map(s)
+            begin_map(p, s)
+            return
     if s.written == 0.0:
         for j in range(NODES):
             s.map_H[j] = H
@@ -190,9 +235,6 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
             s.gain[j] += w[a] * s.covariance[at, j]
         for j in range(at, NODES):
             s.gain[j] += w[a] * s.covariance[j, at]
-    # What the tip has passed between two measurements is known by both.
-    before, _ = place(s.at_x, s.at_y, s)
-    before = min(max(before, s.least), s.most)
     for j in range(math.floor(min(before, along)) - 1, math.floor(max(before, along)) + 3):
         s.visited[j % NODES] = min(s.visited[j % NODES], s.way)
     for a in range(4):
@@ -200,6 +242,11 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         variance += w[a] * s.gain[at]
         innovation -= w[a] * s.map_H[at]
         change -= w[a] * s.map_ratio[at]
+    if room(s) >= 0.0 and seen_before(i, s):
+        # Within a correlation length all that is measured is off the map by the same.
+        of_height = max(LENGTH / (q * step), 1.0) * variance * square(p.height)
+        height, slope = before_stroke(i, along - first, s)
+        innovation -= slope * find_drift(H - height, slope, of_height, s)
     s.misfit_H += FORGET * (misfit_of(innovation, p.height, variance) - s.misfit_H)
     if ratio > 0.0:
         s.misfit += FORGET * (misfit_of(change, p.ripple, variance) - s.misfit)

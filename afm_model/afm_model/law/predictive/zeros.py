@@ -93,7 +93,7 @@ def believe_zero(p: Constants, s: State) -> None:
         s.found[i, FRICTION] -= less
     s.P[RATIO, RATIO] += square(less)
     if p.surface == LEARNED and abs(change) > _OTHER_MAP * p.f_0:
-        begin_map(s)
+        begin_map(p, s)
 
 
 @kernel
