@@ -11,6 +11,7 @@ from pathlib import Path
 
 from afm_bringup.exam.rules import RULES
 from afm_controller_node.node import TUNABLE as LAW_TUNABLE
+from afm_model.core import registry
 from afm_model.core.ranges import LARGEST_INTEGER, RANGES, WIDEST
 from afm_model.core.schema import Specification
 from afm_model.fault import KINDS
@@ -29,6 +30,12 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("afm_recorder_node", RecorderParameters, ()),
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
+FAMILIES = {each: each for each in ("sample", "piezo", "plant")} | {
+    "program": "reference",
+    "onboard": "onboard",
+    "law": "law",
+}
+"""Families whose kinds have parameters of their own, and what their group is called."""
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
 EXAMPLES = ("kalman", "patches")
 AXIS = re.compile(r"\b[xyz]\b")
@@ -81,24 +88,43 @@ def parameters() -> str:
     ]
     written = dict[str, str]()
     for node, model, tunable in NODES:
-        rows, same = list[str](), list[str]()
-        for group in grouped(specifications(model)):
-            first, axes = group[0], ", ".join("xyz"[: len(group)])
-            mark = "*" if any(first.name == name or first.name.startswith(name) for name in tunable) else ""
-            name = ", ".join(f"`{spec.name}`" for spec in group)
-            values = dict.fromkeys(str(spec.default).lower() if spec.kind is bool else spec.default for spec in group)
-            default = ", ".join(f"`{value}`" for value in values)
-            what = first.description if len(group) == 1 else AXIS.sub(axes, first.description)
-            row = f" | {default} | {first.unit} | {allowed(first)} | {what} |"
-            if written.get(name) == row:
-                same.append(f"{name}{mark}")
-            else:
-                rows.append(f"| {name}{mark}{row}")
-            written.setdefault(name, row)
-        lines += ["", f"## {node}", "", "| name | default | unit | allowed | what |", "|---|---|---|---|---|", *rows]
-        if same:
-            lines += ["", f"As above: {', '.join(same)}."]
+        lines += ["", f"## {node}", *_table(specifications(model), tunable, written)]
+    lines += ["", "## Kinds", "", "What a kind needs besides what stands above."]
+    known = {spec.name for _, model, _ in NODES[:2] for spec in specifications(model)}
+    for family, name in FAMILIES.items():
+        for kind in registry.names(family):
+            own = [
+                spec
+                for spec in specifications(registry.find(family, kind).parameters, f"{name}.")
+                if spec.name not in known
+            ]
+            if own:
+                lines += [
+                    "",
+                    f"### {name}.kind = {kind}",
+                    *_table(own, LAW_TUNABLE if family == "law" else (), written),
+                ]
     return "\n".join(lines) + "\n"
+
+
+def _table(specs: Iterable[Specification], tunable: tuple[str, ...], written: dict[str, str]) -> list[str]:
+    """Lines of a table of parameters; those that have been `written` before, with the same row, behind it."""
+    rows, same = list[str](), list[str]()
+    for group in grouped(specs):
+        first, axes = group[0], ", ".join("xyz"[: len(group)])
+        mark = "*" if any(first.name == name or first.name.startswith(name) for name in tunable) else ""
+        name = ", ".join(f"`{spec.name}`" for spec in group)
+        values = dict.fromkeys(str(spec.default).lower() if spec.kind is bool else spec.default for spec in group)
+        default = ", ".join(f"`{value}`" for value in values)
+        what = first.description if len(group) == 1 else AXIS.sub(axes, first.description)
+        row = f" | {default} | {first.unit} | {allowed(first)} | {what} |"
+        if written.get(name) == row:
+            same.append(f"{name}{mark}")
+        else:
+            rows.append(f"| {name}{mark}{row}")
+        written.setdefault(name, row)
+    lines = ["", "| name | default | unit | allowed | what |", "|---|---|---|---|---|", *rows] if rows else []
+    return [*lines, "", f"As above: {', '.join(same)}."] if same else lines
 
 
 def kinds() -> str:

@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from afm_model.core import registry
+from afm_model.core.schema import specifications
+
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(ROOT / "tools"))
@@ -210,6 +213,14 @@ def test_docstrings_cite_equations_of_the_lever_that_exist():
     assert sorted(tags) == list(range(1, len(tags) + 1))
     cites = [n for source in (ROOT / "afm_model" / "afm_model").rglob("*.py") for n in cited_lever(source)]
     assert cites and set(cites) <= set(tags)
+
+
+@pytest.mark.parametrize("family", ["sample", "piezo", "plant", "program", "detector", "onboard", "fault", "law"])
+def test_page_of_parameters_has_those_of_every_kind(family):
+    listed = set(re.findall(r"`(\w+\.\w+)`", (DOCS / "parameters.md").read_text()))
+    group = "reference" if family == "program" else family
+    for kind in registry.names(family):
+        assert {each.name for each in specifications(registry.find(family, kind).parameters, f"{group}.")} <= listed
 
 
 def test_docstrings_cite_equations_of_the_laws_that_exist():
