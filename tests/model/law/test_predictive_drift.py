@@ -1,4 +1,4 @@
-"""The friction-predicting law finds how fast the sample moves along a line that it learns."""
+"""The friction-predicting law finds how fast the sample moves: from the map of a line, and from a tip that rests."""
 
 import math
 from importlib import import_module
@@ -9,9 +9,14 @@ import pytest
 from afm_model import simulate
 from afm_model.law.predictive.drift import carry_drift, find_drift
 from afm_model.law.predictive.map import NODES, before_stroke, begin_map, weights, write_map
+from afm_model.law.predictive.nominal_plant import look, move, nominal_bound, take_load
+from afm_model.law.predictive.predictive_constants import MEAN, VALUE
+from afm_model.law.predictive.sample_estimate import see_drag
+from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, Case, parameters_of
 
+from ..tables import record_of
 from .predictive_records import records
 
 ALONG = math.sqrt(2.0)
@@ -137,10 +142,11 @@ def test_what_it_gains(run):
     assert min(stays[3:]) > 4.0
 
 
-@pytest.mark.parametrize("law", ["predictive surface=learned drift=none", "predictive surface=observed"])
-def test_where_it_is_not_looked_for_there_is_none(run, law):
-    found, _ = run(drifting(1e-9), 1, 0.0, periods=3, law=law)
-    assert found["drift"] == found["drift_deviation"] == 0.0
+def test_where_it_is_not_looked_for_there_is_none(run):
+    found, _ = run(drifting(1e-9), 1, 0.0, periods=3, law="predictive surface=learned drift=none")
+    assert found["drift"] == found["drift_deviation"] == found["drift_x"] == found["drift_y"] == 0.0
+    found, _ = run(drifting(1e-9), 1, 1.0, periods=3, law="predictive surface=observed")
+    assert found["drift"] == found["drift_deviation"] == found["drift_x"] == found["drift_y"] == 0.0
 
 
 def test_until_it_is_seen_nothing_is_known_of_it(run):
@@ -148,3 +154,89 @@ def test_until_it_is_seen_nothing_is_known_of_it(run):
         found, _ = run(CASE["the truth"], 1, noise, periods=3)
         assert found["drift"] == 0.0
         assert found["drift_deviation"] == pytest.approx(2.5e-9)
+
+
+# Rates are measured: a tip that rests moves with the sample.
+
+
+def slow(along_x: float, along_y: float, frequency: float) -> Case:
+    """The sample moves so fast [m/s], the reference at so much of the usual frequency."""
+    omega = {"reference.omega_x": 50.0 * frequency, "reference.omega_y": 50.0 * frequency}
+    return Case("slow", omega | {"drift.rate_x": along_x, "drift.rate_y": along_y})
+
+
+@pytest.mark.parametrize(
+    ("case", "rate", "surface", "most"),
+    [
+        # It was lost, or stood still, or was thrown by up to 20 times the amplitude.
+        (slow(1e-9, 1e-9, 0.2), 0, "observed", 0.2),
+        (slow(1e-9, 1e-9, 0.2), 1, "observed", 1.0),
+        (slow(-3e-9, -3e-9, 0.2), 1, "known", 2.0),
+        (slow(1e-9, 1e-9, 0.05), 1, "observed", 2.0),
+        (slow(1e-9, 0.0, 0.2), 1, "observed", 10.0),
+        (slow(1e-8, 1e-8, 1.0), 0, "learned", 0.2),
+        (slow(1e-8, 1e-8, 1.0), 1, "observed", 1.0),
+        (slow(5e-9, 5e-9, 1.0), 2, "known", 20.0),
+        (slow(1e-8, 1e-8, 1.0), 2, "observed", 20.0),
+    ],
+)
+def test_a_sample_that_moves_under_a_slow_reference_is_tracked_beside_its_drift(run, case, rate, surface, most):
+    found, errors = run(case, rate, 0.0, periods=3, law=f"predictive surface={surface}")
+    assert max(errors[1:]) < most
+    assert found["fallbacks"] == 0.0
+    expected = [case.true["drift.rate_x"], case.true["drift.rate_y"]]
+    assert [found["drift_x"], found["drift_y"]] == pytest.approx(expected, rel=0.02)
+
+
+def test_what_it_gains_that_a_tip_at_rest_shows_it(run):
+    _, errors = run(slow(1e-9, 1e-9, 0.2), 1, 0.0, periods=3, law="predictive surface=observed drift=none")
+    assert max(errors[1:]) > 50.0
+
+
+@pytest.mark.parametrize(
+    ("rate", "held", "seen"),
+    [
+        ((1e-3, -2e-3), 0.49, True),
+        ((1e-3, -2e-3), 0.51, False),
+        ((0.0099, 0.0), 0.1, True),
+        ((0.0101, 0.0), 0.1, False),
+    ],
+)
+def test_only_a_tip_that_friction_holds_for_certain_tells_it(rate, held, seen):
+    p, s = records(surface="observed")
+    s.X, s.Y, (s.V_X, s.V_Y), s.ratio[[VALUE, MEAN]] = 1.0, 0.5, rate, 0.8
+    y = record_of(Measurement, deflection=0.0)
+    take_load(y, p, s)
+    look(s.X, s.Y, p, s)
+    f = s.here * nominal_bound(s.load, p, s)
+    y.drive[:2] = (p.stiffness[:2] * [1.0, 0.5] + held * f * np.array([0.6, -0.8])) * p.volts[:2]
+    see_drag(y, p, s)
+    assert list(s.drag) == (list(rate) if seen else [0.0, 0.0])
+
+
+def test_a_tip_that_stands_still_tells_that_the_sample_does():
+    p, s = records(surface="observed")
+    s.ratio[[VALUE, MEAN]], s.drag[:], s.V_X = 0.8, 1e-3, 3e-5
+    see_drag(record_of(Measurement), p, s)
+    assert list(s.drag) == [0.0, 0.0]
+
+
+def test_prediction_is_that_of_one_who_moves_with_the_sample():
+    # With a sample that moves at a constant rate friction is as before for one who moves with it; the springs are not.
+    ends = []
+    for drag in (np.zeros(2), np.array([0.02, -0.01])):
+        p, s = records(surface="observed")
+        s.ratio[[VALUE, MEAN]], s.drag[:] = 1.0, drag
+        s.V_X, s.V_Y = np.array([0.3, 0.1]) + drag
+        p.stiffness[:2] = p.damping[:2] = 0.0
+        move(1.0, -2.0, 0.0, 0.05, 40, p, s)
+        ends.append([s.X - 2.0 * drag[0], s.Y - 2.0 * drag[1], s.V_X - drag[0], s.V_Y - drag[1]])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-9, abs=1e-12)
+
+
+def test_a_tip_that_friction_holds_moves_with_the_sample():
+    p, s = records(surface="observed")
+    s.ratio[[VALUE, MEAN]], s.drag[:] = 1.0, (0.01, 0.0)
+    move(0.0, 0.0, 0.0, 0.05, 40, p, s)
+    assert [s.V_X, s.V_Y] == [0.01, 0.0]
+    assert s.X == pytest.approx(0.02, rel=0.05)

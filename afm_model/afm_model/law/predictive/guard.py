@@ -12,6 +12,7 @@ from ...parts.signals import Measurement
 from .continuation import forget_places
 from .gain_of_y import forget_gain_of_y
 from .map import NODES, begin_map, keep_map
+from .nominal_plant import speed_over_sample
 from .predictive_constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Constants
 from .predictive_state import State
 from .sample_estimate import REST
@@ -92,7 +93,7 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     if s.started != 0.0 and k - s.last == 1:
         missed = hypot(y.position[0] / p.x0 - s.expected[0, 0], y.position[1] / p.x0 - s.expected[1, 0])
     e_x, e_y = s.X - s.p[0], s.Y - s.p[1]
-    speed = hypot(s.V_X, s.V_Y)
+    speed = speed_over_sample(s.V_X, s.V_Y, s)
     slips = speed > REST * s.fastest
     leaves = e_x * s.V_X + e_y * s.V_Y > 0.0
     noise = SEEMS * p.position_noise if p.measured != 0 else 0.0
@@ -158,6 +159,7 @@ def begin_anew(p: Constants, s: State) -> None:
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
     for i in range(NODES):
         s.map_H[i] = s.map_ratio[i] = 0.0
+    s.drag[:] = 0.0
     s.signal = s.way = s.pitch = s.offset_H = 0.0
     for axis in range(2):
         s.sum_pa[axis] = s.sum_pp[axis] = 0.0

@@ -133,6 +133,7 @@ class Constants(Record):
     first: Annotated[Array, (3, UNEXPLAINED)]
     walk: Annotated[Array, (3, UNEXPLAINED)]  # variance by which that grows in a control period
     first_drift: float  # deviation at the start of the rate at which the sample moves along the line that is learned
+    sees_drag: int  # rates tell that the sample moves
     finds_zero: int  # the zero of the lateral signal is estimated
     remembers: int  # hysteresis or creep of the piezo are estimated
     threshold: Annotated[Array, (STOPS,)]  # of the stops
@@ -335,6 +336,7 @@ def values(parameters: Tree) -> Numbers:
         "first": first,
         "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(slowly) * hold,
         "first_drift": _DRIFT if law.drift == "estimated" and law.surface == "learned" else 0.0,
+        "sees_drag": law.drift == "estimated" and not (measured or stiff),
         "finds_zero": identified and law.lateral_zero == "estimated",
         "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],

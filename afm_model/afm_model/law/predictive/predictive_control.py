@@ -14,7 +14,16 @@ from .observer import begin_observer, observe_scanner
 from .piezo_memory import effective, pass_drives, plan_drives, plan_effective
 from .predictive_constants import KNOWN, LEARNED, Constants
 from .predictive_state import State
-from .sample_estimate import TOUCHES, approach, doubt_surface, measured_height, place_variance, take_height, take_ratio
+from .sample_estimate import (
+    TOUCHES,
+    approach,
+    doubt_surface,
+    measured_height,
+    place_variance,
+    see_drag,
+    take_height,
+    take_ratio,
+)
 from .stiff_scanner import begin_load, observe_stiff
 from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
 from .zeros import find_zero, find_zeros_at_start
@@ -92,7 +101,12 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     if p.finds_delay != 0:
         find_delay(k, y, p, s)
     recall(k, y, p, s)
+    # Where the tip was on the sample is there by now.
+    s.at_x += p.hold * s.drag[0]
+    s.at_y += p.hold * s.drag[1]
     observe(k, y, p, s)
+    if p.sees_drag:
+        see_drag(y, p, s)
     if p.adapts and p.measured == 0:
         explain(k, y, p, s)
     elif p.adapts:

@@ -205,6 +205,8 @@ def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
     variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
+    for i, axis in enumerate("xy"):
+        yield LawEstimate(f"drift_{axis}", "m/s", float(-s.drag[i] * p.x0 * p.w0))
     # Until the map is certain to have moved no rate is believed.
     rate, deviation = (s.drift, math.sqrt(s.of_drift[1, 1])) if s.shift != 0.0 else (0.0, p.first_drift)
     yield LawEstimate("drift", "m/s", float(rate * p.x0 * p.w0))

@@ -93,6 +93,7 @@ class State(Record):
     V_Z: float
     Q: float  # the tip
     load: float  # on it
+    drag: Annotated[Array, (2,)]  # rate of the sample along x and y, with which a tip that rests moves
     doubt: float  # variance of an estimated position
     approach: float  # by which the sample is asked for nearer, while there is no friction; its height where there was
     touched: float

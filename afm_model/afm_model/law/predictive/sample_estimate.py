@@ -5,9 +5,21 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.elementary import hypot, square
 from ...core.jit import kernel, routine
+from ...parts.signals import Measurement
 from .continuation import mean_ratio
 from .map import JUMP, raise_map
-from .nominal_plant import balance, beyond, look, look_at_known, nominal_bound, of_height, stretched
+from .nominal_plant import (
+    balance,
+    beyond,
+    look,
+    look_at_known,
+    nominal_bound,
+    of_height,
+    speed_over_sample,
+    stretched,
+    take_load,
+)
+from .piezo_memory import effective
 from .predictive_constants import (
     AT_X,
     AT_Y,
@@ -56,6 +68,10 @@ _AWAY = 2.0
 """How far the sample is at most from where it was touched last, over its largest height."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
+_HOLDS = 0.5
+"""Part of its bound up to which friction holds a tip for certain."""
+_DRAGS, _MOVES = 1e-2, 4e-5
+"""Rates up to and from which a tip that is held tells that the sample moves: 25 and 0.1 nm/s [x0 w0]."""
 _BUMPS, _LESS_BUMPS = 0.8, 0.55
 """Ripple of friction that positions alone are corrected with, over that of the largest wave, friction being nominal;
 the same where height, a map or the last places tell a part of it."""
@@ -250,6 +266,20 @@ def variance(axis: int, friction: float, q: float, s: "State") -> float:
     return max(total, 0.0)
 
 
+@kernel
+def see_drag(y: Measurement, p: Constants, s: "State") -> None:
+    """Take the rate of a tip that friction holds for certain for that of the sample."""
+    rate = hypot(s.V_X, s.V_Y)
+    if rate > _DRAGS:
+        return
+    look(s.X, s.Y, p, s)
+    take_load(y, p, s)
+    u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
+    held = hypot(balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s))
+    if held < _HOLDS * s.here * nominal_bound(s.load, p, s):
+        s.drag[0], s.drag[1] = (s.V_X, s.V_Y) if rate > _MOVES else (0.0, 0.0)
+
+
 @routine
 def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -> float:
     """Follow the bound of friction over the nominal one.
@@ -270,7 +300,7 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     """
     look(s.X, s.Y, p, s)
     nominal = nominal_bound(s.load, p, s)
-    speed = math.sqrt(s.V_X * s.V_X + s.V_Y * s.V_Y)
+    speed = speed_over_sample(s.V_X, s.V_Y, s)
     if speed <= REST * s.fastest:
         b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
         size = math.sqrt(b_x * b_x + b_y * b_y)
@@ -287,10 +317,11 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         if held > s.here + p.ripple:
             raise_map(held - s.here, s)
         return 0.0
-    if abs(s.V_X) <= (TELLS if p.slots == 1 else _TELLS_IN_PACKETS) * speed:
+    v_x = s.V_X - s.drag[0]
+    if abs(v_x) <= (TELLS if p.slots == 1 else _TELLS_IN_PACKETS) * speed:
         return 0.0
-    measured = force * speed / (s.V_X * nominal)
-    noise = p.ratio_noise * max(1.0, 0.3 * speed / abs(s.V_X))
+    measured = force * speed / (v_x * nominal)
+    noise = p.ratio_noise * max(1.0, 0.3 * speed / abs(v_x))
     d_x, d_y = s.X - s.at_x, s.Y - s.at_y
     s.slips += 1.0
     if s.unknown == 0:

@@ -223,10 +223,11 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
     tells y from x, also where the tip stops and starts between two measurements. Used from the first time on that it
     contradicts what is believed.
     """
-    speed = hypot(s.V_X, s.V_Y)
-    if speed <= _SLIDES * s.fastest or abs(s.V_X) < _TELLS * speed:
+    v_x, v_y = s.V_X - s.drag[0], s.V_Y - s.drag[1]
+    speed = hypot(v_x, v_y)
+    if speed <= _SLIDES * s.fastest or abs(v_x) < _TELLS * speed:
         return
-    t_x, t_y = s.V_X / speed, s.V_Y / speed
+    t_x, t_y = v_x / speed, v_y / speed
     f_y = signal * t_y / t_x
     left_x = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal) - p.damping[0] * s.V_X
     left_y = s.gain_of[1] * (balance(1, u_y, s.Y, p, s) - f_y) - p.damping[1] * s.V_Y
@@ -299,13 +300,15 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
     if known:
         learn_of_z(drive_in_force(2, y, p, s), p, s)
-    before, speed = hypot(s.seen[0, 1], s.seen[1, 1]), hypot(s.V_X, s.V_Y)
-    d_x, d_y = s.X - s.seen[0, 0], s.Y - s.seen[1, 0]
+    # Over the sample, which may move itself.
+    v_x, v_y = s.V_X - s.drag[0], s.V_Y - s.drag[1]
+    from_x, from_y = s.seen[0, 1] - s.drag[0], s.seen[1, 1] - s.drag[1]
+    before, speed = hypot(from_x, from_y), hypot(v_x, v_y)
+    d_x, d_y = s.X - s.seen[0, 0] - p.hold * s.drag[0], s.Y - s.seen[1, 0] - p.hold * s.drag[1]
     q_x, q_y = stretched(0, s.X - 0.5 * d_x, s), stretched(1, s.Y - 0.5 * d_y, s)
     way = hypot(d_x, d_y)
     # How far the motion is from a steady one, over its way.
-    uneven = hypot(d_x - p.hold * s.V_X, d_y - p.hold * s.V_Y)
-    uneven += hypot(d_x - p.hold * s.seen[0, 1], d_y - p.hold * s.seen[1, 1])
+    uneven = hypot(d_x - p.hold * v_x, d_y - p.hold * v_y) + hypot(d_x - p.hold * from_x, d_y - p.hold * from_y)
     if known and max(before, speed) <= REST * s.fastest:
         # At rest friction is what the drive in force leaves.
         held = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal)
@@ -327,7 +330,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
         resists = left_over(0, s.X, s.V_X, u_x, p, s) - across * d_y
         update(0, resists, mean, q_x, s.memory_mean, noise, p, s)
         if tells:
-            turned = abs(d_x * s.V_Y - d_y * s.V_X) + abs(d_x * s.seen[1, 1] - d_y * s.seen[0, 1])
+            turned = abs(d_x * v_y - d_y * v_x) + abs(d_x * from_y - d_y * from_x)
             noise += p.f_0 * turned / (way * s.fastest)
             resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
             update(1, resists, mean * d_y / d_x, q_y, s.memory_mean, noise, p, s)
