@@ -87,8 +87,8 @@ class PredictiveLaw(SampledLaw):
     )
     drift: Literal["none", "estimated"] = Field(
         "estimated",
-        description="surface=learned: how fast the sample moves along the line, which the sensors do not see; none: it "
-        "stays where it is",
+        description="how fast the sample moves, which no sensor of the scanner sees: along a line that is learned, and "
+        "with feedback=full from a tip that rests; none: it stays where it is",
     )
     delay: Literal["nominal", "estimated"] = Field(
         "estimated",

@@ -212,7 +212,7 @@ def find_zero(y: Measurement, p: Constants, s: State) -> None:
     if sense != 0.0 and sense == s.sense:
         step = s.p[0] - s.asked_x
         now[_ASKED] += step
-        if steady * s.steady > 0.0:
+        if steady * s.steady > 0.0 and speed > 0.0:
             look(s.X, s.Y, p, s)
             mean = 0.5 * (signal + s.stroke_signal)
             now[_SIGNAL] += mean * step
