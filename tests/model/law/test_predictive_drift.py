@@ -210,15 +210,25 @@ def test_only_a_tip_that_friction_holds_for_certain_tells_it(rate, held, seen):
     look(s.X, s.Y, p, s)
     f = s.here * nominal_bound(s.load, p, s)
     y.drive[:2] = (p.stiffness[:2] * [1.0, 0.5] + held * f * np.array([0.6, -0.8])) * p.volts[:2]
-    see_drag(y, p, s)
+    see_drag(0, y, p, s)
     assert list(s.drag) == (list(rate) if seen else [0.0, 0.0])
 
 
 def test_a_tip_that_stands_still_tells_that_the_sample_does():
     p, s = records(surface="observed")
     s.ratio[[VALUE, MEAN]], s.drag[:], s.V_X = 0.8, 1e-3, 3e-5
-    see_drag(record_of(Measurement), p, s)
+    see_drag(0, record_of(Measurement), p, s)
     assert list(s.drag) == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("k", "off", "seen"), [(5, 0.9, True), (5, 1.1, False), (6, 0.0, False)])
+def test_once_a_tip_has_slipped_it_has_to_go_steadily(k, off, seen):
+    # In the air, where nothing holds it, it does not.
+    p, s = records(surface="observed")
+    s.ratio[[VALUE, MEAN]], s.slips, s.last = 0.8, 1.0, 4
+    s.V_X, s.X = 1e-3, p.hold * (1e-3 + off * 4e-5)
+    see_drag(k, record_of(Measurement), p, s)
+    assert list(s.drag) == ([1e-3, 0.0] if seen else [0.0, 0.0])
 
 
 def test_prediction_is_that_of_one_who_moves_with_the_sample():

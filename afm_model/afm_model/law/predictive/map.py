@@ -209,7 +209,7 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     # A load that a drive has just changed still rings.
     ringing = p.ring * s.rise * p.f_load / p.ripple
     variance = NOISE + swing * swing + ringing * ringing + q * q * s.doubt
-    if ratio > 0.0 and s.gripped != 0.0 and p.measured != 0 and p.slots == 1:
+    if ratio > 0.0 and s.gripped != 0.0 and p.levels:
         change = ratio
         for a in range(4):
             change -= w[a] * s.map_ratio[(i + a) % NODES]

@@ -102,11 +102,11 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         find_delay(k, y, p, s)
     recall(k, y, p, s)
     # Where the tip was on the sample is there by now.
-    s.at_x += p.hold * s.drag[0]
-    s.at_y += p.hold * s.drag[1]
+    s.at_x += max(k - s.last, 1) * p.hold * s.drag[0]
+    s.at_y += max(k - s.last, 1) * p.hold * s.drag[1]
     observe(k, y, p, s)
     if p.sees_drag:
-        see_drag(y, p, s)
+        see_drag(k, y, p, s)
     if p.adapts and p.measured == 0:
         explain(k, y, p, s)
     elif p.adapts:
@@ -117,7 +117,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         find_zero(y, p, s)
     s.last = k
     s.at_x, s.at_y = s.X, s.Y
-    if p.surface == LEARNED and p.measured != 0 and p.slots == 1:
+    if p.levels:
         level(p, s)
     if p.remembers != 0:
         plan_effective(p, s)

@@ -267,10 +267,16 @@ def variance(axis: int, friction: float, q: float, s: "State") -> float:
 
 
 @kernel
-def see_drag(y: Measurement, p: Constants, s: "State") -> None:
-    """Take the rate of a tip that friction holds for certain for that of the sample."""
+def see_drag(k: int, y: Measurement, p: Constants, s: "State") -> None:
+    """Take the rate of a tip that friction holds for certain for that of the sample.
+
+    Such a tip goes steadily; in the air, where nothing holds it, it does not.
+    """
     rate = hypot(s.V_X, s.V_Y)
-    if rate > _DRAGS:
+    off_x, off_y = s.X - s.at_x - p.hold * (s.V_X - s.drag[0]), s.Y - s.at_y - p.hold * (s.V_Y - s.drag[1])
+    steady = k - s.last == 1 and hypot(off_x, off_y) < _MOVES * p.hold
+    # One that has not slipped yet has been set down.
+    if rate > _DRAGS or not (steady or s.slips == 0.0):
         return
     look(s.X, s.Y, p, s)
     take_load(y, p, s)

@@ -96,8 +96,7 @@ def believe_zero(p: Constants, s: State) -> None:
     less = change * s.strokes[1, _WAY] / s.strokes[1, _NOMINAL]
     s.ratio[VALUE] -= less
     s.ratio[MEAN] -= less
-    # In packets and with measured rates a map counts as it is.
-    s.offset -= less if p.measured != 0 and p.slots == 1 else 0.0
+    s.offset -= less * p.levels
     for i in range(POINTS):
         s.found[i, FRICTION] -= less
     s.P[RATIO, RATIO] += square(less)
