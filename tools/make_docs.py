@@ -30,12 +30,6 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("afm_recorder_node", RecorderParameters, ()),
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
-FAMILIES = {each: each for each in ("sample", "piezo", "plant")} | {
-    "program": "reference",
-    "onboard": "onboard",
-    "law": "law",
-}
-"""Families whose kinds have parameters of their own, and what their group is called."""
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
 EXAMPLES = ("kalman", "patches")
 AXIS = re.compile(r"\b[xyz]\b")
@@ -90,20 +84,14 @@ def parameters() -> str:
     for node, model, tunable in NODES:
         lines += ["", f"## {node}", *_table(specifications(model), tunable, written)]
     lines += ["", "## Kinds", "", "What a kind needs besides what stands above."]
-    known = {spec.name for _, model, _ in NODES[:2] for spec in specifications(model)}
-    for family, name in FAMILIES.items():
+    known = {spec.name: spec for _, model, _ in NODES[:2] for spec in specifications(model)}
+    for name, family in ((name, spec.family) for name, spec in known.items() if spec.family):
+        group = name.removesuffix("kind")
         for kind in registry.names(family):
-            own = [
-                spec
-                for spec in specifications(registry.find(family, kind).parameters, f"{name}.")
-                if spec.name not in known
-            ]
-            if own:
-                lines += [
-                    "",
-                    f"### {name}.kind = {kind}",
-                    *_table(own, LAW_TUNABLE if family == "law" else (), written),
-                ]
+            of_kind = specifications(registry.find(family, kind).parameters, group)
+            if own := [spec for spec in of_kind if spec.name not in known]:
+                tunable = LAW_TUNABLE if family == "law" else ()
+                lines += ["", f"### {name} = {kind}", *_table(own, tunable, written)]
     return "\n".join(lines) + "\n"
 
 
