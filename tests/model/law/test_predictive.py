@@ -184,6 +184,22 @@ def test_a_reserve_bridges_a_controller_that_stands_still_for_20_ms(delay):
     assert length == [min(length[0] + i, whole) for i in range(len(length))]
 
 
+@pytest.mark.parametrize("every", [3, 8])
+def test_a_controller_that_leaves_measurements_out_keeps_its_reserve(every):
+    period, last = 250e-6, 120
+    law = {"law.surface": "known", "law.spare": 2, "law.reserve": last}
+    sim, controller = parameters(period, 0, law, {}, 0.5, 1.0)
+    instrument, answers = Instrument(sim, 1000), Controller(controller)
+    held, length = (answers.answer(instrument.measurement), 0), []
+    for tick in range(1, 900):
+        instrument.tick(held[0], held[1])
+        if tick < 300 or tick % every == 0:
+            drive = answers.answer(instrument.measurement, tick * period)
+            held = drive, tick
+            length.append(len(drive.horizon))
+    assert min(length[150:]) >= 2 + last
+
+
 def test_a_sample_that_is_turned_upside_down_is_no_worse():
     # Nothing of the sample is known: hills in the place of valleys.
     assert error(run(5e-5, 1, {}, sample__beta=-12.5e-9).score) < 0.15

@@ -10,12 +10,15 @@ from ...core.jit import kernel, routine
 from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask
 from .decide import decide
+from .guard import fall_back, keep_to_travel
 from .nominal_plant import drive_in_force, drives_of, predict
 from .predictive_constants import ANSWERS, SLOTS, Constants
 from .predictive_state import State
 
 _IN_A_ROW = 10
 """Answers that tell of more delay until it is believed."""
+_MADE_UP = 8
+"""Control periods without an answer that the next one makes up for in the reserve at most: that takes time as well."""
 
 
 @kernel
@@ -130,7 +133,7 @@ def put_down(s: State) -> None:
 
 @routine
 def extend(k: int, p: Constants, s: State) -> None:
-    """Plan one control period and a slot more of the reserve, until it has its length.
+    """Plan as much of the reserve as has passed since the last answer and a slot more, until it has its length.
 
     To be called with the scanner predicted to the last slot of the plan.
     """
@@ -140,15 +143,22 @@ def extend(k: int, p: Constants, s: State) -> None:
     else:
         predict(s.plan[last, 0], s.plan[last, 1], s.plan[last, 2], p, s)
         s.reserve_end = first
-    more = min(p.slots + 1, first + p.reserve - s.reserve_end)
-    if more > 0:
+    answered = newest_answered(k - 1, s)
+    passed = min(k - answered, _MADE_UP) if answered >= 0 else 1
+    left = min(passed * p.slots + 1, first + p.reserve - s.reserve_end)
+    while left > 0:
+        more = min(left, p.slots + 1)
         ask((s.reserve_end - k * p.slots) * p.slot, p.horizon + (more - 1) * p.fine, p, s)
-    for i in range(more):
-        decide(i * p.fine, last + 1, p, s)
-        for axis in range(3):
-            s.kept[s.reserve_end % SLOTS, axis] = s.plan[last + 1, axis]
-        predict(s.plan[last + 1, 0], s.plan[last + 1, 1], s.plan[last + 1, 2], p, s)
-        s.reserve_end += 1
+        for i in range(more):
+            decide(i * p.fine, last + 1, p, s)
+            keep_to_travel(i * p.fine, last + 1, p, s)
+            if s.distrust > 0.0:
+                fall_back(i * p.fine, last + 1, p, s)
+            for axis in range(3):
+                s.kept[s.reserve_end % SLOTS, axis] = s.plan[last + 1, axis]
+            predict(s.plan[last + 1, 0], s.plan[last + 1, 1], s.plan[last + 1, 2], p, s)
+            s.reserve_end += 1
+        left -= more
     put_down(s)
     for i in range(s.reserve_end - first):
         for axis in range(3):

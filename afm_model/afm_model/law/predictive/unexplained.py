@@ -31,8 +31,8 @@ _NO_NOISE = 0.0075
 explains is no noise, and would be explained by all of them."""
 _MOST = (*STOPS * (0.25,), 0.03)
 """Largest openings and creep; they take from a drive, and never add."""
-_CERTAIN = 2.0
-"""Standard deviations from which on there is creep."""
+_CERTAIN, _LEAST_CREEP = 2.0, 1e-3
+"""Standard deviations from which on there is creep, and its least: on a long run noise exceeds two deviations, too."""
 _SLOW = 2.0
 """Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
 SEEMS = 5.0
@@ -106,7 +106,7 @@ def believe_learned(axis: int, p: Constants, s: State) -> None:
     """Believe in what is estimated of an axis, and in creep where it is certain and friction turns the drive."""
     for i in range(UNEXPLAINED):
         s.likely[i] = s.learned[axis, i]
-    certain = s.likely[CREEP] >= _CERTAIN * math.sqrt(s.unsure[axis, CREEP, CREEP])
+    certain = s.likely[CREEP] >= max(_CERTAIN * math.sqrt(s.unsure[axis, CREEP, CREEP]), _LEAST_CREEP)
     # On a long way hysteresis of a form that no stop has would be taken for creep.
     if not certain or not friction_turns_drive(axis, p, s):
         put(axis, CREEP, 0.0, s.likely, s)
