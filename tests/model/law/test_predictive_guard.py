@@ -1,6 +1,5 @@
 """The guard of the friction-predicting law: it falls back, says so, returns, and never answers NaN."""
 
-import itertools
 import math
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from afm_model import Command, Controller, ControllerParameters, Instrument, SimParameters, build, changed, simulate
 from afm_model.core.records import record_at
-from afm_model.law.predictive.guard import keep_to_travel
 from afm_model.law.predictive.predictive_constants import MEAN, VALUE
 from afm_model.law.predictive.sample_estimate import APPROACH, approach, take_ratio
 from afm_model.law.predictive.unexplained import explain
@@ -47,24 +45,6 @@ def test_a_push_that_no_model_explains_makes_it_fall_back_say_so_and_return():
     assert "fell back to open loop" in law.remark
     y = record_at(instrument.measurement, 0, Measurement)
     assert max(abs(y.position - y.reference_position)[:2]) < 0.01 * 5e-9
-
-
-def test_a_drive_is_limited_to_what_travel_asks():
-    p, s = records(period=2e-4)
-    s.reach = 3.0
-    most = [10.0 * p.f_0, 10.0 * p.f_0, 100.0 * p.stiffness[2] * p.height]
-    s.path[4, :, 0] = 1.0, -2.0, 0.5
-    held = [p.stiffness[axis] * s.path[4, axis, 0] for axis in range(3)]
-    for axis, (part, expected) in itertools.product(range(3), ((0.99, 0.99), (-1.01, -1.0), (1e9, 1.0))):
-        s.plan[1] = held
-        s.plan[1, axis] += part * most[axis]
-        assert keep_to_travel(4, 1, p, s) == (axis < 2 and part != expected)
-        assert s.plan[1, axis] - held[axis] == pytest.approx(expected * most[axis])
-    # A long way asks for more.
-    s.reach = 11.0 * p.f_0 / p.stiffness[0]
-    s.plan[1] = held
-    s.plan[1, 0] += 10.9 * p.f_0
-    assert not keep_to_travel(4, 1, p, s)
 
 
 def test_when_several_sensors_fail_no_drive_goes_far_beyond_travel_and_the_law_returns():

@@ -6,11 +6,12 @@ ended. No measurement corrects that prediction; it need not be corrected, since 
 real one, and bring it to the reference.
 """
 
+from ...core.elementary import hypot
 from ...core.jit import kernel, routine
 from ...parts.signals import Measurement, PiezoDrive
 from .asked import ask
 from .decide import decide
-from .guard import fall_back, keep_to_travel
+from .guard import fall_back
 from .nominal_plant import drive_in_force, drives_of, predict
 from .predictive_constants import ANSWERS, SLOTS, Constants
 from .predictive_state import State
@@ -19,6 +20,9 @@ _IN_A_ROW = 10
 """Answers that tell of more delay until it is believed."""
 _MADE_UP = 8
 """Control periods without an answer that the next one makes up for in the reserve at most: that takes time as well."""
+_STRAYS, _STRAYED = 2.0, 4.0
+"""Distance of the predicted scanner from the reference from which on the reserve begins anew: over the way of the reference
+so far, and besides [x0]."""
 
 
 @kernel
@@ -151,7 +155,6 @@ def extend(k: int, p: Constants, s: State) -> None:
         ask((s.reserve_end - k * p.slots) * p.slot, p.horizon + (more - 1) * p.fine, p, s)
         for i in range(more):
             decide(i * p.fine, last + 1, p, s)
-            keep_to_travel(i * p.fine, last + 1, p, s)
             if s.distrust > 0.0:
                 fall_back(i * p.fine, last + 1, p, s)
             for axis in range(3):
@@ -159,6 +162,10 @@ def extend(k: int, p: Constants, s: State) -> None:
             predict(s.plan[last + 1, 0], s.plan[last + 1, 1], s.plan[last + 1, 2], p, s)
             s.reserve_end += 1
         left -= more
+        off = hypot(s.X - s.path[more * p.fine, 0, 0], s.Y - s.path[more * p.fine, 1, 0])
+        if not off < _STRAYS * (s.reach + p.hold * s.fastest) + _STRAYED:
+            # No measurement corrects it: it would go on growing.
+            s.reserve_end, left = first, 0
     put_down(s)
     for i in range(s.reserve_end - first):
         for axis in range(3):

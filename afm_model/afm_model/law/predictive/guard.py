@@ -37,8 +37,6 @@ _SLOWER = 3.0
 """Largest speed of the reference so far, over that of its last two stretches, from which on it is another one."""
 _WHOLE = 2e-2
 """Distrust that counts as none."""
-_MOST, _MOST_Z = 10.0, 100.0
-"""What a drive holds of an axis at most beside its spring: over friction; along z, over that of the largest height."""
 
 
 @kernel
@@ -84,20 +82,6 @@ def see_turn(p: Constants, s: State) -> None:
 
 
 @kernel
-def fall(p: Constants, s: State) -> None:
-    """Distrust the model."""
-    if s.distrust < 0.5:
-        s.fallbacks += 1.0
-        s.patience = max(1.0, _LATER * s.patience) if p.measured != 0 else 1.0
-        forget(p, s)
-        s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
-        if p.measured != 0:
-            s.ratio[VALUE] = s.ratio[MEAN] = min(max(_BELOW * s.ratio[VALUE], _RATIO_LIMITS[0]), _RATIO_LIMITS[1])
-        s.reserve_end = -1
-    s.distrust, s.calm_ticks = 1.0, 0.0
-
-
-@kernel
 def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Distrust the model if measurement k contradicts it, and trust it again by and by once it does not."""
     if s.started == 0.0:
@@ -123,7 +107,15 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     runs = p.measured != 0 and s.distrust == 1.0 and off > far and moved
     s.patience *= exp(-p.hold / _FORGIVES)
     if runs or (slips and ((missed > far and moved) or (leaves and off > far))):
-        fall(p, s)
+        if s.distrust < 0.5:
+            s.fallbacks += 1.0
+            s.patience = max(1.0, _LATER * s.patience) if p.measured != 0 else 1.0
+            forget(p, s)
+            s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
+            if p.measured != 0:
+                s.ratio[VALUE] = s.ratio[MEAN] = min(max(_BELOW * s.ratio[VALUE], _RATIO_LIMITS[0]), _RATIO_LIMITS[1])
+            s.reserve_end = -1
+        s.distrust, s.calm_ticks = 1.0, 0.0
     elif s.distrust > 0.0:
         s.calm_ticks += 1.0
         # What was sent before has to have come into force.
@@ -140,27 +132,6 @@ def fall_back(at: int, slot: int, p: Constants, s: State) -> None:
         rise = (s.path[end, axis, 1] - s.path[at, axis, 1]) / (p.fine * p.tau)
         free = rise + p.damping[axis] * s.path[middle, axis, 1] + p.stiffness[axis] * s.path[middle, axis, 0]
         s.plan[slot, axis] += s.distrust * (free - s.plan[slot, axis])
-
-
-@kernel
-def keep_to_travel(at: int, slot: int, p: Constants, s: State) -> bool:
-    """Limit the drive of a slot that begins with fine interval `at` to what travel asks.
-
-    Returns
-    -------
-    bool
-        Whether that of x or y was beyond. (Along z a wrong height may ask for much, for a moment.)
-    """
-    beyond = False
-    for axis in range(3):
-        most = _MOST_Z * p.stiffness[2] * p.height
-        if axis < 2:
-            most = max(_MOST * p.f_0, p.stiffness[axis] * s.reach)
-        held = p.stiffness[axis] * s.path[at, axis, 0]
-        drive = min(max(s.plan[slot, axis], held - most), held + most)
-        beyond = beyond or (axis < 2 and drive != s.plan[slot, axis])
-        s.plan[slot, axis] = drive
-    return beyond
 
 
 @kernel

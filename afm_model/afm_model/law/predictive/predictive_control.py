@@ -7,7 +7,7 @@ from .asked import ask, take_reference
 from .continuation import look_ahead
 from .decide import decide, refine
 from .flight import answer, extend, find_delay, first_of_reserve, recall, remember
-from .guard import begin_anew, fall, fall_back, finite, keep_to_travel, watch
+from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
 from .nominal_plant import drive_in_force, level, predict, take_load
 from .observer import begin_observer, observe_scanner
@@ -128,8 +128,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
             decide((i - s.delay) * p.fine, i, p, s)
             if i == s.delay and p.refined == 1:
                 refine(i, p, s)
-            if keep_to_travel((i - s.delay) * p.fine, i, p, s):
-                fall(p, s)
             if s.distrust > 0.0:
                 fall_back((i - s.delay) * p.fine, i, p, s)
         if i < max(s.delay + p.count - 1, p.slots):
