@@ -21,8 +21,8 @@ _IN_A_ROW = 10
 _MADE_UP = 8
 """Control periods without an answer that the next one makes up for in the reserve at most: that takes time as well."""
 _STRAYS, _STRAYED = 2.0, 4.0
-"""How far the predicted scanner is from the reference where the reserve begins anew: over the way of the reference so far,
-and besides [x0]."""
+"""How far the predicted scanner is from the reference where the reserve begins anew: over the way of the reference, and
+besides [x0]."""
 
 
 @kernel
