@@ -18,8 +18,6 @@ from .unranked import unranked
 
 _OMEGA = 50.0
 _AMPLITUDE = 5e-9
-_PERIODS = 3
-"""Of the reference in a run; the last one is scored."""
 SEEDS = 5
 """Runs of a case in which something is drawn."""
 LOST = 99.0
@@ -48,6 +46,7 @@ class Case(NamedTuple):
     told: Mapping[str, float] = {}  # what the controller is told, over what is true, by parameter
     ticks: int = 0  # of delay that the law is told, less those of the plant
     own: Mapping[str, Value] = {}  # parameters of the law, where it has them
+    periods: int = 3  # of the reference; the last one is scored
 
 
 def _all_axes(name: str, factor: float) -> dict[str, float]:
@@ -190,7 +189,7 @@ def instruments_of(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0) ->
     Its law is its own, so what is told stays as it is: the instrument is off by as much the other way.
     """
     reference = {name: value for name, value in case.true.items() if name.startswith("reference.")}
-    told = _instrument(Case(case.title, reference), rate._replace(stir=0.0))
+    told = _instrument(Case(case.title, reference, periods=case.periods), rate._replace(stir=0.0))
     return _off(case, rate, _instrument(case, rate, noise, seed)), told
 
 
@@ -209,8 +208,8 @@ def _instrument(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0, packe
     news: dict[str, Value] = {
         "plant.control_period": rate.period,
         "plant.delay_ticks": rate.delay_ticks,
-        "run.duration": _PERIODS * cycle,
-        "score.start": (_PERIODS - 1) * cycle,
+        "run.duration": case.periods * cycle,
+        "score.start": (case.periods - 1) * cycle,
     }
     if packets and rate.packet > 1:
         news["piezo.dac_period"] = rate.period / rate.packet
@@ -229,9 +228,10 @@ def run_case(case: Case, rate: Rate, law: Contender, noise: float = 0.0) -> dict
     Returns
     -------
     dict
-        `first`, `third`: largest error of x and y in these periods of the reference [% of the amplitude], the median of
-        the runs; `worst`: the largest of `third`; `contact`: part of the time, the least; `load`: largest force on the
-        tip [N]; `lost`: why the worst of the runs that are lost counts as that, "" if none is.
+        `first`, `third`: largest error of x and y in the first period of the reference and in the last one, by default
+        the third [% of the amplitude], the median of the runs; `worst`: the largest of `third`; `contact`: part of the
+        time, the least; `load`: largest force on the tip [N]; `lost`: why the worst of the runs that are lost counts as
+        that, "" if none is.
     """
     runs = [_run(case, rate, law, noise, seed) for seed in range(seeds(case, rate, noise))]
     lost = [run for run in runs if run["lost"]]
@@ -270,7 +270,7 @@ def _run(case: Case, rate: Rate, law: Contender, noise: float, seed: int) -> dic
         return row | {"lost": f"{type(error).__name__}: {error}"}
     score, size = result.score, max(abs(each) for each in result.parameters.reference.amplitude)
     off = np.abs(result.truth["position"][:, :2] - result.measurements["reference_position"][:, :2])
-    row["first"] = 100.0 * float(np.max(off[result.time <= result.time[-1] / _PERIODS])) / size
+    row["first"] = 100.0 * float(np.max(off[result.time <= result.time[-1] / case.periods])) / size
     row["third"] = 100.0 * float(np.max(score.max[:2])) / size
     row["contact"] = score.contact_fraction
     row["load"] = max(abs(force) for force in score.normal_force)

@@ -1,7 +1,6 @@
 """The friction-predicting law finds how fast the sample moves: from the map of a line, and from a tip that rests."""
 
 import math
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -28,18 +27,13 @@ def drifting(rate: float) -> Case:
     return Case("drifting", {"drift.rate_x": rate, "drift.rate_y": rate})
 
 
-@pytest.fixture
-def run(monkeypatch):
-    def of(case, rate, noise, *, periods=6, law="predictive surface=learned"):
-        """Estimates at the end; largest error of x and y beside the drift in each period [%]."""
-        monkeypatch.setattr(import_module("afm_model.studies.wrong_models"), "_PERIODS", periods)
-        result = simulate(*parameters_of(case, RATES[rate], contender(law), noise, 0))
-        off = result.truth["position"][:, :2] - result.measurements["reference_position"][:, :2]
-        off -= np.outer(result.time, [case.true.get("drift.rate_x", 0.0), case.true.get("drift.rate_y", 0.0)])
-        errors = [100.0 / 5e-9 * abs(each).max() for each in np.array_split(off, periods)]
-        return {name: values[-1] for name, values in result.estimates.items()}, errors
-
-    return of
+def run(case, rate, noise, *, periods=6, law="predictive surface=learned"):
+    """Estimates at the end; largest error of x and y beside the drift in each period [%]."""
+    result = simulate(*parameters_of(case._replace(periods=periods), RATES[rate], contender(law), noise, 0))
+    off = result.truth["position"][:, :2] - result.measurements["reference_position"][:, :2]
+    off -= np.outer(result.time, [case.true.get("drift.rate_x", 0.0), case.true.get("drift.rate_y", 0.0)])
+    errors = [100.0 / 5e-9 * abs(each).max() for each in np.array_split(off, periods)]
+    return {name: values[-1] for name, values in result.estimates.items()}, errors
 
 
 def test_it_is_the_kalman_filter_of_way_and_rate(rng):
@@ -125,7 +119,7 @@ def test_a_map_that_is_begun_anew_has_not_moved():
     ("along_an_axis", "rate", "noise"),
     [(1e-9, 0, 0.0), (1e-9, 1, 0.0), (0.3e-9, 1, 0.0), (1e-9, 0, 1.0), (1e-9, 1, 1.0), (-5e-9, 1, 1.0), (1e-9, 2, 1.0)],
 )
-def test_rate_of_the_sample_is_found(run, along_an_axis, rate, noise):
+def test_rate_of_the_sample_is_found(along_an_axis, rate, noise):
     found, errors = run(drifting(along_an_axis), rate, noise)
     true, deviation = ALONG * along_an_axis, found["drift_deviation"]
     assert found["drift"] == pytest.approx(true, abs=min(2.0 * deviation, max(0.1 * abs(true), 5e-11)))
@@ -134,7 +128,7 @@ def test_rate_of_the_sample_is_found(run, along_an_axis, rate, noise):
     assert errors[-1] < (0.3 if noise == 0.0 else 2.0)
 
 
-def test_what_it_gains(run):
+def test_what_it_gains():
     # The map lay where the sample had been.
     _, moves = run(drifting(1e-9), 1, 1.0)
     _, stays = run(drifting(1e-9), 1, 1.0, law="predictive surface=learned drift=none")
@@ -142,14 +136,14 @@ def test_what_it_gains(run):
     assert min(stays[3:]) > 4.0
 
 
-def test_where_it_is_not_looked_for_there_is_none(run):
+def test_where_it_is_not_looked_for_there_is_none():
     found, _ = run(drifting(1e-9), 1, 0.0, periods=3, law="predictive surface=learned drift=none")
     assert found["drift"] == found["drift_deviation"] == found["drift_x"] == found["drift_y"] == 0.0
     found, _ = run(drifting(1e-9), 1, 1.0, periods=3, law="predictive surface=observed")
     assert found["drift"] == found["drift_deviation"] == found["drift_x"] == found["drift_y"] == 0.0
 
 
-def test_until_it_is_seen_nothing_is_known_of_it(run):
+def test_until_it_is_seen_nothing_is_known_of_it():
     for noise in (0.0, 1.0):
         found, _ = run(CASE["the truth"], 1, noise, periods=3)
         assert found["drift"] == 0.0
@@ -180,7 +174,7 @@ def slow(along_x: float, along_y: float, frequency: float) -> Case:
         (slow(1e-8, 1e-8, 1.0), 2, "observed", 20.0),
     ],
 )
-def test_a_sample_that_moves_under_a_slow_reference_is_tracked_beside_its_drift(run, case, rate, surface, most):
+def test_a_sample_that_moves_under_a_slow_reference_is_tracked_beside_its_drift(case, rate, surface, most):
     found, errors = run(case, rate, 0.0, periods=3, law=f"predictive surface={surface}")
     assert max(errors[1:]) < most
     assert found["fallbacks"] == 0.0
@@ -188,7 +182,7 @@ def test_a_sample_that_moves_under_a_slow_reference_is_tracked_beside_its_drift(
     assert [found["drift_x"], found["drift_y"]] == pytest.approx(expected, rel=0.02)
 
 
-def test_what_it_gains_that_a_tip_at_rest_shows_it(run):
+def test_what_it_gains_that_a_tip_at_rest_shows_it():
     _, errors = run(slow(1e-9, 1e-9, 0.2), 1, 0.0, periods=3, law="predictive surface=observed drift=none")
     assert max(errors[1:]) > 50.0
 

@@ -1,7 +1,5 @@
 """Claims about hysteresis and creep of the piezo as the friction-predicting law learns them from its own drives."""
 
-from importlib import import_module
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -133,10 +131,10 @@ def test_creep_is_believed_where_it_is_certain_and_friction_turns_the_drive():
         assert s.slow[0] == pytest.approx(2.0 if believes else 2.0 + 0.5 * creep)
 
 
-def test_noise_is_not_taken_for_creep_however_long_it_lasts(monkeypatch):
+def test_noise_is_not_taken_for_creep_however_long_it_lasts():
     # With two deviations alone 0.06 % a decade are believed from the 40th period on, and an error of 1.6 % is left.
-    monkeypatch.setattr(import_module("afm_model.studies.wrong_models"), "_PERIODS", 60)
-    result = simulate(*parameters_of(CASE["resonances +2 %"], RATES[1], contender("predictive surface=known"), 1.0))
+    case = CASE["resonances +2 %"]._replace(periods=60)
+    result = simulate(*parameters_of(case, RATES[1], contender("predictive surface=known"), 1.0))
     off = abs(result.truth["position"][:, :2] - result.measurements["reference_position"][:, :2])
     assert 100.0 * off[result.time > 0.5 * result.time[-1]].max() / 5e-9 < 0.6
     assert np.all(result.estimates["creep_x"] < 1e-4)

@@ -36,6 +36,7 @@ class State(Record):
     estimate: Annotated[Array, (6,)]  # position and rate there
     seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
     signal: float  # lateral force there
+    place_x: float  # of positions alone: where x was before its last correction, and rests since
     # What the model does not explain, unexplained.py: gamma, b, c, openings and creep as they are estimated, and their
     # covariance; as they are believed. Along z only b and c: there is no friction, and no hysteresis is learned.
     learned: Annotated[Array, (3, UNEXPLAINED)]

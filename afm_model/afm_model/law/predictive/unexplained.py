@@ -19,7 +19,7 @@ from ...core.records import Block
 from ...parts.signals import Measurement
 from .nominal_plant import balance, drive_in_force, friction_turns_drive, stretched
 from .piezo_memory import effective
-from .predictive_constants import CREEP, FLOOR, MEMORY, STOPS, UNEXPLAINED, Constants
+from .predictive_constants import AT_X, CREEP, FLOOR, MEMORY, STOPS, UNEXPLAINED, Constants
 from .predictive_state import State
 from .sample_estimate import REST, TELLS, variance, write_row
 
@@ -175,20 +175,29 @@ def knows_gain_of_x(p: Constants, s: State) -> bool:
 def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """Learn from positions alone: what a drive holds in place but for friction, the motion being slow.
 
-    The measured position is used, not the one that is estimated with these numbers. They are used only while they
-    explain a force that counts: their noise would move the copy of the plant, which is trusted more than a position.
+    The force left over is that at the measured position, not at the one that is estimated with these numbers. They are
+    used only while they explain a force that counts: their noise would move the copy of the plant, which is trusted
+    more than a position.
     """
     signal = y.lateral_force / p.lateral_force - s.zero
     q = y.position[0] / p.x0
     believe_learned(0, p, s)
-    left = s.gain_of[0] * (balance(0, effective(0, y, p, s), q, p, s) - signal)
+    u = effective(0, y, p, s)
+    left = s.gain_of[0] * (balance(0, u, q, p, s) - signal)
+    # Place and friction that it is laid to: free of the noise in it, which would pass for a spring that holds nothing.
+    if abs(s.V_X) > REST * s.fastest:
+        s.place_x, friction = s.X - s.change[AT_X], signal
+    else:
+        if s.started == 0.0 or abs(q - s.place_x) > SEEMS * p.position_noise:
+            s.place_x = q
+        friction = balance(0, u, s.place_x, p, s)
     noise = p.stiffness[0] * p.position_noise + p.force_noise + p.f_0 * _NO_NOISE
     # Where the motion is not steady the drive does not hold it.
     noise += abs(s.V_X - s.seen[0, 1]) / p.hold
     s.seen[0, 1] = s.V_X
     went = hypot(q - s.at_x, y.position[1] / p.x0 - s.at_y)
     if went < _SLOW * s.fastest * p.hold + SEEMS * p.position_noise:
-        update(0, left, signal, stretched(0, q, s), s.memory_now, noise, p, s)
+        update(0, left, friction, stretched(0, s.place_x, s), s.memory_now, noise, p, s)
     force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * stretched(0, q, s)
     for i in range(MEMORY):
         force += s.takes[0, i] * s.memory_now[0, i]
