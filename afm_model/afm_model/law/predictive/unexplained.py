@@ -185,7 +185,8 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     u = effective(0, y, p, s)
     left = s.gain_of[0] * (balance(0, u, q, p, s) - signal)
     # Place and friction that it is laid to: free of the noise in it, which would pass for a spring that holds nothing.
-    if abs(s.V_X) > REST * s.fastest:
+    moves = abs(s.V_X) > REST * s.fastest
+    if moves:
         s.place_x, friction = s.X - s.change[AT_X], signal
     else:
         if s.started == 0.0 or abs(q - s.place_x) > SEEMS * p.position_noise:
@@ -202,7 +203,9 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     for i in range(MEMORY):
         force += s.takes[0, i] * s.memory_now[0, i]
     of_force = variance(0, signal, stretched(0, q, s), s)
-    s.counts += min(p.hold / _SPAN, 1.0) * (square(force) - of_force - s.counts)
+    # What counts while x moves does so behind a pause, too.
+    if moves:
+        s.counts += min(p.hold / _SPAN, 1.0) * (square(force) - of_force - s.counts)
     # In packets the motion magnifies what is left.
     counts = COUNTS * p.f_0 * (0.5 if p.slots > 1 else 1.0)
     if abs(force) > 2.0 * counts + _SURE * math.sqrt(of_force):
