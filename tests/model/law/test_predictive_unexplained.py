@@ -5,13 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from afm_model import Controller, Instrument, SimParameters, build
-from afm_model.core.records import record_at
+from afm_model import SimParameters, build
 from afm_model.law.predictive.unexplained import learn_across
-from afm_model.parts.signals import Measurement
 from afm_model.piezo.ceramic import CERAMIC
 from afm_model.studies.contender import contender
-from afm_model.studies.wrong_models import CASE, RATES, parameters_of, run_case
+from afm_model.studies.wrong_models import CASE, RATES, run_case
 
 from .predictive_records import records
 
@@ -89,22 +87,3 @@ def test_hysteresis_leaves_the_force_that_the_page_says():
             branches.append(float(weight @ play))
     apart = (branches[1] - branches[2]) * sim.piezo.sensitivity_x
     assert apart == pytest.approx(2.8 * opening * amplitude, rel=0.02)
-
-
-def test_what_is_known_of_a_scanner_outlasts_a_pause():
-    # Forgotten in the pause, it cost 6.7 % in the first stroke behind it.
-    rate, stop, pause, end = RATES[0], 0.14, 0.1, 0.3
-    law = contender("predictive surface=known")
-    sim, told = parameters_of(CASE["resonances +2 %"]._replace(periods=4), rate, law, 1.0)
-    instrument, controller, off = Instrument(sim, round(end / rate.period) + 1), Controller(told), []
-    for tick in range(round(end / rate.period)):
-        seen = instrument.measurement.copy()
-        y, time = record_at(seen, 0, Measurement), tick * rate.period
-        at, moves = (time, 1.0) if time < stop else (max(stop, time - pause), float(time > stop + pause))
-        y.reference_position[:2] = 5e-9 * math.sin(50.0 * at)
-        y.reference_velocity[:2] = moves * 5e-9 * 50.0 * math.cos(50.0 * at)
-        y.reference_acceleration[:2] = -moves * 5e-9 * 2500.0 * math.sin(50.0 * at)
-        drive = controller.answer(seen, time)
-        off.append(abs(instrument.truth["position"][:2] - y.reference_position[:2]).max() / 5e-11)
-        instrument.tick(drive, tick)
-    assert max(off[round((stop + pause) / rate.period) :]) < 0.8

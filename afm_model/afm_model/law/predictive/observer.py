@@ -171,7 +171,11 @@ def take_ratio_seen(
     if missed == 0.0 and p.slots == 1:
         slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
         slow = slow and innovation < -_STOPS * math.sqrt(variance)
-        holds = abs(held) < _STOPS * hypot(p.force_noise, p.stiffness[0] * math.sqrt(s.P[AT_X, AT_X]))
+        unsure = hypot(p.force_noise, p.stiffness[0] * math.sqrt(s.P[AT_X, AT_X]))
+        if hypot(s.v[0], s.v[1]) <= REST * s.fastest:
+            # In a pause of the reference a zero that is wrong by little counts thousands of times.
+            unsure = hypot(unsure, p.f_0 * math.sqrt(s.variance_of_zero))
+        holds = abs(held) < _STOPS * unsure
         holds = holds and innovation < -max(SURE * math.sqrt(variance), _STOPS * _RINGS * p.hold)
         if slow or holds:
             s.V_X, s.V_Y = 0.0, 0.0
