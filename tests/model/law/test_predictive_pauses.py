@@ -16,7 +16,7 @@ STOP = 0.14
 
 
 def paused(title, pause):
-    """Of a run at 50 us, surface known: error in the stroke behind the pause [%], the ratio of friction in the pause."""
+    """Of a run at 50 us, surface known: error in the stroke behind the pause [%], ratio of friction in the pause."""
     case, period = CASE[title]._replace(periods=4), RATES[0].period
     sim, told = parameters_of(case, RATES[0], contender("predictive surface=known"), 1.0)
     begin, behind = round(STOP / period), round((STOP + pause) / period)
