@@ -184,7 +184,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     believe_learned(0, p, s)
     u = effective(0, y, p, s)
     left = s.gain_of[0] * (balance(0, u, q, p, s) - signal)
-    # Place and friction to which it is put down are free of its noise, which would pass for a spring that holds nothing.
+    # Place and friction that explain it are free of its noise, which would pass for a spring that holds nothing.
     moves = abs(s.V_X) > REST * s.fastest
     if moves:
         s.place_x, friction = s.X - s.change[AT_X], signal
