@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 
-from afm_model import Controller, Instrument
-from afm_model.core.records import record_at
 from afm_model.law.predictive.predictive_constants import VALUE
-from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, parameters_of
+
+from .predictive_records import along
 
 STOP = 0.14
 """When the reference stops [s], a tenth into its second period."""
@@ -20,19 +19,16 @@ def paused(title, pause):
     case, period = CASE[title]._replace(periods=4), RATES[0].period
     sim, told = parameters_of(case, RATES[0], contender("predictive surface=known"), 1.0)
     begin, behind = round(STOP / period), round((STOP + pause) / period)
-    ticks = behind + round(0.06 / period)
-    instrument, controller, off, ratio = Instrument(sim, ticks + 1), Controller(told), [], []
-    for tick in range(ticks):
-        seen = instrument.measurement.copy()
-        y, rests = record_at(seen, 0, Measurement), begin <= tick < behind
-        at = 50.0 * period * (tick if tick < begin else max(begin, tick - behind + begin))
-        y.reference_position[:2] = 5e-9 * math.sin(at)
-        y.reference_velocity[:2] = 0.0 if rests else 5e-9 * 50.0 * math.cos(at)
-        y.reference_acceleration[:2] = 0.0 if rests else -5e-9 * 2500.0 * math.sin(at)
-        drive = controller.answer(seen, tick * period)
-        off.append(abs(instrument.truth["position"][:2] - y.reference_position[:2]).max() / 5e-11)
-        ratio.append(controller.state.ratio[VALUE])
-        instrument.tick(drive, tick)
+
+    def at(tick):
+        angle = 50.0 * period * (tick if tick < begin else max(begin, tick - behind + begin))
+        moves = float(not begin <= tick < behind)
+        return 5e-9 * math.sin(angle), moves * 250e-9 * math.cos(angle), -moves * 1.25e-5 * math.sin(angle)
+
+    off, ratio = [], []
+    for y, truth, law in along(at, behind + round(0.06 / period), sim, told):
+        off.append(abs(truth["position"][:2] - y.reference_position[:2]).max() / 5e-11)
+        ratio.append(law.state.ratio[VALUE])
     return max(off[behind:]), np.array(ratio[begin:behind])
 
 

@@ -6,15 +6,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
-from afm_model.core.records import record_at
+from afm_model import ControllerParameters, SimParameters, build, simulate
 from afm_model.law.predictive.predictive_constants import OF_VALUE, VALUE
 from afm_model.law.predictive.sample_estimate import take_ratio
-from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import RATES, Case, run_case
 
-from .predictive_records import records
+from .predictive_records import along, records
 
 OMEGA, AMPLITUDE = 50.0, 5e-9
 PERIOD = 2.0 * math.pi / OMEGA
@@ -59,19 +57,15 @@ def follow(reference: Callable[[float], tuple[float, float]], duration: float, r
         timing["piezo.dac_period"] = period / RATES[rate].packet
         told |= {"law.packet": RATES[rate].packet, "law.spare": 1}
     ticks = round(duration / period)
-    sim, law = build(SimParameters, timing | true), Controller(build(ControllerParameters, told))
-    instrument, largest = Instrument(sim, ticks), 0.0
-    for tick in range(ticks):
-        measurement = instrument.measurement.copy()
-        y, now = record_at(measurement, 0, Measurement), tick * period
-        place, speed = reference(now)
-        soon = reference(now + 1e-6)[1]
-        for axis in range(2):
-            y.reference_position[axis], y.reference_velocity[axis] = place, speed
-            y.reference_acceleration[axis] = (soon - speed) / 1e-6
-        if now > duration - PERIOD:
-            largest = max(largest, float(np.max(np.abs(y.position[:2] - place))))
-        instrument.tick(law.answer(measurement, now), tick)
+
+    def at(tick: int) -> tuple[float, float, float]:
+        place, speed = reference(tick * period)
+        return place, speed, (reference(tick * period + 1e-6)[1] - speed) / 1e-6
+
+    sim, law, largest = build(SimParameters, timing | true), build(ControllerParameters, told), 0.0
+    for tick, (y, _, _) in enumerate(along(at, ticks, sim, law)):
+        if tick * period > duration - PERIOD:
+            largest = max(largest, float(np.max(np.abs(y.position[:2] - y.reference_position[:2]))))
     return 100.0 * largest / AMPLITUDE
 
 
