@@ -26,15 +26,17 @@ def main() -> int:
     """Run what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="notebooks; default: all")
-    for path in parser.parse_args().files or sorted(FOLDER.glob("*.ipynb")):
+    parser.add_argument("--out", type=Path, help="folder to write to; default: in place")
+    arguments = parser.parse_args()
+    for path in arguments.files or sorted(FOLDER.glob("*.ipynb")):
         start = time.perf_counter()
-        run(path)
-        print(f"{path.name}: {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - start:.0f} s", flush=True)
+        written = run(path, arguments.out or path.parent)
+        print(f"{path.name}: {written.stat().st_size / 1000:.0f} kB, {time.perf_counter() - start:.0f} s", flush=True)
     return 0
 
 
-def run(path: Path) -> None:
-    """Execute a notebook in its folder; it is written when all its cells have run."""
+def run(path: Path, out: Path) -> Path:
+    """Execute a notebook in its folder, and return the file in `out`, which is written when all its cells have run."""
     notebook = nbformat.read(path, as_version=4)
     folder = {"metadata": {"path": str(path.parent)}}
     client = NotebookClient(notebook, timeout=TIMEOUT, startup_timeout=TIMEOUT, resources=folder)
@@ -48,7 +50,9 @@ def run(path: Path) -> None:
                 output.data["image/png"] = smaller(output.data["image/png"])
                 del output.data["text/plain"]  # <Figure size ...>
     nbformat.validate(notebook)
-    nbformat.write(notebook, path)
+    out.mkdir(parents=True, exist_ok=True)
+    nbformat.write(notebook, out / path.name)
+    return out / path.name
 
 
 def smaller(picture: str) -> str:

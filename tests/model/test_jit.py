@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from afm_model.core import jit, kernel_cache
-from afm_model.core.sources import Sources, has_kernels
+from afm_model.core.sources import Sources, has_kernels, write
 
 SESSION = """
 import json, sys
@@ -256,6 +257,57 @@ def test_cache_that_cannot_be_written_or_read_ends_no_process(toy, tmp_path):
     for kept in toy.cache.rglob("*-*/*"):
         kept.write_bytes(b"")
     assert toy.run() == (21.0, 0)
+
+
+def _opened(path: Path) -> None:
+    path.chmod(path.stat().st_mode | 0o022)
+
+
+def _given_away(path: Path) -> None:
+    if os.geteuid() != 0:
+        pytest.skip("only root can make files of another user")
+    os.chown(path, 4711, 4711)
+
+
+@pytest.mark.parametrize("done_to", [_opened, _given_away])
+@pytest.mark.parametrize("which", ["kernel", "."])
+def test_kernel_that_another_user_can_have_written_is_not_unpickled(tmp_path, which, done_to):
+    kept, ran = tmp_path / "kernels" / "kernel", tmp_path / "ran"
+
+    class Planted:
+        def __reduce__(self):
+            return os.mkdir, (str(ran),)
+
+    write(kept, pickle.dumps(Planted()))
+    assert kernel_cache._read(kept, None) is None and ran.exists()  # a file of this user's is believed
+    ran.rmdir()
+    done_to(kept.parent / which)
+    assert kernel_cache._read(kept, None) is None and not ran.exists()
+
+
+@pytest.mark.parametrize(
+    ("done_to", "said"),
+    [
+        (_opened, "other users can write to {0}, and their code would be run: chmod"),
+        (_given_away, "{0} belongs to user 4711"),
+    ],
+)
+def test_folder_of_kernels_that_others_can_write_to_is_not_used_and_is_named(toy, tmp_path, done_to, said):
+    folder = toy.cache / "afm_model"
+    folder.mkdir(parents=True)
+    done_to(folder)
+    told = in_a_new_process("import sys; sys.stderr = sys.stdout\n" + toy.script, NUMBA_CACHE_DIR=str(toy.cache))
+    assert said.format(folder) in told and told.endswith("21.0 21.0 0 0\n")
+    assert not any(folder.iterdir())
+
+
+def test_kernels_are_kept_for_this_user_under_any_umask(toy):
+    before = os.umask(0)
+    try:
+        toy.run()
+    finally:
+        os.umask(before)
+    assert toy.run() == (21.0, 2)
 
 
 def test_source_edited_while_a_process_runs_is_kept_for_no_other(tmp_path):

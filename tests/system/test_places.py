@@ -1,5 +1,6 @@
 """Claims about places: folders in which nothing can be built, a home that is not there, a machine that is busy."""
 
+import os
 import shutil
 import signal
 import subprocess
@@ -33,6 +34,54 @@ def test_make_refuses_a_folder_in_which_ros_cannot_be_built_before_anything_is_m
     assert "move the clone" in done.stderr
     assert done.stdout == ""
     assert sorted(path.name for path in folder.iterdir()) == ["Makefile", "requirements", "tools"]
+
+
+@pytest.fixture
+def moved(tmp_path: Path) -> Path:
+    """A clone with all that was built, made in another folder."""
+    for part in ("tools", "requirements", "Makefile", "env.sh"):
+        copy = shutil.copytree if (ROOT / part).is_dir() else shutil.copy
+        copy(ROOT / part, tmp_path / part)
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    shutil.copy(ROOT / ".venv" / ".complete", tmp_path / ".venv")
+    (tmp_path / ".venv" / "pyvenv.cfg").write_text("command = /usr/bin/python3 -m venv /elsewhere/clone/.venv\n")
+    (tmp_path / ".venv" / "bin" / "activate").touch()
+    install = tmp_path / "ros2_ws" / "install"
+    install.mkdir(parents=True)
+    for file in ("setup.sh", "local_setup.sh"):
+        (install / file).touch()
+    return tmp_path
+
+
+def test_environment_of_a_clone_that_was_moved_is_refused_with_the_command_that_mends_it(moved: Path) -> None:
+    done = subprocess.run(["bash", "-c", ". ./env.sh"], cwd=moved, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    said = f"{moved} was built in /elsewhere/clone and then moved or copied; run: make -C {moved} build"
+    assert done.stderr == f"error: {said}\n"
+
+
+def test_make_sets_up_again_what_a_clone_was_moved_with(moved: Path) -> None:
+    (moved / "tools" / "bootstrap.sh").write_text("#!/bin/sh\nls .venv\n")  # it sets up what is not there
+    command = ["make", "--no-print-directory", "setup"]
+    done = subprocess.run(command, cwd=moved, capture_output=True, text=True, check=False)
+    assert done.stdout == "This clone was built in /elsewhere/clone and then moved or copied: it is set up again.\n"
+    assert "cannot access '.venv'" in done.stderr
+
+
+def test_middleware_that_the_wheels_do_not_have_is_left_aside_with_a_note() -> None:
+    if os.environ.get("AFM_ROS") != "wheels":
+        pytest.skip("a ROS 2 of this machine may have any middleware")
+    shown = ". ./env.sh && echo ${RMW_IMPLEMENTATION-unset}"
+    for name, printed, noted in (
+        ("rmw_cyclonedds_cpp", "unset\n", "note: RMW_IMPLEMENTATION = rmw_cyclonedds_cpp is unset here: "),
+        ("rmw_fastrtps_cpp", "rmw_fastrtps_cpp\n", ""),
+    ):
+        environment = os.environ | {"RMW_IMPLEMENTATION": name}
+        done = subprocess.run(
+            ["bash", "-c", shown], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+        )
+        assert done.stdout == printed
+        assert done.stderr.startswith(noted) and bool(noted) == bool(done.stderr)
 
 
 def test_node_without_a_home_says_where_it_logs_and_runs(tmp_path: Path) -> None:

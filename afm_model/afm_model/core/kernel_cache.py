@@ -11,6 +11,7 @@ import hashlib
 import os
 import pickle
 import shutil
+import stat
 import time
 import types
 import warnings
@@ -24,7 +25,7 @@ from numba.core import caching as _caching
 from numba.core import compiler as _compiler
 from numba.core.serialize import dumps as _dumps
 
-from .sources import Sources, has_kernels, write
+from .sources import MODE, Sources, has_kernels, write
 
 caching: Any = _caching
 compiler: Any = _compiler
@@ -47,11 +48,35 @@ def _folder() -> Path | None:
         return None
 
 
+def _is_safe(found: os.stat_result) -> bool:
+    """Return whether only this user or root can have written a file, or put files into a folder.
+
+    What is read from it is run, by `pickle` and as machine code.
+    """
+    return found.st_uid in (0, os.geteuid()) and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _refusal(folder: Path) -> str:
+    """Return why nothing is read from a folder, or an empty text if it is safe or does not exist yet."""
+    try:
+        found = folder.stat()
+    except OSError:
+        return ""
+    if _is_safe(found):
+        return ""
+    if found.st_uid not in (0, os.geteuid()):
+        return f"{folder} belongs to user {found.st_uid}, whose code would be run: it must belong to you or to root"
+    return f"other users can write to {folder}, and their code would be run: chmod -R go-w {folder}"
+
+
 @cache
 def _shelf() -> tuple[Path | None, Sources]:
-    """Folder of all kernels, and the fingerprints; the folder is cleaned first."""
+    """Return the folder of all kernels, None if it is not safe, and the fingerprints; the folder is cleaned first."""
     folder = _folder()
     if folder is not None:
+        if why := _refusal(folder):
+            _complain(why)
+            return None, Sources(None)
         clean(folder)
     return folder, Sources(folder)
 
@@ -66,7 +91,7 @@ def clean(folder: Path) -> None:
     try:
         if mark.exists() and now - mark.stat().st_mtime < _DAY:
             return
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=MODE, parents=True, exist_ok=True)
         mark.touch()
         kept = sorted(((each.stat().st_mtime, each) for each in folder.iterdir() if each.is_dir()), reverse=True)
     except OSError:
@@ -99,7 +124,7 @@ def _use(folder: Path) -> None:
 def _complain(why: str) -> None:
     warnings.warn(
         f"compiled kernels cannot be kept ({why}), each process compiles its own: set NUMBA_CACHE_DIR to a folder that "
-        "can be written",
+        "only you can write to",
         RuntimeWarning,
         stacklevel=2,
     )
@@ -116,7 +141,11 @@ def _described(code: types.CodeType, docstring: str | None = None) -> Any:
 
 def _read(path: Path, target_context: Any) -> Any:
     try:
-        return compiler.CompileResult._rebuild(target_context, *pickle.loads(path.read_bytes()))
+        with path.open("rb") as file:
+            # The file itself and not its name, behind which another file may have been put meanwhile.
+            if not (_is_safe(os.fstat(file.fileno())) and _is_safe(path.parent.stat())):
+                return None
+            return compiler.CompileResult._rebuild(target_context, *pickle.loads(file.read()))
     except Exception:  # not there, or damaged, which may raise anything
         return None
 
@@ -179,7 +208,7 @@ class KernelCache(caching._Cache):  # type: ignore[misc]
         if path in self._locks:  # a kernel that calls itself
             return
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(mode=MODE, parents=True, exist_ok=True)
             lock = os.open(path.with_name(f"{path.name}.lock"), os.O_RDWR | os.O_CREAT)
         except OSError:  # a folder that cannot be written is told of when the kernel is kept
             return

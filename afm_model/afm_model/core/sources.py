@@ -21,6 +21,8 @@ _STARTED = time.time()
 _ROOTS: dict[str, Path] = {}
 """Folder above each package (or module at the top) that has kernels."""
 _KEPT_SOURCES = 2000
+MODE = 0o755
+"""Of a folder that is made here: only its owner writes to it, whatever the umask says."""
 _Import = tuple[int, str, list[str]]
 
 
@@ -169,10 +171,11 @@ class Sources:
 
 def write(path: Path, data: bytes) -> None:
     """Write a file so that another process sees it whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(mode=MODE, parents=True, exist_ok=True)
     own = path.with_name(f"{path.name}.{os.getpid()}.{time.monotonic_ns()}")
     try:
         own.write_bytes(data)
+        own.chmod(own.stat().st_mode & ~0o022)  # only what its owner alone can write is read
         own.replace(path)
     except OSError:
         own.unlink(missing_ok=True)
