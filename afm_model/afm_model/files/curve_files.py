@@ -20,7 +20,14 @@ if TYPE_CHECKING:
     import xarray
 
 _Array = NDArray[np.float64]
-UNITS = {"force": "N", "height (piezo)": "m", "segment": "", "time": "s", "tip position": "m"}
+UNITS = {
+    "force": "N",
+    "height (measured)": "m",
+    "height (piezo)": "m",
+    "segment": "",
+    "time": "s",
+    "tip position": "m",
+}
 """Of the columns."""
 
 
@@ -70,6 +77,8 @@ def _table(curve: Curve, number: int, session: str, grid: Mapping[str, float]) -
     }
     columns = {
         "force": deflection * curve.spring_constant,
+        # There is no sensor along z. Maps of afmformats and nanite read this column and no other.
+        "height (measured)": height,
         "height (piezo)": height,
         "segment": retract.astype(np.uint8),
         "time": time - time[0] if len(time) else time,
@@ -110,9 +119,10 @@ def write_curves(path: Path | str, curves: "Curve | Sequence[Curve] | xarray.Dat
     """Write force curves into an HDF5 file, .h5, as afmformats has it.
 
     A group for each curve, `0`, `1`, ..., with its metadata as attributes and the columns `force` [N], `height (piezo)`
-    [m] (falls towards the sample), `tip position` [m], `time` [s] from the curve's first sample, `segment` (0 approach,
-    1 retract). Curves on a full grid of places are marked as a map. The dwell and the lateral signal have no place in
-    this format; the labelled arrays keep them.
+    [m] (falls towards the sample), the same again as `height (measured)` because the instrument has no sensor along z,
+    `tip position` [m], `time` [s] from the curve's first sample, `segment` (0 approach, 1 retract). The groups have the
+    order of the curves. Curves on a full grid of places are marked as a map. The dwell and the lateral signal have no
+    place in this format; the labelled arrays keep them.
 
     Parameters
     ----------
@@ -133,7 +143,8 @@ def write_curves(path: Path | str, curves: "Curve | Sequence[Curve] | xarray.Dat
     h5py = needed("h5py", "an HDF5 file")
     # In memory first: the library does not survive a disk that is full.
     content = BytesIO()
-    with h5py.File(content, "w") as file:
+    # Readers take the groups in the order in which the file lists them; by name, 10 comes before 2.
+    with h5py.File(content, "w", track_order=True) as file:
         file.attrs["software"] = tables[0].notes["software"]
         file.attrs["software version"] = tables[0].notes["software version"]
         for number, table in enumerate(tables):

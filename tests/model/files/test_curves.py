@@ -1,6 +1,7 @@
 """Claims about force curves as files: what afmformats reads from them."""
 
 import afmformats
+import h5py
 import numpy as np
 import pytest
 
@@ -61,6 +62,24 @@ def test_curves_on_a_grid_are_a_map_to_afmformats(tmp_path):
     for curve, (x, y) in zip(sorted(read, key=lambda each: each.enum), places, strict=True):
         meta = curve.metadata
         assert (meta["grid index x"], meta["grid index y"]) == (round(x / 10e-9) + 1, round(y / 20e-9))
+
+
+def test_groups_are_listed_in_the_order_of_the_curves_beyond_ten(tmp_path):
+    path = write_curves(tmp_path / "many.h5", [scans.curve(1e-9 * i, 0.0, dwell=0) for i in range(12)])
+    with h5py.File(path) as file:
+        assert list(file) == [str(i) for i in range(12)]
+    assert [each.metadata["position x"] for each in afmformats.load_data(path)] == pytest.approx(1e-9 * np.arange(12))
+
+
+def test_every_feature_of_a_map_of_afmformats_is_computed(tmp_path):
+    # Reading the base point needs `height (measured)`; nanite takes over these features.
+    places = [(x, y) for y in (0.0, 20e-9) for x in (-10e-9, 0.0, 10e-9, 20e-9, 30e-9, 40e-9)]
+    curves = [scans.curve(x, y, dwell=0) for x, y in places]
+    qmap = afmformats.AFMQMap(write_curves(tmp_path / "map.h5", curves))
+    maps = {feature: qmap.get_qmap(feature, qmap_only=True) for feature in qmap.features}
+    lowest = -max(curves[0].record.channels["z"])
+    np.testing.assert_allclose(maps["data: height base point"], np.full((2, 6), 1e6 * lowest), rtol=1e-12)
+    np.testing.assert_array_equal(maps["data: scan order"], np.arange(12).reshape(2, 6))
 
 
 def test_curves_that_are_on_no_full_grid_are_no_map(tmp_path):
