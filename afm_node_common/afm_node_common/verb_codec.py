@@ -125,7 +125,7 @@ def _result(verb: Verb, result: Any, image: Image | None) -> Any:
         return image
     if several := get_args(verb.returns):
         (name,) = set(result.get_fields_and_field_types()) - set(_TOLD)
-        return [_decoded(several[0], each) for each in getattr(result, name)]
+        return [_decoded(several[0], each, verb=verb) for each in getattr(result, name)]
     # A number without a unit: none was found.
     return None if getattr(result, "unit", "1") == "" else _decoded(verb.returns, result, verb=verb)
 

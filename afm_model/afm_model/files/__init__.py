@@ -5,7 +5,7 @@ What a format needs (gwyfile, h5py, matplotlib) is imported when a file is writt
 
 from .curve_files import write_curve_tab, write_curves
 from .curve_picture import curve_picture, write_curve_picture
-from .gwyddion import write_gsf, write_gwy
+from .gwyddion import FrameWarning, write_gsf, write_gwy
 from .layers import Layer, layer, layers
 from .level import background as level_background
 from .level import lines as level_lines
@@ -16,6 +16,7 @@ from .table import Figures, figures, text_table, write_table
 
 __all__ = [
     "Figures",
+    "FrameWarning",
     "Layer",
     "ScanFile",
     "curve_picture",

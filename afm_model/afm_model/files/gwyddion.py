@@ -1,11 +1,14 @@
 """Scans as files of Gwyddion: .gwy, every layer with units, size, place and notes; .gsf, one layer as Simple Field."""
 
+import math
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..core.optional import needed
+from ..core.prefix import text
 from ..microscope.image import Image, as_image
 from .layers import Layer, description, layer, layers
 from .result_files import replacing
@@ -14,6 +17,10 @@ if TYPE_CHECKING:
     import xarray
 
     from ..microscope.verbs.scan import Scan
+
+
+class FrameWarning(UserWarning):
+    """The frame of a scan is one that some readers of .gwy files take for another."""
 
 
 def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
@@ -37,6 +44,12 @@ def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
         If it cannot be written.
     ImportError
         If gwyfile is not installed.
+
+    Warns
+    -----
+    FrameWarning
+        If AFMReader up to 0.0.7, and TopoStats by it, would show the frame as another one without an error: they take
+        the number of pixels for that of lines, and one size of a pixel for both directions.
     """
     GwyContainer = needed("gwyfile.objects", "a .gwy file").GwyContainer
     image = as_image(image)
@@ -55,7 +68,23 @@ def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
         content.typecodes[f"{place}/data/title"] = "s"
     with replacing(path, ".gwy") as beside:
         content.tofile(str(beside))
+    if problem := _misread(image.scan):
+        warnings.warn(
+            f"{path}: AFMReader (up to 0.0.7) and TopoStats {problem}, without an error; Gwyddion and gwyfile read the "
+            "file as it is. For those programs scan as many lines as pixels, in a square frame",
+            FrameWarning,
+            stacklevel=2,
+        )
     return Path(path)
+
+
+def _misread(scan: "Scan") -> str:
+    """What some readers make of a frame that is not square; empty if they read it as it is."""
+    if scan.lines != scan.pixels:
+        return f"scramble an image of {scan.pixels} pixels in {scan.lines} lines"
+    if not math.isclose(scan.height, scan.size_x):
+        return f"take a frame of {text(scan.size_x, 'm')} x {text(scan.height, 'm')} for a square one"
+    return ""
 
 
 def _notes(layer: Layer, notes: dict[str, str]) -> dict[str, str]:

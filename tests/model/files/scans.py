@@ -4,7 +4,7 @@ import numpy as np
 
 from afm_model.microscope.image import DIRECTIONS, TRACE, Image, Line
 from afm_model.microscope.results import TimeSeries
-from afm_model.microscope.verbs import Scan
+from afm_model.microscope.verbs import ForceCurve, Scan
 from afm_model.microscope.verbs.force_curve import Curve
 from afm_model.program.force_curve import APPROACH, DWELL, RETRACT
 
@@ -60,4 +60,5 @@ def curve(x: float = 0.0, y: float = 0.0, dwell: int = 100) -> Curve:
     time = 12.5 + 2e-5 * np.arange(len(z))
     channels = {"z": z, "deflection_voltage": deflection, "lateral_voltage": 0.01 * z / 1e-7, "phase": phase}
     record = TimeSeries(time, channels, {"z": "m", "deflection_voltage": "V", "lateral_voltage": "V", "phase": "1"})
-    return Curve(record, True, x, y, 2.5e-6, 2.5e-6, 1e-7, 0.2, trigger=0.4)
+    verb = ForceCurve(ramp=1e-7, approach_rate=2.5e-6, retract_rate=2.5e-6, trigger_voltage=0.4, count=2)
+    return Curve(record, True, x, y, 2.5e-6, 2.5e-6, 1e-7, 0.2, trigger=0.4, verb=verb)

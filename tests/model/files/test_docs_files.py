@@ -8,6 +8,10 @@ import pytest
 
 from afm_model.files import layers
 from afm_model.files.curve_files import UNITS
+from afm_model.microscope import Microscope
+from afm_model.microscope.arrays import to_xarray
+
+from .test_labelled import results
 
 ROOT = Path(__file__).resolve().parents[3]
 PAGE = (ROOT / "docs" / "files.md").read_text()
@@ -54,6 +58,29 @@ def test_table_of_layers_has_the_names_titles_and_units_of_the_code(ran):
         _, _, titles, unit, *_ = (cell.strip() for cell in row.split("|"))
         assert each.title in titles.split(", ")
         assert each.unit == unit
+
+
+def test_table_of_labelled_arrays_has_the_dimensions_and_variables_of_the_results(ran):
+    _, scope, _ = ran
+    assert scope["curves"].sizes["curve"] == 2
+    loop, path = (to_xarray(results()[kind]) for kind in ("loop", "path"))
+    one = scope["curves"].isel(curve=[0])
+    found = {"scan": scope["image"], "force_curve": one, "friction_loop": loop, "scan_path": path}
+    with Microscope("tapping", plant={"kind": "averaged", "lever": "ppp_fmr", "gap": 60e-9, "dt": 2e-6}) as microscope:
+        found["amplitude_curve"] = microscope.amplitude_curve(begin=20e-9, ramp=10e-9, rate=1e-5, settle=1e-3, points=4)
+    table = PAGE.partition("| result of |")[2].partition("\n\n")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:4]] for line in table.splitlines()[2:]]
+    named = {name: row for row in rows for name in re.findall(r"`(\w+)`", row[0])}
+    assert set(found) <= set(named)
+    for verb, made in found.items():
+        _, dims, variables = named[verb]
+        longest = max((each.dims for each in made.data_vars.values()), key=len)
+        assert dims.split(", ") == list(longest), verb
+        listed = set(re.findall(r"`(\w+)`", variables)) - {"curve"}
+        assert listed <= set(made.variables), verb
+        if verb != "scan":
+            assert set(made.data_vars) <= listed, verb
+        assert made.attrs["verb"] == "".join(part.capitalize() for part in verb.split("_"))
 
 
 def test_table_of_columns_is_that_of_the_force_curves():

@@ -1,12 +1,13 @@
 """Claims about scans as .gwy: what gwyfile, Gwyddion and the height maps of this package read from them."""
 
+import warnings
 from typing import Any
 
 import gwyfile
 import numpy as np
 import pytest
 
-from afm_model.files import layers, write_gsf, write_gwy
+from afm_model.files import FrameWarning, layers, write_gsf, write_gwy
 from afm_model.sample.map_files import read_field
 
 from . import scans
@@ -140,3 +141,43 @@ def test_scan_can_be_the_height_map_of_a_sample(path, image):
     found = read_field(str(path))
     np.testing.assert_array_equal(found.values, image.data["height", "trace"])
     assert (found.width, found.height) == (200e-9, 200e-9)
+
+
+def by_afmreader(path, title: str) -> tuple[np.ndarray, tuple[float, float]]:
+    """Values and size of a pixel along x and y [m] as AFMReader 0.0.7 and TopoStats 2.4.2 take them from a .gwy file.
+
+    They shape the numbers as (xres, yres), and take xreal over the columns of that for the size of a pixel.
+    """
+    read = gwyfile.load(str(path))
+    found = read[f"/{titles(read)[title]}/data"]
+    values = found.data.ravel().reshape(found["xres"], found["yres"])
+    side = found["xreal"] / values.shape[1]
+    return values, (side, side)
+
+
+@pytest.mark.parametrize(
+    ("frame", "told"),
+    [
+        ({"pixels": 16, "lines": 16}, None),
+        ({"pixels": 16, "lines": 16, "size_y": 200e-9}, None),
+        ({"pixels": 16, "lines": 8}, "scramble an image of 16 pixels in 8 lines"),
+        ({"pixels": 8, "lines": 16, "size_y": 200e-9}, "scramble an image of 8 pixels in 16 lines"),
+        ({"pixels": 16, "lines": 16, "size_y": 400e-9}, "take a frame of 200 nm x 400 nm for a square one"),
+    ],
+)
+def test_frame_that_afmreader_and_topostats_read_wrongly_is_warned_of_and_no_other(frame, told, tmp_path):
+    image = scans.scanned(**frame)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        path = write_gwy(tmp_path / "scan.gwy", image)
+    scan, (height, *_) = image.scan, layers(image)
+    values, pixel = by_afmreader(path, "Height")
+    right = np.array_equal(values, height.values[::-1]) and pixel == pytest.approx(
+        (scan.size_x / scan.pixels, scan.height / scan.lines)
+    )
+    assert right == (told is None)
+    assert [each.category for each in caught] == ([] if told is None else [FrameWarning])
+    for each in caught:
+        assert told in str(each.message) and "scan.gwy" in str(each.message)
+        # It points to the line that wrote the file.
+        assert each.filename == __file__

@@ -9,6 +9,7 @@ from afm_model.microscope.arrays import to_xarray
 from afm_model.microscope.image import as_image
 from afm_model.microscope.results import Calibration, TimeSeries
 from afm_model.microscope.verbs import FrictionLoop, ScanPath
+from afm_model.microscope.verbs.force_curve import as_curves
 from afm_model.microscope.verbs.friction_loop import Loop
 from afm_model.microscope.verbs.scan_path import PathRecord
 
@@ -78,6 +79,28 @@ def test_curves_of_different_lengths_are_one_array_that_ends_with_nan():
     assert made.z.shape == (2, 4102)
     assert np.isfinite(made.z[0]).all() and np.isnan(made.z[1, 4009:]).all()
     np.testing.assert_allclose(made.x, [0.0, 1e-9])
+
+
+@pytest.mark.parametrize("kind", ["image", "curve", "curves", "loop"])
+def test_every_field_of_the_verb_is_an_attribute_of_what_it_measured(kind):
+    result = results()[kind]
+    first = result[0] if isinstance(result, list) else result
+    verb, made = first.scan if kind == "image" else first.verb, to_xarray(result)
+    assert made.attrs["verb"] == type(verb).__name__
+    for name, value in verb.model_dump().items():
+        assert made.attrs[name] == value, name
+
+
+def test_labelled_curves_give_back_the_verb_that_measured_them(tmp_path):
+    for result in (scans.curve(), [scans.curve(), scans.curve(1e-9, dwell=7)]):
+        made = to_xarray(result)
+        made.to_netcdf(tmp_path / "curves.nc")
+        with xarray.open_dataset(tmp_path / "curves.nc") as read:
+            assert [each.verb for each in as_curves(read)] == [scans.curve().verb] * len(as_curves(result))
+        # Arrays of versions before had no fields of the verb.
+        bare = made.copy()
+        del bare.attrs["verb"]
+        assert {each.verb for each in as_curves(bare)} == {None}
 
 
 def test_what_has_no_labelled_form_is_returned_as_it_is():

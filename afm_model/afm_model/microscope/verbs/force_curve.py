@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from ...core.errors import VerbError
-from ...core.schema import Unit, python_value, refuse_together
+from ...core.schema import Unit, build, python_value, refuse_together
 from ...program import orders
 from ...program.force_curve import APPROACH, DWELL, LIFT, RETRACT, SETTLE
 from ...program.orders import Order, Step
-from ..arrays import Arrays, Variable, variable
+from ..arrays import Arrays, Variable, attributes, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task, landing
 from ..results import MicroscopeState, TimeSeries
@@ -51,6 +51,7 @@ class Curve:
     deflection_sensitivity: float  # that the microscope believes [m/V]
     spring_constant: float  # for vertical forces, that it believes [N/m]
     trigger: float = 0.0  # rise of the deflection at which the approach was to end [V]; 0: none
+    verb: "ForceCurve | None" = None  # by which it was measured, if that is known
 
     def _variables(self, dims: tuple[str, ...]) -> dict[str, Variable]:
         found = self.record.variables(dims)
@@ -62,11 +63,17 @@ class Curve:
         """Over time: `z`, `deflection_voltage`, `lateral_voltage`, `phase` and `force`."""
         numbers = {name: getattr(self, name) for name in _UNITS} | {"triggered": int(self.triggered)}
         time = variable(("time",), self.record.time, "time", "s")
-        return Arrays(self._variables(("time",)), {"time": time}, numbers)
+        return Arrays(self._variables(("time",)), {"time": time}, self._asked() | numbers)
+
+    def _asked(self) -> dict[str, Any]:
+        return attributes(self.verb, {}) if self.verb is not None else {}
 
     @staticmethod
     def together(curves: "Sequence[Curve]") -> Arrays:
-        """Over (curve, sample); shorter ones end with NaN. Their numbers are coordinates along `curve`."""
+        """Return the curves over (curve, sample); shorter ones end with NaN.
+
+        The numbers of each curve are coordinates along `curve`, the fields of the verb attributes.
+        """
         dims = ("curve", "sample")
         every = [curve._variables(dims) | {"time": variable(dims, curve.record.time, "time", "s")} for curve in curves]
         longest = max(len(curve.record.time) for curve in curves)
@@ -82,7 +89,7 @@ class Curve:
             name: Variable(("curve",), np.array([float(getattr(curve, name)) for curve in curves]), {"units": unit})
             for name, unit in _UNITS.items()
         }
-        return Arrays(variables, numbers)
+        return Arrays(variables, numbers, curves[0]._asked())
 
 
 def as_curves(curves: "Curve | Sequence[Curve] | xarray.Dataset") -> list[Curve]:
@@ -100,18 +107,22 @@ def as_curves(curves: "Curve | Sequence[Curve] | xarray.Dataset") -> list[Curve]
     if not {"z", "deflection_voltage", "phase"} <= set(getattr(curves, "data_vars", ())):
         raise ValueError(f"these are no force curves, neither Curve nor their labelled arrays: {type(curves).__name__}")
     dataset: Any = curves
+    given = {str(name): python_value(value) for name, value in dataset.attrs.items()}
+    asked = {name: given[name] for name in ForceCurve.model_fields if name in given}
+    verb = build(ForceCurve, asked) if given.get("verb") == ForceCurve.__name__ else None
     if "curve" not in dataset.dims:
-        return [_curve(dataset, np.asarray(dataset.time), dataset.attrs)]
+        return [_curve(dataset, np.asarray(dataset.time), dataset.attrs, verb)]
     found = []
     for number in range(dataset.sizes["curve"]):
         one = dataset.isel(curve=number)
         time = np.asarray(one.time)
         measured = np.isfinite(time)
-        found.append(_curve(one.isel(sample=measured), time[measured], {name: one[name].item() for name in _UNITS}))
+        numbers = {name: one[name].item() for name in _UNITS}
+        found.append(_curve(one.isel(sample=measured), time[measured], numbers, verb))
     return found
 
 
-def _curve(dataset: Any, time: Any, numbers: Mapping[str, Any]) -> Curve:
+def _curve(dataset: Any, time: Any, numbers: Mapping[str, Any], verb: "ForceCurve | None") -> Curve:
     variables = {str(name): each for name, each in dataset.data_vars.items() if name not in ("force", "time")}
     record = TimeSeries(
         np.asarray(time, dtype=np.float64),
@@ -119,7 +130,7 @@ def _curve(dataset: Any, time: Any, numbers: Mapping[str, Any]) -> Curve:
         {name: values.attrs["units"] for name, values in variables.items()},
     )
     read = {name: python_value(numbers[name]) for name in _UNITS}
-    return Curve(record=record, **read | {"triggered": bool(read["triggered"])})
+    return Curve(record=record, **read | {"triggered": bool(read["triggered"])}, verb=verb)
 
 
 Measured = list[tuple[RecordCollector, bool]]
@@ -246,4 +257,5 @@ class ForceCurve(Verb):
             deflection_sensitivity=view.vertical_sensitivity,
             spring_constant=view.vertical_stiffness,
             trigger=self.trigger(view),
+            verb=self,
         )
