@@ -127,7 +127,8 @@ def scenario(words: list[str], folder: Path, law_of: str = "afm_controller_node"
     latency = {name.removeprefix("latency."): value for name, value in sections.pop("latency", {}).items()}
     file = folder / "scenario.yaml"
     file.write_text(yaml.safe_dump({key: {"ros__parameters": section} for key, section in sections.items()}))
-    return load_scenario(file), latency
+    parts = [value for section in sections.values() for name, value in section.items() if name.endswith(".kind")]
+    return load_scenario(file, parts=[part for part in parts if ":" in part]), latency
 
 
 class Asked:

@@ -35,7 +35,7 @@ def main() -> int:
     for node, name, value in arguments.set:
         more.setdefault(node, {})[name] = {"true": True, "false": False}.get(value, value)
     try:
-        scenario = read_scenario(arguments.scenario, arguments.overrides)
+        scenario = read_scenario(arguments.scenario, arguments.overrides, arguments.parts)
         if arguments.say_controller:
             print(scenario.header.controller)
         if arguments.write:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
-from afm_model.core.registry import names
+from afm_model.core.registry import add_parts, names
 from afm_model.studies import UNDER, Contender, contenders, wrong_models
 from afm_model.studies.wrong_models import CASES, mixed
 
@@ -92,6 +92,7 @@ def _arguments() -> argparse.Namespace:
     robust = "with --robust: further rows in which all numbers are wrong at once, drawn at random"
     add("draws", robust, type=int, metavar="N")
     add("workers", "processes; as many as there are processors if not given", type=int)
+    add_parts(parser)
     parsed = vars(parser.parse_args())
     return argparse.Namespace(**(_DEFAULTS | parsed), given=[name for name in _DEFAULTS if name in parsed])
 
@@ -116,7 +117,7 @@ def main() -> int:
     arguments = _arguments()
     try:
         _require_options_that_count(arguments)
-        scenario = read_scenario(arguments.scenario) if arguments.scenario else None
+        scenario = read_scenario(arguments.scenario, parts=arguments.parts) if arguments.scenario else None
         nodes = [node_contender(each, scenario, ros_arguments=arguments.ros_arguments) for each in arguments.node]
         laws = arguments.laws
         if not laws and not nodes:

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from afm_model import Scenario, ScenarioError
+from afm_model.core.registry import add_parts
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
 
@@ -79,6 +80,7 @@ def _arguments() -> argparse.Namespace:
         "--no-ros-args", action="store_false", dest="ros_arguments", help="give COMMAND no arguments but its own"
     )
     parser.add_argument("--log", type=Path, metavar="FILE", help="write the output of the controller to this file")
+    add_parts(parser)
     return parser.parse_args()
 
 
@@ -94,7 +96,7 @@ def main() -> int:
             raise ValueError(f"--deadline {arguments.deadline:g} s is not allowed: it must be > 0 s")
         if arguments.measurements < 1000:
             raise ValueError(f"--measurements {arguments.measurements} is not allowed: it must be >= 1000")
-        scenario = read_scenario(arguments.scenario)
+        scenario = read_scenario(arguments.scenario, parts=arguments.parts)
         claim = claimed_domain()
     except (ScenarioError, ValueError, RuntimeError) as error:
         return end(f"error: {error}", 2)

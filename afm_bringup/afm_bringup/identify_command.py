@@ -2,6 +2,7 @@
 
 import argparse
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,7 @@ def _with_error(found: Estimate) -> str:
     return f"{value:.{min(digits, 8)}g} +- {error:.2g}"
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point."""
     parser = argparse.ArgumentParser(
         prog="identify",
@@ -71,14 +72,14 @@ def main() -> int:
     )
     parser.add_argument("recording", type=Path, help="recording of the run (.rrd)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write them as a parameter file for the controller")
-    arguments = parser.parse_args()
+    asked = parser.parse_args(arguments)
     try:
-        scanner = _identified(arguments.recording)
+        scanner = _identified(asked.recording)
         _print(scanner)
-        if arguments.out:
-            write_parameters(scanner, arguments.out, {"identified from": str(arguments.recording)})
+        if asked.out:
+            write_parameters(scanner, asked.out, {"identified from": str(asked.recording)})
     except (RecordingError, ParameterError) as error:
-        return end(f"error: {arguments.recording}: {error}", 1)
+        return end(f"error: {asked.recording}: {error}", 1)
     except OSError as error:
-        return end(f"error: {arguments.out} cannot be written: {error.strerror}", 1)
+        return end(f"error: {asked.out} cannot be written: {error.strerror}", 1)
     return 0

@@ -9,6 +9,7 @@ import numpy as np
 
 from afm_model import DivergenceError, DriveError, ParameterError, PartError, Scenario, ScenarioError, load_scenario
 from afm_model.core.progress import bar
+from afm_model.core.registry import add_parts
 from afm_model.core.schema import flatten
 from afm_model.run import Replay, recorded_parameters
 from afm_model.run.simulation import run
@@ -18,8 +19,8 @@ from afm_recorder_node.recording import IncompleteRecording, RecordingError
 from .domain import end
 
 
-def replay(path: Path, scenario: Scenario | None = None) -> tuple[str, str, int]:
-    """The trajectory_sha256 of a recorded run, that of its replay, and the number of its ticks.
+def replay(path: Path, scenario: Scenario | None = None, parts: Sequence[str] = ()) -> tuple[str, str, int]:
+    """Return the trajectory_sha256 of a recorded run, that of its replay, and the number of its ticks.
 
     Parameters
     ----------
@@ -27,6 +28,8 @@ def replay(path: Path, scenario: Scenario | None = None) -> tuple[str, str, int]
         Of a recording or a bag.
     scenario : Scenario, optional
         That the run was made with, if there are no parameters in the bag.
+    parts : sequence of str
+        Parts of your own that the recording may choose, `module:NAME` each.
 
     Raises
     ------
@@ -46,7 +49,7 @@ def replay(path: Path, scenario: Scenario | None = None) -> tuple[str, str, int]
     values = {**given, **recording.parameters.get("afm_sim_node", {})}.items()
     # Lists are parameters of the node, not of the instrument.
     known = {name: value for name, value in values if not isinstance(value, list)}
-    parameters = recorded_parameters(known, recording.parameter_changes)
+    parameters = recorded_parameters(known, recording.parameter_changes, parts)
     period = parameters.plant.control_period
     if len(recording.time_ticks) > 1 and np.diff(recording.time_ticks).min() > 1.5 * period:
         raise ParameterError("not every tick was recorded (`every` of the recorder): it cannot be replayed")
@@ -64,11 +67,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("recording", type=Path, help="recording of the run (.rrd), or a bag of its topics")
     parser.add_argument("--scenario", help="of the run: name or file, for a bag without parameters")
+    add_parts(parser)
     asked = parser.parse_args(arguments)
     path = asked.recording
     try:
-        scenario = load_scenario(asked.scenario) if asked.scenario else None
-        recorded, replayed, ticks = replay(path, scenario)
+        scenario = load_scenario(asked.scenario, parts=asked.parts) if asked.scenario else None
+        recorded, replayed, ticks = replay(path, scenario, asked.parts)
     except (ScenarioError, RecordingError) as error:  # they name the file
         return end(f"error: {error}", 1)
     except (ParameterError, PartError, DriveError, DivergenceError) as error:

@@ -108,9 +108,11 @@ def main() -> int:
         verb = build(Scan, _FRAMES[mode] | given)
         with tempfile.TemporaryDirectory() as folder:
             if arguments.scenario:
-                scenario = read_scenario(arguments.scenario, arguments.overrides)
+                scenario = read_scenario(arguments.scenario, arguments.overrides, arguments.parts)
             else:
-                scenario = read_scenario(str(_first(mode, arguments.out, Path(folder))), arguments.overrides)
+                scenario = read_scenario(
+                    str(_first(mode, arguments.out, Path(folder))), arguments.overrides, arguments.parts
+                )
         if scenario.sim.reference.kind != "verbs":
             raise ValueError(
                 f"{scenario.path}: reference.kind = {scenario.sim.reference.kind} is not allowed in a scan: it must be "

@@ -1,20 +1,20 @@
 """Scenarios by name, read and checked; the parameter file that the nodes are given, as every reader takes it."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from afm_model import Scenario, load_scenario
+from afm_model.core.registry import add_parts
+from afm_model.parameters.strict_yaml import yaml_text
 from afm_node_common.process import InProcess
 from afm_recorder_node.parameters import RecorderParameters
 
 _OURS = ("scenario", "/**", "/**/afm_sim_node", "/**/afm_controller_node", "/**/afm_recorder_node")
 
 
-def read_scenario(name: str, overrides: Path | None = None) -> Scenario:
+def read_scenario(name: str, overrides: Path | None = None, parts: Sequence[str] = ()) -> Scenario:
     """Find, read and check a scenario.
 
     Parameters
@@ -23,23 +23,26 @@ def read_scenario(name: str, overrides: Path | None = None) -> Scenario:
         Name of one that comes with afm_model, or a file.
     overrides : Path, optional
         Parameter file that counts in place of the scenario's parameters.
+    parts : sequence of str
+        Parts of your own that the files may choose, `module:NAME` each.
 
     Raises
     ------
     ScenarioError
         If it is not found or not allowed.
     """
-    return load_scenario(name, {"afm_recorder_node": RecorderParameters}, InProcess, overrides)
+    return load_scenario(name, {"afm_recorder_node": RecorderParameters}, InProcess, overrides, parts)
 
 
 def add_overrides(parser: argparse.ArgumentParser) -> None:
-    """Let a command be given `overrides` of `read_scenario`."""
+    """Let a command be given `overrides` and `parts` of `read_scenario`."""
     parser.add_argument(
         "--overrides",
         type=Path,
         metavar="FILE",
         help="parameter file that counts in place of the scenario's parameters",
     )
+    add_parts(parser)
 
 
 def add_live(parser: argparse.ArgumentParser) -> None:
@@ -52,13 +55,6 @@ def add_live(parser: argparse.ArgumentParser) -> None:
 def foreign_sections(scenario: Scenario) -> list[str]:
     """Sections of a scenario that are for a user's own nodes."""
     return [key for key in scenario.sections if key not in _OURS]
-
-
-class _Dumper(yaml.SafeDumper):  # type: ignore[misc]  # yaml has no types
-    """Text in quotes: without them, rcl takes some of it for a number that Python's reader takes for text."""
-
-
-_Dumper.add_representer(str, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"'))
 
 
 def write_parameters(scenario: Scenario, path: Path, more: Mapping[str, Mapping[str, object]] | None = None) -> None:
@@ -84,4 +80,4 @@ def write_parameters(scenario: Scenario, path: Path, more: Mapping[str, Mapping[
         key = f"/**/{node}"
         sections[key] = sections.get(key, {}) | dict(values)
     content = {key: {"ros__parameters": values} for key, values in sections.items()}
-    path.write_text(yaml.dump(content, Dumper=_Dumper, allow_unicode=False) if content else "")
+    path.write_text(yaml_text(content))

@@ -12,7 +12,7 @@ from afm_node_common.runner import Interrupted, Stop
 from .follow import STALL_TIMEOUT, Follower, RunError, check_score
 from .monitor import Monitor
 from .results import print_scorecard, scorecard, write_scorecard
-from .scenario_input import read_scenario
+from .scenario_input import add_overrides, read_scenario
 
 
 def _arguments() -> argparse.Namespace:
@@ -20,7 +20,7 @@ def _arguments() -> argparse.Namespace:
         prog="scorecard", description="Wait until a run is finished, print its scorecard and end."
     )
     parser.add_argument("scenario", help="name of the scenario that is run, or its file")
-    parser.add_argument("--overrides", type=Path, metavar="FILE", help="parameter file that it is run with")
+    add_overrides(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the scorecard to this file")
     parser.add_argument(
         "--recorded", action="store_true", help="then wait until the recorder has received the whole run"
@@ -80,7 +80,7 @@ def main() -> int:
     arguments = _arguments()
     code = 0
     try:
-        _score(arguments, read_scenario(arguments.scenario, arguments.overrides))
+        _score(arguments, read_scenario(arguments.scenario, arguments.overrides, arguments.parts))
     except Interrupted:
         code = 130
     except ScenarioError as error:

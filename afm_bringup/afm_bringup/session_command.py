@@ -82,7 +82,7 @@ def _checked(arguments: argparse.Namespace) -> Scenario:
         raise ValueError(f"--namespace {namespace} is not allowed: {' '.join(str(error).split())}") from None
     if not arguments.stall_timeout >= 0.0:
         raise ValueError(f"--stall-timeout {arguments.stall_timeout:g} s is not allowed: it must be >= 0 s")
-    scenario = read_scenario(arguments.scenario, arguments.overrides)
+    scenario = read_scenario(arguments.scenario, arguments.overrides, arguments.parts)
     if scenario.sim.total_ticks == 0:
         raise ScenarioError(f"{scenario.path}: run.duration = 0 s is not allowed in a session: it must be > 0 s")
     return scenario

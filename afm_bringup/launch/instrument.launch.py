@@ -40,6 +40,7 @@ _CLOSING = "600"
 _ARGUMENTS = {
     "scenario": ("closed_loop_tanh", "name of a scenario, or a file"),
     "overrides": ("", "parameter file that counts in place of the scenario's parameters"),
+    "parts": ("", "parts of your own that the scenario may choose, module:NAME, separated by commas"),
     "namespace": ("", "namespace of the instrument; empty: that of the launch, or afm"),
     "controller": (
         "true",
@@ -75,7 +76,9 @@ class Instrument:
         self._plain = self._namespace.strip("/").replace("/", "-")
         self._finished = False
         self._processes: dict[str, ExecuteProcess] = {}
-        self._scenario = [value("scenario"), *(["--overrides", value("overrides")] if value("overrides") else [])]
+        self._scenario = [value("scenario")]
+        for option in ("overrides", "parts"):
+            self._scenario += [f"--{option}", value(option)] if value(option) else []
         recording = self._file(value("recording"), "recording", ".rrd")
         scorecard = self._file(value("scorecard"), "scorecard", ".json")
         settings = [

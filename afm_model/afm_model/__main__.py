@@ -16,6 +16,7 @@ from . import (
     simulate,
 )
 from .core.progress import bar
+from .core.registry import add_parts
 from .instrument.scorecard import scorecard
 from .law import TimingWarning
 from .studies.start_checks import start_warnings
@@ -25,9 +26,10 @@ def main() -> int:
     """Entry point; the exit code is 2 if the scenario was refused."""
     parser = argparse.ArgumentParser(prog="python -m afm_model", description="Run a scenario in process, without ROS.")
     parser.add_argument("scenario", help=f"one of {', '.join(scenario_names())}, or a file")
+    add_parts(parser)
     arguments = parser.parse_args()
     try:
-        scenario = load_scenario(arguments.scenario)
+        scenario = load_scenario(arguments.scenario, parts=arguments.parts)
         for sentence in start_warnings(scenario.sim, scenario.controller):
             print(f"warning: {sentence}", file=sys.stderr)
         with warnings.catch_warnings(), bar("simulating") as report:

@@ -188,7 +188,7 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
         gc.freeze()
         for node in made:
             if isinstance(node, Scheduled):
-                for part in filter(None, map(str.strip, node.process.parts.split(","))):
+                for part in registry.listed(node.process.parts):
                     registry.load(part)
                 scheduling.apply(node.process, node.get_logger().warning)
         registry.close()

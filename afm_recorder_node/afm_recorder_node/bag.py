@@ -126,7 +126,11 @@ class _Copy:
         for _, raw in self._messages(lambda connection: connection.topic == PARAMETER_EVENTS):
             event = deserialize_message(raw, ParameterEvent)
             values = self._known.setdefault(self._short(event.node), {})
-            values |= {each.name: parameter_value_to_python(each.value) for each in event.new_parameters}
+            values |= {
+                each.name: value
+                for each in event.new_parameters
+                if (value := parameter_value_to_python(each.value)) is not None
+            }
         for node, values in self._known.items():
             self._writer.parameters(node, values)
         for connection, raw in self._messages(lambda connection: self._is_ours(connection, kinds)):

@@ -1,10 +1,14 @@
-"""A recording in words: its scenario, its parts, and what of its parameters differs from the defaults. Needs no ROS."""
+"""A recording in words: its scenario, its parts, and what of its parameters differs from the defaults. Needs no ROS.
+
+Nothing is imported for it: parameters of parts that are not of this package or installed are shown as they are.
+"""
 
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
 from afm_model import load_scenario, scenario_names
+from afm_model.core import registry
 from afm_model.core.errors import ParameterError
 from afm_model.core.prefix import text
 from afm_model.core.schema import Group, build, flatten, specified, with_parts
@@ -33,23 +37,43 @@ def group_of(node: str, values: Mapping[str, Value]) -> dict[str, Value]:
     return {name: value for name, value in values.items() if name.partition(".")[0] in fields}
 
 
+def _foreign(node: str, given: Mapping[str, Value]) -> dict[str, Value]:
+    """Return the group and kind of each part that is neither of this package nor installed."""
+    found: dict[str, Value] = {}
+    for name, value in given.items():
+        group, _, leaf = name.partition(".")
+        if leaf == "kind":
+            try:
+                with registry.reading():
+                    with_parts(NODES[node][0], {name: str(value)})
+            except ParameterError:
+                found[group] = value
+    return found
+
+
 def not_default(node: str, values: Mapping[str, Value]) -> list[tuple[str, Value, Value, str]]:
-    """Parameters that differ from the defaults of their parts: name, value, default, unit."""
+    """Return the parameters that differ from the defaults of their parts: name, value, default, unit.
+
+    Those of a part whose defaults are not known here are all in it, with an empty default.
+    """
     given = group_of(node, values)
-    kinds: dict[str, Any] = {name: value for name, value in given.items() if name.endswith("kind")}
-    try:
+    foreign = _foreign(node, given)
+    kinds = {
+        name: str(given[name]) for name in given if name.endswith(".kind") and name.partition(".")[0] not in foreign
+    }
+    with registry.reading():
         known = specified(with_parts(NODES[node][0], kinds))
-    except ParameterError:  # a part of somebody's own that is not here
-        return []
-    return [
-        (name, value, known[name].default, known[name].unit)
-        for name, value in given.items()
-        if name in known and value != known[name].default and name not in _NOT_THE_RUN
-    ]
+    told: list[tuple[str, Value, Value, str]] = []
+    for name, value in given.items():
+        if name.partition(".")[0] in foreign:
+            told.append((name, value, "", ""))
+        elif name in known and value != known[name].default and name not in _NOT_THE_RUN:
+            told.append((name, value, known[name].default, known[name].unit))
+    return told
 
 
 def scenario(about: About) -> str:
-    """The scenario of this package that has the same parameters, or the nearest one and what differs from it."""
+    """Return the scenario of this package that has the same parameters, or the nearest one and what differs from it."""
     if not about.parameters.keys() & NODES.keys():
         return "not known"
     given: dict[str, dict[str, Value]] = {}
@@ -57,7 +81,11 @@ def scenario(about: About) -> str:
         for node, (model, field) in NODES.items():
             if node in about.parameters:
                 mine: dict[str, Any] = group_of(node, about.parameters[node])
-                given[field] = dict(flatten(build(model, mine)))
+                if foreign := _foreign(node, mine):
+                    parts_there = ", ".join(f"{group} {kind}" for group, kind in foreign.items())
+                    return f"not known: {parts_there} is not a part of this package or of an installed one"
+                with registry.reading():
+                    given[field] = dict(flatten(build(model, mine)))
     except ParameterError as error:
         return f"not known here: {error}"
     told: list[tuple[int, str]] = []

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 import rerun as rr
-import yaml
+
+from afm_model.parameters.strict_yaml import yaml_text
 
 from .layout import PARAMETERS
 from .sink import Sink
@@ -26,10 +27,10 @@ class ParameterWriter:
 
     def known(self, node: str, values: Mapping[str, object]) -> None:
         """Parameters of a node as they are when the recording begins, or when the node appears."""
-        self._known.setdefault(node, {}).update(values)
+        self._known.setdefault(node, {}).update((name, _plain(value)) for name, value in values.items())
         # The layout of a ROS parameter file, so that it can be copied from the viewer and used again.
         tree = {name: {"ros__parameters": known} for name, known in self._known.items()}
-        self._sink.static(PARAMETERS, rr.TextDocument(yaml.safe_dump(tree)))
+        self._sink.static(PARAMETERS, rr.TextDocument(yaml_text(tree)))
 
     def changed(self, time_ns: int, node: str, name: str, old: object, new: object) -> bool:
         """A parameter has changed; whether it is plotted."""
@@ -51,3 +52,10 @@ class ParameterWriter:
         """A step lasts until the end of the recording."""
         for entity, value in self._steps.items():
             self._sink.series(entity, np.array([end_ns]), np.array([value]))
+
+
+def _plain(value: object) -> object:
+    """Return a value as text can hold it: bytes as numbers."""
+    if isinstance(value, list) and value and isinstance(value[0], bytes):
+        return [number for each in value for number in each]
+    return value

@@ -5,7 +5,6 @@ round-off of one multiplication. Times are whole nanoseconds in the file.
 """
 
 import difflib
-import json
 import os
 import warnings
 from collections import defaultdict
@@ -16,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import yaml
 from numpy.typing import NDArray
 
 from . import layout, pictures
@@ -33,6 +31,7 @@ from .recording import (
     UncheckedRecording,
 )
 from .scan_lines import images
+from .texts import change_of, parameters_of, score_of
 
 _Array = NDArray[np.float64]
 _Batches = dict[str, list[pa.RecordBatch]]
@@ -68,6 +67,20 @@ def opened(path: Source) -> Iterator[Opened]:
         yield Opened(name, file, extent.complete)
 
 
+@contextmanager
+def _decoding(path: Source) -> Iterator[None]:
+    """Name the recording whose contents are not those that a recorder writes, whatever is wrong about them."""
+    name = path.name if isinstance(path, Opened) else os.fspath(path)
+    try:
+        yield
+    except RecordingError as error:
+        if name in str(error):
+            raise
+        raise RecordingError(f"{name} is no readable recording: {error}") from None
+    except Exception as error:
+        raise RecordingError(f"{name} is no readable recording: {type(error).__name__}: {error}") from error
+
+
 def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording:
     """Read the recording at `path`; one without an end too, up to where it breaks off.
 
@@ -91,7 +104,11 @@ def read_recording(path: str | os.PathLike[str], *, every: int = 1) -> Recording
     UncheckedRecording
         If it has no checksums, as those of earlier versions.
     """
-    batches, whole = _read(path, every=every)
+    with _decoding(path):
+        return _recording(*_read(path, every=every))
+
+
+def _recording(batches: _Batches, whole: bool) -> Recording:
     time_ticks, ticks = _aligned(batches, layout.TICKS)
     time_samples, channels = _aligned(batches, layout.CHANNELS)
     return Recording(
@@ -141,9 +158,10 @@ def read_about(path: Source, visit: Visit, names: Sequence[str] | None = None) -
             seen.add(entity)
             visit(entity, times, values)
 
-    batches, whole = _read(path, entities, visit=see)
-    found = {entity: _signal(entity, batches[entity]) for entity in sorted(seen)}
-    return _about(batches, whole), {entity: signal for entity, signal in found.items() if signal is not None}
+    with _decoding(path):
+        batches, whole = _read(path, entities, visit=see)
+        found = {entity: _signal(entity, batches[entity]) for entity in sorted(seen)}
+        return _about(batches, whole), {entity: signal for entity, signal in found.items() if signal is not None}
 
 
 def read_signals(path: Source, names: Sequence[str], begin: float = -np.inf, end: float = np.inf) -> dict[str, Channel]:
@@ -301,15 +319,14 @@ def _signal(entity: str, batches: list[pa.RecordBatch]) -> Signal | None:
 def _about(batches: _Batches, whole: bool) -> About:
     events, levels, changes = _events(batches[layout.EVENTS])
     text = _static(batches[layout.PARAMETERS], "TextDocument:text")
-    tree = yaml.safe_load(str(text)) if text is not None else {}
     score = _static(batches[layout.SCORE], "TextDocument:text")
     return About(
-        parameters={node: known["ros__parameters"] for node, known in tree.items()},
+        parameters=parameters_of(str(text)) if text is not None else {},
         parameter_changes=changes,
         events=events,
         event_levels=levels,
         images=list(images(batches[pictures.LINES]).values()),
-        score=yaml.safe_load(str(score)) if score is not None else None,
+        score=score_of(str(score)) if score is not None else None,
         complete=whole,
     )
 
@@ -323,7 +340,7 @@ def _events(batches: list[pa.RecordBatch]) -> tuple[list[tuple[float, str]], lis
         for time_ns, text, level, change in zip(times, texts, levels, batch.column("change").to_pylist(), strict=True):
             events.append((time_ns / 1e9, text[0], level[0]))
             if change and change[0]:
-                changes.append(ParameterChange(time=time_ns / 1e9, **json.loads(change[0])))
+                changes.append(ParameterChange(time=time_ns / 1e9, **change_of(change[0])))
     events.sort(key=lambda event: event[0])
     told, levels = [event[:2] for event in events], [event[2] for event in events]
     return told, levels, sorted(changes, key=lambda change: change.time)

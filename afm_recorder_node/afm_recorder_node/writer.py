@@ -7,8 +7,9 @@ from typing import Literal
 
 import numpy as np
 import rerun as rr
-import yaml
 from numpy.typing import ArrayLike, NDArray
+
+from afm_model.parameters.strict_yaml import yaml_text
 
 from . import layout, pictures, screens
 from .layout import Signal, instants
@@ -199,7 +200,7 @@ class RecordingWriter:
     def score(self, time_ns: int, values: Mapping[str, object]) -> None:
         """The score of the run, and when it came: simulated time [ns]."""
         self.scored = True
-        self._sink.static(layout.SCORE, rr.TextDocument(yaml.safe_dump(dict(values), sort_keys=False)))
+        self._sink.static(layout.SCORE, rr.TextDocument(yaml_text(values, sort=False)))
         self._describe(values)
         self._sink.event(time_ns, "the score of the run is here")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from afm_model import ScenarioError, load_scenario
-from afm_model.parameters.scenario_files import SIZE_LIMIT, YamlError, read_yaml
+from afm_model.parameters.strict_yaml import SIZE_LIMIT, YamlError, read_yaml
 
 BOMB = "a0: &a0 [0, 0]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 31))
 

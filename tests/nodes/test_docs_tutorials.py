@@ -64,7 +64,7 @@ def test_sessions_of_the_tutorials_are_taken_with_the_files_of_the_page(
     (arguments,) = commands(page, "session")
     monkeypatch.setattr(sys, "argv", ["session", *arguments])
     asked = session_command._arguments()
-    scenario = read_scenario(asked.scenario, asked.overrides)
+    scenario = read_scenario(asked.scenario, asked.overrides, asked.parts)
     assert getattr(scenario.controller.law, name) == value
     assert 0.12 < scenario.sim.run.duration < 0.13
 

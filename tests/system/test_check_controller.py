@@ -21,7 +21,7 @@ OVER_TOPICS = [way for way in WAYS if way not in ("right", "too far", "too steep
 
 def check(*command: str | Path, folder: Path, measurements: int = 1000, scenario: Path | None = None) -> Command:
     options = ("--measurements", str(measurements), "--log", folder / PRINTED)
-    chosen = ("--scenario", scenario) if scenario is not None else ()
+    chosen = ("--scenario", scenario, "--parts", "pd_law:PD") if scenario is not None else ()
     return Command(executable("afm_bringup", "check_controller"), *options, *chosen, "--", *command, folder=folder)
 
 

@@ -10,7 +10,9 @@ import pytest
 from support import executable, processes, session
 
 from afm_model import load_scenario, simulate
+from afm_model.core import registry
 
+PARTS = ("--parts", "patches:PATCHES,creep:CREEP", "--parts", "bursts:BURSTS,kalman:KALMAN")
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "parts"
 SCENARIO = """
 /**/afm_sim_node:
@@ -40,9 +42,9 @@ def outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_nodes_run_parts_from_outside_with_the_bytes_of_the_simulation(outside, tmp_path):
     scenario = tmp_path / "own.yaml"
     scenario.write_text(SCENARIO)
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario, parts=registry.listed(",".join(PARTS[1::2])))
     expected = simulate(loaded.sim, loaded.controller)
-    with session(scenario, tmp_path / "out", folder=tmp_path) as running:
+    with session(scenario, tmp_path / "out", *PARTS, folder=tmp_path) as running:
         assert running.wait() == 0, running.told
     card = json.loads((tmp_path / "out" / "scorecard.json").read_text())
     # A law with a state, a sample, a piezo and a fault by seed: nothing of it depends on where the law runs.
@@ -82,7 +84,7 @@ def test_a_law_that_fails_while_it_runs_ends_its_node_with_a_sentence(outside, t
     )
     scenario = tmp_path / "failing.yaml"
     scenario.write_text(SCENARIO.replace("kalman:KALMAN", "failing:LAW"))
-    with session(scenario, tmp_path / "out", folder=tmp_path) as running:
+    with session(scenario, tmp_path / "out", *PARTS, "--parts", "failing:LAW", folder=tmp_path) as running:
         assert running.wait() == 1
         assert "law failing:LAW: control: LookupError: no such gain" in running.text
         assert "Traceback" not in running.text

@@ -3,6 +3,12 @@
 from typing import Any
 
 
+def reason(error: BaseException) -> str:
+    """Return why something with a file went wrong, in words."""
+    strerror = getattr(error, "strerror", None)
+    return str(strerror or error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
+
+
 class ParameterError(ValueError):
     """A parameter has a value for which the model does not hold.
 

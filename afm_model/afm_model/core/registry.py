@@ -5,15 +5,18 @@ A package offers a part by an entry point of the group `afm_model.FAMILY`, such 
     [project.entry-points."afm_model.law"]
     kalman = "my_package.kalman:KALMAN"
 
-To choose `module:NAME` is to run that module. A process that takes orders from others calls `close` when it has
-started: from then on a name chooses among what has been loaded, and loads nothing.
+To choose `module:NAME` is to run that module: only the user's own words do that, in a program or on a command line.
+What reads a file that may come from others does so within `reading`, and what takes messages from others calls `close`
+when it has started: a `module:NAME` then chooses among what has been loaded, and loads nothing.
 """
 
+import argparse
 import importlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -25,6 +28,7 @@ _OWN: dict[str, dict[str, Any]] = {}
 _loaded: dict[str, Any] = {}
 """By `module:NAME`."""
 _closed = False
+_reading = ContextVar("reading", default=False)
 
 
 def register(*parts: Any) -> None:
@@ -50,6 +54,23 @@ def names(family: str) -> list[str]:
     return [*own, *(name for name in _offered().get(family, {}) if name not in own)]
 
 
+def listed(text: str) -> list[str]:
+    """Return the parts in a text such as `kalman:KALMAN, patches:PATCHES`."""
+    return [part for part in map(str.strip, text.split(",")) if part]
+
+
+def add_parts(parser: argparse.ArgumentParser) -> None:
+    """Let the user of a command that reads a file name parts of their own: `parts`, for `reading`."""
+    parser.add_argument(
+        "--parts",
+        type=listed,
+        default=[],
+        action="extend",
+        metavar="MODULE:NAME,...",
+        help="parts of your own that the file may choose; their modules are imported, and no others",
+    )
+
+
 def find(family: str, name: str) -> Any:
     """The part of `family` called `name`.
 
@@ -67,7 +88,8 @@ def find(family: str, name: str) -> Any:
         raise ParameterError(
             f"there is no {family} {name}: it must be one of {known}, or module:NAME of a part of your own"
         )
-    found = load(where, f"{family} {name}")
+    # What is installed was chosen by who installed it: a file may name it.
+    found = _load(where, f"{family} {name}", refuse=name == where)
     if getattr(found, "family", None) != family:
         kind = getattr(found, "family", None) or type(found).__name__
         raise ParameterError(f"{family} {name} is no {family} but a {kind}")
@@ -75,7 +97,7 @@ def find(family: str, name: str) -> Any:
 
 
 def load(where: str, title: str = "") -> Any:
-    """What `module:NAME` names.
+    """Return what `module:NAME` names.
 
     The module is searched as Python does, and then in the folder in which the process works.
 
@@ -88,22 +110,55 @@ def load(where: str, title: str = "") -> Any:
     Raises
     ------
     ParameterError
-        If it cannot be imported; or was not before `close`.
+        If it cannot be imported; or was not before `close`, or before a file named it (`reading`).
     """
-    title = title or where
-    if _closed and where not in _loaded:
+    return _load(where, title or where, refuse=True)
+
+
+def _load(where: str, title: str, *, refuse: bool) -> Any:
+    """As `load`; `refuse`: only what has been loaded, where a file names it."""
+    if where in _loaded and (_closed or _reading.get()):
+        return _loaded[where]
+    if _closed:
         raise ParameterError(
             f"{title} was not loaded when the node started, and later nothing is: start it with process.parts:={where}"
         )
-    if not _closed:
-        module, _, attribute = where.partition(":")
-        try:
-            with _working_folder():
-                _loaded[where] = getattr(importlib.import_module(module), attribute)
-        except (Exception, SystemExit) as error:
-            # A module may raise anything on import; the message names it.
-            raise ParameterError(f"{title} cannot be loaded: {type(error).__name__}: {error}") from error
+    if refuse and _reading.get():
+        raise ParameterError(
+            f"{title} is named by a file, and a file runs no code: if you trust this part, name it yourself by "
+            f'--parts {where} (in Python parts=["{where}"])'
+        )
+    module, _, attribute = where.partition(":")
+    try:
+        with _working_folder():
+            _loaded[where] = getattr(importlib.import_module(module), attribute)
+    except (Exception, SystemExit) as error:
+        # A module may raise anything on import; the message names it.
+        raise ParameterError(f"{title} cannot be loaded: {type(error).__name__}: {error}") from error
     return _loaded[where]
+
+
+@contextmanager
+def reading(parts: Iterable[str] = ()) -> Iterator[None]:
+    """Resolve names that come from a file: parts of this package, of installed ones, and what the user has named.
+
+    Parameters
+    ----------
+    parts : iterable of str
+        Parts that the user has named, `module:NAME` each; they are loaded first.
+
+    Raises
+    ------
+    ParameterError
+        If one of `parts` cannot be loaded.
+    """
+    for part in parts:
+        load(part)
+    token = _reading.set(True)
+    try:
+        yield
+    finally:
+        _reading.reset(token)
 
 
 def close() -> None:

@@ -8,13 +8,7 @@ from pathlib import Path
 from threading import get_ident
 from typing import Any
 
-from ..core.errors import ResultFileError
-
-
-def reason(error: BaseException) -> str:
-    """Why something with a file went wrong, in words."""
-    strerror = getattr(error, "strerror", None)
-    return str(strerror or error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
+from ..core.errors import ResultFileError, reason
 
 
 def checked(path: Path | str, suffix: str) -> Path:

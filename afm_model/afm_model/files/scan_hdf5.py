@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ..core.errors import ParameterError, ResultFileError
+from ..core.errors import ParameterError, ResultFileError, reason
 from ..core.optional import needed
 from ..core.schema import build, python_value
 from ..microscope.image import DIRECTIONS, RETRACE, Image, Line, as_image
 from ..microscope.verbs import Lift, Scan
-from .result_files import Disk, checked, reason
+from .result_files import Disk, checked
 
 if TYPE_CHECKING:
     import xarray

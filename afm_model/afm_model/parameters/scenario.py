@@ -6,18 +6,20 @@ Every name and value is checked here, before anything runs; no ROS is needed to 
 
 import difflib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from ..core import registry
 from ..core.errors import ParameterError
 from ..core.schema import chosen_group
 from ..law.sampled import TIMING, SampledLaw, require_plant
 from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
 from .microscope_parameters import PREFIX
-from .scenario_files import YamlError, read_yaml, scenario_file
+from .scenario_files import scenario_file
 from .simulator_parameters import timing_inside
+from .strict_yaml import YamlError, check_types, flat, read_yaml
 
 
 class ScenarioError(ValueError):
@@ -64,8 +66,11 @@ def load_scenario(
     others: Mapping[str, type[Group]] | None = None,
     process: type[Group] | None = None,
     overrides: Path | None = None,
+    parts: Sequence[str] = (),
 ) -> Scenario:
     """Read and check a scenario file.
+
+    A file chooses among the parts of this package and of installed ones; it imports nothing.
 
     Parameters
     ----------
@@ -78,24 +83,36 @@ def load_scenario(
         depend on them.
     overrides : Path, optional
         A file of the same form; what it gives counts in place of what the scenario gives.
+    parts : sequence of str
+        Parts of your own that the file may choose, `module:NAME` each; they are imported.
 
     Raises
     ------
     ScenarioError
         If a file does not exist, cannot be read, is no parameter file, or names a section, parameter or value that
-        does not exist.
+        does not exist; if it chooses a `module:NAME` that is not in `parts`.
     """
+    try:
+        with registry.reading(parts):
+            return _load(name, dict(others or {}), process, overrides)
+    except ParameterError as error:  # of `parts`
+        raise ScenarioError(str(error)) from None
+
+
+def _load(
+    name: str | os.PathLike[str], others: dict[str, type[Group]], process: type[Group] | None, overrides: Path | None
+) -> Scenario:
     try:
         path = scenario_file(name)
     except FileNotFoundError as error:
         raise ScenarioError(str(error)) from None
-    known = {node: group for node, (_, group) in SECTIONS.items()} | dict(others or {})
+    known = {node: group for node, (_, group) in SECTIONS.items()} | others
     sections: dict[str, dict[str, Any]] = {}
     for file in (path, overrides):
         if file is not None:
             for key, values in _read_sections(file, known).items():
                 sections[key] = sections.get(key, {}) | values
-    parts: dict[str, Any] = {}
+    made: dict[str, Any] = {}
     common = sections.get(ALL, {})
     if common:
         foreign = [name for name in common if not name.startswith(PREFIX)]
@@ -117,26 +134,26 @@ def load_scenario(
             continue
         try:
             if node == "afm_controller_node":
-                values.update(law_timing(values, parts.get("sim", SimParameters())))
+                values.update(law_timing(values, made.get("sim", SimParameters())))
             given = resolved(known[node], common | _without_process(node, values, process))
             group = build(known[node], given | timing_inside(known[node], given))
         except ParameterError as error:
             raise ScenarioError(f"{_told(path, overrides)}: {error}") from None
         if node in SECTIONS:
-            parts[SECTIONS[node][0]] = group
-    sim = parts.get("sim", SimParameters())
+            made[SECTIONS[node][0]] = group
+    sim = made.get("sim", SimParameters())
     if (inside := sim.controller_inside) is not None:
         if sections.get(_section("afm_controller_node")):
             raise ScenarioError(
                 f"{_told(path, overrides)}: law.kind = {sim.law.kind} of afm_sim_node puts the law inside the "
                 f"simulator: leave out section {_section('afm_controller_node')}, or law.kind"
             )
-        parts["controller"] = inside
+        made["controller"] = inside
     try:
-        require_plant(parts.get("controller", ControllerParameters()), sim.plant)
+        require_plant(made.get("controller", ControllerParameters()), sim.plant)
     except ParameterError as error:
         raise ScenarioError(f"{_told(path, overrides)}: {error}") from None
-    return Scenario(path.stem, path, **parts, sections=sections)
+    return Scenario(path.stem, path, **made, sections=sections)
 
 
 def _told(path: Path, overrides: Path | None) -> str:
@@ -193,11 +210,11 @@ def _read_sections(path: Path, known: Mapping[str, object]) -> dict[str, dict[st
         if not isinstance(values, dict):
             raise ScenarioError(f"{path}: ros__parameters of {key} = {values} is not allowed: it must hold names")
         try:
-            sections[key] = _flat(values)
+            sections[key] = flat(values)
             if node in known:
                 _check_common(sections[key])
             elif key != ALL:
-                _check_types(sections[key])
+                check_types(sections[key])
         except ValueError as error:
             raise ScenarioError(f"{path}: section {key}: {error}") from None
     return sections
@@ -232,16 +249,6 @@ def _check_common(values: Mapping[str, Any]) -> None:
             raise ValueError(f"{name} is for all nodes: it must stand in section {ALL}")
 
 
-def _check_types(values: Mapping[str, Any]) -> None:
-    """Raise if a value of a user's node is none that ROS has a type for."""
-    for name, value in values.items():
-        types = {type(part) for part in value} if isinstance(value, list) else {type(value)}
-        if len(types) != 1 or not types <= {bool, int, float, str}:
-            raise ValueError(
-                f"{name} = {value} is not allowed: it must be a number, text, true or false, or a list of one of these"
-            )
-
-
 def _without_process(node: str, values: dict[str, Any], process: type[Group] | None) -> dict[str, Any]:
     """What is for the model; the rest is checked."""
     if node not in ("afm_sim_node", "afm_controller_node"):
@@ -249,20 +256,11 @@ def _without_process(node: str, values: dict[str, Any], process: type[Group] | N
     of_process = {name: value for name, value in values.items() if name.startswith("process.")}
     if process is not None:
         build(process, of_process)
+        for part in registry.listed(of_process.get("process.parts", "")):
+            registry.load(part, f"process.parts = {part}")
     return {name: value for name, value in values.items() if name not in of_process}
 
 
 def _section(node: str) -> str:
     """Key of a node's section."""
     return node if node == "scenario" else f"/**/{node}"
-
-
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested YAML as dotted names; raises ValueError for a name that is given in both ways."""
-    flat: dict[str, Value] = {}
-    for name, value in tree.items():
-        news = _flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
-        for twice in flat.keys() & news.keys():
-            raise ValueError(f"{twice} is given twice")
-        flat.update(news)
-    return flat

@@ -1,11 +1,12 @@
 """A recorded run played again."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core import registry
 from ..core.errors import ParameterError
 from ..core.schema import Value, flatten
 from ..fault import Schedule, faults_of
@@ -138,8 +139,12 @@ def replayed(parameters: SimParameters) -> SimParameters:
     return build(SimParameters, kept)
 
 
-def recorded_parameters(values: Mapping[str, Value], changes: Iterable[Any] = ()) -> SimParameters:
-    """Parameters of the instrument as a recording holds them, beside others that its node has.
+def recorded_parameters(
+    values: Mapping[str, Value], changes: Iterable[Any] = (), parts: Sequence[str] = ()
+) -> SimParameters:
+    """Return the parameters of the instrument that a recording holds, without others of its node.
+
+    A recording chooses among the parts of this package and of installed ones; it imports nothing.
 
     Parameters
     ----------
@@ -148,15 +153,17 @@ def recorded_parameters(values: Mapping[str, Value], changes: Iterable[Any] = ()
     changes : iterable, optional
         `Recording.parameter_changes`, of which the faults count that were ordered while the instrument ran: each has
         its `name` and the `new` value.
+    parts : sequence of str
+        Parts of your own that the recording may choose, `module:NAME` each; they are imported.
 
     Raises
     ------
     ParameterError
-        If the instrument of today does not know one of its own, or refuses its value.
+        If the instrument of today does not know one of its own, or refuses its value; if it chooses a `module:NAME`
+        that is not in `parts`.
     """
     ordered = {each.name: each.new for each in changes if each.name.startswith("fault.")}
     known = {**values, **ordered}
-    return build(
-        SimParameters,
-        {name: value for name, value in known.items() if name.partition(".")[0] in SimParameters.model_fields},
-    )
+    own = {name: value for name, value in known.items() if name.partition(".")[0] in SimParameters.model_fields}
+    with registry.reading(parts):
+        return build(SimParameters, own)

@@ -40,7 +40,7 @@ def kind(monkeypatch):
 def load(folder, kind, more=""):
     path = folder / "trial.yaml"
     path.write_text(SCENARIO.replace("KIND", kind).replace("MORE", more))
-    return load_scenario(path)
+    return load_scenario(path, parts=[kind] if ":" in kind else [])
 
 
 def test_scenario_makes_a_law_for_the_period_and_the_delay_of_its_plant(tmp_path, kind):

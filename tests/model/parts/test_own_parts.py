@@ -345,7 +345,11 @@ def test_a_scenario_file_chooses_own_parts_and_gives_their_parameters(own, tmp_p
     )
     environment = os.environ | {"PYTHONPATH": str(own) + os.pathsep + os.environ.get("PYTHONPATH", "")}
     done = subprocess.run(
-        [sys.executable, "-m", "afm_model", scenario], env=environment, capture_output=True, text=True, check=True
+        [sys.executable, "-m", "afm_model", scenario, "--parts", "own_parts.patches:PATCHES"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     inside = run(
         {"run.duration": 1e-3, "sample.kind": "own_parts.patches:PATCHES", "sample.ratio": 0.3},
