@@ -8,8 +8,7 @@ from geometry_msgs.msg import Vector3
 from numpy.typing import NDArray
 
 from afm_model.instrument import ScoreSummary
-from afm_model.instrument.validity import doubts
-from afm_model.run import Delays, Snapshot, outside, retracted_fraction, saturated, shortfall, verdict
+from afm_model.run import Delays, Snapshot, reasons, retracted_fraction, warning
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 from afm_node_common.stamps import stamp
@@ -33,8 +32,7 @@ def score_message(
     parameters : SimNodeParameters
     trajectory_sha256 : str
     """
-    told = [saturated(run.samples_saturated), outside(run.time_outside, parameters.plant.kind)]
-    reason = "; ".join(filter(None, [verdict(summary, run), *doubts(parameters, summary), *told]))
+    reason = "; ".join(reasons(summary, run, parameters, parameters.controller_inside))
     counts = run.counts
 
     def error(values: NDArray[np.float64]) -> Vector3:
@@ -47,7 +45,7 @@ def score_message(
         ticks=summary.ticks,
         valid=not reason,
         reason=reason,
-        warning=shortfall(run),
+        warning=warning(summary, run),
         rms=error(summary.rms),
         max=error(summary.max),
         max_percent=error(summary.max_percent),

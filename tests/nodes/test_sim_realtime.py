@@ -33,6 +33,9 @@ def test_last_drive_is_held_while_none_arrives_and_every_such_tick_is_counted() 
         # There were ten answers; one that came late may be older than another.
         assert status.drives_lost == 40 - len(arrived) >= 30
         assert (status.ticks, status.state, status.mode) == (40, InstrumentStatus.FINISHED, "realtime")
+        score = b.observer.scores[-1]
+        assert not score.valid
+        assert score.reason.startswith(f"{status.drives_lost} of 40 scored ticks (")
 
 
 def test_drive_of_an_answer_is_in_force_from_the_next_tick_on() -> None:
@@ -143,11 +146,12 @@ def test_score_of_a_run_that_fell_behind_says_how_far() -> None:
         score = b.observer.scores[-1]
         missed, periods = score.periods_missed, score.periods_missed + status.ticks
         assert missed > 0
-        assert score.warning == (
+        assert score.warning.startswith(
             f"{100 * missed / periods:.3g} % of the periods were missed ({missed} of {periods}): "
             f"the run reached {score.simulated / score.wall:.3g} of real time in place of 500"
         )
-        assert (score.valid, score.reason) == (True, "")
+        # Whether drives come in time at such a rate is chance.
+        assert score.valid == (score.drives_lost <= status.ticks / 2) == (not score.reason)
 
 
 def test_blocks_are_short_where_ticks_leave_no_time_for_long_ones() -> None:

@@ -8,7 +8,7 @@ from .run import Run
 from .simulated import Latency, RealtimeSimulation, SimulatedLink, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
 from .timing import Delays, VirtualClock
-from .verdict import outside, retracted_fraction, saturated, shortfall, verdict, warnings
+from .verdict import outside, reasons, retracted_fraction, saturated, shortfall, verdict, warning, warnings
 
 __all__ = [
     "OVER",
@@ -31,11 +31,13 @@ __all__ = [
     "State",
     "VirtualClock",
     "outside",
+    "reasons",
     "recorded_parameters",
     "retracted_fraction",
     "saturated",
     "shortfall",
     "simulate_realtime",
     "verdict",
+    "warning",
     "warnings",
 ]

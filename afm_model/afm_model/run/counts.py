@@ -61,6 +61,7 @@ class Snapshot:
     reason: str = ""  # why the controller's drive is not in force, in two words; empty if it is
     samples_saturated: int = 0  # at which the detector was beyond its range
     time_outside: float = 0.0  # in which the plant did not hold [s]
+    scored_ticks_held: int = 0  # realtime: scored ticks without a new drive, those on a horizon left out
     unreadable: str = ""  # a clause about the drive that could not be read last; empty if there was none
 
     @property

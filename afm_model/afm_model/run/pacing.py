@@ -35,6 +35,8 @@ class Pacing:
     """When there will be something to do [s]; None: when a drive arrives, or always."""
     by_clock = False
     """Whether simulated time advances between two verbs."""
+    scored_ticks_held = 0
+    """Scored ticks that were made with a held drive, because no new one had come."""
 
     def __init__(self, engine: "Engine") -> None:
         self._engine, self._instrument = engine, engine.instrument

@@ -49,7 +49,7 @@ class Realtime(Peered):
         super().start()
         self._asked = self._instrument.drive
         self.sequence = -1
-        self._held = self._way_back = 0
+        self._held = self._way_back = self.scored_ticks_held = 0
         self._asked_at = math.nan  # when the measurement behind the drive in force was published
         self._linked_at = math.nan  # when the first drive arrived
         self.resume()
@@ -103,6 +103,7 @@ class Realtime(Peered):
                 engine.counts.horizon_ticks += 1
             else:
                 engine.counts.drives_lost += 1
+                self.scored_ticks_held += self._instrument.ticks >= self._parameters.score_tick
                 self._held += 1
         else:
             if self._held > self._ticks(self._parameters.run.retract_time):

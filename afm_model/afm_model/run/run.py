@@ -108,6 +108,7 @@ class Run(Engine):
             ),
             refusal=self.refusal,
             reason=self.reason,
+            scored_ticks_held=self.pacing.scored_ticks_held,
             unreadable=self.unreadable,
             faults=tuple(active(instrument.parameters, instrument.ticks)) if instrument.has_faults else (),
             faults_acted=tuple(acted(instrument.parameters, instrument.ticks)) if instrument.has_faults else (),

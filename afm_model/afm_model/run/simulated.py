@@ -24,6 +24,7 @@ from .counts import Snapshot
 from .link import Link, Listeners
 from .run import Run
 from .timing import Delays, VirtualClock
+from .verdict import reasons, warning
 
 _Array = NDArray[np.float64]
 _BLOCK_SAMPLES = 65536
@@ -141,6 +142,8 @@ class RealtimeSimulation:
     snapshot: Snapshot  # at the end, with all counts
     delays: Delays
     trajectory_sha256: str
+    doubts: list[str]  # why the score may not be true, a sentence each, as `reason` of afm_msgs/Score
+    warning: str  # what else to know before reading it, as there
 
     @property
     def drive(self) -> _Array:
@@ -194,12 +197,15 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
         raise DivergenceError(snapshot.detail) from run.error
     if run.error is not None:
         raise run.error
+    score = run.instrument.score()
     return RealtimeSimulation(
         parameters=parameters,
         blocks=blocks,
         round_trips=np.concatenate(round_trips).astype(np.float64),
-        score=run.instrument.score(),
+        score=score,
         snapshot=snapshot,
         delays=run.delays(),
         trajectory_sha256=run.instrument.trajectory_sha256(),
+        doubts=reasons(score, snapshot, parameters, law.parameters if isinstance(law, Controller) else None),
+        warning=warning(score, snapshot),
     )

@@ -2,10 +2,16 @@
 
 from ..core.prefix import text
 from ..instrument import Instrument, ScoreSummary
+from ..instrument.validity import doubts
+from ..parameters import ControllerParameters, InstrumentParameters
 from .counts import Snapshot
 
-_HELD = 0.5
-"""Part of the ticks that may run on a held drive without a word."""
+HELD_WARNED = 0.01
+"""Fraction of the scored ticks that may run on a held drive without a warning in the score."""
+HELD_MOST = 0.5
+"""The same without the score becoming invalid; and during the run, of the ticks since the last look, without a warning.
+With more, most of what is scored is not what the controller answers.
+"""
 _MISSED = 0.01
 """Fraction of the periods that may be missed without a warning during the run; the score counts all."""
 
@@ -22,7 +28,7 @@ def warnings(before: Snapshot, now: Snapshot) -> list[str]:
             f"reaches {_factor(before, now):.3g} of real time in place of {now.wanted_factor:g}"
         )
     lost = b.drives_lost - a.drives_lost
-    if now.wanted_factor is not None and ticks > 0 and lost > _HELD * ticks:
+    if now.wanted_factor is not None and ticks > 0 and lost > HELD_MOST * ticks:
         told.append(f"{lost} of the last {ticks} ticks had no new drive and held an older one")
     if (outdated := b.drives_outdated - a.drives_outdated) > 0:
         told.append(f"{outdated} drives answered an older measurement than one before them and were not put in force")
@@ -41,7 +47,50 @@ def verdict(summary: ScoreSummary, end: Snapshot) -> str:
             f"the sample was retracted in {retracted} of {summary.ticks} scored ticks "
             f"({_percent(retracted, summary.ticks)}), because no drive came"
         )
-    return withdrawn(summary, end.counts.scored_ticks_withdrawn, end.counts.withdrawals)
+    held = _on_held_drive(summary, end) if _held(summary, end) > HELD_MOST else ""
+    return withdrawn(summary, end.counts.scored_ticks_withdrawn, end.counts.withdrawals) or held
+
+
+def reasons(
+    summary: ScoreSummary, end: Snapshot, parameters: InstrumentParameters, law: ControllerParameters | None = None
+) -> list[str]:
+    """Return all reasons why a finished run's score is not valid, one sentence each; none if it is valid.
+
+    Parameters
+    ----------
+    summary : ScoreSummary
+    end : Snapshot
+        Of the run at its end.
+    parameters : InstrumentParameters
+    law : ControllerParameters, optional
+        The law that closed the loop, if it is known.
+    """
+    found = [
+        verdict(summary, end),
+        *doubts(parameters, summary, law),
+        saturated(end.samples_saturated),
+        outside(end.time_outside, parameters.plant.kind),
+    ]
+    return [each for each in found if each]
+
+
+def warning(summary: ScoreSummary, end: Snapshot) -> str:
+    """Return what else to know before reading the score of a finished run: missed periods, held drives; or nothing."""
+    held = _on_held_drive(summary, end) if HELD_WARNED < _held(summary, end) <= HELD_MOST else ""
+    return "; ".join(filter(None, [shortfall(end), held]))
+
+
+def _on_held_drive(summary: ScoreSummary, end: Snapshot) -> str:
+    """Return a clause that gives the number of scored ticks without a new drive, and what to do."""
+    return (
+        f"{end.scored_ticks_held} of {summary.ticks} scored ticks ({_percent(end.scored_ticks_held, summary.ticks)}) "
+        f"ran on a held drive, because no new one had come; at most {100 * HELD_MOST:g} % may: lower "
+        f"run.real_time_factor, raise plant.control_period, or send drives ahead (horizon)"
+    )
+
+
+def _held(summary: ScoreSummary, end: Snapshot) -> float:
+    return end.scored_ticks_held / summary.ticks if summary.ticks else 0.0
 
 
 def withdrawn(summary: ScoreSummary, ticks: int, times: int) -> str:

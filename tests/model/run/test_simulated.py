@@ -1,6 +1,7 @@
 """Runs in virtual time: latencies from a seed, and recorded drives played again."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -89,6 +90,14 @@ def test_lost_drives_are_ticks_on_a_held_one_and_change_no_latency() -> None:
     assert lossy.snapshot.counts.drives_lost == lost.sum()
     assert lost.sum() == pytest.approx(0.25 * TICKS, abs=4.0 * math.sqrt(TICKS * 0.25 * 0.75))  # four sigma
     assert np.array_equal(lossy.round_trips[~lost], whole.round_trips[~lost])
+
+
+def test_controller_whose_drives_get_lost_has_a_score_that_says_so() -> None:
+    told = "scored ticks .* ran on a held drive, because no new one had come"
+    whole, some, most = (run(Latency(median=0.3 * PERIOD, spread=0.0, loss=loss)) for loss in (0.0, 0.25, 0.75))
+    assert (whole.doubts, whole.warning) == ([], "")
+    assert some.doubts == [] and re.search(told, some.warning)
+    assert most.warning == "" and re.search(told, most.doubts[0])
 
 
 def test_drives_that_overtake_one_another_are_put_in_force_by_their_sequence() -> None:

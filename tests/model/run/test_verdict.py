@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from afm_model.run import Counts, Snapshot, State, retracted_fraction, shortfall, verdict, warnings
+from afm_model.run import Counts, Snapshot, State, reasons, retracted_fraction, shortfall, verdict, warning, warnings
 
 from .hand import PERIOD, Bench
 
@@ -92,6 +92,36 @@ def test_run_of_which_nothing_is_scored_has_no_verdict() -> None:
     summary, end = bench.run.instrument.score(), bench.run.snapshot()
     assert math.isnan(retracted_fraction(summary, end))
     assert verdict(summary, end) == ""
+
+
+@pytest.mark.parametrize(
+    ("answered", "valid", "warned"),
+    [
+        (1000, True, False),
+        (991, True, False),
+        (985, True, True),
+        (500, True, True),
+        (494, False, False),
+        (47, False, False),
+    ],
+)
+def test_score_on_held_drives_has_a_warning_and_with_more_than_half_of_them_it_is_not_valid(
+    answered: int, valid: bool, warned: bool
+) -> None:
+    """At the start a few ticks run before they are scored: these do not count."""
+    bench = Bench("realtime", 1020, **{"run.watchdog_timeout": 2000 * PERIOD, "score.start": 20 * PERIOD})
+    bench.at(0)
+    for k in range(1, 1021):
+        if k > 20 and (k - 20) * answered // 1000 > (k - 21) * answered // 1000:
+            bench.link.send(k - 1)
+        bench.at(k)
+    summary, end = bench.run.instrument.score(), bench.run.snapshot()
+    assert (summary.ticks, end.scored_ticks_held) == (1000, 1000 - answered)
+    told = f"{1000 - answered} of 1000 scored ticks ({100 - answered / 10:.3g} %) ran on a held drive"
+    found = reasons(summary, end, bench.parameters)
+    assert [each.startswith(told) for each in found] == [True] * (not valid)
+    assert warning(summary, end).startswith(told) == warned
+    assert bool(warning(summary, end)) == warned
 
 
 def test_run_that_fell_behind_says_what_it_reached() -> None:
