@@ -5,6 +5,7 @@ from collections.abc import Callable
 from rclpy.node import Node
 
 from afm_model import Controller
+from afm_model.core.errors import ParameterError
 from afm_node_common import topics
 from afm_node_common.parameters import Declared
 from afm_node_common.process import SimNodeParameters
@@ -59,6 +60,11 @@ def _exchanged(parameters: SimNodeParameters) -> dict[str, str]:
 def _check_law_inside(parameters: SimNodeParameters) -> None:
     """Raise ParameterError if the law inside cannot be computed with these parameters."""
     if (inside := parameters.controller_inside) is not None:
+        if parameters.run.clock_each_tick:
+            raise ParameterError(
+                f"run.clock_each_tick = true is not allowed with law.kind = {parameters.law.kind}: a law inside the "
+                f"simulator answers no measurement on a topic; set it to false, or law.kind to external"
+            )
         Controller(inside)
 
 

@@ -34,6 +34,8 @@ class NodeLink(Link):
     def __init__(self, parameters: SimNodeParameters, peers: Peers, recorders: Callable[[], int]) -> None:
         self._recorders = recorders if parameters.run.wait_for_recorder else None
         self._peers = peers
+        self.asked: Callable[[int], None] | None = None
+        """asked(sequence): called when a measurement has been published."""
 
     def ready(self) -> bool:
         """Whether a recorder is present, if one is required."""
@@ -81,9 +83,11 @@ class TopicLink(NodeLink):
         self._encode, self._publish = measurements.encode, self._outbox.publish
         self._decode, self._take = drives.decode, self._inbox.take
         direct = self._inbox.direct and self._outbox.direct
-        if direct and measurements.fast and drives.fast and not in_realtime:
+        # Messages in place go out without `publish`, which the clock follows.
+        if direct and measurements.fast and drives.fast and not in_realtime and not parameters.run.clock_each_tick:
             self.wire = Wire(self._take, self._publish)
         self._period_ns = parameters.plant.control_period * 1e9
+        self._clock_each_tick = parameters.run.clock_each_tick
         self._info: Any = None
         self.fast_path = {
             "direct takes": direct,
@@ -99,6 +103,8 @@ class TopicLink(NodeLink):
         if self.wire is not None:
             self.wire.measurement[:] = data
         self._publish(data)
+        if self.asked is not None:
+            self.asked(sequence)
 
     def take(self) -> tuple[int, Drive] | None:
         """The oldest drive not yet taken."""
@@ -131,6 +137,18 @@ class TopicLink(NodeLink):
     def controllers(self) -> list[str]:
         """Full names of the nodes that publish drives."""
         return self._peers.controllers
+
+    def cause(self) -> str:
+        """Return why the controller may be silent or slow: it waits for simulated time; empty if it does not."""
+        names = self._peers.on_simulated_time()
+        if not names:
+            return ""
+        done = self._clock_each_tick
+        return (
+            f"{' and '.join(names)} subscribes to {self._peers.clock} (use_sim_time): its timers wait for simulated "
+            f"time. {'Their' if done else 'Set run.clock_each_tick to true; their'} period must be at most "
+            f"plant.control_period = {1e-9 * self._period_ns:g} s"
+        )
 
     def close(self) -> None:
         """Let the node be destroyed; nothing can be taken or published any more."""

@@ -85,7 +85,10 @@ class SimNode(Node):
         self.estimates = Estimates(self, lambda: law.estimates if (law := self.run.pacing.law) is not None else ())
         """What a law inside believes, on topics."""
         self._reporter = Reporter(self, self.run, self._link, self._peers, self._streams, parameters)
-        self._simulated_time = Clock(self, self.run)
+        in_lockstep = parameters.run.mode == "lockstep"
+        self._simulated_time = Clock(self, self.run, parameters.plant.control_period if in_lockstep else 0.0)
+        if parameters.run.clock_each_tick:
+            self._link.asked = self._simulated_time.asked
         events = Events(self)
         self._faults = Faults(self, self.run, declared, events)
         self._control = Control(self, self.run, before_reset=self._faults.look)

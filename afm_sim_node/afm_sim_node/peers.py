@@ -36,6 +36,8 @@ class Peers:
         self._known: dict[str, set[bytes]] = {}
         self._drives = node.resolve_topic_name(topics.PIEZO_DRIVE)
         self._measurements = node.resolve_topic_name(topics.MEASUREMENT)
+        self.clock = node.resolve_topic_name(topics.clock(node.get_namespace()))
+        """Full name of the topic of simulated time."""
         self.controllers: list[str] = []
         """Full names of the nodes whose drives are received."""
         self.incompatible = ""
@@ -81,6 +83,11 @@ class Peers:
                         f"{name} publishes piezo_drive anew: it was started again, or there are two of that name"
                     )
                 known.add(bytes(info.endpoint_gid))
+
+    def on_simulated_time(self) -> list[str]:
+        """Return the full names of the controllers that subscribe to simulated time: those with `use_sim_time`."""
+        listeners = _names(self._node.get_subscriptions_info_by_topic(self.clock))
+        return sorted({*listeners} & {*self.controllers})
 
     def rivalry(self) -> str:
         """The sentence about other simulators on the same topics; empty if this one is alone."""

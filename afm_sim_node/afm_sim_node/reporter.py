@@ -103,7 +103,7 @@ class Reporter:
         """What went wrong since the last time."""
         before, self._before = self._before, run
         log_refusal(self._log, before, run)
-        self._warnings = warnings(before, run)
+        self._warnings = warnings(before, run, self._link.cause)
         log_warnings(self._log, self._warnings)
         if run.state == State.RUNNING and len(self._peers.controllers) > 1:
             self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
@@ -125,7 +125,12 @@ class Reporter:
         run, instrument = self._run.snapshot(), self._run.instrument
         self._compare(run)
         score = score_message(
-            instrument.score(), run, self._run.delays(), self._parameters, instrument.trajectory_sha256()
+            instrument.score(),
+            run,
+            self._run.delays(),
+            self._parameters,
+            instrument.trajectory_sha256(),
+            self._link.cause,
         )
         for sentence in filter(None, (score.reason, score.warning)):
             self._log.warning(sentence)

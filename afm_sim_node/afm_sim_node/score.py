@@ -1,6 +1,6 @@
 """The score of a run as a message."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from afm_msgs.msg import Percentiles, Score
@@ -19,7 +19,12 @@ _Z = 2
 
 
 def score_message(
-    summary: ScoreSummary, run: Snapshot, delays: Delays, parameters: SimNodeParameters, trajectory_sha256: str
+    summary: ScoreSummary,
+    run: Snapshot,
+    delays: Delays,
+    parameters: SimNodeParameters,
+    trajectory_sha256: str,
+    cause: Callable[[], str] = str,
 ) -> Score:
     """The message about a run that is over.
 
@@ -31,8 +36,10 @@ def score_message(
     delays : Delays
     parameters : SimNodeParameters
     trajectory_sha256 : str
+    cause : callable, optional
+        Returns why drives may have been late, as `Link.cause`.
     """
-    reason = "; ".join(reasons(summary, run, parameters, parameters.controller_inside))
+    reason = "; ".join(reasons(summary, run, parameters, parameters.controller_inside, cause))
     counts = run.counts
 
     def error(values: NDArray[np.float64]) -> Vector3:
@@ -45,7 +52,7 @@ def score_message(
         ticks=summary.ticks,
         valid=not reason,
         reason=reason,
-        warning=warning(summary, run),
+        warning=warning(summary, run, cause),
         rms=error(summary.rms),
         max=error(summary.max),
         max_percent=error(summary.max_percent),

@@ -136,6 +136,11 @@ class Run(Group):
     telemetry_rate: Annotated[float, Ge(0), Le(50), Unit("Hz")] = Field(
         50.0, description="messages on topic telemetry per second of wall time, at most; 0: none"
     )
+    clock_each_tick: bool = Field(
+        False,
+        description="publish /clock with every measurement, not only 50 times a second of wall time, for controllers "
+        "with use_sim_time and timers; in lockstep it shows the end of the control period that waits for its drive",
+    )
     lockstep_timeout: Annotated[Positive, Unit("s")] = Field(
         5.0, description="lockstep: wall time without an answer after which the controller is reported"
     )

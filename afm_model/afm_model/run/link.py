@@ -59,6 +59,10 @@ class Link:
         """Why what this run brings cannot be trusted, in one sentence; empty if it can."""
         return ""
 
+    def cause(self) -> str:
+        """Return why the controller may be silent or slow, in one sentence; empty if nothing is known."""
+        return ""
+
     @property
     def controller(self) -> str:
         """Name of the controller; empty if it is not known."""

@@ -129,7 +129,8 @@ class Lockstep(Peered):
             return f"{name} sends drives with sequence {sequences}; measurement {ticks} has been waiting for {limit}"
         if self._unread_at == ticks:
             return f"no drive but {self._engine.unreadable}; measurement {ticks} has been waiting for {limit}"
-        return f"{name} has not answered measurement {ticks} within {limit}; still waiting"
+        cause = self._engine.link.cause()
+        return f"{name} has not answered measurement {ticks} within {limit}; still waiting{cause and f' ({cause})'}"
 
 
 class Wired(Lockstep):

@@ -162,7 +162,8 @@ class Realtime(Peered):
             life.go(
                 Cause.SILENT,
                 f"no valid drive from {self._controller} for {run.watchdog_timeout:g} s (run.watchdog_timeout; "
-                f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted",
+                f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted"
+                f"{(cause := engine.link.cause()) and f' ({cause})'}",
             )
         elif not silent and life.state == State.RETRACTED:
             self._release()

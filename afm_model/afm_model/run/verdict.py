@@ -1,5 +1,7 @@
 """Warnings about the quality of a run."""
 
+from collections.abc import Callable
+
 from ..core.prefix import text
 from ..instrument import Instrument, ScoreSummary
 from ..instrument.validity import doubts
@@ -16,8 +18,15 @@ _MISSED = 0.01
 """Fraction of the periods that may be missed without a warning during the run; the score counts all."""
 
 
-def warnings(before: Snapshot, now: Snapshot) -> list[str]:
-    """What went wrong between two looks at one run, a clause each."""
+def warnings(before: Snapshot, now: Snapshot, cause: Callable[[], str] = str) -> list[str]:
+    """What went wrong between two looks at one run, a clause each.
+
+    Parameters
+    ----------
+    before, now : Snapshot
+    cause : callable, optional
+        Called if drives are late; returns why they may be, as `Link.cause`.
+    """
     ticks = now.ticks - before.ticks
     a, b = before.counts, now.counts
     told = []
@@ -29,7 +38,7 @@ def warnings(before: Snapshot, now: Snapshot) -> list[str]:
         )
     lost = b.drives_lost - a.drives_lost
     if now.wanted_factor is not None and ticks > 0 and lost > HELD_MOST * ticks:
-        told.append(f"{lost} of the last {ticks} ticks had no new drive and held an older one")
+        told.append(f"{lost} of the last {ticks} ticks had no new drive and held an older one{_because(cause)}")
     if (outdated := b.drives_outdated - a.drives_outdated) > 0:
         told.append(f"{outdated} drives answered an older measurement than one before them and were not put in force")
     if (ahead := b.drives_ahead - a.drives_ahead) > 0:
@@ -39,20 +48,28 @@ def warnings(before: Snapshot, now: Snapshot) -> list[str]:
     return told
 
 
-def verdict(summary: ScoreSummary, end: Snapshot) -> str:
-    """Why the score of a run must not be compared with that of others; empty if it may."""
+def _because(cause: Callable[[], str]) -> str:
+    return f" ({found})" if (found := cause()) else ""
+
+
+def verdict(summary: ScoreSummary, end: Snapshot, cause: Callable[[], str] = str) -> str:
+    """Why the score of a run must not be compared with that of others; empty if it may. `cause` as of `warnings`."""
     retracted = end.counts.scored_ticks_retracted
     if summary.ticks and retracted:
         return (
             f"the sample was retracted in {retracted} of {summary.ticks} scored ticks "
             f"({_percent(retracted, summary.ticks)}), because no drive came"
         )
-    held = _on_held_drive(summary, end) if _held(summary, end) > HELD_MOST else ""
+    held = _on_held_drive(summary, end, cause) if _held(summary, end) > HELD_MOST else ""
     return withdrawn(summary, end.counts.scored_ticks_withdrawn, end.counts.withdrawals) or held
 
 
 def reasons(
-    summary: ScoreSummary, end: Snapshot, parameters: InstrumentParameters, law: ControllerParameters | None = None
+    summary: ScoreSummary,
+    end: Snapshot,
+    parameters: InstrumentParameters,
+    law: ControllerParameters | None = None,
+    cause: Callable[[], str] = str,
 ) -> list[str]:
     """Return all reasons why a finished run's score is not valid, one sentence each; none if it is valid.
 
@@ -64,9 +81,11 @@ def reasons(
     parameters : InstrumentParameters
     law : ControllerParameters, optional
         The law that closed the loop, if it is known.
+    cause : callable, optional
+        As of `warnings`.
     """
     found = [
-        verdict(summary, end),
+        verdict(summary, end, cause),
         *doubts(parameters, summary, law),
         saturated(end.samples_saturated),
         outside(end.time_outside, parameters.plant.kind),
@@ -74,18 +93,21 @@ def reasons(
     return [each for each in found if each]
 
 
-def warning(summary: ScoreSummary, end: Snapshot) -> str:
-    """Return what else to know before reading the score of a finished run: missed periods, held drives; or nothing."""
-    held = _on_held_drive(summary, end) if HELD_WARNED < _held(summary, end) <= HELD_MOST else ""
+def warning(summary: ScoreSummary, end: Snapshot, cause: Callable[[], str] = str) -> str:
+    """Return what else to know before reading the score of a finished run: missed periods, held drives; or nothing.
+
+    `cause` as of `warnings`.
+    """
+    held = _on_held_drive(summary, end, cause) if HELD_WARNED < _held(summary, end) <= HELD_MOST else ""
     return "; ".join(filter(None, [shortfall(end), held]))
 
 
-def _on_held_drive(summary: ScoreSummary, end: Snapshot) -> str:
+def _on_held_drive(summary: ScoreSummary, end: Snapshot, cause: Callable[[], str]) -> str:
     """Return a clause that gives the number of scored ticks without a new drive, and what to do."""
     return (
         f"{end.scored_ticks_held} of {summary.ticks} scored ticks ({_percent(end.scored_ticks_held, summary.ticks)}) "
         f"ran on a held drive, because no new one had come; at most {100 * HELD_MOST:g} % may: lower "
-        f"run.real_time_factor, raise plant.control_period, or send drives ahead (horizon)"
+        f"run.real_time_factor, raise plant.control_period, or send drives ahead (horizon){_because(cause)}"
     )
 
 
