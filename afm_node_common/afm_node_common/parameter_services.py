@@ -114,6 +114,10 @@ def _checked(node: Node, spec: Specification | None, message: ParameterMessage) 
     if value.type not in _TYPES:
         raise _Refused(f"{name} = a value of the unknown type {value.type} is not allowed: it must be {allowed}")
     given, wrong = parameter_value_to_python(value), value.type != kind.value
+    if spec is not None and spec.choices:
+        # `ros2 param` reads on, off and numbers in a dump as what they are to YAML 1.1.
+        given = spec.meant(given)
+        wrong = not isinstance(given, str)
     if wrong and kind in _NUMBERS and value.type in (ParameterType.PARAMETER_INTEGER, ParameterType.PARAMETER_STRING):
         with suppress(ValueError):
             given, wrong = _NUMBERS[kind](given), False

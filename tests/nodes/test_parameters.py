@@ -9,7 +9,7 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType, ParameterValue, SetParametersResult
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter, get_parameter_value, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from support import Graph
 
@@ -249,6 +249,34 @@ def test_node_takes_back_all_its_own_values_without_a_change(
     assert [(name, told.reason) for name, told in zip(names, results, strict=True) if not told.successful] == []
     assert remote.set_at_once(**values).successful
     assert arrived == []
+
+
+def test_simulator_takes_back_all_that_a_dump_of_its_parameters_has_as_ros2_param_load_reads_it(
+    graph: Graph, make: Callable[..., Node]
+) -> None:
+    """ros2cli reads each value of the file once more: on becomes true."""
+    arrived: list[Group] = []
+    declare(make(onboard__kind="pi", plant__kind="lever"), SimNodeParameters, on_change=arrived.append)
+    remote = Remote(graph)
+    names = sorted(remote.names())
+    values = dict(zip(names, remote.get(*names), strict=True))
+    assert values["onboard.feedback"] == "on"
+    read = [ParameterMessage(name=name, value=get_parameter_value(str(value))) for name, value in values.items()]
+    assert {each.name for each in read if each.value.type == ParameterType.PARAMETER_BOOL} > {"onboard.feedback"}
+    told = remote.set_messages(*read)
+    assert [(name, each.reason) for name, each in zip(names, told, strict=True) if not each.successful] == []
+    assert remote.set_messages_at_once(*read).successful
+    assert arrived == []
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"), [(True, "on"), (False, "off"), ("True", "on"), ("false", "off"), ("no", "off")]
+)
+def test_text_that_yaml_takes_for_a_boolean_is_understood_at_start(
+    make: Callable[..., Node], given: object, meant: str
+) -> None:
+    model = declare(make(onboard__kind="pi", plant__kind="lever", onboard__feedback=given), SimNodeParameters)
+    assert flatten(model)["onboard.feedback"] == meant
 
 
 BAD_VALUES = {

@@ -199,7 +199,11 @@ def test_settings_act_between_ticks_and_stand_in_the_parameters(bench: Bench) ->
     assert value("onboard.integral_gain").value == 12e-6
     bench.graph.spin_until(lambda: bench.states[-1].feedback == "hold")
     assert bench.states[-1].setpoint_force == pytest.approx(12e-9)
-    bench.call(SetFeedback, topics.SET_FEEDBACK, mode="on")
+    # What ros2cli sends of "{mode: off}" and "{mode: on}".
+    assert bench.call(SetFeedback, topics.SET_FEEDBACK, mode="False").success
+    bench.graph.spin_until(lambda: bench.states[-1].feedback == "off")
+    assert bench.call(SetFeedback, topics.SET_FEEDBACK, mode="True").success
+    bench.graph.spin_until(lambda: bench.states[-1].feedback == "on")
     bench.call(SetSetpoint, topics.SET_SETPOINT, force=10e-9)
     bench.call(SetGains, topics.SET_GAINS, integral=10e-6)
 

@@ -108,6 +108,13 @@ class Specification:
                     return f"{self.name} = {short(value)}{unit} is not allowed: it must be {self.allowed}{size}"
         return ""
 
+    def meant(self, value: Any) -> Any:
+        """Return the choice that a reader of YAML 1.1 takes for this value, `on` for true; any other value as it is."""
+        if not self.choices or value in self.choices or (reading := _reading(value)) is None:
+            return value
+        same = [each for each in self.choices if _reading(each) == reading]
+        return same[0] if len(same) == 1 else value
+
     @property
     def allowed(self) -> str:
         """What values are allowed, in words."""
@@ -124,6 +131,21 @@ class Specification:
         if self.upper is not None:
             bounds.append(f"{'<' if self.upper_open else '<='} {self.upper:g}")
         return " ".join([noun, " and ".join(bounds)]).strip()
+
+
+_YAML_WORDS = dict.fromkeys(("y", "yes", "true", "on"), "true") | dict.fromkeys(("n", "no", "false", "off"), "false")
+"""Words that a reader of YAML 1.1 takes for a boolean if they are not quoted, in whichever case."""
+
+
+def _reading(value: Any) -> str | float | None:
+    """What YAML 1.1 takes a word for, or has taken it for: `true`, `false`, or a number; None: text."""
+    word = str(value).lower()
+    if word in _YAML_WORDS:
+        return _YAML_WORDS[word]
+    try:
+        return float(word)
+    except ValueError:
+        return None
 
 
 def short(value: Any) -> str:
@@ -292,6 +314,7 @@ def build(model: type[G], values: Mapping[str, Value]) -> G:
     for name, value in values.items():
         if name not in known:
             raise ParameterError(unknown_name_message(name, list(known)))
+        value = known[name].meant(value)
         if isinstance(value, bool) and known[name].kind is not bool:
             raise ParameterError(f"{name} = {value} is not allowed: it must be {known[name].allowed}")
         *groups, leaf = name.split(".")

@@ -298,7 +298,9 @@ class Operator(LoopSettings):
                 if value or name in view.loop.settings or name in CALIBRATIONS
             }
         )
-        self._state.feedback = settings.get("feedback", self._state.feedback)
+        if "feedback" in settings:
+            # As it was understood.
+            self._state.feedback = view.setting("feedback", self._state.feedback)
         if "proportional_gain" in settings or "integral_gain" in settings:
             for sentence in view.loop.warnings(view.parameters):
                 warnings.warn(sentence, stacklevel=5)
