@@ -26,9 +26,14 @@ COLOURS = "cividis"
 _MISSING = "0.82"
 _CLIPPED = 1.0
 """Part of the pixels at each end that a few spikes may not stretch the colours by [per cent]."""
-_SIZE = (5.2, 4.6)
-_PANEL = (3.2, 2.9)
-"""Of a panel of a sheet, about [inch]."""
+_LEAST = {"m": 1e-12, "N": 1e-12, "V": 1e-4, "rad": 1e-3}
+"""Ranges of the colours, by unit, below which no instrument measures: what differs by less is drawn in one colour."""
+_SINGLE, _PANEL, _WORDS = 5.2, 3.3, 0.85
+"""Width of a picture alone, of a panel of a sheet, and the height of title and scale bar, about [inch]."""
+_FLATTEST = 0.2
+"""Least height over width with which a frame is drawn."""
+_TALLEST = 2.0
+"""Largest height over width for which a picture grows."""
 _DPI = 150
 PNG = ".png"
 
@@ -79,18 +84,22 @@ def draw(axes: "Axes", image: Image, found: Layer, how: Levelling | None = None)
         Levelling, see `levelled`.
     """
     from matplotlib import colormaps
-    from matplotlib.patches import Rectangle
+    from matplotlib.lines import Line2D
+    from matplotlib.ticker import MaxNLocator, ScalarFormatter
+    from matplotlib.transforms import ScaledTranslation
 
-    scan = image.scan
+    width, height = image.scan.size_x, image.scan.height
+    stretched = max(1.0, _FLATTEST * width / height)
     values, taken_off = levelled(found, how)
     seen = values[np.isfinite(values)]
     low, high = np.percentile(seen, (_CLIPPED, 100.0 - _CLIPPED)) if len(seen) else (0.0, 1.0)
-    factor, unit = prefixed(found.unit, low, high)
-    if high - low <= 1e-9 * max(abs(low), abs(high)):
+    least = _LEAST.get(found.unit, 1e-9 * max(abs(low), abs(high)))
+    factor, unit = prefixed(found.unit, low, high, least)
+    if high - low <= least:
         # One colour: a bar from end to end would show rounding.
-        low, high = low - 0.5 / factor, high + 0.5 / factor
+        middle, half = 0.5 * (low + high), 0.5 * max(1.0 / factor, least)
+        low, high = middle - half, middle + half
     colours = colormaps[COLOURS].with_extremes(bad=_MISSING)
-    width, height = scan.size_x, scan.height
     shown = axes.imshow(
         np.ma.masked_invalid(values) * factor,
         origin="lower",
@@ -99,26 +108,44 @@ def draw(axes: "Axes", image: Image, found: Layer, how: Levelling | None = None)
         vmin=low * factor,
         vmax=high * factor,
         interpolation="nearest",
+        aspect=stretched,
     )
     beyond = (bool(len(seen)) and seen.min() < low, bool(len(seen)) and seen.max() > high)
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
-    bar = axes.figure.colorbar(shown, ax=axes, extend=extend, shrink=0.86, pad=0.03)
-    bar.ax.set_title(unit, fontsize="small")
+    # A part of the picture's own axes, so that it is as high as the picture. As many numbers as there is place for,
+    # whatever they are: the layout is made before the bar has its size. No offset: it would stand in the title.
+    tall = max(1.0, height / width)
+    bar = axes.figure.colorbar(
+        shown,
+        cax=axes.inset_axes((1.0 + 0.03 * tall, 0.0, 0.045 * tall, 1.0)),
+        extend=extend,
+        ticks=MaxNLocator(2 if height < 0.6 * width else 4),
+        format=ScalarFormatter(useOffset=False),
+    )
+    bar.set_label(unit, fontsize="small")
     axes.set(xticks=[], yticks=[])
-    axes.set_title(f"{found.title}{', ' if taken_off else ''}{taken_off}", fontsize="medium")
+    words = [found.title, taken_off, f"y drawn {stretched:.2g} times as long" if stretched > 1.0 else ""]
+    axes.set_title("\n".join(filter(None, words)), fontsize="medium")
     # Below the picture, where it hides nothing.
     length = scale_bar(width)
-    below, thick = -0.035 * width / height, 0.014 * width / height
-    place: dict[str, Any] = {"transform": axes.transAxes, "clip_on": False}
-    axes.add_patch(Rectangle((0.0, below), length / width, thick, facecolor="black", linewidth=0.0, **place))
-    beside = length / width + 0.02
-    axes.text(beside, below + 0.5 * thick, text(length, "m"), va="center", fontsize="small", **place)
+    below = axes.transAxes + ScaledTranslation(0.0, -8.0 / 72.0, axes.figure.dpi_scale_trans)
+    place: dict[str, Any] = {"transform": below, "clip_on": False}
+    axes.add_line(
+        Line2D([0.0, length / width], [0.0, 0.0], color="black", linewidth=3.0, solid_capstyle="butt", **place)
+    )
+    axes.text(length / width + 0.02, 0.0, text(length, "m"), va="center", fontsize="small", **place)
 
 
 def new_figure(size: tuple[float, float]) -> "Figure":
     """An empty figure [inch]; ImportError where matplotlib is not installed."""
     figure: Figure = needed("matplotlib.figure", "a picture").Figure(figsize=size, layout="constrained")
     return figure
+
+
+def _tall(image: Image, wide: float) -> float:
+    """Height of a picture with its title and scale bar, if it is so wide with its colour bar [inch]."""
+    ratio = image.scan.height / image.scan.size_x
+    return 0.7 * wide * min(max(ratio, _FLATTEST), _TALLEST) + _WORDS
 
 
 def _caption(image: Image) -> str:
@@ -160,7 +187,7 @@ def picture(
     """
     image = as_image(image)
     found = layer(image, name)
-    figure = new_figure(_SIZE)
+    figure = new_figure((_SINGLE, _tall(image, _SINGLE) + 0.2))
     draw(figure.subplots(), image, found, how)
     figure.suptitle(title or _caption(image), fontsize="small")
     return figure
@@ -177,11 +204,10 @@ def sheet(image: "Image | xarray.Dataset", title: str = "") -> "Figure":
     image = as_image(image)
     every = layers(image)
     columns = (len(every) + 1) // 2
-    tall = min(max(image.scan.height / image.scan.size_x, 0.3), 2.0)
-    figure = new_figure((columns * _PANEL[0], 2.0 * _PANEL[1] * tall + 0.4))
+    figure = new_figure((columns * _PANEL, 2.0 * _tall(image, _PANEL) + 0.6))
     for axes, found in zip(figure.subplots(2, columns, squeeze=False).T.ravel(), every, strict=False):
         draw(axes, image, found)
-    figure.suptitle(", ".join(part for part in (title, _caption(image)) if part))
+    figure.suptitle("\n".join(filter(None, (title, _caption(image)))))
     return figure
 
 

@@ -1,10 +1,14 @@
 """Claims about the pictures: what is where in them."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib import colormaps
+from matplotlib.axis import Axis
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 from PIL import Image as Png
 
 from afm_model.core.prefix import prefixed, text
@@ -61,13 +65,14 @@ def test_same_scan_gives_the_same_bytes(tmp_path, write):
 
 def test_picture_has_title_unit_and_scale_bar():
     figure = picture(scans.scanned())
-    axes, bar = figure.axes
-    assert axes.get_title() == "Height, less its background"
-    assert bar.get_title() == "nm"
-    (drawn,) = axes.patches
-    assert drawn.get_width() == pytest.approx(50e-9 / 200e-9)
+    (axes,) = figure.axes
+    (bar,) = axes.child_axes
+    assert axes.get_title() == "Height\nless its background"
+    assert bar.get_ylabel() == "nm"
+    (drawn,) = axes.lines
+    assert np.ptp(drawn.get_xdata()) == pytest.approx(50e-9 / 200e-9)
     (length,) = (each for each in axes.texts if each.get_text() == "50 nm")
-    assert length.get_position()[1] == pytest.approx(drawn.get_y() + 0.5 * drawn.get_height())
+    assert length.get_position()[1] == drawn.get_ydata()[0]
     assert figure.get_suptitle() == "200 nm x 200 nm, 64 x 64 pixels, 0.998 Hz"
     (shown,) = axes.images
     np.testing.assert_allclose(shown.get_array(), 1e9 * levelled(layer(scans.scanned(), "height_trace"))[0])
@@ -77,7 +82,7 @@ def test_sheet_shows_every_layer_traces_above_retraces():
     image = scans.scanned(20, angle=0.5)
     figure = sheet(image, "A sample")
     shown = [axes for axes in figure.axes if axes.images]
-    places = {axes.get_title().split(",")[0]: axes.get_subplotspec() for axes in shown}
+    places = {axes.get_title().splitlines()[0]: axes.get_subplotspec() for axes in shown}
     assert set(places) == {each.title for each in layers(image)}
     for title in ("Height", "Deflection Error", "Lateral Force"):
         above, below = places[title], places[f"{title} Retrace"]
@@ -85,7 +90,7 @@ def test_sheet_shows_every_layer_traces_above_retraces():
         assert above.colspan == below.colspan
     assert places["Friction"].colspan == places["Crosstalk"].colspan
     assert max(each.colspan.stop for each in places.values()) == places["Friction"].get_gridspec().ncols
-    assert figure.get_suptitle() == "A sample, 200 nm x 200 nm, 64 x 64 pixels, 0.998 Hz, 28.65°, 20 lines measured"
+    assert figure.get_suptitle() == "A sample\n200 nm x 200 nm, 64 x 64 pixels, 0.998 Hz, 28.65°, 20 lines measured"
 
 
 @pytest.mark.parametrize("lines_done", [0, 1])
@@ -101,6 +106,80 @@ def test_layer_of_one_value_is_drawn_in_one_colour(tmp_path):
     assert (low, high) == pytest.approx((2.5, 3.5))
 
 
+def drawn_as(values: np.ndarray, unit: str):
+    """Limits of the colours, and their unit, of a picture of these values."""
+    image = scans.scanned(pixels=16, lines=16)
+    image.units["error"], image.data["error", "trace"] = unit, values
+    (axes,) = picture(image, "error_trace").axes
+    return axes.images[0].get_clim(), axes.child_axes[0].get_ylabel()
+
+
+@pytest.mark.parametrize(
+    ("unit", "offset", "noise", "span", "shown"),
+    [
+        ("m", 0.0, 3e-15, 1.0, "pm"),
+        ("m", -4.6e-8, 3e-15, 1.0, "nm"),
+        ("m", 0.0, 3e-11, None, "pm"),
+        ("N", 0.0, 1e-17, 1.0, "pN"),
+        ("V", 0.0, 1e-9, 100.0, "µV"),
+        ("rad", 0.8, 1e-5, 1.0, "°"),
+        ("rad", 0.8, 0.1, None, "°"),
+    ],
+)
+def test_what_differs_by_less_than_any_instrument_measures_is_drawn_in_one_colour(unit, offset, noise, span, shown):
+    values = offset + noise * np.random.default_rng(1).standard_normal((16, 16))
+    (low, high), drawn = drawn_as(values, unit)
+    assert drawn == shown
+    if span is not None:
+        assert high - low == pytest.approx(span, rel=1e-6)
+    else:
+        factor = {"pm": 1e12, "°": 180.0 / np.pi}[shown]
+        assert (low, high) == pytest.approx(tuple(factor * np.percentile(values, (1.0, 99.0))))
+
+
+def texts(figure) -> list[tuple[str, Bbox]]:
+    """What is written in a figure, and its box [pixels]."""
+    figure.draw_without_rendering()
+    beyond = set()
+    for axis in figure.findobj(Axis):
+        low, high = sorted(axis.get_view_interval())
+        # A tick beyond the ends of its axis is not drawn.
+        beyond |= {tick.label2 for tick in axis.get_major_ticks() if not low <= tick.get_loc() <= high}
+        beyond |= {tick.label1 for tick in axis.get_major_ticks() if not low <= tick.get_loc() <= high}
+    found = (each for each in figure.findobj(Text) if each.get_visible() and each.get_text().strip())
+    return [(each.get_text(), each.get_window_extent()) for each in found if each not in beyond]
+
+
+FRAMES = {
+    "square": {"pixels": 16, "lines": 16},
+    "wide": {"pixels": 32, "lines": 8},
+    "tall": {"pixels": 8, "lines": 32},
+    "line": {"pixels": 32, "lines": 1},
+}
+
+
+@pytest.mark.parametrize("frame", FRAMES.values(), ids=list(FRAMES))
+@pytest.mark.parametrize("draw", [picture, sheet])
+def test_no_word_of_a_picture_is_written_over_another_one(draw, frame):
+    image = scans.scanned(**frame)
+    # Numbers with many digits, about an offset.
+    image.data["lateral", "trace"] *= 1e-3
+    image.data["lateral", "trace"] += 3.918e-9
+    figure = draw(image, title="A title of the microscope that is as long as titles are")
+    found = texts(figure)
+    assert len(found) > 5
+    for (one, here), (other, there) in combinations(found, 2):
+        assert not here.overlaps(there), f"{one!r} and {other!r}"
+
+
+def test_frame_that_is_flatter_than_a_fifth_is_stretched_and_its_title_says_so():
+    (axes,) = picture(scans.scanned(pixels=32, lines=1)).axes
+    assert axes.get_aspect() == pytest.approx(0.2 * 32)
+    assert axes.get_title().splitlines()[-1] == "y drawn 6.4 times as long"
+    (axes,) = picture(scans.scanned(pixels=32, lines=8)).axes
+    assert axes.get_aspect() == 1.0 and "drawn" not in axes.get_title()
+
+
 @pytest.mark.parametrize(
     ("how", "words"),
     [
@@ -111,7 +190,7 @@ def test_layer_of_one_value_is_drawn_in_one_colour(tmp_path):
     ],
 )
 def test_levelling_of_a_picture_is_told_in_its_title(how, words):
-    assert picture(scans.scanned(pixels=8, lines=8), how=how).axes[0].get_title().partition(", ")[2] == words
+    assert picture(scans.scanned(pixels=8, lines=8), how=how).axes[0].get_title().partition("\n")[2] == words
 
 
 def test_levelling_of_another_name_is_refused():
@@ -142,6 +221,7 @@ def test_scale_bar_is_the_largest_round_length_up_to_a_third_of_the_picture(widt
         (2.0, "1", "2"),
         (1e4, "Hz", "10 kHz"),
         (1e-8, "m/V", "10 nm/V"),
+        (0.5 * np.pi, "rad", "90°"),
         (5e-8, "N/V", "50 nN/V"),
         (np.nan, "m", "not measured"),
     ],
