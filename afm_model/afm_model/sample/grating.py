@@ -72,8 +72,10 @@ def _check(parameters: Tree) -> None:
     if sample.edge_radius <= R:
         x = 0.5 * (sample.pitch - sample.top) - sample.step / tan(sample.angle)
         raise ValueError(
-            f"sample.edge_radius = {sample.edge_radius:g} m is not allowed: in the inner edges, at x = +-{x:.4g} "
-            f"m, the tip touches in one point only if it is > {R:g} m, the radius of the tip"
+            f"sample.edge_radius = {sample.edge_radius:g} m is not allowed: in the inner edges, at x = +-{x:.4g} m, a "
+            f"tip of radius {R:g} m touches at two places. Use sample.edge_radius > {R:g} m, a sharper tip "
+            f"(plant.tip_radius < {sample.edge_radius:g} m), or the ridges as a height map (sample.kind = map), which "
+            f"any tip dilates"
         )
     v = _values(parameters)
     if not 0.0 <= v["foot_flat"] <= v["foot"] <= v["head"] <= v["head_flat"] <= 0.5 * sample.pitch:

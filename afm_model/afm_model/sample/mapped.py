@@ -18,6 +18,7 @@ from ..core.splines import b_spline_coefficients, weighted
 from ..parts.groups import SampleParameters
 from ..parts.part import Sample, Tree
 from ..parts.signals import Surface
+from .dilation import dilated, offsets_under
 
 _Array = NDArray[np.float64]
 FINER = 3
@@ -140,8 +141,6 @@ def relief(
 
 def _dilated(heights: _Array, pitch_x: float, pitch_y: float, R: float, wrap: bool) -> _Array:
     """Largest height of the surface plus tip over all places under the tip, on a finer grid."""
-    from scipy.ndimage import grey_dilation  # here: a tenth of a second for nothing where there is no map
-
     # Centres of fine pixels: the middle one of each coarse pixel is its centre.
     coefficients = b_spline_coefficients(heights, wrap)
     fine = np.empty((FINER * heights.shape[0], FINER * heights.shape[1]))
@@ -151,20 +150,14 @@ def _dilated(heights: _Array, pitch_x: float, pitch_y: float, R: float, wrap: bo
             low_y, low_x = i < FINER // 2, j < FINER // 2
             fine[i::FINER, j::FINER] = weighted(coefficients, _about(along_y, low_y), _about(along_x, low_x), wrap)
     step_x, step_y = pitch_x / FINER, pitch_y / FINER
-    # Where the ball is higher than the whole relief nothing can touch it.
-    reach = min(R, math.sqrt(2.0 * R * float(np.ptp(fine))) * (1.0 + 1e-6) + max(step_x, step_y))
-    half_x, half_y = int(reach / step_x), int(reach / step_y)
-    if (work := (2 * half_x + 1) * (2 * half_y + 1) * fine.size) > _MOST_WORK:
+    offsets, ball = offsets_under(R, float(np.ptp(fine)), step_x, step_y)
+    if (work := len(ball) * heights.size) > _MOST_WORK:
         raise ValueError(
             f"a map of {heights.shape[1]} x {heights.shape[0]} values of {pitch_x:.3g} x {pitch_y:.3g} m is too fine "
             f"to be dilated by a tip of {R:.3g} m ({work:.2g} comparisons, {_MOST_WORK:.0e} are allowed): "
             "give it fewer values, or sample.dilate = false"
         )
-    x, y = np.meshgrid(step_x * np.arange(-half_x, half_x + 1), step_y * np.arange(-half_y, half_y + 1))
-    under = R * R - x * x - y * y
-    ball = np.where(under >= 0.0, np.sqrt(np.maximum(under, 0.0)) - R, -np.inf)
-    rolled = grey_dilation(fine, structure=np.maximum(ball, -1e3), mode="wrap" if wrap else "reflect")
-    return np.ascontiguousarray(rolled[FINER // 2 :: FINER, FINER // 2 :: FINER])
+    return dilated(fine, FINER, offsets, ball, wrap)
 
 
 def _about(weights: tuple[float, ...], low: bool) -> tuple[float, ...]:

@@ -2,18 +2,20 @@
 
 import math
 import struct
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import grey_dilation, map_coordinates
 
 from afm_model import InstrumentParameters, ParameterError, build
 from afm_model.core.records import record_at, size
 from afm_model.core.registry import find
 from afm_model.instrument.block import Layout
 from afm_model.parts.signals import Surface
+from afm_model.sample.dilation import dilated, offsets_under
 from afm_model.sample.map_files import read_field
 from afm_model.sample.mapped import relief
 
@@ -130,9 +132,18 @@ def test_grating_is_the_path_of_a_ball_that_rolls_over_rounded_ridges(angle):
     assert place(0.5 * pitch).height == pytest.approx(step, rel=1e-12)
 
 
-def test_grating_with_edges_sharper_than_the_tip_is_refused_with_the_place():
-    with pytest.raises(ParameterError, match=r"at x = \+-7.*e-07 m, the tip touches in one point only"):
+def test_grating_with_edges_sharper_than_the_tip_is_refused_with_the_place_and_with_what_to_do(tmp_path):
+    with pytest.raises(ParameterError, match=r"at x = \+-7.*e-07 m, a tip of radius 1e-08 m touches at two") as told:
         build(InstrumentParameters, LEVER | {"sample.kind": "grating", "sample.edge_radius": 8e-9})
+    for what, values in {
+        "sample.edge_radius > 1e-08 m": {"sample.edge_radius": 1.01e-8},
+        "plant.tip_radius < 8e-09 m": {"sample.edge_radius": 8e-9, "plant.tip_radius": 7.9e-9},
+    }.items():
+        assert what in str(told.value)
+        build(InstrumentParameters, LEVER | {"sample.kind": "grating"} | values)
+    assert "sample.kind = map" in str(told.value)
+    ridges = np.tile(np.where(np.arange(64) // 16 % 2, 20e-9, 0.0), (8, 1))
+    Place({"sample.kind": "map", "sample.file": height_file(tmp_path, ridges), "sample.width": 128e-9})
 
 
 def test_rough_surface_has_its_rms_its_spectrum_and_its_seed():
@@ -171,6 +182,46 @@ def test_a_map_is_met_at_its_pixels_and_mirrored_or_repeated_beyond(tmp_path, rn
         assert place((u - 12) * 1e-9, (v - 8) * 1e-9).height == pytest.approx(spline, abs=1e-9 * np.ptp(expected))
     wrapped = Place(scaled | {"sample.border": "wrap"})
     assert wrapped(12e-9, 0.0).height == pytest.approx(expected[8, 0], abs=1e-22)
+
+
+@pytest.mark.parametrize("wrap", [True, False], ids=["repeated", "mirrored"])
+@pytest.mark.parametrize("shape", [(12, 15), (240, 201)], ids=["smaller than the tip", "many tiles"])
+def test_dilation_has_the_bits_of_one_that_compares_every_place_with_every_other_under_the_tip(shape, wrap):
+    R, step_x, step_y, every = 60e-9, 2e-9, 3e-9, 3
+    rng = np.random.default_rng(3)
+    # A step with noise, and a plain where nothing reaches far.
+    fine = 1e-10 * rng.standard_normal(shape) + 8e-9 * (np.arange(shape[1]) < shape[1] // 3)
+    offsets, ball = offsets_under(R, float(np.ptp(fine)), step_x, step_y)
+    found = dilated(fine, every, offsets, ball, wrap)
+    half_y, half_x = np.abs(offsets).max(axis=0)
+    under = np.full((2 * half_y + 1, 2 * half_x + 1), -1e3)
+    under[offsets[:, 0] + half_y, offsets[:, 1] + half_x] = ball
+    expected = grey_dilation(fine, structure=under, mode="wrap" if wrap else "reflect")
+    np.testing.assert_array_equal(found, expected[1::every, 1::every])
+    # The ball itself, and nothing that could touch is left out.
+    rows, columns = offsets.T
+    distance = np.hypot(step_y * rows, step_x * columns)
+    np.testing.assert_allclose(ball, np.sqrt(R**2 - distance**2) - R, atol=1e-21)
+    i, j = (each.ravel() for each in np.mgrid[-40:41, -40:41])
+    sag = R - np.sqrt(np.maximum(R**2 - (step_y * i) ** 2 - (step_x * j) ** 2, 0.0))
+    assert set(zip(i[sag < np.ptp(fine)], j[sag < np.ptp(fine)], strict=True)) <= {*map(tuple, offsets.tolist())}
+
+
+def test_dilation_takes_a_part_of_the_time_of_one_that_compares_all():
+    fine = np.where(np.add.outer(np.arange(300), np.arange(300)) // 100 % 2, 20e-9, 0.0)
+    offsets, ball = offsets_under(60e-9, 20e-9, 2e-9, 2e-9)
+    half = int(offsets.max())
+    under = np.full((2 * half + 1, 2 * half + 1), -1e3)
+    under[offsets[:, 0] + half, offsets[:, 1] + half] = ball
+    times = []
+    for call in (
+        lambda: dilated(fine, 3, offsets, ball, True),
+        lambda: grey_dilation(fine, structure=under, mode="wrap"),
+    ):
+        begin = time.process_time()
+        call()
+        times.append(time.process_time() - begin)
+    assert times[0] < 0.5 * times[1]
 
 
 def test_a_map_sharper_than_the_tip_is_dilated_or_refused_with_the_place(tmp_path):
