@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from afm_model.microscope import Approach, Local, Outcome, Scan
+from afm_model.microscope import Approach, Local, Microscope, Outcome, Scan
 
 from .test_amplitude_curve import GAIN, SHOWN, Q
 from .test_tapping import tapped
@@ -92,6 +92,24 @@ def test_phase_tells_the_material_that_takes_energy_and_the_other_way_round_in_t
         assert (tilt < 0.0).all() and contrast < -0.03
     else:
         assert (tilt > 0.0).all() and contrast > 0.01
+
+
+@pytest.mark.parametrize(
+    ("plant", "sample", "contrast"),
+    [
+        ({}, {}, 0.2),
+        ({"pair": "si_polystyrene", "viscosity": 100.0}, {"viscosity": 0.0}, 4.1),
+    ],
+    ids=["preset", "polystyrene"],
+)
+def test_contrast_of_the_preset_and_of_a_viscous_polymer_is_that_of_docs_tapping(plant, sample, contrast):
+    fast = {"kind": "averaged", "lever": "ppp_fmr", "gap": 500e-9, "dt": 2e-6}
+    with Microscope("tapping", plant=fast | plant, sample=sample) as microscope:
+        microscope.approach(rate=5e-6)
+        image = microscope.scan(size_x=500e-9, pixels=16, lines=1, line_rate=5.0)
+    phase = np.degrees(image.phase.values[0, 0])
+    # The first material is to the right of x = 0.
+    assert phase[10:14].mean() - phase[2:6].mean() == pytest.approx(contrast, abs=0.05)
 
 
 GRATING = {"sample__kind": "grating", "sample__pitch": 400e-9, "sample__top": 200e-9, "sample__angle": 0.8}
