@@ -48,7 +48,7 @@ test: with-tests ## run all tests; what fails first is kept in out/first_failure
 	@. ./env.sh && tools/test.sh
 
 # Examples that no run has tried before: ten times as many, from a seed that is printed.
-SEED ?= $(shell date +%s)
+SEED := $(or $(SEED),$(shell date +%s))
 test-long: with-tests ## many more examples at random, and the long tests (SEED=...: the same again)
 	@echo "The seed is $(SEED); the same examples again: make test-long SEED=$(SEED)"
 	@. ./env.sh && python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile -m "hypothesis or long" \
@@ -72,10 +72,10 @@ notebooks: with-tests ## run the notebooks of notebooks/ and keep their figures 
 	@. ./env.sh && python -m pip install --quiet --disable-pip-version-check -r requirements/notebooks.txt && python tools/make_notebooks.py $(call arguments,,--out out/quick/notebooks notebooks/tapping.ipynb)
 
 maps: with-tests ## draw again where each law holds: docs/figures/maps, bode (some minutes)
-	@. ./env.sh && python tools/make_maps.py $(call arguments,,--laws pid --out out/quick/figures)
+	@. ./env.sh && python tools/make_maps.py $(call arguments,,--laws pid --cycles 0.6 --out out/quick/figures)
 
 laws: with-tests ## make the tables of docs/laws.md and docs/predictive.md again, and the picture of wrong models (some minutes)
-	@. ./env.sh && python tools/make_laws.py $(call arguments,--write,"laws noise")
+	@. ./env.sh && python tools/make_laws.py $(call arguments,--write,"predictive cost")
 
 bench: with-tests ## measure speed, each figure with its floor (about 10 minutes on an idle machine)
 	@. ./env.sh && python tests/bench $(call arguments,,kernel --out out/quick/bench.json)
@@ -85,7 +85,7 @@ PAGE := --page docs/reliability.md
 soak: with-tests ## a session for half an hour; what it uses has to stay what it was (ARGS='--minutes 5': shorter)
 	@. ./env.sh && PYTHONPATH="$$PWD/tests$${PYTHONPATH:+:$$PYTHONPATH}" python tests/soak $(call arguments,$(PAGE),--minutes 0.2 --warm-up 2 --every 1 --out out/quick/soak)
 
-torture: with-tests ## kill, stop, fill and confuse, and see what happens to a run (half an hour; ARGS='--tries 2': less; ARGS=--resume: go on)
+torture: with-tests ## kill, stop, fill and confuse, and see what happens to a run (about an hour; ARGS='--tries 2': less; ARGS=--resume: go on)
 	@. ./env.sh && PYTHONPATH="$$PWD/tests$${PYTHONPATH:+:$$PYTHONPATH}" python tests/torture $(call arguments,$(PAGE),--tries 1 --only "recorder killed" --out out/quick/torture)
 
 clean: ## remove what was built, .venv and out/

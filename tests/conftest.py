@@ -32,6 +32,16 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print the commands of the pages that no test runs here, with their reasons, if their tests have run."""
+    reports = terminalreporter.stats.get("passed", [])
+    if any("test_every_block_of_every_page" in report.nodeid for report in reports):
+        from printed.plan import not_run
+
+        terminalreporter.section("Printed and not run (python tests/printed lists all)")
+        terminalreporter.write_line("\n".join(not_run()))
+
+
 LONGEST = (
     *("test_exam.py", "test_own_controller.py", "test_session_interrupted.py", "test_scan.py"),
     *("test_recorder_bad_days.py", "test_check_controller.py", "test_predictive_zeros.py"),

@@ -115,10 +115,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "figures", help="folder to write to")
     parser.add_argument("--laws", nargs="+", default=LAWS, help="laws of the map, for a quick look; default: all")
+    parser.add_argument("--cycles", type=float, default=1.5, help="periods of the reference of each run")
     arguments = parser.parse_args()
     style.use()
     style.save(bode(), arguments.out, "bode")
-    comparison = compare(arguments.laws, periods=PERIODS, delay_ticks=DELAYS)
+    comparison = compare(arguments.laws, periods=PERIODS, delay_ticks=DELAYS, cycles=arguments.cycles)
     style.save(maps(comparison), arguments.out, "maps")
     return 0
 

@@ -1,40 +1,32 @@
 """Claims about docs/microscope.md: what it shows runs as it says."""
 
-import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from printed.page_run import run_programs
 
 from afm_model import flatten, load_scenario, simulate
 from afm_model.parameters import SimParameters, build
 from afm_model.plant import LEVER, presets
 from afm_model.plant.lever.lever_parameters import LeverGroup
 
-MARKED = r"<!-- (\w+) -->\n```\w+\n(.*?)```\n<!-- end -->"
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "microscope.md").read_text()
 
-EXAMPLES = dict(re.findall(MARKED, PAGE, re.DOTALL))
 
-
-def test_calibration_of_the_page_gives_the_numbers_of_the_page(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "curve.yaml").write_text(EXAMPLES["curve"])
-    scope: dict[str, Any] = {}
-    exec(compile(EXAMPLES["calibrate"], "calibrate", "exec"), scope)
-    assert f"It prints {1e9 * scope['S'].value:.2f} nm/V" in PAGE
-    assert "+-" in capsys.readouterr().out
-    assert scope["curve"].adhesion.value == pytest.approx(4.503e-9, rel=1e-2)  # exact Maugis-Dugdale
-    exec(compile(EXAMPLES["wedge"], "wedge", "exec"), scope)
+def test_calibration_of_the_page_gives_the_numbers_of_the_page(tmp_path):
+    done = run_programs("docs/microscope.md", tmp_path, "curve", "calibrate", "wedge")
+    assert f"It prints {1e9 * done.scope['S'].value:.2f} nm/V" in PAGE
+    assert "+-" in done.printed["calibrate"]
+    assert done.scope["curve"].adhesion.value == pytest.approx(4.503e-9, rel=1e-2)  # exact Maugis-Dugdale
     x = np.concatenate([np.linspace(0.0, 1e-7, 101), np.linspace(1e-7, 0.0, 101)])
     signal = np.where(np.arange(202) < 101, 0.3, -0.1)
-    row = scope["row"](x, signal, 1e-8 + 0.0 * x, (0.0, 3e-8), (6e-8, 9e-8))
+    row = done.scope["row"](x, signal, 1e-8 + 0.0 * x, (0.0, 3e-8), (6e-8, 9e-8))
     assert row == pytest.approx((1e-8, 0.2, 1e-8, 0.2, 1e-8, -0.2))
 
 
 def test_scenario_of_the_page_is_a_friction_loop_of_21_N_per_m(tmp_path):
-    (tmp_path / "loop.yaml").write_text(EXAMPLES["scenario"])
+    run_programs("docs/microscope.md", tmp_path, "loop")
     scenario = load_scenario(tmp_path / "loop.yaml")
     short = flatten(scenario.sim) | {"run.duration": 0.03, "score.start": 0.0}
     run = simulate(build(SimParameters, short), scenario.controller)
@@ -53,22 +45,18 @@ def test_scenario_of_the_page_is_a_friction_loop_of_21_N_per_m(tmp_path):
     assert run.score.contact_fraction == 1.0
 
 
-def test_code_of_the_page_draws_the_loop(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "loop.yaml").write_text(EXAMPLES["scenario"])
-    scope: dict[str, Any] = {}
-    exec(compile(EXAMPLES["see"], "see", "exec"), scope)
+def test_code_of_the_page_draws_the_loop(tmp_path):
+    done = run_programs("docs/microscope.md", tmp_path, "loop", "see")
     assert (tmp_path / "loop.png").stat().st_size > 5000
-    assert np.ptp(scope["done"].lateral_force) == pytest.approx(2.0 * 3.92e-9, rel=0.01)
+    assert np.ptp(done.scope["done"].lateral_force) == pytest.approx(2.0 * 3.92e-9, rel=0.01)
 
 
-def test_code_of_the_page_finds_the_spring_constant_from_a_second_of_thermal_noise(capsys):
-    found = {}
-    exec(PAGE.partition("<!-- thermal -->\n```python\n")[2].partition("```")[0], found)
-    k = found["tune"].k
+def test_code_of_the_page_finds_the_spring_constant_from_a_second_of_thermal_noise(tmp_path):
+    done = run_programs("docs/microscope.md", tmp_path, "thermal")
+    k = done.scope["tune"].k
     assert abs(k.value - 0.2) < 2.0 * k.uncertainty
     assert k.uncertainty == pytest.approx(0.024 * k.value, rel=0.1)
-    assert "k = 0.2" in capsys.readouterr().out
+    assert "k = 0.2" in done.printed["thermal"]
 
 
 @pytest.mark.parametrize("family", ["lever", "scanner", "pair"])
@@ -93,9 +81,8 @@ def test_stiffness_sideways_is_that_of_the_table():
 
 
 def test_scenario_of_the_page_with_atoms_slips_from_one_to_the_next(tmp_path):
-    text = PAGE.partition("<!-- lattice -->\n```yaml\n")[2].partition("```")[0]
-    (tmp_path / "atoms.yaml").write_text(text)
-    scenario = load_scenario(tmp_path / "atoms.yaml")
+    run_programs("docs/microscope.md", tmp_path, "lattice")
+    scenario = load_scenario(tmp_path / "lattice.yaml")
     cold = flatten(scenario.sim) | {"run.duration": 0.075, "plant.temperature": 0.0, "score.start": 0.0}
     run = simulate(build(SimParameters, cold), scenario.controller)
     a, barrier = run.parameters.sample.constant, run.parameters.sample.barrier

@@ -1,6 +1,5 @@
 """Claims about afm_model as a library: docs/library.md, the plot, what is in the wheel."""
 
-import re
 import shutil
 import subprocess
 import sys
@@ -9,13 +8,13 @@ from pathlib import Path
 import matplotlib.pyplot
 import numpy as np
 import pytest
+from printed.page_run import run_programs
 
 from afm_model import ControllerParameters, ScenarioError, Simulation, build, load_scenario, scenario_names, simulate
 from afm_model.parameters import SimParameters
 from afm_model.run.plotting import envelope
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "library.md"
 NAMES = sorted(file.stem for file in (ROOT / "afm_model" / "afm_model" / "scenarios").glob("*.yaml"))
 
 
@@ -33,13 +32,8 @@ def done() -> Simulation:
     return simulate(build(SimParameters, values), ControllerParameters())
 
 
-def test_examples_of_the_page_run_and_the_one_of_our_law_gives_its_trajectory(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    scope: dict[str, object] = {}
-    printed = {}
-    for name, program in re.findall(r"<!-- (\w+) -->\n```python\n(.*?)```\n<!-- end -->", PAGE.read_text(), re.DOTALL):
-        exec(compile(program, name, "exec"), scope)
-        printed[name] = capsys.readouterr().out
+def test_examples_of_the_page_run_and_the_one_of_our_law_gives_its_trajectory(tmp_path):
+    printed = run_programs("docs/library.md", tmp_path).printed
     assert list(printed) == ["scenario", "plot", "controller", "long", "analysis", "ticks"]
     assert printed["scenario"].splitlines()[-1].startswith("2591fc59")
     assert (tmp_path / "closed_loop.png").stat().st_size > 20_000

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import gwyfile
 import pytest
+from printed.page_run import run_programs
 
 from afm_model.files import layers
 from afm_model.files.curve_files import UNITS
@@ -20,23 +21,14 @@ PAGE = (ROOT / "docs" / "files.md").read_text()
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory):
     """Names that the examples have made, and what each has printed."""
-    folder = tmp_path_factory.mktemp("docs")
-    scope: dict[str, object] = {}
-    printed: dict[str, str] = {}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        for name, program in re.findall(r"<!-- (\w+) -->\n```python\n(.*?)```\n<!-- end -->", PAGE, re.DOTALL):
-            lines: list[str] = []
-            scope["print"] = lambda *values, lines=lines: lines.append(" ".join(map(str, values)))
-            exec(compile(program, name, "exec"), scope)
-            printed[name] = "\n".join(lines)
-    return folder, scope, printed
+    done = run_programs("docs/files.md", tmp_path_factory.mktemp("docs"))
+    return done.folder, done.scope, done.printed
 
 
 def test_examples_of_the_page_run_and_print_what_they_measure(ran):
     folder, _, printed = ran
     assert list(printed) == ["scan", "write", "long", "curves", "afmformats", "labelled", "level"]
-    assert printed["long"] == "4 True"
+    assert printed["long"] == "4 True\n"
     setpoint, speed, most = (float(word) for word in printed["afmformats"].split())
     assert (setpoint, most) == (pytest.approx(20e-9, rel=0.1), pytest.approx(setpoint, rel=0.1))
     assert speed == 4e-6

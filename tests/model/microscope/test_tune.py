@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from printed.page_run import run_programs
 from quick_lever import KNOWN, LAW
 
 from afm_model import ControllerParameters, ParameterError, SimParameters, build, changed
@@ -150,21 +151,20 @@ def test_sweep_without_the_resonance_fails_in_words():
     assert "no resonance comes out of the sweep: no resonance found from 18000 to 22000 Hz" in outcome.message
 
 
-def test_example_of_the_page_prints_what_the_page_says(capsys):
+def test_example_of_the_page_prints_what_the_page_says(tmp_path):
     page = (Path(__file__).parents[3] / "docs" / "dynamic.md").read_text()
-    exec(page.partition("<!-- tune -->\n```python\n")[2].partition("```")[0], {})
-    assert capsys.readouterr().out.strip() in page
+    assert run_programs("docs/dynamic.md", tmp_path, "tune").printed["tune"].strip() in page
 
 
 @pytest.mark.filterwarnings("ignore:plant.kind = averaged did not hold")
-def test_example_of_the_page_of_tapping_prints_what_the_page_says(capsys):
+def test_example_of_the_page_of_tapping_prints_what_the_page_says(tmp_path):
     page = (Path(__file__).parents[3] / "docs" / "tapping.md").read_text()
-    exec(page.partition("<!-- tapping -->\n```python\n")[2].partition("```")[0], found := {})
-    first, second = capsys.readouterr().out.splitlines()
+    done = run_programs("docs/tapping.md", tmp_path)
+    first, second = done.printed["tapping"].splitlines()
     assert f"    {first}\n    {second}\n" in page
     assert first.startswith("f0 = 77000.0 Hz, Q = 165.0")
     # Of an elastic contact the sine is amplitude over free amplitude, but for the motion of the base.
-    assert float(found["image"].phase.median()) == pytest.approx(math.asin(0.7), abs=math.radians(1.0))
+    assert float(done.scope["image"].phase.median()) == pytest.approx(math.asin(0.7), abs=math.radians(1.0))
 
 
 def test_plant_without_a_base_refuses_the_drive():
