@@ -89,6 +89,11 @@ class Terminal:
         self._state = folder / "terminal"
         self._state.write_text(f"cd {folder}\n")
 
+    def go_home(self) -> None:
+        """Go back to the folder, where each block of a page begins."""
+        with self._state.open("a") as state:
+            state.write(f"cd {self._folder}\n")
+
     def run(self, command: str) -> str:
         """Run a command, and return what it prints; a node is started only.
 

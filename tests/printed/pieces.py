@@ -26,6 +26,7 @@ class Piece:
     Parameters
     ----------
     page, line : where it stands
+    block : line at which its block begins
     kind : "command", "program", "file" or "text"
     text : what it says
     mark : name in the comment `<!-- name -->` of the line before, or empty
@@ -33,6 +34,7 @@ class Piece:
 
     page: str
     line: int
+    block: int
     kind: str
     text: str
     mark: str = ""
@@ -76,7 +78,7 @@ def _split(page: str, first: int, language: str, mark: str, lines: list[str]) ->
     """Commands are a piece each; what stands between them is another one."""
     if language:
         kind = {"python": "program", "yaml": "file"}.get(language, "text")
-        yield Piece(page, first, kind, "\n".join(lines) + "\n", mark)
+        yield Piece(page, first, first, kind, "\n".join(lines) + "\n", mark)
         return
     rest: list[str] = []
     at = 0
@@ -85,14 +87,14 @@ def _split(page: str, first: int, language: str, mark: str, lines: list[str]) ->
             rest.append(lines[at])
             at += 1
             continue
-        yield from _other(page, first + at, rest)
+        yield from _other(page, first, first + at, rest)
         rest, command, begin = [], lines[at], at
         while _goes_on(command):
             at += 1
             command += "\n" + lines[at]
-        yield Piece(page, first + begin, "command", command)
+        yield Piece(page, first + begin, first, "command", command)
         at += 1
-    yield from _other(page, first + at, rest)
+    yield from _other(page, first, first + at, rest)
 
 
 def _goes_on(command: str) -> bool:
@@ -104,12 +106,14 @@ def _goes_on(command: str) -> bool:
     return command.endswith("\\")
 
 
-def _other(page: str, end: int, lines: list[str]) -> Iterator[Piece]:
+def _other(page: str, first: int, end: int, lines: list[str]) -> Iterator[Piece]:
     """What is no command, if it is anything: by what it can be read as."""
     text = "\n".join(lines).strip("\n")
     if not text or all(line.lstrip().startswith("#") for line in lines if line.strip()):
         return
-    yield Piece(page, end - len(lines), "file" if _is_file(text) else "program" if _is_program(text) else "text", text)
+    yield Piece(
+        page, end - len(lines), first, "file" if _is_file(text) else "program" if _is_program(text) else "text", text
+    )
 
 
 def _is_file(text: str) -> bool:
