@@ -94,20 +94,20 @@ class Terminal:
         with self._state.open("a") as state:
             state.write(f"cd {self._folder}\n")
 
-    def run(self, command: str) -> str:
+    def run(self, command: str, code: int = 0) -> str:
         """Run a command, and return what it prints; a node is started only.
 
         Raises
         ------
         AssertionError
-            If it fails.
+            If it ends with another code.
         """
         if node := self.NODE.match(command):
             self._start(node[1], command)
             return ""
         kept = f"code=$?\n(export -p; echo cd $PWD) > {self._state}\nexit $code"
         with self._command(f"{command}\n{kept}") as started:
-            assert started.wait(timeout=900.0) == 0, f"{command}: {started.told}"
+            assert started.wait(timeout=900.0) == code, f"{command}: {started.told}"
             return str(started.text)
 
     def _command(self, script: str) -> Any:

@@ -151,7 +151,8 @@ def shorter(piece: Piece, how: str) -> str:
 def run_piece(piece: Piece, done: PageRun, terminal: Terminal) -> None:
     """Run a command or a program; load a file, whole or a part of it."""
     if piece.kind == "command":
-        done.printed[piece.text] = terminal.run(piece.text)
+        # As `diff` does: the page compares what differs.
+        done.printed[piece.text] = terminal.run(piece.text, 1 if " --compare " in piece.text else 0)
     elif piece.kind == "program":
         done.program(piece)
     elif name := NAMED.get(piece.page):
