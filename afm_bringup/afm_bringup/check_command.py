@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from afm_model import ScenarioError
+from afm_model.core.errors import reason
 
 from .domain import end
 from .scenario_input import add_overrides, read_scenario, write_parameters
@@ -43,5 +44,5 @@ def main() -> int:
     except ScenarioError as error:
         return end(f"error: {error}", 2)
     except OSError as error:
-        return end(f"error: {arguments.write} cannot be written: {error.strerror}", 1)
+        return end(f"error: {arguments.write} cannot be written: {reason(error)}", 1)
     return 0

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from afm_model import Comparison, ParameterError, ScenarioError, SweepError, compare
+from afm_model.core.errors import ResultFileError, reason
+from afm_model.core.outputs import require_folder
 from afm_model.core.registry import add_parts, names
 from afm_model.studies import UNDER, Contender, contenders, wrong_models
 from afm_model.studies.wrong_models import CASES, mixed
@@ -123,6 +125,7 @@ def main() -> int:
         if not laws and not nodes:
             laws = [name for name in names("law") if name not in ("open_loop", "chirp", "external", "pid")]
             laws += ["observer friction=learned", "pid" if arguments.robust else TUNED_PID]
+        require_folder(arguments.out)
         if arguments.robust:
             every = [*map(_untuned, laws), *nodes]
             return _robust(every, arguments.noise, arguments.draws, arguments.out)
@@ -139,12 +142,14 @@ def main() -> int:
         )
     except (ParameterError, ScenarioError, SweepError) as error:
         return end(f"error: {error}", 2)
+    except ResultFileError as error:
+        return end(f"error: {error}", 1)
     except KeyboardInterrupt:
         return end("interrupted", 130)
     try:
         write(comparison, arguments.out)
     except OSError as error:
-        return end(f"error: {arguments.out} cannot be written: {error.strerror}", 1)
+        return end(f"error: {arguments.out} cannot be written: {reason(error)}", 1)
     print(comparison.ranking()[_SHOWN].to_string(index=False, float_format="%.3g"))
     print(_UNITS)
     for line in not_ranked(comparison):
@@ -206,7 +211,7 @@ def _robust(laws: list[Contender], noise: list[float], draws: int, folder: Path)
         (folder / ROBUST_TABLE).write_text(f"{robust_laws(rows)}\n{robust_table(rows)}")
         robust_picture(rows).savefig(folder / ROBUST_PICTURE, dpi=80)
     except OSError as error:
-        return end(f"error: {folder} cannot be written: {error.strerror}", 1)
+        return end(f"error: {folder} cannot be written: {reason(error)}", 1)
     return 0
 
 

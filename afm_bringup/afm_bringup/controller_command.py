@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from afm_model import Scenario, ScenarioError
+from afm_model.core.errors import reason
 from afm_model.core.registry import add_parts
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted
@@ -109,10 +110,10 @@ def main() -> int:
         return end("interrupted", 130)
     except OSError as error:
         if arguments.log is not None and error.filename == str(arguments.log):
-            print(f"error: --log {arguments.log} cannot be written: {error.strerror}", file=sys.stderr)
+            print(f"error: --log {arguments.log} cannot be written: {reason(error)}", file=sys.stderr)
         else:
             print(
-                f"error: the controller could not be started: {shlex.join(command)}: {error.strerror}", file=sys.stderr
+                f"error: the controller could not be started: {shlex.join(command)}: {reason(error)}", file=sys.stderr
             )
         return 2
     del claim

@@ -12,6 +12,8 @@ from rich.table import Table
 from afm_model import ParameterError
 from afm_model.analysis import Estimate
 from afm_model.analysis.identification import AXES, Resonator, Scanner, identify, write_parameters
+from afm_model.core.errors import ResultFileError, reason
+from afm_model.core.outputs import require_file
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import IncompleteRecording, RecordingError
 
@@ -74,12 +76,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, metavar="FILE", help="write them as a parameter file for the controller")
     asked = parser.parse_args(arguments)
     try:
+        require_file(asked.out)
         scanner = _identified(asked.recording)
         _print(scanner)
         if asked.out:
             write_parameters(scanner, asked.out, {"identified from": str(asked.recording)})
-    except (RecordingError, ParameterError) as error:
+    except (RecordingError, ResultFileError) as error:  # they name the file
+        return end(f"error: {error}", 1)
+    except ParameterError as error:
         return end(f"error: {asked.recording}: {error}", 1)
     except OSError as error:
-        return end(f"error: {asked.out} cannot be written: {error.strerror}", 1)
+        return end(f"error: {asked.out} cannot be written: {reason(error)}", 1)
     return 0

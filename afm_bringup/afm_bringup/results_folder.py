@@ -11,6 +11,8 @@ from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from afm_model.core.errors import reason
+
 PICTURE, CARD, RECORDING = "overview.png", "scorecard.json", "recording.rrd"
 
 
@@ -43,7 +45,7 @@ class ResultsFolder:
             self._lock = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
         except OSError as error:
             raise FolderError(
-                f"--out {path} cannot be written ({error.strerror}): it must be a folder you can write"
+                f"--out {path} cannot be written ({reason(error)}): it must be a folder you can write"
             ) from None
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -59,7 +61,7 @@ class ResultsFolder:
             raise FolderError(
                 f"another session writes to {path}: choose another folder"
                 if isinstance(error, BlockingIOError)
-                else f"--out {path} cannot be written ({error.strerror}): it must be a folder you can write"
+                else f"--out {path} cannot be written ({reason(error)}): it must be a folder you can write"
             ) from None
         except FolderError:
             os.close(self._lock)

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from afm_model.core.errors import reason
+
 from .follow import Follower, check_score
 from .results import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .results_folder import CARD, PICTURE, RECORDING
@@ -86,7 +88,7 @@ class RunSession(Session):
 
                 draw_overview(recording, title, work / PICTURE)
         except OSError as error:
-            missing = missing or f"{error.filename or work} cannot be written: {error.strerror}"
+            missing = missing or f"{error.filename or work} cannot be written: {reason(error)}"
         # The score is valid even if the recording is not.
         paths = self._folder.publish(complete=missing is None)
         print_scorecard(card, title)

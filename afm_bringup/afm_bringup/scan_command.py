@@ -12,7 +12,7 @@ import yaml
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from afm_model.core.errors import ParameterError
+from afm_model.core.errors import ParameterError, reason
 from afm_model.core.schema import build
 from afm_model.microscope.verbs import Approach, Scan
 from afm_node_common import topics
@@ -125,7 +125,7 @@ def main() -> int:
     except (ParameterError, ValueError) as error:
         return end(f"error: {error}", 2)
     except OSError as error:
-        return end(f"error: {error.filename or arguments.out} cannot be written: {error.strerror}", 2)
+        return end(f"error: {error.filename or arguments.out} cannot be written: {reason(error)}", 2)
     except (SessionError, NoDomainError) as error:
         return end(f"error: {error}", 1)
     del claim

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table
 
 from afm_model import Scenario
-from afm_model.core.errors import ParameterError, VerbError
+from afm_model.core.errors import ParameterError, VerbError, reason
 from afm_model.microscope.image import Image
 from afm_model.microscope.results import COMPLETE, Outcome, Standing
 from afm_model.microscope.results import Progress as Told
@@ -187,7 +187,7 @@ class ScanSession(Session):
         try:
             self._write(image)
         except OSError as error:
-            missing = missing or f"{error.filename or self._folder.work} cannot be written: {error.strerror}"
+            missing = missing or f"{error.filename or self._folder.work} cannot be written: {reason(error)}"
         paths = self._folder.publish(complete=missing is None)
         self._show(image, paths)
         for failure in (self._failure, missing):

@@ -7,6 +7,8 @@ from pathlib import Path
 from rclpy.utilities import remove_ros_args
 
 from afm_model import Scenario, ScenarioError
+from afm_model.core.errors import ResultFileError, reason
+from afm_model.core.outputs import require_file
 from afm_node_common.runner import Interrupted, Stop
 
 from .follow import STALL_TIMEOUT, Follower, RunError, check_score
@@ -80,17 +82,18 @@ def main() -> int:
     arguments = _arguments()
     code = 0
     try:
+        require_file(arguments.out)
         _score(arguments, read_scenario(arguments.scenario, arguments.overrides, arguments.parts))
     except Interrupted:
         code = 130
     except ScenarioError as error:
         print(f"error: {error}", file=sys.stderr)
         code = 2
-    except RunError as error:
+    except (RunError, ResultFileError) as error:
         print(f"error: {error}", file=sys.stderr)
         code = 1
     except OSError as error:
-        print(f"error: {arguments.out} cannot be written: {error.strerror}", file=sys.stderr)
+        print(f"error: {arguments.out} cannot be written: {reason(error)}", file=sys.stderr)
         code = 1
     Stop.ignore()
     return code

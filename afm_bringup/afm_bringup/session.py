@@ -9,6 +9,7 @@ from typing import ClassVar
 from rich.console import Console
 
 from afm_model import Scenario
+from afm_model.core.errors import reason
 from afm_model.studies.start_checks import implausible, start_warnings
 from afm_node_common import topics
 from afm_node_common.runner import Interrupted, Stop
@@ -92,7 +93,7 @@ class Session:
             # A terminal that is gone takes no output either.
             if self._stop.requested:
                 raise Interrupted from None
-            raise SessionError(f"{error.filename or self.out} cannot be written: {error.strerror}") from None
+            raise SessionError(f"{error.filename or self.out} cannot be written: {reason(error)}") from None
         finally:
             self._stop.ignore()
 

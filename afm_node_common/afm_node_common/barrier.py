@@ -8,6 +8,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 
 from afm_model.core.errors import ParameterError, VerbError
+from afm_model.core.shown import shown
 
 _MOST_ENTRIES, _MOST_LETTERS = 1000, 10_000
 """In a list of a request; in a text."""
@@ -18,7 +19,7 @@ _SENTENCES = (ParameterError, VerbError, ArithmeticError, ValueError)
 def sentence(error: BaseException) -> str:
     """What an error says, for the one who asked: a line of bearable length."""
     text = str(error) if isinstance(error, _SENTENCES) and str(error) else f"{type(error).__name__}: {error}"
-    text = " ".join(text.split())
+    text = shown(" ".join(text.split()))
     return text if len(text) <= 2000 else f"{text[:1000]} ... {text[-990:]}"
 
 

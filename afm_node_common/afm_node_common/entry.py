@@ -3,8 +3,10 @@
 import ctypes
 import gc
 import importlib
+import io
 import os
 import signal
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 
@@ -18,6 +20,10 @@ def start(module: str) -> int:
         # nohup has a program ignore SIGHUP: that stays.
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _leave)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # The name of a file need not be text: it is printed with escapes.
+            stream.reconfigure(errors="backslashreplace")
     _bound_lengths()
     _find_place_for_logs()
     # What is loaded stays: looking for garbage among it would take a tenth of the time.

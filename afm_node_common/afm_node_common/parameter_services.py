@@ -14,6 +14,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
+from afm_model.core.errors import Sentence
 from afm_model.parameters import Specification, unknown_name_message
 
 _TYPES = frozenset(range(ParameterType.PARAMETER_BOOL, ParameterType.PARAMETER_STRING_ARRAY + 1))
@@ -23,7 +24,7 @@ _NUMBERS: dict[Parameter.Type, Callable[[Any], Any]] = {Parameter.Type.DOUBLE: f
 """`ros2 param` sends 4e-08 as text: to YAML 1.1 a number with an exponent has a point."""
 
 
-class _Refused(ValueError):
+class _Refused(Sentence, ValueError):
     """A parameter that is not taken; the message is one sentence."""
 
 

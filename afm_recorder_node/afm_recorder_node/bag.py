@@ -18,11 +18,13 @@ from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from afm_model.core.errors import reason
 from afm_node_common.stamps import nanoseconds
 from afm_node_common.subscriptions import InvalidMessage
 
 from . import checks, messages
 from .layout import signal
+from .readable import no_room
 from .recording import RecordingError
 from .writer import RecordingWriter
 
@@ -62,9 +64,13 @@ def recording_of(path: Path) -> Path:
         If it is no bag, holds nothing of an instrument, several instruments or runs, or messages of another version.
     """
     try:
-        return _recording_of(path.absolute(), path.stat().st_mtime_ns)
+        changed = path.stat().st_mtime_ns
     except OSError as error:
-        raise RecordingError(f"{path} is no readable bag: {error}") from error
+        raise RecordingError(f"{path} is no readable bag: {reason(error)}") from error
+    try:
+        return _recording_of(path.absolute(), changed)
+    except OSError as error:
+        raise no_room(str(path), error) from error
 
 
 @cache

@@ -7,11 +7,14 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
+from rich.markup import escape
+
 from afm_model import load_scenario, scenario_names
 from afm_model.core import registry
 from afm_model.core.errors import ParameterError
 from afm_model.core.prefix import text
 from afm_model.core.schema import Group, build, flatten, specified, with_parts
+from afm_model.core.shown import shown
 from afm_model.parameters import ControllerParameters, SimParameters
 
 from .recording import About, Value
@@ -24,6 +27,11 @@ _NOT_THE_RUN = ("run.start_paused", "run.exit_when_finished", "run.wait_for_reco
 """How a run was started and watched: no two sessions agree in them."""
 _NEAR = 6
 """Parameters that differ from those of a scenario and are named."""
+
+
+def plain(text: object) -> str:
+    """Return text of a recording for the terminal: nothing in it is a command to terminal or table."""
+    return escape(shown(text))
 
 
 def quantity(value: float, unit: str) -> str:

@@ -5,6 +5,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from afm_model.core.errors import ResultFileError, reason
+from afm_model.core.outputs import require_folder
+
 from .reader import read_recording
 from .recording import RecordingError
 
@@ -25,13 +28,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from .mcap import export
 
         if folder.exists():
-            raise FileExistsError(f"{folder} exists: give another name, nothing is overwritten")
+            raise ResultFileError(f"{folder} exists: give another name, nothing is overwritten")
+        require_folder(folder)
         count = export(read_recording(asked.recording), folder)
     except ModuleNotFoundError as error:
         print(f"error: {error}: `pip install rosbags` in the environment of env.sh", file=sys.stderr)
         return 1
-    except (RecordingError, OSError) as error:
+    except (RecordingError, ResultFileError) as error:
         print(f"error: {error}", file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(f"error: {folder} cannot be written: {reason(error)}", file=sys.stderr)
         return 1
     print(f"{folder / (folder.name + '.mcap')} holds {count} messages")
     return 0

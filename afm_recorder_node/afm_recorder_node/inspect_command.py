@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import ArrayLike, NDArray
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
+from afm_model.core.errors import ResultFileError, reason
+from afm_model.core.outputs import require_file
 from afm_model.core.prefix import prefixed
 
 from . import layout, questions
-from .describe import parts, quantity, scenario
+from .describe import parts, plain, quantity, scenario
 from .overview import overview, print_statistics
 from .readable import recordings
 from .reader import read_about, read_signals, visit_signals
@@ -126,7 +128,7 @@ def _loop(path: Path, arguments: argparse.Namespace, console: Console) -> None:
 def _compare(path: Path, other: Path, console: Console) -> int:
     found, words = questions.compare(path, other)
     for sentence in words:
-        console.print(escape(sentence))
+        console.print(plain(sentence))
     for k, each in enumerate(found):
         if not k:
             console.print(f"The first tick that differs is {each.tick}, at {each.time:.9g} s, in {each.name}.")
@@ -202,14 +204,22 @@ def _table(paths: Sequence[Path], arguments: argparse.Namespace, console: Consol
         del kept[left_out.pop(0)]
     table = Table(*map(_heading, kept), box=None, pad_edge=False)
     for cells in zip(*kept.values(), strict=True):
-        table.add_row(*map(escape, cells))
+        table.add_row(*map(plain, cells))
     console.print(table)
     if len(kept) < len(told):
         console.print(f"no room for {', '.join(name for name in told if name not in kept)}: --csv FILE has all")
     for each in rows:
         if each["problem"]:
-            console.print(escape(str(each["problem"])))
+            console.print(plain(str(each["problem"])))
     return 1 if any(not each["scenario"] for each in rows) else 0
+
+
+def _time(text: str) -> float:
+    """Return a time of the command line [s]; an infinite one has no bound."""
+    value = float(text)
+    if math.isnan(value):
+        raise argparse.ArgumentTypeError(f"{text} s is not allowed: it must be a number")
+    return value
 
 
 def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -232,8 +242,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--compare", type=Path, metavar="OTHER", help="the first tick that differs, where, by how much"
     )
     question.add_argument("--table", action="store_true", help="one row for each recording")
-    parser.add_argument("--from", dest="begin", type=float, default=-math.inf, metavar="S", help="simulated time [s]")
-    parser.add_argument("--to", dest="end", type=float, default=math.inf, metavar="S", help="simulated time [s]")
+    parser.add_argument("--from", dest="begin", type=_time, default=-math.inf, metavar="S", help="simulated time [s]")
+    parser.add_argument("--to", dest="end", type=_time, default=math.inf, metavar="S", help="simulated time [s]")
     parser.add_argument("--axis", choices=("x", "y", "z"), help="of --loop (x, y) and --psd (default x)")
     parser.add_argument("--sort", metavar="COLUMN", help="of --table")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the answer into a .png, .svg or .pdf")
@@ -247,6 +257,8 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         if getattr(found, name) != parser.get_default(name):
             told = " or ".join(f"--{each}" for each, names in _OPTIONS.items() if name in names)
             parser.error(f"--{_SHOWN_AS.get(name, name)} is an option of {told}")
+    if not found.begin <= found.end:
+        parser.error(f"--from {found.begin:g} s is not allowed with --to {found.end:g} s: it must not be later")
     found.axis = found.axis or "x"
     if found.plot and found.plot.suffix not in _PICTURES:
         parser.error(f"--plot {found.plot}: the name of a picture ends in {', '.join(_PICTURES)}")
@@ -264,6 +276,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     by_itself = asked.table or not (asked.signal or asked.psd or asked.loop or asked.compare)
     warnings.simplefilter("ignore" if by_itself else "always", IncompleteRecording)
     try:
+        for file in (asked.plot, asked.csv, asked.parquet):
+            require_file(file)
         paths = recordings(asked.recordings)
         if asked.table:
             return _table(paths, asked, console)
@@ -271,7 +285,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise RecordingError(f"{len(paths)} recordings cannot be written into one file: give one")
         for path in paths:
             if len(paths) > 1:
-                console.print(escape(str(path)), style="bold")
+                console.print(plain(str(path)), style="bold")
             if asked.signal:
                 _signal(path, asked, console)
             elif asked.psd:
@@ -282,8 +296,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 worst = max(worst, _compare(path, asked.compare, console))
             else:
                 overview(path, console)
-    except (RecordingError, OSError) as error:
+    except (RecordingError, ResultFileError) as error:
         print(f"error: {error}", file=sys.stderr)
+        return 2
+    except (OSError, pa.ArrowException) as error:
+        file = asked.csv or asked.parquet or asked.plot or "the answer"
+        print(f"error: {file} cannot be written: {reason(error)}", file=sys.stderr)
         return 2
     return worst
 

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from afm_model.core.prefix import prefixed
 
 from . import layout
-from .describe import NODES, not_default, parts, quantity, scenario
+from .describe import NODES, not_default, parts, plain, quantity, scenario
 from .reader import read_about
 from .recording import About
 from .score_text import facts, vectors
@@ -28,12 +27,12 @@ def overview(path: Path, console: Console) -> None:
     about, signals = read_about(path, lambda entity, times, values: gathered[entity].put(times, values))
     kept = [each for entity, signal in signals.items() for each in gathered[entity].statistics(signal)]
     ticks = next((each for each in kept if each.name == layout.ROUND_TRIP.name), None)
-    about_run = Table(show_header=False, box=None, title=escape(str(path)), title_justify="left", pad_edge=False)
+    about_run = Table(show_header=False, box=None, title=plain(str(path)), title_justify="left", pad_edge=False)
     named, law = parts(about)
     about_run.add_row("file", f"{_size(path) / 1e6:.4g} MB, {'complete' if about.complete else 'WITHOUT AN END'}")
-    about_run.add_row("scenario", escape(scenario(about)))
-    about_run.add_row("parts", escape(named))
-    about_run.add_row("law", escape(law))
+    about_run.add_row("scenario", plain(scenario(about)))
+    about_run.add_row("parts", plain(named))
+    about_run.add_row("law", plain(law))
     if ticks is not None:
         about_run.add_row(
             "duration",
@@ -63,7 +62,7 @@ def _print_parameters(about: About, console: Console) -> None:
     for node in NODES:
         for name, value, default, unit in not_default(node, about.parameters.get(node, {})):
             shown = [f"{each:.6g}" if isinstance(each, float) else str(each) for each in (value, default)]
-            table.add_row(f"{node.removeprefix('afm_').removesuffix('_node')} {name}", *map(escape, shown), unit)
+            table.add_row(f"{node.removeprefix('afm_').removesuffix('_node')} {name}", *map(plain, shown), unit)
     if table.row_count:
         console.print(table)
 
@@ -76,7 +75,7 @@ def _print_events(about: About, console: Console) -> None:
             table.add_row("...", "", f"{len(times) - _EVENTS} more events")
         if len(times) <= _EVENTS or not _EVENTS // 2 <= k < len(times) - _EVENTS // 2:
             until = quantity(times[k + 1] - time, "s") if k + 1 < len(times) else ""
-            table.add_row(quantity(time, "s"), until, escape(text))
+            table.add_row(quantity(time, "s"), until, plain(text))
     console.print(table)
 
 
@@ -87,12 +86,12 @@ def _print_score(about: About, console: Console) -> None:
         return
     table = Table("score", "x", "y", "z (tip)", box=None, pad_edge=False)
     for row in vectors(score):
-        table.add_row(*map(escape, row))
+        table.add_row(*map(plain, row))
     console.print(table)
-    console.print(escape("; ".join(facts(score))))
+    console.print(plain("; ".join(facts(score))))
     for name in ("reason", "warning", "trajectory_sha256"):
         if score.get(name):
-            console.print(escape(f"{name}: {score[name]}"))
+            console.print(plain(f"{name}: {score[name]}"))
 
 
 def print_statistics(kept: Sequence[Statistics], console: Console) -> None:

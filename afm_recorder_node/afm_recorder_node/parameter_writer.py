@@ -6,6 +6,7 @@ from collections.abc import Mapping
 import numpy as np
 import rerun as rr
 
+from afm_model.core.shown import shown
 from afm_model.parameters.strict_yaml import yaml_text
 
 from .layout import PARAMETERS
@@ -37,7 +38,7 @@ class ParameterWriter:
         # A parameter of bytes is a list of bytes, which JSON does not have.
         change = json.dumps({"node": node, "name": name, "old": old, "new": new}, default=list)
         text = f"{node}: {name} is {new}" if old is None else f"{node}: {name} changed from {old} to {new}"
-        self._sink.event(time_ns, text, change=change)
+        self._sink.event(time_ns, shown(text), change=change)
         if not isinstance(old, int | float) or not isinstance(new, int | float):
             return False
         entity = f"{PARAMETERS}/{rr.escape_entity_path_part(node)}/{rr.escape_entity_path_part(name)}"

@@ -67,6 +67,8 @@ def loop(path: Path, axis: str = "x", begin: float = -math.inf, end: float = mat
     channel = (layout.LATERAL_FORCE if axis == "x" else layout.LATERAL_FORCE_Y).name
     read = read_signals(path, [layout.POSITION.name, channel], begin, end)
     position, force = read[layout.POSITION.name], read[channel]
+    if len(position.time) < 2 or len(force.time) < 2:
+        raise RecordingError(f"{path} has no friction loop along {axis}: no rows from {begin:g} s to {end:g} s")
     inside = (position.time >= force.time[0]) & (position.time <= force.time[-1])
     x = position.values[inside, AXES.index(axis)]
     y = np.interp(position.time[inside], force.time, force.values)
@@ -78,7 +80,7 @@ def loop(path: Path, axis: str = "x", begin: float = -math.inf, end: float = mat
     try:
         energy, cycles = dissipated(x, y)
         return Loop(*once, friction_loop(x, y), energy, cycles)
-    except ValueError as error:
+    except (ValueError, IndexError) as error:
         raise RecordingError(f"{path} has no friction loop along {axis}: {error}") from None
 
 

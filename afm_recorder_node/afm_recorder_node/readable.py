@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from afm_model.core.errors import reason
+
 from .checksums import Extent, measure
 from .recording import DamagedRecording, RecordingError
 
@@ -87,19 +89,32 @@ def readable(path: str | os.PathLike[str], *, salvage: bool = False) -> Iterator
                 yield Path(path), extent
                 return
             with tempfile.NamedTemporaryFile(suffix=".rrd") as copy:
-                position = 0
-                for begin, end in (*extent.damaged, (extent.whole, extent.whole)):
-                    # The recorder may cut it back meanwhile, when its disk is full.
-                    while position < begin and (
-                        block := os.sendfile(copy.fileno(), file.fileno(), position, begin - position)
-                    ):
-                        position += block
-                    position = max(position, end)
+                _copy_whole(os.fspath(path), file.fileno(), copy.fileno(), extent)
                 extent.complete = False
                 yield Path(copy.name), extent
     except OSError as error:
         # The words of an OSError name the file once more.
-        raise RecordingError(f"{os.fspath(path)} is no readable recording: {error.strerror or error}") from error
+        raise RecordingError(f"{os.fspath(path)} is no readable recording: {reason(error)}") from error
+
+
+def _copy_whole(name: str, file: int, copy: int, extent: Extent) -> None:
+    position = 0
+    try:
+        for begin, end in (*extent.damaged, (extent.whole, extent.whole)):
+            # The recorder may cut it back meanwhile, when its disk is full.
+            while position < begin and (block := os.sendfile(copy, file, position, begin - position)):
+                position += block
+            position = max(position, end)
+    except OSError as error:
+        raise no_room(name, error) from error
+
+
+def no_room(name: str, error: OSError) -> RecordingError:
+    """Return the error for a recording of which no copy can be written."""
+    return RecordingError(
+        f"{name} cannot be read: the copy for it cannot be written into {tempfile.gettempdir()} ({reason(error)}): "
+        "make room there, or set TMPDIR"
+    )
 
 
 def _grows(file: int) -> bool:

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from afm_model.core.errors import Sentence
 from afm_model.microscope.image import Image
 
 _Array = NDArray[np.float64]
 Value = bool | int | float | str | list[bool] | list[int] | list[float] | list[str]
 
 
-class RecordingError(ValueError):
+class RecordingError(Sentence, ValueError):
     """A file that is no readable recording; the message names it and says why."""
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
+from afm_model.core.shown import shown
 from afm_model.parameters.strict_yaml import yaml_text
 
 from . import layout, pictures, screens
@@ -195,7 +196,7 @@ class RecordingWriter:
 
     def event(self, time_ns: int, text: str, level: Level = "INFO") -> None:
         """A line of text at a simulated time [ns]."""
-        self._sink.event(time_ns, text, level)
+        self._sink.event(time_ns, shown(text), level)
 
     def score(self, time_ns: int, values: Mapping[str, object]) -> None:
         """The score of the run, and when it came: simulated time [ns]."""

@@ -3,6 +3,7 @@
 from afm_msgs.msg import Event
 from rclpy.node import Node
 
+from afm_model.core.shown import shown
 from afm_node_common import topics
 from afm_node_common.stamps import stamp
 
@@ -20,7 +21,7 @@ class Events:
 
     def publish(self, tick: int, stamp_ns: int, text: str, *, warn: bool) -> None:
         """Something has happened at a control tick, which is at a simulated time [ns]; `warn`: not as asked."""
-        message = Event(tick=tick, text=text, level=Event.WARN if warn else Event.INFO)
+        message = Event(tick=tick, text=shown(text), level=Event.WARN if warn else Event.INFO)
         message.header.frame_id = topics.FRAME
         message.header.stamp = stamp(stamp_ns)
         self._publisher.publish(message)

@@ -136,6 +136,18 @@ def test_record_that_tells_nothing_is_refused(drive, position, reason):
         fit_resonator(drive, position, 5e-5)
 
 
+@pytest.mark.parametrize(
+    "position",
+    [lambda k: np.exp(-k / 3.0) * (k > 0), lambda k: -k, lambda k: k**2],
+    ids=["a decay", "a ramp", "a free mass"],
+)
+def test_record_of_a_fraction_of_a_period_is_refused_in_a_sentence_and_soon(position):
+    # Of 150 ticks of 2 us; the first one overflowed, the second one took thousands of steps.
+    drive = np.r_[0.0, 1.0, np.zeros(148)] if position(np.array([1.0]))[0] < 1.0 else np.r_[0.0, np.ones(149)]
+    with pytest.raises(ParameterError, match=r"150 ticks in 0\.0003 s do not determine|not that of a resonator"):
+        fit_resonator(drive, position(np.arange(150.0)), 2e-6)
+
+
 def test_parameter_file_gives_the_controller_what_was_found(quiet, tmp_path: Path):
     found = identify(quiet.drive, quiet.position, 5e-5)
     path = tmp_path / "scanner.yaml"

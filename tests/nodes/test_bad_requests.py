@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from afm_msgs import action
 from afm_msgs.msg import MicroscopeStatus
-from afm_msgs.srv import Exchange
+from afm_msgs.srv import Exchange, SetFeedback
 from quick_lever import INSTRUMENT, LAW
 from raw_requests import RawRequests
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -123,6 +123,31 @@ def test_whatever_a_service_leads_to_is_answered_and_the_simulator_goes_on(serve
         assert "of a part" in told
         assert "\n" not in told
     assert server.exchange(kind="fails:SAMPLE", width=5e-9) == ""
+
+
+def test_terminal_commands_and_line_ends_of_a_request_come_back_as_escapes(server: Server) -> None:
+    bad = "on\x1b[2J\n[ERROR] all is lost"
+    kind = Parameter(name="law.kind", value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=bad))
+    other = Parameter(name=bad, value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=bad))
+    verb = ActionClient(server.client, action.Verb, "/afm/verb")
+    server.command.wait_until(verb.server_is_ready, server.graph)
+    goal = server.graph.result(verb.send_goal_async(action.Verb.Goal(verb=bad)))
+    told = [
+        server.exchange(kind=bad),
+        server.exchange(kind="map", file=bad, width=1e-6),
+        server.exchange(**{bad: 1.0}),
+        server.call(SetFeedback, topics.SET_FEEDBACK, mode=bad).message,
+        *(
+            result.reason
+            for each in (kind, other)
+            for result in server.call(SetParameters, "afm_sim_node/set_parameters", parameters=[each]).results
+        ),
+        server.graph.result(goal.get_result_async()).result.message,
+    ]
+    verb.destroy()
+    for sentence in told:
+        assert sentence.isprintable() and "\\x1b[2J" in sentence, told
+    assert "\x1b[2J" not in server.command.text and "\n[ERROR]" not in server.command.text
 
 
 CLAIM = struct.pack("<I", 2**24)

@@ -27,6 +27,8 @@ _Array = NDArray[np.float64]
 AXES = "xyz"
 LEAST_FIT = 0.95
 """Part of the motion that the resonator must explain."""
+_MOST_STEPS = 50
+"""Of a fit; a record of a resonator takes ten."""
 _LEAST_TICKS = 100
 _TRIED_DAMPING = (0.003, 0.01, 0.03, 0.1, 0.3)
 
@@ -95,7 +97,20 @@ def fit_resonator(drive: _Array, position: _Array, period: float) -> Resonator:
         raise ParameterError(
             "an axis that is not driven, or does not move, cannot be identified (does the tip hold it?)"
         )
+    try:
+        return _fit(u, x, period)
+    except (ArithmeticError, np.linalg.LinAlgError, _Undetermined):
+        raise ParameterError(
+            f"{len(u)} ticks in {len(u) * period:.3g} s do not determine a resonator: take a run of at least ten "
+            "periods of the resonance, with the tip off the sample"
+        ) from None
 
+
+class _Undetermined(Exception):
+    """The fit has not come to an end, or its numbers may be anything."""
+
+
+def _fit(u: _Array, x: _Array, period: float) -> Resonator:
     def residual(q: _Array) -> _Array:
         # Unknowns of order 1; a constant offset is the noise of the first reading.
         motion = response(u, period, math.exp(q[0]), math.exp(q[1]), q[2] * scale)
@@ -106,18 +121,22 @@ def fit_resonator(drive: _Array, position: _Array, period: float) -> Resonator:
     peak = _peak(u, x, period)
     starts = [np.array([math.log(peak), math.log(xi), 2.0 * xi, 0.0]) for xi in _TRIED_DAMPING]
     start = min(starts, key=lambda q: float(np.square(residual(q)).sum()))
-    found = least_squares(residual, start, x_scale=(0.01, 0.1, 0.1, 0.1))
+    found = least_squares(residual, start, x_scale=(0.01, 0.1, 0.1, 0.1), max_nfev=_MOST_STEPS)
     fit = 1.0 - math.sqrt(2.0 * found.cost / len(x))
     if not fit >= LEAST_FIT:
         raise ParameterError(
             f"the motion is not that of a resonator: it explains {100.0 * fit:.3g} % of it, and "
             f"{100.0 * LEAST_FIT:g} % are needed (is the tip off the sample, is the noise small?)"
         )
+    if not found.success:
+        raise _Undetermined
     f, xi, sensitivity = math.exp(found.x[0]), math.exp(found.x[1]), float(found.x[2]) * scale
     # What each sample adds to each number, whose noise may be correlated; the fit has taken what adds up to nothing.
     added = np.linalg.inv(found.jac.T @ found.jac) @ found.jac.T * found.fun
     errors = [math.sqrt(float(each @ each) * max(together(each), 1.0)) for each in added[:3]]
     relative, of_xi, of_scale = errors
+    if not relative < 1.0:
+        raise _Undetermined
     return Resonator(Estimate(f, f * relative), Estimate(xi, xi * of_xi), Estimate(sensitivity, scale * of_scale), fit)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ..core import registry
-from ..core.errors import ParameterError
+from ..core.errors import ParameterError, Sentence
 from ..core.schema import chosen_group
 from ..law.sampled import TIMING, SampledLaw, require_plant
 from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
@@ -22,7 +22,7 @@ from .simulator_parameters import timing_inside
 from .strict_yaml import YamlError, check_types, flat, read_yaml
 
 
-class ScenarioError(ValueError):
+class ScenarioError(Sentence, ValueError):
     """A scenario that does not exist or is not allowed; the message is one sentence."""
 
 

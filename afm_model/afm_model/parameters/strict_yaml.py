@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import yaml
 
-from ..core.errors import reason
+from ..core.errors import Sentence, reason
 
 Value = bool | int | float | str | list[bool] | list[int] | list[float] | list[str]
 # By libyaml, as the nodes themselves read, and twenty times faster.
@@ -26,7 +26,7 @@ _INTEGERS = range(-(2**63), 2**63)
 _SHOWN = 40
 
 
-class YamlError(ValueError):
+class YamlError(Sentence, ValueError):
     """YAML that is refused; the message is one sentence without the file's name."""
 
 
