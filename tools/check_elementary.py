@@ -14,7 +14,7 @@ from pathlib import Path
 MODEL = Path(__file__).resolve().parent.parent / "afm_model" / "afm_model"
 ROOMS = (
     *("core", "parts", "contact", "plant", "law", "sample", "program", "fault", "piezo", "onboard", "detector"),
-    *("parameters", "instrument", "run"),
+    *("parameters", "instrument", "run", "microscope"),
 )
 FUNCTIONS = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"}
 FUNCTIONS |= {"exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "pow", "cbrt", "hypot", "dist", "erf", "erfc"}

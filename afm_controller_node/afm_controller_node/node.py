@@ -96,7 +96,8 @@ class ControllerNode(Node):
             self.drops.add(topics.MEASUREMENT, str(error))
             return
         if not self._period and sequence > 0:
-            self._check_period(stamp_ns * 1e-9 / sequence)
+            self._period = stamp_ns * 1e-9 / sequence
+            self._check_period()
         controller, answered = self._controller, self._reply.answered
         if sequence != answered:
             if sequence < answered:
@@ -121,11 +122,10 @@ class ControllerNode(Node):
         self._outbox.close()
         super().destroy_node()
 
-    def _check_period(self, period: float) -> None:
-        """Warn of a law that is made for another control period [s] than that in which measurements are taken."""
-        self._period = period
-        law = self._controller.parameters.law
-        if isinstance(law, SampledLaw) and law.made_for_another(period):
+    def _check_period(self) -> None:
+        """Warn of a law that is made for another control period than that in which measurements are taken."""
+        law, period = self._controller.parameters.law, self._period
+        if period and isinstance(law, SampledLaw) and law.made_for_another(period):
             self.get_logger().warning(
                 f"the law is made for another rate: law.period = {law.period:g} s, and a measurement is taken every "
                 f"{period:g} s"
@@ -134,6 +134,7 @@ class ControllerNode(Node):
     def _on_change(self, parameters: ControllerNodeParameters) -> None:
         self._controller.parameters = parameters
         self._log_law(parameters)
+        self._check_period()
 
     def _publish_diagnostics(self) -> None:
         law = self._controller.parameters.law.kind

@@ -167,7 +167,7 @@ class Declared(Generic[G]):
                     f"{name} = {values[name]} is not allowed while the node runs: faults are ordered by the service "
                     "order_fault, so that it is known at which tick"
                 )
-        return changed(self.current, values)
+        return changed(self.current, current | values)
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         try:

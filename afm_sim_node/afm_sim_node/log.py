@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
+from afm_model.law import disagreements
 from afm_model.parameters.simulator_parameters import is_inside
 from afm_model.run import Snapshot, State
 from afm_node_common.process import SimNodeParameters
@@ -29,6 +30,12 @@ def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
         log.info(f"finished: {run.ticks} ticks, {run.time:.6g} s simulated")
     else:
         log.info(run.state.title)
+
+
+def log_timing(log: Any, parameters: SimNodeParameters) -> None:
+    """Warn of a law inside that is made for another control period or delay than those of the plant."""
+    for sentence in disagreements(parameters.law, parameters):
+        log.warning(sentence)
 
 
 def log_refusal(log: Any, before: Snapshot, now: Snapshot) -> None:

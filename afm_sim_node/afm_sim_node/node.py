@@ -29,6 +29,7 @@ from .faults import Faults
 from .idle import Idle
 from .inside_link import InsideLink
 from .link import TopicLink
+from .log import log_timing
 from .peers import Peers
 from .recorder_watch import RecorderWatch
 from .reporter import Reporter
@@ -52,7 +53,7 @@ class SimNode(Node):
 
     def __init__(self) -> None:
         super().__init__("afm_sim_node", namespace=topics.NAMESPACE)
-        self._declared = declared = declare(self, lambda changed: self.run.adapt(changed))
+        self._declared = declared = declare(self, self._on_parameters)
         parameters = declared.current
         self.process = parameters.process
         self.exit_code = 0
@@ -109,6 +110,7 @@ class SimNode(Node):
             *(self._microscope.tasks if self._microscope is not None else ()),
         )
         self._reporter.log_state()
+        log_timing(self.get_logger(), parameters)
         self._reporter.publish_status()
         slow = [name for name, there in self._link.fast_path.items() if not there]
         if slow:
@@ -145,6 +147,10 @@ class SimNode(Node):
         if self._microscope is not None:
             self._microscope.close()
         super().destroy_node()
+
+    def _on_parameters(self, parameters: SimNodeParameters) -> None:
+        self.run.adapt(parameters)
+        log_timing(self.get_logger(), parameters)
 
     # What the run calls.
 

@@ -4,6 +4,8 @@ A declaration may say less (`Le`, `Ge`); where it says nothing, this holds. So n
 a number that the instrument cannot compute with.
 """
 
+import math
+
 LARGEST_INTEGER = 2**63 - 1
 """Of 64 bits, as messages and compiled code have them."""
 RANGES: dict[str, tuple[float, float]] = {
@@ -30,7 +32,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "m/V": (1e-15, 1e-4),
     "m/s": (1e-16, 10.0),
     "m/sqrt(Hz)": (1e-20, 1e-3),
-    "rad": (1e-12, 1e3),
+    "rad": (1e-12, 2.0 * math.pi),
     "rad/m": (1e-9, 1e13),
     "rad/s": (1e-6, 1e12),
     "s": (1e-15, 1e9),

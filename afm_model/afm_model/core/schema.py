@@ -5,8 +5,9 @@ ROS parameter descriptors, scenario files, messages about bad values and the tab
 """
 
 import difflib
+import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -105,7 +106,8 @@ class Specification:
                 if small or not inside:
                     unit = "" if self.unit == "1" else f" {self.unit}"
                     size = f", 0 or at least {self.least:g} in size" if inside else ""
-                    return f"{self.name} = {short(value)}{unit} is not allowed: it must be {self.allowed}{size}"
+                    hint = self._in_radians(number) if not inside else ""
+                    return f"{self.name} = {short(value)}{unit} is not allowed: it must be {self.allowed}{size}{hint}"
         return ""
 
     def meant(self, value: Any) -> Any:
@@ -114,6 +116,13 @@ class Specification:
             return value
         same = [each for each in self.choices if _reading(each) == reading]
         return same[0] if len(same) == 1 else value
+
+    def _in_radians(self, number: float) -> str:
+        """Return an angle that may have been meant in degrees in radians, a clause; empty if it is no such angle."""
+        radians = number * math.pi / 180.0
+        if self.unit != "rad" or self.refusal(radians):
+            return ""
+        return f"; {number:g} degrees are {radians:.6g} rad"
 
     @property
     def allowed(self) -> str:
@@ -382,26 +391,3 @@ def flatten(values: Group, prefix: str = "") -> dict[str, Value]:
         else:
             flat[prefix + name] = value
     return flat
-
-
-def changed(parameters: G, news: Mapping[str, Value], anew: Collection[str] = ()) -> G:
-    """These parameters with some changed, by dotted names; where another part is chosen, without those it has not.
-
-    Parameters
-    ----------
-    parameters : Group
-    news : mapping
-    anew : collection of str
-        Groups of which nothing stays: what `news` does not give of them is its default.
-
-    Raises
-    ------
-    ParameterError
-        As `build`.
-    """
-    model = parameters.origin or type(parameters)
-    values = {name: value for name, value in flatten(parameters).items() if name.partition(".")[0] not in anew}
-    if any(name.endswith(".kind") for name in news):
-        known = specified(with_parts(model, {**values, **news}))
-        values = {name: value for name, value in values.items() if name in known}
-    return build(model, {**values, **news})  # type: ignore[return-value]  # as declared, with the groups of its parts

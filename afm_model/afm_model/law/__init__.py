@@ -10,7 +10,7 @@ from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
 from .predictive import PREDICTIVE
-from .sampled import SampledLaw, TimingWarning, disagreements, require_plant
+from .sampled import SampledLaw, TimingWarning, disagreements, require_plant, warn_of_timing
 from .super_twisting import SUPER_TWISTING
 
 register(*paper.PARTS, PID, IMPLICIT, SUPER_TWISTING, OBSERVER, PREDICTIVE, *paper_tracking.PARTS, CHIRP, OUTSIDE)
@@ -26,4 +26,5 @@ __all__ = [
     "lyapunov_matrix",
     "require_plant",
     "ultimate_bound",
+    "warn_of_timing",
 ]

@@ -4,6 +4,8 @@ Along z the sample follows what the tip rides on: docs/laws.md (2.1).
 """
 
 import math
+import warnings
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from annotated_types import Ge, Le
@@ -101,6 +103,23 @@ def disagreements(law: LawParameters, instrument: Tree) -> list[str]:
             f"piezo.dac_period should be {slot:g} s, it is {dac_period:g} s"
         )
     return told
+
+
+def warn_of_timing(told: Sequence[str], of: str = "", stacklevel: int = 2) -> None:
+    """Warn of `disagreements`: the one warning of all that run a law on an instrument.
+
+    Parameters
+    ----------
+    told : sequence of str
+        As of `disagreements`; of many sets the first of each set that has any.
+    of : str
+        For many sets: all of them, such as "12 sets". One warning counts them then, and names the first.
+    stacklevel : int
+        As of `warnings.warn`, seen from the caller of this function.
+    """
+    sentences = [f"in {len(told)} of {of} {told[0]}"] if of and told else told
+    for sentence in sentences:
+        warnings.warn(sentence, TimingWarning, stacklevel=stacklevel + 1)
 
 
 class SampledConstants(ScannerConstants):

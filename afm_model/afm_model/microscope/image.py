@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.elementary import sincos
 from ..core.schema import build, python_value
 from .arrays import Arrays, Variable, attributes, variable
 
@@ -142,7 +143,7 @@ class Image:
         sample. A channel x or y, which is no coordinate, is called `measured_x`, `measured_y`.
         """
         scan, x, y = self.scan, self.x, self.y
-        cosine, sine = np.cos(scan.angle), np.sin(scan.angle)
+        sine, cosine = sincos(scan.angle)
         # With the slow axis off every line is at the middle of the frame.
         slow = y if scan.slow_axis else np.zeros_like(y)
         places = {

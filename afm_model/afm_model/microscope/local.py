@@ -9,6 +9,7 @@ from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
 from ..instrument import Instrument
 from ..instrument.controller import Controller
+from ..law import disagreements, require_plant, warn_of_timing
 from ..parameters import ControllerParameters, InstrumentParameters, changed
 from ..run.engine import Engine
 from ..run.pacing import Compiled
@@ -42,10 +43,15 @@ class Local(Backend):
     hashed : bool
         As of Instrument.
 
+    Warns
+    -----
+    TimingWarning
+        If the law is made for another control period or delay than those of the plant.
+
     Raises
     ------
     ParameterError
-        As `with_verbs` and `Instrument` do.
+        As `with_verbs` and `Instrument` do; if the law has a model of friction that is not that of the plant.
     """
 
     def __init__(
@@ -57,6 +63,8 @@ class Local(Backend):
         hashed: bool = False,
     ) -> None:
         parameters = with_verbs(parameters)
+        require_plant(controller, parameters.plant)
+        warn_of_timing(disagreements(controller.law, parameters), stacklevel=3)
         self._controller, self._given_ticks, self._hashed = controller, block_ticks, hashed
         self._going, self._stopped = threading.Event(), False
         self._going.set()
@@ -218,7 +226,7 @@ def exchanged(parameters: Any, state: MicroscopeState, group: str, changes: Mapp
     group : str
         sample, plant, detector or piezo.
     changes : mapping
-        Names without the group. If `kind` is among them what is not given is that of a new part's defaults.
+        Names without the group; with another `kind` as in `afm_model.changed`.
 
     Raises
     ------
@@ -236,5 +244,4 @@ def exchanged(parameters: Any, state: MicroscopeState, group: str, changes: Mapp
         )
     news = {f"{group}.{name}": value for name, value in changes.items()}
     # What was calibrated belongs to the probe of before.
-    anew = [group] * ("kind" in changes) + ["calibration"] * (group == "plant")
-    return changed(parameters, news, anew=anew)
+    return changed(parameters, news, anew=["calibration"] * (group == "plant"))

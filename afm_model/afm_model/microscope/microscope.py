@@ -23,7 +23,7 @@ from ..core import registry
 from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
 from ..parameters import ControllerParameters, SimParameters, changed
-from ..parameters.scenario import Scenario, load_scenario
+from ..parameters.scenario import Scenario, changed_instrument, following, load_scenario
 from .arrays import to_xarray
 from .backend import Backend, LoopSettings, OnLine, OnProgress
 from .local import Local
@@ -52,8 +52,13 @@ class Microscope(LoopSettings):
     on_progress, on_line : callable, optional
         Called now and then with how far a verb is (`Progress`), and with every `Line` of a scan.
     **changes : mapping
-        Groups of parameters of the instrument that differ from the preset's: `sample={"width": 50e-9}`. With `kind` in
-        it what is not given is that of the new part's defaults.
+        Groups of parameters of the instrument that differ from the preset's: `sample={"width": 50e-9}`. With another
+        `kind` as in `afm_model.changed`. The preset's law follows another control period or delay.
+
+    Warns
+    -----
+    TimingWarning
+        If the law is made for another control period or delay than those of the plant.
 
     Raises
     ------
@@ -81,7 +86,11 @@ class Microscope(LoopSettings):
             self.backend: Backend = preset
             return
         scenario = preset if isinstance(preset, Scenario) else load_scenario(preset)
-        self.backend = Local(_changed(scenario.sim, changes), controller or scenario.controller)
+        sim = _changed(scenario, changes)
+        if controller is None:
+            own = sim.controller_inside
+            controller = changed(scenario.controller, following(scenario, sim)) if own is None else own
+        self.backend = Local(sim, controller)
 
     def __enter__(self) -> "Microscope":
         return self
@@ -260,9 +269,9 @@ class Microscope(LoopSettings):
         self.backend.set_probe(changes)
 
 
-def _changed(parameters: SimParameters, changes: Mapping[str, Mapping[str, Value]]) -> SimParameters:
+def _changed(scenario: Scenario, changes: Mapping[str, Mapping[str, Value]]) -> SimParameters:
     for group, each in changes.items():
         if not isinstance(each, Mapping):
             raise ParameterError(f"{group} = {each} is not allowed: it must be parameters by name, {group}={{...}}")
     news = {f"{group}.{name}": value for group, each in changes.items() for name, value in each.items()}
-    return changed(parameters, news, anew=[group for group, each in changes.items() if "kind" in each])
+    return changed_instrument(scenario, news)

@@ -11,6 +11,9 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from ..core.elementary import square
 from ..core.errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
 from ..program.orders import Order, Step
@@ -68,6 +71,7 @@ class Operator(LoopSettings):
         names = [channel.name for channel in instrument.channels]
         self._error_row = names.index(ERROR_CHANNEL) if ERROR_CHANNEL in names else None
         self._saturated, self._outside, self._errors, self._error_samples = 0, 0.0, 0.0, 0
+        self._measured_from = 0  # sample
         self._slides = self._measures = False
 
     @property
@@ -148,6 +152,9 @@ class Operator(LoopSettings):
 
     def _put_in_force(self, task: Task) -> None:
         if task.collect is not None and task.collect not in self._collectors:
+            if not self._collectors:
+                # On the way here the loop may have gone to another setpoint.
+                self._measured_from = self._view.next_sample
             self._collectors.append(task.collect)
             task.collect.start(self._view.next_sample)
         self.instrument.order(task.order)
@@ -189,10 +196,10 @@ class Operator(LoopSettings):
         """Collect from a recorded block; every block in order, without a gap."""
         for each in self._collectors:
             each.take(block)
-        first = max(self._begun * self.instrument.samples_per_tick - block.first_sample, 0)
-        if self._error_row is not None and first < block.samples.shape[1]:
+        first = max(self._measured_from - block.first_sample, 0)
+        if self._collectors and self._error_row is not None and first < block.samples.shape[1]:
             errors = block.samples[self._error_row, first:]
-            self._errors += float(errors @ errors)
+            self._errors += float(np.sum(square(errors)))
             self._error_samples += errors.size
 
     @property

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+from ..core.elementary import hypot, sincos
 from ..core.errors import VerbError
 from ..program.orders import Lines, Polynomial
 from .view import InstrumentView
@@ -75,8 +76,13 @@ def lines(scan: "Scan", view: InstrumentView) -> LinePlan:
 
 
 def _rotated(scan: "Scan", place: _Place) -> _Place:
-    c, s = math.cos(scan.angle), math.sin(scan.angle)
+    s, c = sincos(scan.angle)
     return scan.centre_x + c * place[0] - s * place[1], scan.centre_y + s * place[0] + c * place[1]
+
+
+def distance(one: _Place, other: _Place) -> float:
+    """Return the distance between two places [m]."""
+    return hypot(other[0] - one[0], other[1] - one[1])
 
 
 def path(places: Sequence[_Place], speed: float, view: InstrumentView) -> Iterator[tuple[int, Polynomial]]:
@@ -85,7 +91,7 @@ def path(places: Sequence[_Place], speed: float, view: InstrumentView) -> Iterat
     A corner is rounded within a period of the scanner's resonance, or over half of a line that takes less.
     """
     period = view.control_period
-    ways = [math.dist(a, b) for a, b in pairwise(places)]
+    ways = [distance(a, b) for a, b in pairwise(places)]
     rounding = speed * _TURN / view.resonance
     # Half of the way that is rounded, at each place.
     halves = [0.5 * min(rounding, *ways[max(i - 1, 0) : i + 1]) for i in range(len(places))]

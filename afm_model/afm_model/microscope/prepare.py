@@ -30,21 +30,16 @@ def with_verbs(parameters: P) -> P:
     ParameterError
         If the plant cannot leave the sample.
     """
-    plant, program = parameters.plant, parameters.reference
+    plant = parameters.plant
     if plant.kind == "paper" or not hasattr(plant, "gap"):
         raise ParameterError(
             f"plant.kind = {plant.kind} is not allowed with verbs: its tip cannot leave the sample; take plant.kind = "
             f"lever or compliant"
         )
     news: dict[str, Value] = {"reference.kind": "verbs"}
-    anew = []
     if plant.gap == 0.0:
         news["plant.gap"] = GAP
-    if program.kind != "verbs":
-        anew.append("reference")
-        news["reference.z_r"] = program.z_r
     if parameters.onboard.kind == "none":
-        anew.append("onboard")
         news["onboard.kind"] = "pi"
     kind = str(news.get("onboard.kind", parameters.onboard.kind))
     known = {channel.name for channel in registry.find("onboard", kind).channels}
@@ -58,4 +53,4 @@ def with_verbs(parameters: P) -> P:
     given = [name.strip() for name in parameters.detector.channels.split(",") if name.strip()]
     wanted = [name for name in CHANNELS if name in known or name.startswith("verb")]
     news["detector.channels"] = ", ".join(dict.fromkeys([*given, *wanted]))
-    return changed(parameters, news, anew)
+    return changed(parameters, news)

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from ..core import registry
+from ..core.elementary import hypot
 from ..core.errors import ParameterError
 from ..instrument import Instrument
 from ..onboard.by_amplitude import lag, taps
@@ -219,7 +220,7 @@ class InstrumentView:
     def move(self, x: float, y: float, speed: float) -> Polynomial:
         """On a straight line from rest to rest, `speed` [m/s] at most, and no faster than the scanner can follow."""
         at = self.place
-        way = math.hypot(x - at[0], y - at[1])
+        way = hypot(x - at[0], y - at[1])
         if way == 0.0:
             return self.stay()
         ticks = self.ticks(max(_STEEPEST * way / speed, _SETTLING / self.resonance))

@@ -3,6 +3,7 @@
 The parameters of a part stand in its own file; the trees here hold those of the parts that are chosen by default.
 """
 
+from ..core.changes import changed
 from ..core.schema import (
     Group,
     NonNegative,
@@ -11,7 +12,6 @@ from ..core.schema import (
     Unit,
     Value,
     build,
-    changed,
     flatten,
     specifications,
     unknown_name_message,

@@ -14,8 +14,8 @@ from typing import Any, Literal
 from ..core import registry
 from ..core.errors import ParameterError, Sentence
 from ..core.schema import chosen_group
-from ..law.sampled import TIMING, SampledLaw, require_plant
-from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, resolved
+from ..law.sampled import TIMING, SampledLaw, disagreements, require_plant
+from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, changed, resolved
 from .microscope_parameters import PREFIX
 from .scenario_files import scenario_file
 from .simulator_parameters import timing_inside
@@ -184,6 +184,49 @@ def law_timing(values: Mapping[str, Value], sim: SimParameters) -> dict[str, Val
         return {}
     plant: dict[str, Value] = {"period": sim.plant.control_period, "delay_ticks": sim.plant.delay_ticks}
     return {f"law.{name}": plant[name] for name in TIMING if f"law.{name}" not in values}
+
+
+def changed_instrument(scenario: Scenario, news: Mapping[str, Value]) -> SimParameters:
+    """Change the instrument of a scenario by dotted names; a law inside it follows as `following` says.
+
+    Raises
+    ------
+    ParameterError
+        As of `changed`.
+    """
+    sim, timing = scenario.sim, {}
+    if not disagreements(sim.law, sim):
+        plant = {f"plant.{name}": getattr(sim.plant, name) for name in ("kind", "control_period", "delay_ticks")}
+        timing = timing_inside(SimParameters, {"law.kind": sim.law.kind, **plant, **news})
+    return changed(sim, {**timing, **news})
+
+
+def following(scenario: Scenario, sim: SimParameters, values: Mapping[str, Value] | None = None) -> dict[str, Value]:
+    """Period and delay of another instrument, for the law of a scenario that is made for those of the scenario.
+
+    Every change of a scenario's instrument goes by this rule: `Microscope`, `sweep`, `simulate_many`.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    sim : SimParameters
+        The other instrument.
+    values : mapping, optional
+        Parameters of the controller that are changed too; what they give of the two counts.
+
+    Returns
+    -------
+    dict
+        As of `law_timing`; empty if the scenario's law is made for another period or delay on purpose.
+
+    Raises
+    ------
+    ParameterError
+        As of `law_timing`.
+    """
+    if disagreements(scenario.controller.law, scenario.sim):
+        return {}
+    return law_timing({"law.kind": scenario.controller.law.kind, **(values or {})}, sim)
 
 
 def _read_sections(path: Path, known: Mapping[str, object]) -> dict[str, dict[str, Any]]:

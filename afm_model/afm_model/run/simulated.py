@@ -17,7 +17,7 @@ from ..core.random_numbers import Stream
 from ..core.schema import Group, NonNegative, Positive, Unit
 from ..instrument import Block, ScoreSummary
 from ..instrument.controller import Controller
-from ..law import ExternalLaw
+from ..law import ExternalLaw, disagreements, warn_of_timing
 from ..parameters import SimParameters
 from ..parts.command import Command
 from .counts import Snapshot
@@ -165,6 +165,11 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
         Called once for each measurement, in order.
     latency : Latency
 
+    Warns
+    -----
+    TimingWarning
+        If it is a law of ours that is made for another control period or delay than those of the plant.
+
     Raises
     ------
     ParameterError
@@ -174,6 +179,8 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
     DivergenceError
         If the motion diverged.
     """
+    if isinstance(law, Controller):
+        warn_of_timing(disagreements(law.parameters.law, parameters))
     block_ticks = ticks_of_a_block(parameters)
     run_parameters = parameters.run.model_copy(update={"mode": "realtime", "start_paused": False})
     # The law given is the one that counts.

@@ -1,7 +1,6 @@
 """A scenario in process, without ROS: the same instrument and law, the same bytes as the lockstep run over topics."""
 
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,7 +12,7 @@ from ..instrument import Block, Instrument, ScoreSummary
 from ..instrument.block import Layouts
 from ..instrument.controller import Controller
 from ..instrument.validity import doubts
-from ..law import TimingWarning, disagreements, require_plant
+from ..law import disagreements, require_plant, warn_of_timing
 from ..parameters import ControllerParameters, SimParameters
 from ..parts.part import Channel
 from .engine import Engine
@@ -154,8 +153,8 @@ def simulate(
         If a part of somebody else's does not work.
     """
     law = _parameters_of(controller)
-    for sentence in disagreements(law.law, parameters) if law is not None else []:
-        warnings.warn(sentence, TimingWarning, stacklevel=2)
+    if law is not None:
+        warn_of_timing(disagreements(law.law, parameters))
     blocks: list[Block] = []
     events: list[RunEvent] = []
     if isinstance(controller, ControllerParameters):

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
+from ..law import disagreements, warn_of_timing
 from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
@@ -60,6 +61,11 @@ def compare(
         Length of a run in periods of the reference; the first half period is not scored.
     lanes, scheduler, workers, progress
         As in `afm_model.sweep`.
+
+    Warns
+    -----
+    TimingWarning
+        If a law is given a period or a delay that is not that of the plant.
 
     Raises
     ------
@@ -115,6 +121,11 @@ def compare(
                 continue
             sets.append(Trial(sim, controllers[key], law.kind, None if values[:2] in linearised else told))
             linearised.add(values[:2])
+    others: list[str] = []
+    for each in sets:
+        if isinstance(each, Trial) and each.controller is not None:
+            others += disagreements(each.controller.law, each.sim)[:1]
+    warn_of_timing(others, f"{len(sets)} runs")
     # A law that is no part may end its process.
     parts = {law.label for law in every if law.is_part}
     run_all = partial(run_trials, lanes=lanes)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..core.errors import ParameterError
 from ..instrument import Block, Instrument
+from ..law import disagreements, warn_of_timing
 from ..parameters import Value
 from ..parameters.scenario import Scenario
 from ..parts.signals import Measurement, Truth
@@ -52,6 +53,11 @@ def simulate_many(
         was refused or diverged. Over `set`: `trajectory_sha256`, `error` (empty where all went well), and the
         parameters as coordinates.
 
+    Warns
+    -----
+    TimingWarning
+        As of `sweep`.
+
     Raises
     ------
     ParameterError
@@ -64,6 +70,8 @@ def simulate_many(
     columns = columns_of(scenario, parameters, grid)
     sets = list(sets_of(scenario, columns))
     run = {number: each for number, each in enumerate(sets) if not isinstance(each, str)}
+    others = (sentence for sim, law in run.values() for sentence in disagreements(law.law, sim)[:1])
+    warn_of_timing(list(others), f"{len(sets)} sets")
     clocks = {(sim.total_ticks, sim.plant.control_period) for sim, _ in run.values()} or {(0, 0.0)}
     if len(clocks) > 1:
         raise ParameterError("sets with different control periods or durations have no common time: use sweep")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import itertools
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
@@ -14,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import ParameterError
 from ..core.schema import python_value, with_parts
 from ..instrument import score
-from ..law import TimingWarning, disagreements
+from ..law import disagreements, warn_of_timing
 from ..parameters import ControllerParameters, Group, SimParameters, Value, changed, specifications
-from ..parameters.scenario import SECTIONS, Scenario, law_timing
+from ..parameters.scenario import SECTIONS, Scenario, changed_instrument, following
 from ..run.simulated import ticks_to_simulate
 from ..run.together import run_together
 from ..run.verdict import limited
@@ -105,8 +104,7 @@ def sweep(
 
     run_all = partial(_run_all, fingerprint=fingerprint, lanes=lanes)
     rows = run_sets(run_all, sets(), total, "sweeping", scheduler=scheduler, workers=workers, progress=progress)
-    if others:
-        warnings.warn(f"in {len(others)} of {total} sets {others[0]}", TimingWarning, stacklevel=2)
+    warn_of_timing(others, f"{total} sets")
     return _table(pandas, columns, rows, index, fingerprint)
 
 
@@ -189,14 +187,13 @@ def sets_of(
             if len(made) >= _CHECKED:
                 made.clear()
             try:
-                made[key] = each = changed(base[node], news)
+                made[key] = each = changed_instrument(scenario, news) if node == _SIM else changed(base[node], news)
                 if isinstance(each, SimParameters):
                     ticks_to_simulate(each)
             except ParameterError as error:
                 made[key] = str(error)
         return made[key]
 
-    follows = not disagreements(scenario.controller.law, scenario.sim)
     for i in range(count_of(columns)):
         news: dict[str, dict[str, Value]] = {node: {} for node in base}
         for name, values in columns.items():
@@ -204,10 +201,9 @@ def sets_of(
             news[node][parameter] = values[i]
         sim = group(_SIM, news[_SIM])
         timing: dict[str, Value] = {}
-        # A law that is made for the plant of the scenario is made for that of each set.
-        if follows and isinstance(sim, SimParameters):
+        if isinstance(sim, SimParameters):
             with suppress(ParameterError):
-                timing = law_timing({"law.kind": scenario.controller.law.kind, **news[_LAW]}, sim)
+                timing = following(scenario, sim, news[_LAW])
         law = group(_LAW, timing | news[_LAW])
         refused = [each for each in (sim, law) if isinstance(each, str)]
         yield "; ".join(refused) if refused else (sim, law)  # type: ignore[misc]

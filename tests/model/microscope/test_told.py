@@ -63,6 +63,15 @@ def test_a_loop_that_oscillates_is_told_when_its_gains_are_set_and_when_it_scans
         steady.scan(size_x=50e-9, pixels=16, lines=4, line_rate=20.0)
 
 
+def test_a_loop_on_its_way_to_another_setpoint_is_not_one_that_oscillates(microscope):
+    microscope.approach(**FAST)
+    for force in (0.0, 30e-9):
+        microscope.set_setpoint(force=force)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            microscope.scan(size_x=50e-9, pixels=16, lines=2, line_rate=20.0)
+
+
 def test_an_approach_that_presses_the_tip_in_is_not_one_without_a_sample():
     # Half of the light is lost: at the end of its way the photodiode reads half of what it should.
     with Microscope("two_materials", detector={"deflection_gain": 0.5, "range": 10.0}) as microscope:

@@ -1,6 +1,5 @@
 """The verb FrictionLoop."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ...core.elementary import sincos
 from ...program.orders import Order
 from ..arrays import Arrays, attributes, variable
 from ..execution import Execution, Task
@@ -84,7 +84,8 @@ class FrictionLoop(Verb):
         def result() -> Loop:
             record = recorder.record()
             x, y, lateral, deflection = record.channels.values()
-            along = (x - motion.x) * math.cos(motion.angle) + (y - motion.y) * math.sin(motion.angle)
+            s, c = sincos(motion.angle)
+            along = (x - motion.x) * c + (y - motion.y) * s
             return Loop(self, along, lateral, deflection, record.time, *recorder.factors("deflection", "lateral"))
 
         run.result = result

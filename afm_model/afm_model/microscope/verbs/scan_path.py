@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, starmap
 from typing import ClassVar
 
 from pydantic import Field
@@ -11,7 +11,7 @@ from pydantic import Field
 from ...program.orders import Order
 from ..arrays import Arrays, attributes
 from ..execution import Execution, Task
-from ..plan import path
+from ..plan import distance, path
 from ..results import MicroscopeState, TimeSeries
 from ..verb import MOST_PLACES, Places, SampleRate, Speed, Verb, outside, too_much
 from ..view import InstrumentView
@@ -67,7 +67,7 @@ class ScanPath(Verb):
                     f"which is not allowed: leave one of them out"
                 )
         yield from outside(view, "", places)
-        way = sum(math.dist(one, other) for one, other in pairwise(places))
+        way = math.fsum(starmap(distance, pairwise(places)))
         yield from too_much(
             len(_CHANNELS) * view.samples(way / self.speed, self.sample_rate), "this path at this speed"
         )
@@ -91,7 +91,7 @@ class ScanPath(Verb):
 
         run.result = result
         # At the ends the speed is not even.
-        run.total = sum(map(math.dist, places, places[1:])) / self.speed + 2.0 / run.view.resonance
+        run.total = math.fsum(starmap(distance, pairwise(places))) / self.speed + 2.0 / run.view.resonance
         yield from run.going(*places[0], max(self.speed, MoveTo().speed))
         for place, piece in path(places, self.speed, run.view):
             yield Task(Order(piece), piece.ticks * period, f"at place {place + 1} of {len(places)}", recorder)
