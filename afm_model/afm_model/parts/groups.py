@@ -31,6 +31,11 @@ class ProgramParameters(Group):
         """Amplitude along x and y [m], by which errors are judged; 0 if there is none."""
         return 0.0, 0.0
 
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """Velocity along x and y of a periodic reference where it is fastest [m/s]; 0 if it does not move."""
+        return 0.0, 0.0
+
 
 class LawParameters(Group):
     """A control law. All its parameters may change while the controller runs."""

@@ -44,13 +44,18 @@ class Reference(ProgramParameters):
         return self.amplitude_x, self.amplitude_y
 
     @property
+    def velocity(self) -> tuple[float, float]:
+        """Velocity along x and y where both are fastest, at the start [m/s]."""
+        part = {"sine": 1.0, "triangle": 2.0 / math.pi, "constant": 0.0}
+        return (
+            part[self.shape_x] * self.amplitude_x * self.omega_x,
+            part[self.shape_y] * self.amplitude_y * self.omega_y,
+        )
+
+    @property
     def top_speed(self) -> float:
         """Largest of the speeds along x and y [m/s]."""
-        part = {"sine": 1.0, "triangle": 2.0 / math.pi, "constant": 0.0}
-        return max(
-            part[self.shape_x] * abs(self.amplitude_x) * self.omega_x,
-            part[self.shape_y] * abs(self.amplitude_y) * self.omega_y,
-        )
+        return max(map(abs, self.velocity))
 
 
 class Constants(Record):

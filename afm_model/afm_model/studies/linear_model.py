@@ -46,9 +46,23 @@ def nominal_friction(sim: SimParameters) -> _Array:
     """Friction of a flat sample at the setpoint, (3,) [w0^2 x0], against a motion along the reference."""
     p = plant_constants(sim)
     f = plain(bound_of_load)(p["f_s"], 1.0, _static_load(sim, p) / p["L_s"])
-    # A part of the reference that has no amplitude does not move; of one that has none at all, x stands for it.
-    along = np.abs([*sim.reference.amplitude, 0.0]) if any(sim.reference.amplitude) else np.array([1.0, 0.0, 0.0])
+    # For a reference that does not move, x stands.
+    along = np.array([*sim.reference.velocity, 0.0] if any(sim.reference.velocity) else [1.0, 0.0, 0.0])
     return np.asarray(f * along / np.linalg.norm(along))
+
+
+def turning_friction(sim: SimParameters) -> _Array:
+    """Friction per velocity around steady sliding along the reference (2, 2) [w0]: f/|v| (I - t t'), docs/laws.md (7.1).
+
+    Friction points against the motion and turns with it: across the motion it damps, along it nothing changes. |v| is
+    the largest speed of the reference, where this damps least. Zero for a reference that does not move.
+    """
+    velocity, f = np.array(sim.reference.velocity), np.linalg.norm(nominal_friction(sim))
+    if not velocity.any():
+        return np.zeros((2, 2))
+    speed = np.linalg.norm(velocity)
+    along, speed = velocity / speed, speed / (sim.scales.x0 * sim.scales.w0)
+    return np.asarray(f / speed * (np.eye(2) - np.outer(along, along)))
 
 
 def _static_load(sim: SimParameters, p: Any) -> float:
@@ -80,6 +94,7 @@ def plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, _
     spring = np.array([k, c, -k, -c])
     F[5, 4:8] -= spring / p["mu"]
     F[7, 4:8] += spring
+    F[1:4:2, 1:4:2] -= turning_friction(sim)
     f = nominal_friction(sim)
     load = np.array([0.0, -f[0], 0.0, -f[1], 0.0, 0.0, 0.0, 0.0])
     E = expm(np.block([[F, G, load[:, None]], [np.zeros((4, STATES + 4))]]) * sim.scales.w0 * period)

@@ -8,6 +8,7 @@ import pytest
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
 from afm_model.parts import Law, LawParameters, Record, kernel
+from afm_model.plant.constants import plant_constants
 from afm_model.studies.linear import at_timing, is_stable, largest, linearise
 from afm_model.studies.linear_model import (
     LinearError,
@@ -15,6 +16,7 @@ from afm_model.studies.linear_model import (
     law_scales,
     measurement_at_rest,
     measurement_sliding,
+    nominal_friction,
     plant_matrices,
     sensors,
 )
@@ -44,6 +46,41 @@ def test_linear_plant_moves_as_the_instrument_does_out_of_friction():
     assert tip == pytest.approx(x[6] * 1e-7, rel=2e-3)
 
 
+@pytest.mark.parametrize("amplitudes", [(5e-9, 0.0), (5e-9, 5e-9), (5e-9, -2e-9)], ids=["x", "diagonal", "oblique"])
+@pytest.mark.parametrize("push", [(1.0, 0.0), (0.0, 1.0), (0.7, -0.7)], ids=["along x", "along y", "oblique"])
+def test_linear_plant_moves_as_the_instrument_does_around_steady_sliding(amplitudes, push):
+    # Friction turns with the motion: across it a push dies out, along it friction stays what it is.
+    given = {f"reference.amplitude_{axis}": size for axis, size in zip("xy", amplitudes, strict=True)}
+    sim = build(SimParameters, given | {"sample.beta": 0.0, "reference.omega_x": 1e4, "reference.omega_y": 1e4})
+    A, _, _ = plant_matrices(sim, sim.plant.control_period)
+    x = np.zeros(8)
+    x[[1, 3]] = 1e-3 * np.array(push)
+    found = slid(sim, 1e-3 * np.array(push)) - slid(sim, -1e-3 * np.array(push))
+    for moved in 0.5 * found:
+        x = A @ x
+        np.testing.assert_allclose(moved, x[:4], rtol=0, atol=3e-3 * np.max(np.abs(x[[0, 2]])))
+
+
+def slid(sim: SimParameters, push: Any) -> Any:
+    """X, V_X, Y, V_Y of an instrument that slides steadily, its velocity changed by a push at the start (ticks, 4)."""
+    instrument = Instrument(sim, 1, hashed=False)
+    state, p = instrument.record("plant_state"), plant_constants(sim)
+    friction = nominal_friction(sim)[:2]
+    velocity = np.array(sim.reference.velocity) / (sim.scales.x0 * sim.scales.w0)
+    hold, place = sim.scales.w0 * sim.plant.control_period, np.array([state["X"], state["Y"]])
+    state["V_X"], state["V_Y"] = velocity + push
+    drive, states = instrument.drive.copy(), []
+    for k in range(100):
+        for i, axis in enumerate("xy"):
+            eta, xi = p[f"eta_{axis}"], p[f"xi_{axis}"]
+            middle = place[i] + (k + 0.5) * hold * velocity[i]
+            drive[i] = (eta * eta * middle + 2.0 * xi * eta * velocity[i] + friction[i]) / p[f"gain_{axis}"]
+        instrument.tick(drive)
+        instrument.skip_block()
+        states.append([float(state[name]) for name in ("X", "V_X", "Y", "V_Y")])
+    return np.array(states)
+
+
 def test_paper_law_is_stable_up_to_the_hold_at_which_its_steepness_says_so():
     # Against friction the slope of tanh is alpha M (1 - (f / M)^2), and a hold bears a slope up to 2 / hold.
     friction = 12.75 / np.sqrt(2.0)
@@ -56,11 +93,12 @@ def test_paper_law_is_stable_up_to_the_hold_at_which_its_steepness_says_so():
 
 @pytest.mark.parametrize("kind", ["pid", "super_twisting"])
 def test_delay_margin_is_the_delay_that_the_loop_bears(kind):
-    # The law is left as it is: it does not know of the delay.
-    sim, controller = timed(kind, 2e-5)
+    # The law is left as it is: it does not know of the delay. Along x, friction couples no axes.
+    along_x = {"reference.amplitude_y": 0.0}
+    sim, controller = timed(kind, 2e-5, sim=along_x)
     margin = min(linearise(sim, controller).margins(axis).delay for axis in "xy")
     for delay in (1, 2, 3):
-        delayed = build(SimParameters, {"plant.control_period": 2e-5, "plant.delay_ticks": delay})
+        delayed = build(SimParameters, {"plant.control_period": 2e-5, "plant.delay_ticks": delay} | along_x)
         loop = linearise(delayed, controller)
         assert loop.stable == (delay * 2e-5 < margin) or loop.axis == "z"
 
