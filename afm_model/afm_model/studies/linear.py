@@ -1,8 +1,8 @@
 """The closed loop of any law, linearised: is it stable at this rate and delay, and with what margin?
 
-The scanner slides steadily along the reference over a flat sample, the tip near its setpoint. Friction is constant along
-this motion and damps across it, since it turns with the velocity; the contact is a spring with a dashpot. The law is
-asked what it answers to small changes. docs/laws.md, section 7.
+The scanner slides steadily along the reference over a flat sample, the tip near its setpoint. Friction is constant
+along this motion and damps across it, since it turns with the velocity; the contact is a spring with a dashpot. The law
+is asked what it answers to small changes. docs/laws.md, section 7.
 """
 
 from collections.abc import Callable

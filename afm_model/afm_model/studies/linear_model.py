@@ -52,7 +52,7 @@ def nominal_friction(sim: SimParameters) -> _Array:
 
 
 def turning_friction(sim: SimParameters) -> _Array:
-    """Friction per velocity around steady sliding along the reference (2, 2) [w0]: f/|v| (I - t t'), docs/laws.md (7.1).
+    """Return friction per velocity around steady sliding (2, 2) [w0]: f/|v| (I - t t'), docs/laws.md (7.1).
 
     Friction points against the motion and turns with it: across the motion it damps, along it nothing changes. |v| is
     the largest speed of the reference, where this damps least. Zero for a reference that does not move.
