@@ -115,7 +115,7 @@ def test_loop_that_bears_its_delay_settles_against_friction_with_it(delay):
 def test_margins_are_those_of_python_control_for_its_own_system():
     import control
 
-    loop = linearise(*timed("pid", 5e-5))
+    loop = linearise(*timed("pid", 5e-5, sim={"reference.amplitude_y": 0.0}))
     omega = np.geomspace(10.0, 5e4, 50)
     own = control.frequency_response(loop.control_system("x"), omega)
     np.testing.assert_allclose(own.magnitude.squeeze(), np.abs(loop.response("x", omega)), rtol=1e-6)
