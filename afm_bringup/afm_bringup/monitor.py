@@ -13,6 +13,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from std_srvs.srv import Trigger
 
 from afm_node_common import topics
+from afm_node_common.senders import Senders
 from afm_node_common.shared_memory import shared_memory_cleanup
 from afm_node_common.subscriptions import Subscriptions
 
@@ -43,6 +44,7 @@ class Monitor:
         subscriptions.subscribe(RecorderStatus, topics.RECORDER_STATUS, self._on_recorder, topics.LATCHED_QOS)
         subscriptions.subscribe(Score, topics.SCORE, self._on_score, topics.LATCHED_QOS)
         self._play = self._node.create_client(Trigger, topics.PLAY)
+        self._controllers = Senders(self._node, topics.PIEZO_DRIVE)
 
     def __enter__(self) -> "Monitor":
         return self
@@ -104,8 +106,13 @@ class Monitor:
 
     @property
     def controllers(self) -> int:
-        """How many nodes publish drives."""
-        return int(self._node.count_publishers(topics.PIEZO_DRIVE))
+        """How many nodes publish drives; one that was killed and started again is one."""
+        return self._controllers.count()
+
+    def restarted(self) -> list[str]:
+        """Names of controllers that were started again since the last call."""
+        restarted, self._controllers.restarted = self._controllers.restarted, []
+        return restarted
 
     @property
     def ready(self) -> bool:

@@ -151,6 +151,8 @@ class Session:
                     f"another {what} runs on {monitor.namespace} in ROS domain {os.environ.get('ROS_DOMAIN_ID') or 0}: "
                     "end it, or take another --namespace or ROS_DOMAIN_ID"
                 )
+        for name in monitor.restarted():
+            say(f"note: {name} was started again; the run goes on with it")
         return False
 
     # What is done, from start to end.

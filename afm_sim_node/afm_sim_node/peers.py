@@ -8,15 +8,13 @@ from rclpy.qos import ReliabilityPolicy
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from afm_node_common import topics
-
-_UNKNOWN = "_UNKNOWN_"
-"""Part of the name of a node that the middleware does not know yet."""
+from afm_node_common.senders import UNKNOWN
 
 
 def _names(infos: Sequence[TopicEndpointInfo]) -> list[str]:
     """Full names of the known nodes of these endpoints, with repetitions."""
     names = [f"{info.node_namespace.rstrip('/')}/{info.node_name}" for info in infos]
-    return sorted(name for name in names if _UNKNOWN not in name)
+    return sorted(name for name in names if UNKNOWN not in name)
 
 
 class Peers:

@@ -1,10 +1,22 @@
 """A process that was killed and started again by hand: the others say so before the middleware has noticed."""
 
+import os
+import shlex
 import signal
 from pathlib import Path
 
 import pytest
-from support import Command, Graph, Observer, executable, remove_shared_memory_left, ros_arguments, wait_for_the_end_of
+from support import (
+    Command,
+    Graph,
+    Observer,
+    executable,
+    remove_shared_memory_left,
+    ros_arguments,
+    session,
+    wait_for_the_end_of,
+    write_scenario,
+)
 
 pytestmark = pytest.mark.long
 PARAMETERS = {"run.lockstep_timeout": 1000.0}
@@ -75,4 +87,21 @@ def test_controller_and_recorder_that_are_killed_and_started_again_are_told_by_t
                 assert each.wait(graph) == 0, each.told
         simulator.interrupt()
         assert simulator.wait(graph) == 0, simulator.told
+    remove_shared_memory_left()
+
+
+def test_controller_of_a_session_that_crashes_and_is_started_again_brings_the_run_to_its_end(tmp_path: Path) -> None:
+    node = shlex.join([executable("afm_controller_node", "afm_controller_node")])
+    shell = shlex.join(["sh", "-c", f'while true; do {node} "$@"; done', "sh"])
+    simulator = {"run.duration": 0.04, "plant.control_period": 2e-6, "run.lockstep_timeout": 1000.0}
+    scenario = write_scenario(tmp_path / "scenario.yaml", afm_sim_node=simulator)
+    with Graph() as graph, session(scenario, tmp_path / "out", "--controller", shell, folder=tmp_path) as command:
+        observer = graph.add(Observer())
+        command.wait_until(lambda: observer.status.ticks > 1000, graph)
+        (victim,) = (pid for pid, line in command.descendants.items() if node in line and "while" not in line)
+        os.kill(victim, signal.SIGKILL)
+        assert command.wait(graph) == 0, command.text
+    assert observer.status.ticks == 20_000
+    assert "note: /afm/afm_controller_node was started again" in command.text
+    assert (tmp_path / "out" / "scorecard.json").exists()
     remove_shared_memory_left()

@@ -174,7 +174,7 @@ class Operator(LoopSettings):
 
         def tasks() -> Iterator[Task]:
             yield Task(Order(view.brake(), steps), duration, "withdrawing")
-            self._state.near = False
+            self._state.withdrawn()
 
         self._tasks = tasks()
         self._task = next(self._tasks)
@@ -225,6 +225,10 @@ class Operator(LoopSettings):
         self._status, self._message = CANCELLED, f"{self._state.doing} was {reason}; the tip is withdrawn"
         self._close_collectors()
         self._leave()
+
+    def withdrawn(self) -> None:
+        """Note that the instrument has withdrawn the tip while no verb was being done."""
+        self._state.withdrawn()
 
     def give_up(self, reason: str) -> None:
         """End what is being done here and now, because simulated time does not go on.

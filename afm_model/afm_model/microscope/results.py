@@ -31,6 +31,11 @@ class MicroscopeState:
     doing: str = ""
     """Name of the verb that is being done."""
 
+    def withdrawn(self) -> None:
+        """Note that the tip is off the sample, and the feedback off: whatever has taken it away."""
+        self.approached = self.near = False
+        self.feedback = "off"
+
 
 @dataclass(frozen=True)
 class Standing:

@@ -38,6 +38,9 @@ class Operator(Protocol):
     def cancel(self, reason: str) -> None:
         """Bring what is being done to a safe end."""
 
+    def withdrawn(self) -> None:
+        """Note that the instrument has withdrawn the tip while nothing was being done."""
+
     def give_up(self, reason: str) -> None:
         """End what is being done here and now: simulated time does not go on."""
 
@@ -338,8 +341,11 @@ class Engine:
         if state in OVER:
             self._stop_at = None
             self._give_up(self.life.detail or f"the run is {state.title}")
-        elif state in _TAKEN_AWAY and self.operator is not None and self.operator.busy:
-            self.operator.cancel(f"stopped ({self.life.detail})")
+        elif state in _TAKEN_AWAY and self.operator is not None:
+            if self.operator.busy:
+                self.operator.cancel(f"stopped ({self.life.detail})")
+            elif state == State.WITHDRAWN:
+                self.operator.withdrawn()
         self._listeners.changed()
 
     def _give_up(self, why: str) -> None:

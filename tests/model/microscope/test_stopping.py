@@ -7,6 +7,7 @@ import pytest
 from afm_model import VerbError
 from afm_model.microscope import Microscope, Scan
 from afm_model.microscope.results import CANCELLED, COMPLETE
+from afm_model.run.state import State
 
 pytest.importorskip("xarray")
 FAST = {"rate": 20e-6, "range": 2e-6, "settle": 5e-3}
@@ -129,3 +130,35 @@ def test_close_withdraws_the_tip_from_a_verb_that_is_being_done(microscope):
     backend.close()
     assert not backend.operator.busy
     assert not microscope.state.near
+
+
+def test_feedback_is_off_after_a_scan_that_was_cancelled_or_failed_and_on_again_after_an_approach(microscope):
+    microscope.on_line = lambda line: microscope.stop()
+    with pytest.raises(VerbError, match="Scan was stopped"):
+        microscope.scan(**LONG)
+    assert (microscope.state.approached, microscope.state.feedback) == (False, "off")
+    with pytest.raises(VerbError, match="no sample within range"):
+        microscope.approach(rate=20e-6, range=1e-8, settle=5e-3)
+    assert (microscope.state.approached, microscope.state.feedback) == (False, "off")
+    microscope.on_line = None
+    microscope.approach(**FAST)
+    assert (microscope.state.approached, microscope.state.feedback) == (True, "on")
+
+
+def test_a_limit_that_withdraws_the_tip_between_two_verbs_leaves_it_withdrawn_with_feedback_off():
+    # The sample drifts into a tip that is held.
+    with Microscope("two_materials", drift={"rate_z": 1e-6}, safety={"force_limit": 60e-9}) as held:
+        held.approach(**FAST)
+        held.set_feedback("hold")
+        engine = held.backend.engine
+        while engine.state != State.WITHDRAWN:
+            held.backend.step()
+        assert (held.state.approached, held.state.near, held.state.feedback) == (False, False, "off")
+        while held.backend.instrument.in_contact:
+            held.backend.step()
+        held.resume()
+        while engine.state != State.RUNNING:
+            held.backend.step()
+        held.set_feedback("on")
+        held.approach(**FAST | {"range": 4e-6})
+        assert held.state.approached

@@ -41,8 +41,7 @@ class Withdraw(Verb):
                 f"touch the sample"
             )
         yield Task(Order(view.stay(), steps), run.total, "withdrawing")
-        run.state.near = False
-        run.state.feedback = "off"
+        run.state.withdrawn()
 
 
 class Approach(Verb):
@@ -103,7 +102,7 @@ class Approach(Verb):
         told = (self._missed_by_amplitude if view.taps else self._missed)(run, went)
         away = Step(orders.RAMP, target=before, rate=max(self.rate, Withdraw().rate))
         yield Task(Order(view.stay(), (away,)), (target - before) / away.rate, "no sample found, withdrawing")
-        run.state.near = False
+        run.state.withdrawn()
         raise VerbError(told)
 
     def _free(self, run: Execution) -> Iterator[Task]:
