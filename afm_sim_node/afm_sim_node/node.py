@@ -103,6 +103,8 @@ class SimNode(Node):
         if parameters.safety.unrecorded:
             looks.append(RecorderWatch(self, self.run, self._streams).look)
         reports = [self._reporter.compose_diagnostics, self._reporter.publish_diagnostics]
+        if not inside:
+            reports.insert(0, self._reporter.look_at_subscribers)
         self._tasks = PeriodicTasks(
             *(PeriodicTask(look, _STATUS_PERIOD) for look in [*looks, self._reporter.publish_status]),
             PeriodicTask(partial(self._look_for_peers, force=True), _DIAGNOSTICS_PERIOD),

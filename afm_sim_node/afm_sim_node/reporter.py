@@ -17,6 +17,7 @@ from .link import TopicLink
 from .log import log_refusal, log_state, log_warnings
 from .peers import Peers
 from .score import score_message
+from .standing import Standing
 from .status import status_message
 from .streams import Streams
 
@@ -52,6 +53,7 @@ class Reporter:
         self._score = node.create_publisher(Score, topics.SCORE, topics.LATCHED_QOS)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._composed = DiagnosticArray()
+        self._standing, self._told = Standing(node, topics.MEASUREMENT), ""
         self._before = self._logged = run.snapshot()
         self._warnings: list[str] = []
         self._recorders = 0
@@ -91,6 +93,12 @@ class Reporter:
             )
         )
 
+    def look_at_subscribers(self) -> None:
+        """Note subscribers of the loop's topic that stand still, and log a change."""
+        told, self._told = self._told, self._standing.look()
+        if self._told and self._told != told:
+            self._log.warning(self._told)
+
     def compose_diagnostics(self) -> None:
         """Write the same and more for ordinary tools. Publishing is another task: a tick waits for one at most."""
         run = self._run.snapshot()
@@ -109,6 +117,8 @@ class Reporter:
             self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
         if run.state != State.WAITING and self._peers.incompatible:
             self._warnings.insert(0, self._peers.incompatible)
+        if self._told:
+            self._warnings.append(self._told)
 
     def wait_for_delivery(self, timeout: float) -> None:
         """Wait until everybody has the score and the last status, at most `timeout` seconds of wall time."""
