@@ -16,6 +16,14 @@ OWN, COMPOSED, INSIDE, EXTERNAL = "", "composed", "inside", "external"
 simulator itself, a node that was started elsewhere."""
 
 
+def title(scenario: Scenario, controller: str) -> str:
+    """Title of a recording: that of the scenario, and who moves x and y as far as this is known before the start."""
+    told = scenario.header.title or scenario.name
+    if controller in (EXTERNAL, INSIDE):
+        return told
+    return f"{told} ({scenario.controller.law.kind if controller in (OWN, COMPOSED) else controller})"
+
+
 def commands(
     scenario: Scenario, controller: str, work: Path, namespace: str, *, ros_arguments: bool, live: bool
 ) -> dict[str, list[str]]:
@@ -38,7 +46,7 @@ def commands(
     parameters = work / "parameters.yaml"
     own: dict[str, dict[str, object]] = {
         SIMULATOR: {"run.start_paused": True, "run.exit_when_finished": False},
-        RECORDER: {"path": str(work / RECORDING), "title": scenario.header.title or scenario.name},
+        RECORDER: {"path": str(work / RECORDING), "title": title(scenario, controller)},
     }
     if controller == INSIDE:
         own[SIMULATOR] |= {f"law.{name}": value for name, value in flatten(scenario.controller.law).items()}

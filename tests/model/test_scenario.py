@@ -6,6 +6,7 @@ import pytest
 
 from afm_model import Scenario, ScenarioError, load_scenario
 from afm_model.parameters import Group
+from afm_model.parameters.scenario_files import scenario_names
 
 GOOD = """
 scenario:
@@ -76,3 +77,11 @@ def test_sections_of_other_nodes_are_checked_too(tmp_path):
     load(tmp_path, "/**/other_node:\n  ros__parameters: {depth: 2}\n", other_node=Extra)
     with pytest.raises(ScenarioError, match="unknown parameter dept: did you mean depth"):
         load(tmp_path, "/**/other_node:\n  ros__parameters: {dept: 2}\n", other_node=Extra)
+
+
+def test_no_shipped_title_names_a_law_since_another_controller_may_run():
+    for name in scenario_names():
+        title = load_scenario(name).header.title
+        kind = load_scenario(name).controller.law.kind
+        assert title and not {"law", kind} & set(title.lower().replace(",", " ").split()), title
+        assert "predicting" not in title

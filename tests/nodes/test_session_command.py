@@ -4,8 +4,11 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 from afm_bringup import session_command
+from afm_bringup.scenario_input import read_scenario
+from afm_bringup.session_nodes import EXTERNAL, commands
 
 
 @pytest.mark.parametrize(
@@ -35,3 +38,20 @@ def test_session_runs_the_controller_where_the_scenario_says(
     monkeypatch.setattr(sys, "argv", ["session", *arguments, "--out", str(tmp_path)])
     assert session_command.main() == 0
     assert ran == [controller]
+
+
+@pytest.mark.parametrize(
+    ("controller", "title"),
+    [("", "Closed loop (tanh)"), ("python pd.py", "Closed loop (python pd.py)"), (EXTERNAL, "Closed loop")],
+)
+def test_title_of_a_recording_names_the_controller_that_runs(controller: str, title: str, tmp_path: Path) -> None:
+    scenario = read_scenario("closed_loop_tanh")
+    commands(scenario, controller, tmp_path, "/afm", ros_arguments=True, live=False)
+    parameters = yaml.safe_load((tmp_path / "parameters.yaml").read_text())
+    titles = [
+        value
+        for section in parameters.values()
+        for name, value in section.get("ros__parameters", {}).items()
+        if name == "title" and "path" in section["ros__parameters"]
+    ]
+    assert titles == [title]
