@@ -119,12 +119,16 @@ class Process:
         self._file.close()
 
     def _processor_time(self) -> float:
-        """What the process has used up to now, in ticks of the system; 0 when it has ended."""
-        try:
-            fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            return 0.0
-        return float(fields[11]) + float(fields[12])  # utime and stime of proc(5)
+        return processor_time(self._process.pid)
+
+
+def processor_time(pid: int | str) -> float:
+    """What a process has used up to now, in ticks of the system; 0 when it has ended."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return 0.0
+    return float(fields[11]) + float(fields[12])  # utime and stime of proc(5)
 
 
 class Processes:
@@ -155,16 +159,22 @@ class Processes:
     def __enter__(self) -> "Processes":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """End all nodes."""
+    def end(self, *, spare: bool = True) -> None:
+        """End all nodes; `spare` says whether the spare one is ended, too."""
         self.note_shared_memory()
         order = {self._last: 1, self._spare: 2}
         running = sorted(self._running, key=lambda process: order.get(process.name, 0))
-        for process in running:
+        ending = [process for process in running if spare or process.name != self._spare]
+        self._running = [process for process in running if process not in ending]
+        for process in ending:
             if process.name not in order:
                 process.ask_to_end()
-        for process in running:
+        for process in ending:
             process.end(_AT_WORK if process.name == self._last else 0.0)
+
+    def __exit__(self, *_: object) -> None:
+        """End all nodes."""
+        self.end()
         # It now ends processes that have left their process group.
         assert self._cleanup.stdin is not None
         self._cleanup.stdin.close()
@@ -196,6 +206,11 @@ class Processes:
         spare = next(process for process in self._running if process.name == self._spare)
         return spare.how_it_ended if spare.ended else spare.printed
 
+    @property
+    def spare_runs(self) -> bool:
+        """Whether the spare one is there and has not ended."""
+        return any(process.name == self._spare and not process.ended for process in self._running)
+
     def note_shared_memory(self) -> None:
         """Note the shared memory in use, to remove the files that a killed node leaves behind."""
         for pid in self._pids():
@@ -221,6 +236,13 @@ class Processes:
             with suppress(OSError):
                 nanoseconds += int(path.read_text().split()[1])
         return 1e-9 * nanoseconds
+
+    def worked(self) -> float:
+        """Processor time that they have used, and time for which they waited for a processor [s]."""
+        ticks = 0.0
+        for pid in self._pids():
+            ticks += processor_time(pid)
+        return ticks / os.sysconf("SC_CLK_TCK") + self.waited()
 
     def _pids(self) -> Iterator[str]:
         return (pid for process in self._running for pid in process.pids())

@@ -1,6 +1,7 @@
 """From the start of processes to results: what all sessions do. `run_session` runs a scenario, `scan_session` scans."""
 
 import os
+import time
 from contextlib import nullcontext
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
@@ -24,6 +25,8 @@ from .session_start import SessionError, Start, say
 _DISCOVERY_TIME = 1.0
 """Wall time for the discovery of nodes that already run, before anything is started [s]."""
 
+_LOOK_PERIOD = 0.1
+"""Wall time between two looks at a page that is kept [s]."""
 _LINK_TIME = 20.0
 """Wall time for which the link of the live page is waited for [s]."""
 
@@ -115,7 +118,10 @@ class Session:
                     start.wait_until_ready()
                 self._watch(follower)
                 follower.wait_until_recorded(self._check_alive)
-            self._finish(follower.missing_in_recording())
+                # The live page shows the run for as long as somebody looks at it.
+                processes.end(spare=False)
+                self._finish(follower.missing_in_recording())
+                self._keep_the_page()
         except Interrupted:
             for path in folder.publish(complete=False):
                 say(f"The recording up to here: {path}")
@@ -162,6 +168,13 @@ class Session:
         return commands(
             self.scenario, self.controller, work, namespace, ros_arguments=self.ros_arguments, live=self.live
         )
+
+    def _keep_the_page(self) -> None:
+        """Leave the live page to somebody in a terminal until Ctrl-C, or until its server has ended."""
+        if self.live and self._console.is_terminal and not self._stop.requested:
+            say("The live page stays until Ctrl-C.")
+            while self._processes.spare_runs and not self._stop.requested:
+                time.sleep(_LOOK_PERIOD)
 
     def _watch(self, follower: Follower) -> None:
         """Follow what is done to its end."""

@@ -1,6 +1,5 @@
 """The start of a session: its nodes, one after the other, until all see each other."""
 
-import os
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -12,7 +11,9 @@ from .processes import Processes
 from .session_nodes import CONTROLLER
 
 _START_TIMEOUT = 180.0
-"""Wall time without progress of the start, on an idle machine; a first start compiles the kernels [s]."""
+"""Time without progress of the start in which the processes do nothing [s]; see `_wait_for`."""
+_AT_WORK = 0.1
+"""Part of the time that counts while they compute, or wait for a processor: a first start compiles the kernels."""
 _SAY_PERIOD = 20.0
 """Wall time after which a start that takes longer is told, again and again [s]."""
 _INCOMPATIBLE_TIME = 2.0
@@ -57,16 +58,22 @@ class Start:
                 raise SessionError(f"{name} could not be started: {' '.join(command)}: {error.strerror}") from None
 
     def _wait_for(self, there: Callable[[], bool], missing: Callable[[], str]) -> None:
-        """Wait, and tell what for; no longer than `_START_TIMEOUT` without a change of what is missing."""
-        told, since = missing(), time.monotonic()
+        """Wait, and tell what for; no longer than `_START_TIMEOUT` without a change of what is missing.
+
+        On a slow or busy machine a start takes any time: while the processes are at work only a part of it counts.
+        """
+        told, since, counted = missing(), time.monotonic(), 0.0
+        looked, worked = since, self._processes.worked()
         while not self._monitor.spin_until(there, _SAY_PERIOD):
             now, before, told = time.monotonic(), told, missing()
-            since = since if told == before else now
-            # A machine with so much to do gives each process so much less.
-            limit = _START_TIMEOUT * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+            passed, looked = now - looked, now
+            done, worked = worked, self._processes.worked()
+            counted += max(passed - max(worked - done, 0.0), _AT_WORK * passed)
+            if told != before:
+                since, counted = now, 0.0
             # Only an external controller may take longer.
             patient = self._external and told.startswith("a controller")
-            if now > since + limit and not patient:
+            if counted > _START_TIMEOUT and not patient:
                 raise SessionError(f"waited {now - since:.0f} s for {told}")
             say(f"Still waiting for {told} ...")
 

@@ -202,3 +202,23 @@ def test_memory_is_bounded_while_a_viewer_reads_nothing_of_1500_megabytes(tmp_pa
 def most(pid: int) -> int:
     """Largest resident memory that a process has had [bytes]."""
     return 1024 * int(Path(f"/proc/{pid}/status").read_text().partition("VmHWM:")[2].split(maxsplit=1)[0])
+
+
+def test_page_of_a_session_in_a_terminal_stays_after_a_short_run_until_ctrl_c(tmp_path: Path) -> None:
+    scenario, out = write_scenario(tmp_path / "short.yaml", afm_sim_node=SIMULATOR), tmp_path / "out"
+    ours, its = os.openpty()
+    command = [executable("afm_bringup", "session"), scenario, "--out", out, "--live", "--composed", "--no-picture"]
+    with subprocess.Popen(command, stderr=its, stdout=subprocess.DEVNULL, start_new_session=True) as running:
+        os.close(its)
+        text = ""
+        while "The live page stays until Ctrl-C." not in text:
+            text += os.read(ours, 65536).decode()
+        # The results are there, the nodes have ended, and the page is served.
+        assert (out / "scorecard.json").exists() and (out / "recording.rrd").exists()
+        link = re.search(r"http://127.0.0.1:\d+", text)
+        assert link and urllib.request.urlopen(link[0], timeout=TIMEOUT).status == 200
+        assert not any("afm_recorder_node/afm_recorder_node" in line for line in processes().values())
+        running.send_signal(signal.SIGINT)
+        assert running.wait() == 0
+    os.close(ours)
+    assert_nothing_left()
