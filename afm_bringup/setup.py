@@ -48,6 +48,7 @@ setup(
             "check_scenario = afm_bringup.__main__:check_scenario",
             "compare = afm_bringup.__main__:compare",
             "composed = afm_bringup.__main__:composed",
+            "contained = afm_bringup.__main__:contained",
             "identify = afm_bringup.__main__:identify",
             "replay = afm_bringup.__main__:replay",
             "scan = afm_bringup.__main__:scan",

@@ -8,6 +8,7 @@ from afm_node_common.entry import start
 session = partial(start, "afm_bringup.session_command")
 compare = partial(start, "afm_bringup.compare_command")
 composed = partial(start, "afm_bringup.composed")
+contained = partial(start, "afm_bringup.contained")
 scan = partial(start, "afm_bringup.scan_command")
 scorecard = partial(start, "afm_bringup.score_command")
 check_scenario = partial(start, "afm_bringup.check_command")

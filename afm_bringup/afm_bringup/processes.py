@@ -22,28 +22,28 @@ _AT_WORK = 600.0
 
 
 class Process:
-    """One node of a session. Its output goes to a log file.
+    """One node of a session.
 
     Parameters
     ----------
     name : str
         For messages.
     command : sequence of str
-    log : Path
-        File that receives stdout and stderr.
+    log : Path or None
+        File that receives stdout and stderr; None: they are those of this process.
     mark : str
         See `cleanup`.
     """
 
-    def __init__(self, name: str, command: Sequence[str], log: Path, mark: str) -> None:
+    def __init__(self, name: str, command: Sequence[str], log: Path | None, mark: str) -> None:
         self.name = name
-        self._file: IO[bytes] = log.open("w+b")
+        self._file: IO[bytes] | None = None if log is None else log.open("w+b")
         # Its own session: a Ctrl-C in the terminal reaches the session runner alone, which ends the nodes in order.
         self._process = subprocess.Popen(
             list(command),
             stdin=subprocess.DEVNULL,
             stdout=self._file,
-            stderr=subprocess.STDOUT,
+            stderr=None if self._file is None else subprocess.STDOUT,
             start_new_session=True,
             env=os.environ | {cleanup.VARIABLE: mark},
         )
@@ -54,8 +54,15 @@ class Process:
         return self._process.poll() is not None
 
     @property
+    def code(self) -> int | None:
+        """Exit code; minus the number of the signal that has killed it; None while it runs."""
+        return self._process.poll()
+
+    @property
     def printed(self) -> str:
         """What it has printed up to now."""
+        if self._file is None:
+            return ""
         # By the open file: the folder may have been removed.
         return os.pread(self._file.fileno(), os.fstat(self._file.fileno()).st_size, 0).decode(errors="replace")
 
@@ -116,7 +123,8 @@ class Process:
         while self._signal(0) and time.monotonic() < limit:
             time.sleep(0.02)
         self._signal(signal.SIGKILL)
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
 
     def _processor_time(self) -> float:
         return processor_time(self._process.pid)
@@ -181,8 +189,8 @@ class Processes:
         self._cleanup.wait()
         remove_unused(self._shared_memory)
 
-    def start(self, name: str, command: Sequence[str], log: Path) -> None:
-        """Start one.
+    def start(self, name: str, command: Sequence[str], log: Path | None = None) -> None:
+        """Start one; see `Process`.
 
         Raises
         ------
@@ -200,6 +208,11 @@ class Processes:
         """A sentence about one that has ended by itself, if any has; the spare one does not count."""
         ended = (process.how_it_ended for process in self._running if process.ended and process.name != self._spare)
         return next(ended, None)
+
+    @property
+    def code(self) -> int | None:
+        """Exit code of the one that was started first; see `Process`."""
+        return self._running[0].code
 
     def of_spare(self) -> str:
         """What the spare one has printed, or how it ended; empty: nothing yet."""

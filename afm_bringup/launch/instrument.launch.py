@@ -34,6 +34,8 @@ from afm_bringup.files import executable
 
 _YES, _NO = ("true", "yes", "on", "1"), ("false", "no", "off", "0", "")
 _WORDS = dict.fromkeys(_YES, True) | dict.fromkeys(_NO, False)
+_PATIENCE = "40"
+"""Wall time that all which the command of a controller has started has to end; some of it may ignore a signal [s]."""
 _CLOSING = "600"
 """Wall time that the recorder has to complete a long recording [s]."""
 
@@ -151,8 +153,12 @@ class Instrument:
                     f"controller:={controller} is not allowed: it must be true, false, composed, or a command"
                 )
             arguments = ["--ros-args", "--params-file", self._parameters, "-r", f"__ns:={self._namespace}"]
+            # Launch ends the process that it has started, not what a script has started in turn.
             self._processes["controller"] = ExecuteProcess(
-                cmd=[*command, *arguments], name="controller", output="screen"
+                cmd=[executable("afm_bringup", "contained"), *command, *arguments],
+                name="controller",
+                output="screen",
+                sigkill_timeout=_PATIENCE,
             )
 
     def _add_node(self, name: str, package: str = "", **options: str) -> None:
