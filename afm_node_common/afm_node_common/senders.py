@@ -3,13 +3,14 @@
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from itertools import pairwise
 
 from rclpy.node import Node
 
 UNKNOWN = "_UNKNOWN_"
 """Part of the name of a node that the middleware does not know yet."""
 LEASE = 25.0
-"""Wall time after which an endpoint that is still listed belongs to a living node [s]; Fast DDS takes 20 s to miss it."""
+"""Wall time after which an endpoint that is still listed is that of a living node [s]; Fast DDS misses one in 20 s."""
 _NAMED = 5.0
 """Wall time within which the name of a node becomes known [s]."""
 
@@ -60,4 +61,4 @@ class Senders:
     @staticmethod
     def _others(times: list[float], now: float) -> int:
         """How many of the endpoints of one name, found at these times, live beside the last one."""
-        return sum(newer == older or now > newer + LEASE for older, newer in zip(times, times[1:], strict=False))
+        return sum(newer == older or now > newer + LEASE for older, newer in pairwise(times))

@@ -1,4 +1,4 @@
-"""A controller that was killed and started again is one controller; one of another name, or one that lives on, is not."""
+"""A controller that was killed and started again is one controller; of another name, or alive, it is another one."""
 
 import signal
 import sys

@@ -30,5 +30,5 @@ def test_limit_of_the_start_counts_time_in_which_the_nodes_do_nothing(
         if does == "computes":
             start._wait_for(lambda: time.monotonic() > begun + enough, lambda: "the simulator")
         else:
-            with pytest.raises(SessionError, match="waited .* s for the simulator"):
+            with pytest.raises(SessionError, match=r"waited .* s for the simulator"):
                 start._wait_for(lambda: time.monotonic() > begun + TIMEOUT, lambda: "the simulator")

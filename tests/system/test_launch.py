@@ -179,7 +179,7 @@ def test_command_for_the_controller_is_given_the_scenario_and_the_namespace(scen
 @needs_launch
 def test_controller_behind_a_shell_script_does_not_outlive_the_launch(scenario: str, tmp_path: Path) -> None:
     script = tmp_path / "start.sh"
-    script.write_text(f"#!/bin/sh\n{sys.executable} {ROOT / 'examples' / 'pd_controller.py'} \"$@\"\necho over\n")
+    script.write_text(f'#!/bin/sh\n{sys.executable} {ROOT / "examples" / "pd_controller.py"} "$@"\necho over\n')
     script.chmod(0o755)
     with Launch(tmp_path, scenario=scenario, controller=str(script), recording="0") as launch:
         assert launch.wait() == 0, launch.text
