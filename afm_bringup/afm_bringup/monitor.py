@@ -122,6 +122,7 @@ class Monitor:
             status is not None
             and recorder is not None
             and bool(status.controllers)
+            and not status.detail
             and status.recorders > 0
             and recorder.ready
         )
@@ -132,7 +133,7 @@ class Monitor:
         status, recorder = self.status, self.recorder
         if status is None:
             return "the simulator"
-        if not status.controllers:
+        if not status.controllers or status.detail:
             return "a controller (a node that publishes piezo_drive)" + (f"; {status.detail}" if status.detail else "")
         return "the recorder" if recorder is None or not recorder.ready or not status.recorders else "nothing"
 

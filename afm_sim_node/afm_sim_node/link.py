@@ -42,7 +42,7 @@ class NodeLink(Link):
         if self._recorders is not None and not self._recorders():
             return False
         self._peers.look(force=True)
-        return True
+        return not self._peers.inactive
 
     @property
     def controllers(self) -> list[str]:

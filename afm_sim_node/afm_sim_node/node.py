@@ -200,7 +200,8 @@ class SimNode(Node):
     def _look_for_peers(self, *, force: bool = False) -> None:
         self._peers.look(force=force)
         rivalry = self._peers.rivalry()
-        self.run.tell_why_waiting(rivalry or self._peers.incompatible)
+        if self.run.state == State.WAITING:
+            self.run.tell_why_waiting(rivalry or self._peers.incompatible or self._peers.silent())
         if rivalry:
             self.run.fail(rivalry)
 

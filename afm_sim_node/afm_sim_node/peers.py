@@ -10,6 +10,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from afm_node_common import topics
 from afm_node_common.senders import UNKNOWN
 
+from .managed import Managed
+
 
 def _names(infos: Sequence[TopicEndpointInfo]) -> list[str]:
     """Full names of the known nodes of these endpoints, with repetitions."""
@@ -30,6 +32,7 @@ class Peers:
     def __init__(self, node: Node, *, law_inside: bool = False) -> None:
         self._node = node
         self._law_inside = law_inside
+        self._managed = Managed(node)
         self._counted = 0
         self._known: dict[str, set[bytes]] = {}
         self._drives = node.resolve_topic_name(topics.PIEZO_DRIVE)
@@ -40,6 +43,21 @@ class Peers:
         """Full names of the nodes whose drives are received."""
         self.incompatible = ""
         """Message about nodes whose drives cannot be received; empty if there are none."""
+
+    @property
+    def inactive(self) -> bool:
+        """Whether a controller is a managed node that is not active."""
+        if self._law_inside:
+            return False
+        self._managed.look(self.controllers)
+        return self._managed.inactive(self.controllers)
+
+    def silent(self) -> str:
+        """Message about nodes that would answer only when they are active; for a run that waits for drives."""
+        if self._law_inside:
+            return ""
+        self._managed.look(self.controllers)
+        return self._managed.problem
 
     @property
     def controller(self) -> str:

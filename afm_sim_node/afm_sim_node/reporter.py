@@ -119,6 +119,8 @@ class Reporter:
             self._warnings.insert(0, self._peers.incompatible)
         if self._told:
             self._warnings.append(self._told)
+        if run.state in (State.STALLED, State.RETRACTED) and (silent := self._peers.silent()):
+            self._warnings.append(silent)
 
     def wait_for_delivery(self, timeout: float) -> None:
         """Wait until everybody has the score and the last status, at most `timeout` seconds of wall time."""
