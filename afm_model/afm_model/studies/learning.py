@@ -1,6 +1,7 @@
 """Instruments as an environment of gymnasium, to learn laws: a drive is the action, a measurement is observed.
 
-Needs gymnasium: `pip install './afm_model[learn]'`.
+Needs gymnasium: `pip install './afm_model[learn]'`. Its `make` and `make_vec` import this module and make the
+environments by the name "afm_model.studies.learning:afm_model/Tracking-v0".
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -23,13 +25,14 @@ from ..core.records import place
 from ..instrument import Instrument
 from ..instrument.controller import external_law
 from ..instrument.lanes import LEAST, Together, composition
-from ..parameters import Value, changed
-from ..parameters.scenario import Scenario
+from ..parameters import SimParameters, Value, changed
+from ..parameters.scenario import Scenario, load_scenario
 from ..parts.signals import Measurement
 from ..run.engine import Engine
 from ..run.pacing import Compiled
 from ..run.simulated import ticks_to_simulate
 from ..run.state import OVER
+from .episode_picture import EpisodePicture
 
 _Array = NDArray[np.float64]
 OBSERVED = {"position": 1e9, "velocity": 1e6, "deflection": 1e9, "deflection_rate": 1e6, "lateral_force": 1e9} | {
@@ -41,11 +44,16 @@ _COLUMNS = np.concatenate([place(Measurement, name) + np.arange(count) for name,
 _FACTORS = np.repeat(list(OBSERVED.values()), list(_COUNTS.values()))
 OBSERVATION = [f"{name}_{'xyz'[i]}" if n == 3 else name for name, n in _COUNTS.items() for i in range(n)]
 """Names of the numbers of an observation."""
+LARGEST = 1e9
+"""Of an observation: 1 m, 1e3 m/s, 1 N. What is larger, of a motion that has diverged, is observed as this."""
+ID = "afm_model/Tracking-v0"
+"""Registered name of the environments."""
+_SCENARIO = "closed_loop_predictive"
 
 
 def _observed(measurements: _Array) -> _Array:
     # A motion that has diverged may have no number.
-    return np.nan_to_num(measurements[:, _COLUMNS] * _FACTORS)
+    return np.clip(np.nan_to_num(measurements[:, _COLUMNS] * _FACTORS), -LARGEST, LARGEST)
 
 
 def rewards(measurements: NDArray[Any], worst: float) -> _Array:
@@ -64,7 +72,8 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
     An episode is a run of the scenario with random numbers of its own. It is truncated at its end, and terminated when
     the motion diverges; the next step starts a new one, whatever its action is (`AutoresetMode.NEXT_STEP`).
 
-    - Action: drive of x, y, z over `drive_range`, -1 to 1, from now on.
+    - Action: drive of x, y, z over `drive_range`, -1 to 1, from now on. One outside is refused
+      (`gymnasium.wrappers.vector.ClipAction` clips).
     - Observation: OBSERVATION, what a controller is given; nothing of the true state.
     - Reward: `rewards` at the end of the action; where the motion diverges, -1 for each action that was left.
     - Info: at a start `seed`, the random numbers are those of `plant.seed`; at an end `trajectory_sha256`, and `error`
@@ -73,8 +82,8 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
 
     Parameters
     ----------
-    scenario : Scenario
-        Its law does not count.
+    scenario : Scenario or str
+        Or its name; its law does not count.
     num_envs, hold : int
         Instruments; control ticks of an action.
     drive_range, worst : float
@@ -87,13 +96,17 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
     ------
     ParameterError
         If a parameter is not allowed, or the run is endless.
+    ValueError
+        If an action is outside -1 to 1, or is not a number.
+    gymnasium.error.ResetNeeded
+        If `step` is called before `reset`.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": []}
 
     def __init__(
         self,
-        scenario: Scenario,
+        scenario: Scenario | str = _SCENARIO,
         num_envs: int = LANES,
         *,
         drive_range: float = 4.0,
@@ -101,9 +114,10 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
         hold: int = 1,
         vary: Callable[[np.random.Generator], Mapping[str, Value]] | None = None,
     ) -> None:
-        self.num_envs, self._sim, self._total = num_envs, scenario.sim, ticks_to_simulate(scenario.sim)
+        sim = (load_scenario(scenario) if isinstance(scenario, str) else scenario).sim
+        self.num_envs, self._sim, self._total = num_envs, sim, ticks_to_simulate(sim)
         self._range, self._worst, self._hold, self._vary = drive_range, worst, hold, vary
-        self.single_observation_space = Box(-np.inf, np.inf, (len(OBSERVATION),), np.float64)
+        self.single_observation_space = Box(-LARGEST, LARGEST, (len(OBSERVATION),), np.float64)
         self.single_action_space = Box(-1.0, 1.0, (3,), np.float64)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -126,9 +140,17 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
 
     def step(self, actions: Any) -> tuple[_Array, _Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Put a drive in force in each instrument."""
-        drives = self._range * np.asarray(actions, np.float64).reshape(self.num_envs, 3)
-        if not np.isfinite(drives).all():
+        if not self.begun:
+            raise ResetNeeded("step is not allowed before the first episode has started: call reset first")
+        given = np.asarray(actions, np.float64).reshape(self.num_envs, 3)
+        if not np.isfinite(given).all():
             raise ValueError("an action must be finite numbers")
+        if (largest := float(given.flat[np.abs(given).argmax()])) and not abs(largest) <= 1.0:
+            raise ValueError(
+                f"action {largest:g} is not allowed: it must be >= -1 and <= 1, which are drives up to "
+                f"{self._range:g} V (drive_range); gymnasium.wrappers.ClipAction clips it"
+            )
+        drives = self._range * given
         infos: dict[str, Any] = {}
         over = np.array([engine.state in OVER for engine in self._engines])
         for number, engine in enumerate(self._engines):
@@ -181,29 +203,87 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
                     engines[i].step(each)
             ends = {i: end for i, end in ends.items() if engines[i].state not in OVER and instruments[i].ticks < end}
 
+    @property
+    def sim(self) -> SimParameters:
+        """Parameters that all instruments have in common."""
+        return self._sim
+
+    @property
+    def begun(self) -> bool:
+        """Whether `reset` has been called."""
+        return bool(self._engines)
+
+    def newest(self, number: int) -> tuple[float, _Array]:
+        """Simulated time [s] and measurement of an instrument now."""
+        instrument = self._engines[number].instrument
+        return instrument.time, instrument.measurement
+
     def _measurements(self) -> _Array:
         return np.array([engine.instrument.measurement for engine in self._engines])
 
 
 class TrackingEnv(gymnasium.Env[Any, Any]):  # type: ignore[misc]
-    """One instrument as a plain `gymnasium.Env`; all else as `TrackingVectorEnv`, whose parameters it takes."""
+    """One instrument as a plain `gymnasium.Env`; all else as `TrackingVectorEnv`, whose parameters it takes.
 
-    def __init__(self, scenario: Scenario, **parameters: Any) -> None:
+    An episode that is over stays over: `step` is then refused until `reset`.
+
+    Parameters
+    ----------
+    scenario : Scenario or str
+    render_mode : str, optional
+        "rgb_array": `render` draws the episode up to now, (570, 720, 3).
+    **parameters
+        Of `TrackingVectorEnv`.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
+
+    def __init__(
+        self, scenario: Scenario | str = _SCENARIO, *, render_mode: str | None = None, **parameters: Any
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ParameterError(f"render_mode = {render_mode} is not allowed: it must be rgb_array, or left out")
         self._one = TrackingVectorEnv(scenario, 1, **parameters)
         self.observation_space = self._one.single_observation_space
         self.action_space = self._one.single_action_space
+        self.render_mode = render_mode
+        self._picture = EpisodePicture(self._one.sim) if render_mode else None
+        self._over = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
         """Start an episode."""
         super().reset(seed=seed)
-        return _of_one(*self._one.reset(seed=seed))
+        self._over = False
+        found = _of_one(*self._one.reset(seed=seed))
+        if self._picture is not None:
+            self._picture.begin()
+            self._picture.add(*self._one.newest(0))
+        return found
 
     def step(self, action: Any) -> tuple[Any, ...]:
         """Put a drive in force."""
-        return _of_one(*self._one.step(action))
+        if self._over:
+            raise ResetNeeded("step is not allowed after the end of an episode: call reset first")
+        found = _of_one(*self._one.step(action))
+        self._over = found[2] or found[3]
+        if self._picture is not None:
+            self._picture.add(*self._one.newest(0))
+        return found
+
+    def render(self) -> Any:
+        """Draw the episode up to now; None without a render_mode."""
+        if self._picture is None:
+            return None
+        if not self._one.begun:
+            raise ResetNeeded("render is not allowed before the first episode has started: call reset first")
+        return self._picture.pixels()
 
 
 def _of_one(*arrays: Any) -> tuple[Any, ...]:
     *values, infos = arrays
     info = {name: each[0] for name, each in infos.items() if not name.startswith("_")}
     return (*(each[0] if each[0].ndim else each[0].item() for each in values), info)
+
+
+if ID not in gymnasium.registry:
+    gymnasium.register(ID, entry_point=TrackingEnv, vector_entry_point=TrackingVectorEnv)

@@ -10,14 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afm_model import Controller, load_scenario, simulate
+from afm_model import Controller, ParameterError, load_scenario, simulate
 from afm_model.parameters import changed
 from afm_model.parts.signals import Measurement
 
 pytest.importorskip("gymnasium")
+import gymnasium
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
-from afm_model.studies.learning import OBSERVATION, TrackingEnv, TrackingVectorEnv, rewards
+from afm_model.studies.learning import ID, OBSERVATION, TrackingEnv, TrackingVectorEnv, rewards
 
 SHORT = {"run.duration": 5e-3, "score.start": 0.0, "detector.noise": 1e-3, "detector.sample_period": 5e-5}
 TICKS = 100
@@ -67,11 +69,67 @@ def test_drives_of_a_law_give_the_bits_of_its_simulation(scenario, num_envs):
     assert all(np.array_equal(a[0], b[0]) for a, b in zip(steps, others, strict=True))
 
 
-def test_checker_of_gymnasium_passes(scenario):
+NAME = f"afm_model.studies.learning:{ID}"
+
+
+def test_checker_of_gymnasium_passes_without_a_warning_by_the_registered_name_pictures_included(scenario):
     with warnings.catch_warnings():
         warnings.filterwarnings("error", ".*", UserWarning)
-        warnings.filterwarnings("ignore", ".*space (minimum|maximum) value is")
-        check_env(TrackingEnv(scenario), skip_render_check=True)
+        check_env(gymnasium.make(NAME, scenario=scenario, render_mode="rgb_array").unwrapped)
+
+
+def test_registered_name_makes_one_environment_or_many():
+    # Without a scenario: that of the page.
+    with gymnasium.make(NAME) as env:
+        assert isinstance(env.unwrapped, TrackingEnv)
+        seen, _ = env.reset(seed=3)
+    envs = gymnasium.make_vec(NAME, num_envs=2)
+    assert isinstance(envs.unwrapped, TrackingVectorEnv)
+    both, _ = envs.reset(seed=3)
+    assert np.array_equal(both[0], seen)
+
+
+def test_picture_shows_the_episode_up_to_now(scenario):
+    env = TrackingEnv(scenario, render_mode="rgb_array")
+    with pytest.raises(ResetNeeded, match="call reset first"):
+        env.render()
+    env.reset(seed=1)
+    start = env.render()
+    assert (start.shape, start.dtype) == ((570, 720, 3), np.uint8)
+    for _ in range(5):
+        env.step(np.zeros(3))
+    later = env.render()
+    assert not np.array_equal(start, later)
+    assert np.array_equal(later, env.render())
+    assert TrackingEnv(scenario).render() is None
+    with pytest.raises(ParameterError, match="render_mode = human is not allowed"):
+        TrackingEnv(scenario, render_mode="human")
+
+
+def test_step_before_reset_and_behind_the_end_of_an_episode_is_refused_in_a_sentence(scenario):
+    env = TrackingEnv(scenario, hold=TICKS)
+    with pytest.raises(ResetNeeded, match="before the first episode has started: call reset first"):
+        env.step(np.zeros(3))
+    with pytest.raises(ResetNeeded, match="before the first episode has started: call reset first"):
+        TrackingVectorEnv(scenario, 2).step(np.zeros((2, 3)))
+    env.reset(seed=1)
+    _, _, terminated, truncated, _ = env.step(np.zeros(3))
+    assert (terminated, truncated) == (False, True)
+    with pytest.raises(ResetNeeded, match="after the end of an episode: call reset first"):
+        env.step(np.zeros(3))
+    env.reset(seed=1)
+    env.step(np.zeros(3))
+
+
+@pytest.mark.parametrize("largest", [1.001, -4.0, 20.0])
+def test_action_outside_its_box_is_refused_with_what_is_allowed_and_changes_nothing(scenario, largest):
+    env = TrackingEnv(scenario)
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match=rf"action {largest:g} is not allowed: it must be >= -1 and <= 1, .* 4 V"):
+        env.step(np.array([0.0, largest, 1.0]))
+    seen = env.step(np.ones(3, np.float32))[0]
+    env.reset(seed=1)
+    assert np.array_equal(seen, env.step(np.ones(3))[0])
 
 
 def test_only_what_a_controller_measures_is_observed(scenario):
