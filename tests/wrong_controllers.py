@@ -44,12 +44,17 @@ WAYS = {
     "feeds back upwards": "response",
     "enormous": "range",
     "stamp 0": "stamp",
+    "damps the wrong way": "follows",
+    "damps z the wrong way": "follows",
+    "gains a thousandth": "follows",
 }
 """Way: the rule of the contract that it breaks; what else breaks with it is not said here."""
 LATE = 0.4
 """How late a late answer is [s]; the deadline is half of it."""
-GAIN = 3e6
-"""[V/m]"""
+GAIN = (3e10, 3e10, 5.2e8)
+"""[V/m]; those of examples/pd_controller.py, for closed_loop_tanh."""
+DAMPING = (6e5, 6e5, 8.4e4)
+"""[V s/m]"""
 
 
 @dataclass
@@ -78,12 +83,20 @@ class Wrong:
     integral: float = 0.0
     leaked: list[bytes] = field(default_factory=list)
 
-    def answers(self, sequence: int, position_x: float, error: list[float]) -> list[Reply]:
-        """Drives to publish for a measurement, with the error of x, y and z."""
+    def answers(self, sequence: int, position_x: float, error: list[float], rate: list[float]) -> list[Reply]:
+        """Drives to publish for a measurement, with the error of x, y and z, and its rate."""
         self.seen += 1
         again, older = sequence == self.newest, sequence < self.newest
         self.newest = max(self.newest, sequence)
-        drive = [GAIN * each for each in error]
+        gains, damping = list(GAIN), list(DAMPING)
+        match self.way:
+            case "damps the wrong way":
+                damping = [-each for each in damping]
+            case "damps z the wrong way":
+                damping[2] *= -1.0
+            case "gains a thousandth":
+                gains, damping = [1e-3 * each for each in gains], [1e-3 * each for each in damping]
+        drive = [gains[i] * error[i] + damping[i] * rate[i] for i in range(3)]
         before, self.before = self.before, drive
         right = Reply(sequence, drive)
 
@@ -116,12 +129,12 @@ class Wrong:
                 return [Reply(sequence, drive, horizon=math.inf)]
             case "no frame":
                 return [Reply(sequence, drive, frame="")]
-            case "too far" if sequence < 190:
-                return x(max(0.0, min(0.6 * sequence, 0.6 * (190 - sequence), 41.0)))
+            case "too far" if sequence == 60:
+                return x(401.0)
             case "wild":
                 return x(1e5 * math.sin(sequence))
-            case "too steep" if sequence < 100:
-                return x(drive[0] + 2.0 * (sequence % 2))
+            case "too steep" if sequence in (60, 61):
+                return x(310.0 if sequence % 2 else -310.0)
             case "nonsense" if bad:
                 return [Reply(sequence, drive, nonsense=True), right]
             case "never pauses" if 2045 < self.seen <= 2050:
@@ -160,9 +173,9 @@ class Wrong:
             case "z upside down":
                 return [Reply(sequence, [*drive[:2], -drive[2]])]
             case "x without feedback":
-                return x(GAIN * (error[0] + position_x))
+                return x(drive[0] + GAIN[0] * position_x)
             case "feeds back upwards":
-                return x(GAIN * (error[0] + 2.0 * position_x))
+                return x(drive[0] + 2.0 * GAIN[0] * position_x)
             case "random":
                 return [Reply(sequence, [random.gauss(0.0, 0.1) for _ in range(3)])]
             case "enormous" if bad:
@@ -187,9 +200,10 @@ def main() -> int:
     publisher = node.create_publisher(PiezoDrive, "piezo_drive", 10)
 
     def on_measurement(m: Measurement) -> None:
-        r, position = m.reference_position, m.position
+        r, position, wanted, velocity = m.reference_position, m.position, m.reference_velocity, m.velocity
         error = [r.x - position.x, r.y - position.y, r.z - m.deflection]
-        for each in wrong.answers(m.sequence, position.x, error):
+        rate = [wanted.x - velocity.x, wanted.y - velocity.y, wanted.z - velocity.z]
+        for each in wrong.answers(m.sequence, position.x, error, rate):
             time.sleep(each.after)
             drive = PiezoDrive(header=m.header if each.stamped else Header(), sequence=each.sequence)
             drive.header.frame_id = each.frame

@@ -70,6 +70,10 @@ class Log:
     sent: list[Sent] = field(default_factory=list)
     answers: list[Answer] = field(default_factory=list)
     begun: list[Phase] = field(default_factory=list)
+    motion: list[NDArray[np.float64]] = field(default_factory=list)
+    """At each tick of the phase LOCKSTEP, (2, 3) [m]: measured position of x and y, deflection; reference of x and y,
+    deflection at rest.
+    """
     memory: list[int] = field(default_factory=list)  # of the controller, again and again in the phase LONG [bytes]
     ended: str = ""  # how the controller ended before its test was over; empty: it did not
     incompatible: str = ""  # why the middleware does not connect it

@@ -117,6 +117,7 @@ class Procedure:
         self._parameters = parameters
         self._instrument = Instrument(parameters, 1, hashed=False)
         self._at_rest = self._instrument.measurement.copy()
+        self._rest = float(self._at_rest.view(Measurement)[0].deflection)
         # In real time an answer comes while the tick goes on, and is in force from the next one on.
         self._late = int(parameters.run.mode == "realtime")
         self._phase = Phase.LOCKSTEP
@@ -273,8 +274,15 @@ class Procedure:
         """Wait for the answer to a measurement; False if it did not come."""
         return self._collect(_PATIENCE, lambda: sequence in self._drives)
 
+    def _note_motion(self) -> None:
+        """Keep what the drives make of the exam's own plant."""
+        y = self._instrument.measurement.view(Measurement)[0]
+        self.log.motion.append(np.array([[*y.position[:2], y.deflection], [*y.reference_position[:2], self._rest]]))
+
     def _tick(self) -> None:
         """Make one tick with the answer, or with the previous drive where none came."""
+        if self._phase is Phase.LOCKSTEP:
+            self._note_motion()
         answered = self._instrument.ticks - self._late
         answer = self._drives.get(answered)
         drive: NDArray[np.float64] | Command | None = None

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from afm_model import SimParameters
+from afm_model.core import registry
 from afm_node_common import topics
 
 from .log import IN_LOCKSTEP, Answer, Log, Phase
@@ -35,6 +36,12 @@ _ACROSS = 0.2
 """A drive of x or y may answer the reference of the other one by so much of what each answers its own: a sensor that is
 turned by 10 degrees makes .18, the laws of the package .004.
 """
+_FOLLOWS = 0.8
+"""Largest error, rms over that of a scanner that does not move: gains a thousandth of those that follow make 1.0, the
+examples .04 to .5, the laws of the package .1 at most.
+"""
+_RUNS_AWAY = 10.0
+"""Largest error along z over the height of the sample: the laws of the package have up to 1.04."""
 _LEAK = 5_000_000
 """What a controller may take in a quarter of a long run, once, but not in the next quarter as well [bytes]."""
 
@@ -257,6 +264,36 @@ def _present(log: Log, terms: Terms) -> str | None:
     )
 
 
+def _follows(log: Log, terms: Terms) -> str | None:
+    """Judge what the drives make of the exam's own plant in the phase LOCKSTEP."""
+    # What is broken before has its own rule, and need not follow.
+    before = (_answered(log, Phase.LOCKSTEP), _finite(log, terms), _response(log, terms), _present(log, terms))
+    if not terms.feedback or len(log.motion) < 2 or any(each is None or each for each in before):
+        return None
+    motion = np.array(log.motion)
+    error = motion[:, 0] - motion[:, 1]
+    wanted = motion[:, 1] - motion[0, 0]
+    sample = registry.find("sample", terms.sim.sample.kind).height(terms.sim)
+
+    def problems() -> Iterator[str]:
+        for axis in range(2):
+            made, still = (float(np.sqrt(np.mean(each[:, axis] ** 2))) for each in (error, wanted))
+            if still > 0.0 and not made <= _FOLLOWS * still:
+                yield (
+                    f"{'xy'[axis]} does not follow its reference in the first {len(motion)} measurements: the error is "
+                    f"{made:.3g} m rms, of a scanner that does not move it is {still:.3g} m, at most "
+                    f"{_FOLLOWS * still:.3g} m is allowed: look at sign and size of the gains, damping included"
+                )
+        away = float(np.abs(error[:, 2]).max())
+        if sample > 0.0 and terms.sim.onboard.kind == "none" and not away <= _RUNS_AWAY * sample:
+            yield (
+                f"z runs away in the first {len(motion)} measurements: the deflection changes by up to {away:.3g} m, "
+                f"at most {_RUNS_AWAY * sample:.3g} m is allowed: look at sign and size of the gains, damping included"
+            )
+
+    return _first(problems())
+
+
 def _repeats(log: Log, terms: Terms) -> str | None:
     if not (terms.repeats and Phase.REPEAT in log.begun):
         return None
@@ -316,6 +353,12 @@ RULES = (
         _response,
     ),
     Rule("present", "computes a drive from the measurement whose sequence it has", _present),
+    Rule(
+        "follows",
+        "has the exam's own plant follow the reference: at most 80 % of the error of a scanner that does not move, and "
+        "no tip that runs away",
+        _follows,
+    ),
     Rule("repeats", "sends the same drives for the same measurements after a reset, the first 2000", _repeats),
     Rule("memory", "takes no more memory from measurement to measurement", _memory),
     Rule("restart", "finds a simulator that was restarted", _restart),
