@@ -44,6 +44,12 @@ def test_our_controller_keeps_every_rule_that_can_be_tested(tmp_path: Path) -> N
     ("way", "sentence"),
     [
         ("nan", "the drive for measurement 50 is [nan,"),
+        ("gains a thousandth", "x does not follow its reference in the first 2000 measurements"),
+        pytest.param(
+            "damps the wrong way",
+            "x does not follow its reference in the first 2000 measurements",
+            marks=pytest.mark.long,
+        ),
         pytest.param("leaks", "it has taken ", marks=pytest.mark.long),
     ],
 )
