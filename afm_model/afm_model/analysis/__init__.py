@@ -7,7 +7,7 @@ from ..core.tilted import along_normal, tilted_deflection, tilted_stiffness
 from .contact_resonance import contact_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
 from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve
-from .frequency_modulation import ShiftForce, force_from_shift, frequency_shift
+from .frequency_modulation import ShiftForce, energy_from_drive, force_from_shift, frequency_shift
 from .friction_load import FrictionLoadFit, friction_load_fit
 from .loops import FrictionLoop, dissipated, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
@@ -42,6 +42,7 @@ __all__ = [
     "deflection_sensitivity",
     "dissipated",
     "edges",
+    "energy_from_drive",
     "force_curve",
     "force_from_shift",
     "frequency_shift",

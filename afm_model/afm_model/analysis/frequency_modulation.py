@@ -1,12 +1,14 @@
 """Shift of a cantilever's resonance by the force on its tip, and the force from the shift."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..core.beam import MODES
 from .estimate import positive, same_length
+from .tapping import answers, check_cantilever
 
 _FIRST, _LAST = 81, 81 * 3**8
 """Nodes of the quadrature, each time three times as many."""
@@ -90,6 +92,60 @@ def _mean(
         found[left] = new
         left, n = left[~settled], 3 * n
     return found
+
+
+def energy_from_drive(
+    ratio: ArrayLike,
+    shift: ArrayLike,
+    amplitude: float,
+    *,
+    f0: float,
+    Q: float,
+    k: float,
+    drive: Literal["base", "tip"] = "base",
+    modes: int = MODES,
+) -> NDArray[np.float64]:
+    """Energy that the contact takes in a cycle, from the drive that keeps amplitude and resonance of a cantilever.
+
+    docs/dynamic.md (51), (52), of which (53) is the first order in shift / f0. All modes of a rectangular cantilever
+    are in it. Energy that goes into the air by harmonics of the motion is counted as taken by the contact.
+
+    Parameters
+    ----------
+    ratio : array_like
+        Amplitude of the drive over that far from the sample.
+    shift : array_like [Hz]
+        Frequency less that far from the sample.
+    amplitude : float [m]
+        As the photodiode shows it, by a sensitivity that is that of a static force at the tip; it is kept, at a phase
+        of pi / 2 behind the drive.
+    f0, Q, k : float [Hz], [], [N/m]
+        First resonance, quality factor of each mode, spring constant.
+    drive : "base" or "tip"
+        What is driven, as `onboard.drive`.
+    modes : int
+        As for `beam_energy`.
+
+    Returns
+    -------
+    ndarray [J]
+
+    Raises
+    ------
+    ValueError
+        If amplitude, f0, Q or k is not a positive number, modes is not 1, 2 or 3, or the drive is another one.
+    """
+    positive(amplitude=amplitude, f0=f0, Q=Q, k=k)
+    check_cantilever(drive, modes)
+    b, moved = np.asarray(ratio, np.float64), np.asarray(shift, np.float64)
+    tip, seen, by_base, seen_by_base = answers(1.0 + moved / f0, Q, modes)
+    _, free_tip, _, free_base = answers(1.0, Q, modes)
+    driven, shown, free = (by_base, seen_by_base, free_base) if drive == "base" else (tip, seen, free_tip)
+    # Motion by the drive alone, as shown, at this frequency; what is missing to the motion there is the force's.
+    per = b * amplitude / np.abs(free)
+    force = k / seen * (-1j * amplitude - per * shown)
+    energy = np.pi * np.imag(np.conj(force) * (per * driven + tip / k * force))
+    return np.asarray(energy, np.float64)
 
 
 class ShiftForce(NamedTuple):

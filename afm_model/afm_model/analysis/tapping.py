@@ -1,7 +1,7 @@
 """Energy that a tapping tip leaves in the sample, and the virial, from amplitude and phase."""
 
 from collections.abc import Mapping
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -109,11 +109,8 @@ def beam_energy(
         harmonic is below 2.
     """
     positive(frequency=frequency, f0=f0, Q=Q, k=k)
-    if modes not in range(1, MODES + 1):
-        raise ValueError(f"modes = {modes} is not allowed: it must be one of 1 to {MODES}")
-    if drive not in ("base", "tip"):
-        raise ValueError(f"drive = {drive} is not allowed: it must be base or tip")
-    moved, seen, by_base, seen_by_base = _answers(frequency / f0, Q, modes)
+    check_cantilever(drive, modes)
+    moved, seen, by_base, seen_by_base = answers(frequency / f0, Q, modes)
     off = np.asarray(free, np.complex128)
     force = k / seen * (np.asarray(shown, np.complex128) - off)
     tip = off * (by_base / seen_by_base if drive == "base" else moved / seen) + moved / k * force
@@ -122,14 +119,22 @@ def beam_energy(
     for n, amplitude in (harmonics or {}).items():
         if n < 2:
             raise ValueError(f"harmonic {n} is not allowed: it must be >= 2")
-        moved, seen, _, _ = _answers(n * frequency / f0, Q, modes)
+        moved, seen, _, _ = answers(n * frequency / f0, Q, modes)
         square = np.abs(np.asarray(amplitude, np.complex128) * k / seen) ** 2
         dissipated = dissipated + n * np.pi * square * moved.imag / k
         virial = virial + 0.5 * square * moved.real / k
     return TappingEnergy(dissipated, virial, force)
 
 
-def _answers(r: float, Q: float, modes: int) -> tuple[complex, complex, complex, complex]:
+def check_cantilever(drive: str, modes: int) -> None:
+    """Raise ValueError for a number of modes or a drive that `beam_energy` does not have."""
+    if modes not in range(1, MODES + 1):
+        raise ValueError(f"modes = {modes} is not allowed: it must be one of 1 to {MODES}")
+    if drive not in ("base", "tip"):
+        raise ValueError(f"drive = {drive} is not allowed: it must be base or tip")
+
+
+def answers(r: Any, Q: float, modes: int) -> tuple[Any, Any, Any, Any]:
     """Of a cantilever of spring constant 1 at r times its first resonance: way of the tip and deflection shown under a
     force on the tip, and by a base that moves by 1; way of the base included.
     """

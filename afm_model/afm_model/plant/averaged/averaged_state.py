@@ -44,6 +44,8 @@ class Constants(Record):
     a: Annotated[float, "m"]  # height of the free tip
     R: Annotated[float, "m"]
     viscosity: Annotated[float, "Pa s"]
+    K: Annotated[float, "Pa"]
+    pull: Annotated[float, "N"]  # largest attraction, 2 pi w R
     of_materials: int  # rows of the table: of so many materials, each of so many curvatures
     of_curvatures: int
     curvature_first: float  # 1 + curvature times radius of the first, and the step from row to row
@@ -118,6 +120,8 @@ def averaged_constants(parameters: Tree) -> Numbers:
     rows = curvatures(parameters)
     return {name: lever[name] for name in names} | {
         "Q": c.Q,
+        "K": plant.pair_numbers.K,
+        "pull": 2.0 * math.pi * plant.pair_numbers.work_of_adhesion * c.tip_radius,
         "w": w,
         "compliance": compliance,
         "by_base": base,

@@ -20,9 +20,15 @@ from .averaged_table import LEAST, ROW, look_up
 SINUSOIDAL = 0.02
 """Largest first harmonic of the force over spring constant and amplitude at which the average is held to hold."""
 FAINT = 0.01
-"""The same, times Q, of an amplitude that is smaller than those in the table: it changes amplitude and phase by less
-than a percent and a degree, whatever it is.
+"""The same, times Q, of an amplitude that is smaller than those in the table, or of a tip that adhesion may hold, which
+is larger than spring constant times amplitude: it changes amplitude and phase by less than a percent and a degree.
 """
+STIFF = 15.0
+"""Largest stiffness of a viscous contact over the spring constant. The modes beyond the first give way by 0.029 of the
+static compliance, that is by 0.4 of the indentation here: what viscosity takes is then known to 8 %.
+"""
+_OF_RADIUS = 8.0
+"""Of a radius that grows like the root of the depth, its mean a_1 is (2 depth / A)^(3/2) times an eighth."""
 
 
 @kernel
@@ -179,8 +185,15 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     s.F_0, s.F_re, s.F_im = F_0, stiffness * A, -loss * A
     s.nearest, s.amplitude = u, A
     s.touching = 1.0 if u < end else 0.0
-    most = (SINUSOIDAL if A >= LEAST else FAINT / p.Q) * p.k
-    s.outside = 1.0 if stiffness * stiffness + loss * loss > most * most else 0.0
+    free_again = u >= end or p.k * A >= p.pull * H.adhesion
+    most = (SINUSOIDAL if A >= LEAST and free_again else FAINT / p.Q) * p.k
+    beyond = stiffness * stiffness + loss * loss > most * most
+    if viscous > 0.0 and u < end:
+        # Where attraction balances the motion the depth, and with it what viscosity takes, is a small difference.
+        part = 2.0 * (end - u) / A
+        spring = 1.5 * p.K * H.modulus * _OF_RADIUS * radius / (part * math.sqrt(part))
+        beyond = beyond or stiffness > loss or spring > STIFF * p.k
+    s.outside = 1.0 if beyond else 0.0
     work = 0.5 * own.turn * A * A * h
     own.viscous += viscous * work
     own.rubbed += rub * work
@@ -192,18 +205,21 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     s.Y += h * r_y
     s.Z += h * r_z
     s.V_X, s.V_Y, s.V_Z = 2.0 * r_x - s.V_X, 2.0 * r_y - s.V_Y, 2.0 * r_z - s.V_Z
-    show(t + h, n_y * F_0, n_z * F_0, p, s, own)
+    # What the modes beyond the first show under the first harmonic of the force: without delay.
+    rest = p.static_y * n_y + p.static_z * n_z - p.mode_shown[0] * p.compliance[0] * way
+    f_re, f_im = times(stiffness, -loss, T_re, T_im)
+    show(t + h, n_y * F_0, n_z * F_0, rest * f_re, rest * f_im, p, s, own)
 
 
 @kernel
-def show(t: float, F_y: float, F_z: float, p: Constants, s: State, own: Ledger) -> None:
-    """What the photodiode shows at time t [s], and where the tip is then."""
+def show(t: float, F_y: float, F_z: float, r_re: float, r_im: float, p: Constants, s: State, own: Ledger) -> None:
+    """What the photodiode shows at time t [s], with r of the modes beyond the first, and where the tip is then."""
     sine, cosine = sincos(own.phase + own.turn * (t - own.since))
     q = s.a_re * cosine - s.a_im * sine
     tip = p.tip_z * F_z + p.mode_z[0] * q + (own.z_re * cosine - own.z_im * sine)
     s.tip_rate = (tip - s.tip) / p.h
     s.tip = tip
-    moved = p.mode_shown[0] * q + (own.shown_re * cosine - own.shown_im * sine)
+    moved = p.mode_shown[0] * q + ((own.shown_re + r_re) * cosine - (own.shown_im + r_im) * sine)
     s.shown = p.static_y * F_y + p.static_z * F_z + moved
 
 
