@@ -16,12 +16,14 @@ import numpy as np
 from ..core.elementary import square
 from ..core.errors import ParameterError, VerbError
 from ..instrument import Block, Instrument
+from ..parts.channels import NORMAL_FORCE
 from ..program.orders import Order, Step
 from ..run.verdict import outside, saturated
 from .backend import LoopSettings
 from .collect import Collector
 from .execution import Execution, Task, withdrawing
 from .image import Line
+from .load import Load
 from .results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress, Standing
 from .verb import Verb, objection, saturating
 from .verbs import Withdraw
@@ -70,6 +72,8 @@ class Operator(LoopSettings):
         self._begun = instrument.ticks
         names = [channel.name for channel in instrument.channels]
         self._error_row = names.index(ERROR_CHANNEL) if ERROR_CHANNEL in names else None
+        self._load_row = names.index(NORMAL_FORCE.name)
+        self._load = Load(self._view)
         self._saturated, self._outside, self._errors, self._error_samples = 0, 0.0, 0.0, 0
         self._measured_from = 0  # sample
         self._slides = self._measures = False
@@ -121,7 +125,7 @@ class Operator(LoopSettings):
         self._status, self._message = COMPLETE, ""
         self._begun = self.instrument.ticks
         self._saturated, self._outside = self.instrument.samples_saturated, self.instrument.time_outside
-        self._errors, self._error_samples = 0.0, 0
+        self._errors, self._error_samples, self._load = 0.0, 0, Load(self._view)
         self._tasks = self._of_verb = verb.tasks(self._execution)  # type: ignore[assignment]  # a generator
         self._next()
 
@@ -201,6 +205,7 @@ class Operator(LoopSettings):
             errors = block.samples[self._error_row, first:]
             self._errors += float(np.sum(square(errors)))
             self._error_samples += errors.size
+            self._load.take(block.samples[self._load_row, first:])
 
     @property
     def progress(self) -> Progress:
@@ -271,6 +276,8 @@ class Operator(LoopSettings):
             yield sentence
         error = math.sqrt(self._errors / max(self._error_samples, 1))
         follows = self._slides and self._state.feedback == "on"
+        if follows and not view.taps:
+            yield from self._load.remarks()
         if follows and view.taps:
             yield from self._flying(error)
         elif follows and error > _LOOSE * abs(view.setpoint) + _LEAST:

@@ -80,6 +80,13 @@ class InstrumentView:
         return float(self.parameters.plant.spring_constant(self.parameters))
 
     @property
+    def pull_off(self) -> float:
+        """Adhesion of tip and sample, 2 pi w R [N]; 0: not known."""
+        plant = self.parameters.plant
+        pair, radius = getattr(plant, "pair_numbers", None), plant.radius_of_tip(self.parameters)
+        return float(2.0 * math.pi * pair.work_of_adhesion * radius) if pair is not None else 0.0
+
+    @property
     def vertical_stiffness(self) -> float:
         """Spring constant for vertical forces [N/m]."""
         return float(self.parameters.plant.vertical_stiffness(self.parameters))
