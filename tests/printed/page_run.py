@@ -105,6 +105,8 @@ class Terminal:
         if node := self.NODE.match(command):
             self._start(node[1], command)
             return ""
+        # As in a terminal in which nobody has set it: sessions and scans take a domain that is free.
+        command = re.sub(r"^(?=ros2 run afm_bringup (session|scan) )", "env -u ROS_DOMAIN_ID ", command)
         kept = f"code=$?\n(export -p; echo cd $PWD) > {self._state}\nexit $code"
         with self._command(f"{command}\n{kept}") as started:
             assert started.wait(timeout=900.0) == code, f"{command}: {started.told}"
@@ -119,9 +121,9 @@ class Terminal:
         if kind in self._nodes:
             self.close()
         node = self._nodes[kind] = self._command(f"exec {command}")
-        # A simulator that runs has found what it needs; for what it answers clients wait by themselves.
+        # A simulator that says so has found what it needs; for what it answers clients wait by themselves.
         if kind == "afm_sim_node":
-            node.wait_until(lambda: "running" in node.text)
+            node.wait_until(lambda: re.search("running|waiting for a controller", node.text), timeout=600.0)
 
     def close(self) -> None:
         """End the nodes that still run, as Ctrl-C does.
