@@ -156,6 +156,15 @@ class _Contact(NamedTuple):
     modulus: float
     work: float
     pull: float
+    baseline: float
+
+
+def _baseline(draw: Draw, z: _Array) -> _Array:
+    """What a free cantilever shows [m]: slope, and light that interferes."""
+    rng = draw.rng
+    period, amplitude = rng.uniform(100e-9, 700e-9), 10.0 ** rng.uniform(-11.0, -9.0)
+    wave = amplitude * np.sin(2.0 * math.pi * (z / period + rng.random()))
+    return np.asarray(0.3e-9 + 0.01 * rng.standard_normal() * z + wave)
 
 
 def _contact(draw: Draw, noise: float) -> _Contact:
@@ -177,13 +186,15 @@ def _contact(draw: Draw, noise: float) -> _Contact:
     d_in = np.where(z_in > max(way[0], 0.2e-9), np.interp(z_in, way, bent), 0.0)
     d_out = np.where(z_in >= way[0], np.interp(z_in, way, bent), 0.0)[::-1]
     z, d = np.concatenate([z_in, z_in[::-1]]), np.concatenate([d_in, d_out])
-    return _Contact(z, d + 0.3e-9 + noise * pull * draw.noise(z.size), k, radius, modulus, work, k * pull)
+    base = _baseline(draw, np.append(z, np.interp(0.0, bent, way)))
+    d = d + base[:-1] + noise * pull * draw.noise(z.size)
+    return _Contact(z, d, k, radius, modulus, work, k * pull, float(base[-1]))
 
 
 def _force_curve(draw: Draw) -> Iterator[Answer]:
     made = _contact(draw, draw.rng.uniform(0.005, 0.05))
     found = force_curve(made.z, made.deflection, made.k)
-    yield "baseline", 0.3e-9, found.baseline
+    yield "baseline", made.baseline, found.baseline
     yield "adhesion", made.pull, found.adhesion
 
 
@@ -201,8 +212,9 @@ def _sensitivity(draw: Draw, friction: float) -> Estimate:
     z_in = np.linspace(-200e-9, rng.uniform(60e-9, 200e-9), int(rng.integers(1500, 4000)))
     rise = np.maximum(z_in, 0.0) / 40e-9
     v = np.concatenate([rise * (1.0 + friction), rise[::-1] * (1.0 - friction)])
-    v += 1.0 + rng.uniform(0.002, 0.02) * draw.noise(v.size)
-    return deflection_sensitivity(np.concatenate([z_in, z_in[::-1]]), v)
+    z = np.concatenate([z_in, z_in[::-1]])
+    v += 1.0 + _baseline(draw, z) / 40e-9 + rng.uniform(0.002, 0.02) * draw.noise(v.size)
+    return deflection_sensitivity(z, v)
 
 
 def _deflection_sensitivity(draw: Draw) -> Iterator[Answer]:

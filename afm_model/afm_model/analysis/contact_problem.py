@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.maugis import along, branch
-from .estimate import Estimate, correlated_mean, correlation_length
+from .estimate import Estimate, correlation_length
 
 _Array = NDArray[np.float64]
 _NODES = 501
@@ -97,15 +97,15 @@ def deflection_nodes(model: str, contact: FlatContact, k: float, largest: float)
     return way[off:], deflection[off:]
 
 
-_LEAST_NOISE = 1e-5
+_LEAST_NOISE = 1e-4
 """Of the largest deflection: what is taken where a record has less."""
 _PASSES = 2
 """Fits before the last one, each with the noise that the one before has left."""
 _STIFFEST = (4.0 / 3.0 * 1e12) ** (-2.0 / 3.0)
 """Compliance of a contact of E* = 1e12 Pa: diamond. Stiffer ones are not looked for."""
-_FIRST_KNOWN = 4
-"""Unknowns are: compliance over its first guess, logarithm of work over its own, place of the surface and zero of the
-deflection over the noise; from here on logarithms of what is known with an uncertainty."""
+_FIRST_MODE = 3
+"""Unknowns are: compliance over its first guess, logarithm of work over its own, place of the surface over the noise;
+how the baseline varies, in its uncertainties; logarithms of what is known with an uncertainty."""
 _FACTOR = 12.0
 """Logarithm by which work, range and the like may be away from their first guess."""
 
@@ -133,9 +133,11 @@ class Problem:
     ----------
     model : str
     z, deflection : ndarray (n,) [m]
-        While the tip is in contact.
+        While the tip is in contact; the deflection above the baseline.
     free : ndarray (m,) [m]
-        Deflection of the free cantilever, sampled like `deflection`.
+        Noise of the free cantilever, sampled like `deflection`.
+    varying : ndarray (modes, n + 1) [m]
+        How the baseline may vary at `z`, and at the pull-off: independent rows of one uncertainty each.
     depth : Estimate [m]
         Deflection below it at the pull-off.
     known : dict of str to Estimate
@@ -150,13 +152,15 @@ class Problem:
         z: _Array,
         deflection: _Array,
         free: _Array,
+        varying: _Array,
         depth: Estimate,
         known: dict[str, Estimate],
         contact_point: float,
     ) -> None:
         self.model, self.z, self.deflection = model, z, deflection
-        self.zero, self.depth, self.known = correlated_mean(free), depth, known
-        self.bent = float(deflection.max()) - self.zero.value
+        self.depth, self.known = depth, known
+        self.varying, self.first_known = varying, _FIRST_MODE + len(varying)
+        self.bent = float(deflection.max())
         self.noise = max(float(free.std()), _LEAST_NOISE * self.bent)
         self.length = correlation_length(free)
         self.sigma = self.noise
@@ -177,13 +181,14 @@ class Problem:
         """Fit."""
         from scipy.optimize import least_squares  # here: a third of a second for nothing in a recorder
 
-        count = _FIRST_KNOWN + len(self.free)
+        first_known = self.first_known
+        count = first_known + len(self.free)
         x = np.zeros(count)
         x[0] = 1.0
         low, high = np.full(count, -np.inf), np.full(count, np.inf)
         low[0] = _STIFFEST / self.compliance
         low[1], high[1] = -_FACTOR, _FACTOR
-        low[_FIRST_KNOWN:], high[_FIRST_KNOWN:] = -_FACTOR, _FACTOR
+        low[first_known:], high[first_known:] = -_FACTOR, _FACTOR
         for _ in range(_PASSES):
             found = least_squares(self._left, x, self._slopes, (low, high), x_scale="jac", max_nfev=60)
             x = found.x
@@ -198,7 +203,7 @@ class Problem:
         """Contact and the other known numbers at the unknowns x."""
         others = {name: each.value for name, each in self.known.items()}
         for i, name in enumerate(self.free):
-            others[name] *= math.exp(x[_FIRST_KNOWN + i])
+            others[name] *= math.exp(x[self.first_known + i])
         contact = FlatContact(x[0] * self.compliance, self.work * math.exp(x[1]), others["radius"], others["reach"])
         return contact, others
 
@@ -217,19 +222,21 @@ class Problem:
     def _left(self, x: _Array) -> _Array:
         """Residuals, each divided by its uncertainty: points, pull-off, zero, prior values."""
         predicted, depth = self._model(x)
-        points = (self.deflection - self.zero.value - self.noise * x[3] - predicted) / self.sigma
+        away = x[_FIRST_MODE : self.first_known]
+        zero = away @ self.varying
+        points = (self.deflection - zero[:-1] - predicted) / self.sigma
         rows = [points]
-        rows.append(np.array([(depth - self.depth.value) / max(self.depth.uncertainty, self.noise)]))
-        rows.append(np.array([self.noise * x[3] / max(self.zero.uncertainty, 0.1 * _LEAST_NOISE * self.bent)]))
+        rows.append(np.array([(depth - zero[-1] - self.depth.value) / max(self.depth.uncertainty, self.noise)]))
+        rows.append(away)
         for i, name in enumerate(self.free):
             each = self.known[name]
-            rows.append(np.array([x[_FIRST_KNOWN + i] * each.value / each.uncertainty]))
+            rows.append(np.array([x[self.first_known + i] * each.value / each.uncertainty]))
         return np.concatenate(rows)
 
     def _slopes(self, x: _Array) -> _Array:
         """Derivatives of `_left`. The steps are absolute: logarithms and the like may be zero."""
         steps = np.full(x.size, 1e-3)
-        steps[2:_FIRST_KNOWN] = 1e-2
+        steps[2 : self.first_known] = 1e-2
         changes = [step * unit for step, unit in zip(steps, np.eye(x.size), strict=True)]
         columns = [
             (self._left(x + change) - self._left(x - change)) / (2.0 * step)

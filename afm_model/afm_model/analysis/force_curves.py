@@ -10,20 +10,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .estimate import Estimate, StraightLine, correlated_mean, noise_of, same_length, straight_line
+from .curve_parts import FEWEST, CurveParts, curve_parts
+from .estimate import Estimate, StraightLine, noise_of, straight_line
 
 _Array = NDArray[np.float64]
-_FREE = 0.2
-"""Part of the approach, from its begin, over which the cantilever is taken as free."""
-_FEWEST = 5
-"""Least number of points of a fit."""
 
 
 class CurveAnalysis(NamedTuple):
     """Results of a force curve. Forces are relative to that of the free cantilever."""
 
     baseline: Estimate
-    """Deflection of the free cantilever [m]."""
+    """Deflection of the free cantilever at the contact point [m]."""
     contact_point: float
     """z at which the force is zero in contact, on the approach [m]."""
     snap_in_way: float
@@ -35,20 +32,10 @@ class CurveAnalysis(NamedTuple):
     """Way of z from the contact point back to the pull-off [m]."""
     work: float
     """Work of the adhesive forces on the retract [J]: area between curve and baseline."""
-
-
-def _split(z: ArrayLike, signal: ArrayLike) -> tuple[_Array, _Array, _Array, _Array]:
-    """z and signal of approach and retract; the dwell between them is not used."""
-    z, signal = same_length(z=z, signal=signal)
-    top = np.flatnonzero(z == z.max())
-    if not (top[0] >= _FEWEST and z.size - top[-1] > _FEWEST):
-        raise ValueError("z must rise and fall: there is no approach, or no retract")
-    return z[: top[0] + 1], signal[: top[0] + 1], z[top[-1] :], signal[top[-1] :]
-
-
-def _free(z: _Array, signal: _Array) -> Estimate:
-    """Signal of the free cantilever on the approach."""
-    return correlated_mean(signal[z <= z[0] + _FREE * (z.max() - z[0])])
+    slope: Estimate
+    """Of the baseline over z, from the contact point to the turn."""
+    told: str
+    """What is to be known of the baseline; empty if it is straight."""
 
 
 def _pressed(signal: _Array, low: float, high: float) -> slice:
@@ -87,20 +74,22 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
     """
     if not 0.0 < low < high <= 1.0:
         raise ValueError(f"low = {low:g}, high = {high:g} are not allowed: 0 < low < high <= 1")
-    z_in, v_in, z_out, v_out = _split(z, voltage)
-    base = _free(z_in, v_in).value
-    rise = float(v_in.max()) - base
-    if not rise > 0.0:
+    parts = curve_parts(z, voltage)
+    z_in, v_in, z_out, v_out = parts.z_in, parts.d_in, parts.z_out, parts.d_out
+    rise = float(v_in.max())
+    if not rise > 6.0 * parts.noise:
         raise ValueError("the voltage does not rise on the approach: the tip does not reach the sample")
     lines: list[StraightLine] = []
     for way, signal in ((z_in, v_in), (z_out[::-1], v_out[::-1])):
-        part = _pressed(signal, base + low * rise, base + high * rise)
-        if part.stop - part.start < _FEWEST:
+        part = _pressed(signal, low * rise, high * rise)
+        if part.stop - part.start < FEWEST:
             raise ValueError(f"only {part.stop - part.start} points lie between low and high: sample the curve denser")
         lines.append(straight_line(way[part], signal[part]))
     each = [1.0 / line.slope.value for line in lines]
     of_fit = 0.5 * math.hypot(*(line.slope.uncertainty / line.slope.value**2 for line in lines))
-    return Estimate(0.5 * sum(each), max(of_fit, 0.5 * abs(each[0] - each[1])))
+    value = 0.5 * sum(each)
+    of_base = parts.baseline.slope(z_in[v_in >= low * rise]).uncertainty * value**2
+    return Estimate(value, math.hypot(max(of_fit, 0.5 * abs(each[0] - each[1])), of_base))
 
 
 def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
@@ -120,13 +109,10 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     ValueError
         If there is no approach and retract, or the tip is not pressed on.
     """
-    z_in, d_in, z_out, d_out = _split(z, deflection)
-    base = _free(z_in, d_in)
-    d_in, d_out = d_in - base.value, d_out - base.value
-    free = d_in[z_in <= z_in[0] + _FREE * (z_in.max() - z_in[0])]
-    noise = float(free.std())
-    if d_in[-1] <= 3.0 * noise:
-        raise ValueError("the tip is not pressed on at the end of the approach")
+    parts = curve_parts(z, deflection)
+    z_in, d_in, z_out, d_out = parts.z_in, parts.d_in, parts.z_out, parts.d_out
+    free, noise = parts.baseline.noise, parts.noise
+    _check_pressed(parts)
     after = int(np.flatnonzero(d_in <= 0.0)[-1])
     contact = _crossing(z_in, d_in, after)
     # The deepest place before the contact is after the snap-in, whose motion counts from half its depth.
@@ -135,38 +121,41 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     snapped = d_in[deepest] < -max(5.0 * noise, 1e-9 * d_in[-1])
     fall = int(np.flatnonzero(d_in[:deepest] > 0.5 * d_in[deepest])[-1]) if snapped else 0
     lowest = int(np.argmin(d_out))
+    at_pull_off = parts.baseline.sum_of(1.0, z_out[lowest]).uncertainty
     return CurveAnalysis(
-        baseline=base,
+        baseline=parts.baseline.sum_of(1.0, contact),
         contact_point=contact,
         snap_in_way=contact - float(z_in[fall]) if snapped else 0.0,
-        adhesion=_pull_off(z_out, d_out, free, k, base.uncertainty),
+        adhesion=_pull_off(z_out, d_out, free, k, at_pull_off),
         snap_off_way=contact - float(z_out[lowest]),
         work=float(-k * np.trapezoid(np.minimum(d_out[: lowest + 1], 0.0), -z_out[: lowest + 1])),
+        slope=parts.baseline.slope(z_in[after:]),
+        told=parts.told,
     )
 
 
-def in_contact(z: ArrayLike, deflection: ArrayLike) -> tuple[slice, slice, slice]:
-    """Samples of a curve while the cantilever is free on the approach, in contact on it, and in contact on the retract.
+def _check_pressed(parts: CurveParts) -> None:
+    if parts.d_in[-1] <= 3.0 * parts.noise:
+        raise ValueError("the tip is not pressed on at the end of the approach")
+
+
+def in_contact(parts: CurveParts) -> tuple[slice, slice]:
+    """Samples of the approach in contact, and of the retract.
 
     The approach is taken from where the force is zero, the retract up to the largest pull.
 
     Raises
     ------
     ValueError
-        If there is no approach and retract, the tip is not pressed on, or does not come off.
+        If the tip is not pressed on, or does not come off.
     """
-    z = np.asarray(z, np.float64)
-    z_in, d_in, z_out, d_out = _split(z, deflection)
-    free = int(np.flatnonzero(z_in <= z_in[0] + _FREE * (z_in.max() - z_in[0]))[-1]) + 1
-    level, noise = float(d_in[:free].mean()), float(d_in[:free].std())
-    if d_in[-1] - level <= 3.0 * noise:
-        raise ValueError("the tip is not pressed on at the end of the approach")
+    d_in, d_out = parts.d_in, parts.d_out
+    _check_pressed(parts)
     lowest = int(np.argmin(d_out))
-    if d_out[-1] - level < 0.5 * min(float(d_out[lowest]) - level, -5.0 * noise):
+    if d_out[-1] < 0.5 * min(float(d_out[lowest]), -5.0 * parts.noise):
         raise ValueError("the retract ends before the tip comes off: lengthen it")
-    after = int(np.flatnonzero(d_in <= level)[-1])
-    turned = z.size - z_out.size
-    return slice(0, free), slice(after + 1, z_in.size), slice(turned, turned + lowest + 1)
+    after = int(np.flatnonzero(d_in <= 0.0)[-1])
+    return slice(after + 1, d_in.size), slice(0, lowest + 1)
 
 
 def _crossing(z: _Array, d: _Array, i: int) -> float:
@@ -192,7 +181,7 @@ def _pull_off(z: _Array, d: _Array, free: _Array, k: float, of_base: float) -> E
     lowest = begin + int(np.argmin(d[begin:off]))
     left = np.flatnonzero(d[lowest:off] > d[lowest] + 6.0 * noise)
     last = (lowest + int(left[0]) if left.size else off) - 1
-    width, found = max(_FEWEST - 1, last - lowest), Estimate(math.nan, math.nan)
+    width, found = max(FEWEST - 1, last - lowest), Estimate(math.nan, math.nan)
     low, high = -math.inf, math.inf
     while width <= lowest - begin:
         part = slice(lowest - width, min(lowest + width, last) + 1)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from ..contact.maugis import MODELS
 from .contact_problem import TABOR, Problem, Solution
+from .curve_parts import curve_parts
 from .estimate import Estimate, binned
 from .force_curves import force_curve, in_contact
 
@@ -109,10 +110,11 @@ def contact_fit(
     k, radius = positive(k, "k"), positive(radius, "radius")
     if not 0.0 <= sensitivity_error < 1.0:
         raise ValueError(f"sensitivity_error = {sensitivity_error:g} is not allowed: it must be >= 0 and < 1")
-    z, deflection = np.asarray(z, np.float64), np.asarray(deflection, np.float64)
     found = force_curve(z, deflection, k.value)
-    free, pressed, pulled = in_contact(z, deflection)
+    parts = curve_parts(z, deflection)
+    pressed, pulled = in_contact(parts)
     depth = Estimate(*(each / k.value for each in found.adhesion))
+    at = float(parts.z_out[pulled][-1])
     known = {
         "k": k,
         "radius": radius,
@@ -120,18 +122,22 @@ def contact_fit(
         "sensitivity": Estimate(1.0, sensitivity_error),
     }
     fits = []
-    for name, each in (("approach", pressed), ("retract", pulled)):
+    for name, z_of, d_of in (
+        ("approach", parts.z_in[pressed], parts.d_in[pressed]),
+        ("retract", parts.z_out[pulled], parts.d_out[pulled]),
+    ):
         if part not in (name, "both"):
             continue
-        width = max(-(-(each.stop - each.start) // _MOST), 1)
-        way, bent, zero = binned(z[each], width), binned(deflection[each], width), binned(deflection[free], width)
+        width = max(-(-z_of.size // _MOST), 1)
+        way, bent, noise = binned(z_of, width), binned(d_of, width), binned(parts.baseline.noise, width)
         if way.size < _FEWEST:
             raise ValueError(
                 f"only {way.size} points of the {name} are in contact, at least {_FEWEST} are needed: sample the curve "
                 f"denser"
             )
-        problem = Problem(model, way, bent, zero, depth, known, found.contact_point)
-        fits.append(_result(problem.solve(), model, sensitivity_error))
+        varying = parts.baseline.modes(np.append(way, at))
+        problem = Problem(model, way, bent, noise, varying, depth, known, found.contact_point)
+        fits.append(_result(problem.solve(), model, sensitivity_error, found.told))
     return fits[0] if len(fits) == 1 else _both(*fits)
 
 
@@ -155,13 +161,13 @@ def positive(given: Estimate | float, name: str) -> Estimate:
     return made
 
 
-def _result(found: Solution, model: str, sensitivity_error: float) -> ContactFit:
+def _result(found: Solution, model: str, sensitivity_error: float, of_base: str) -> ContactFit:
     relative = found.compliance.uncertainty / found.compliance.value
     E = 0.75 * found.compliance.value**-1.5
     modulus = Estimate(E, 1.5 * relative * E)
     stiffness = 2.0 * modulus.value * found.largest_radius
     tabor = Estimate(found.transition.value / TABOR, found.transition.uncertainty / TABOR)
-    told = doubt_of_model(model, tabor.value)
+    told = doubt_of_model(model, tabor.value) or of_base
     if relative > _DOUBT:
         bound = 0.75 * (found.compliance.value + 2.0 * found.compliance.uncertainty) ** -1.5
         of_sensitivity = f", known within {100.0 * sensitivity_error:g} %" if sensitivity_error > 0.0 else ""

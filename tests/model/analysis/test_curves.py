@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from afm_model.analysis import deflection_sensitivity, force_curve, tilted_stiffness
+from afm_model.analysis.curve_parts import curve_parts
 from afm_model.analysis.force_curves import in_contact
 from afm_model.contact.maugis import branch, pull_off
 
@@ -179,7 +180,7 @@ def test_a_retract_that_ends_while_the_tip_is_pulled_is_refused_and_noise_is_no_
     z, d = made_up(rng, 0.1e-9)
     cut = 3001 + int(np.sum(z[3001:] > 97e-9))  # pulled by 4 nm of 5
     with pytest.raises(ValueError, match="the retract ends before the tip comes off"):
-        in_contact(z[:cut], d[:cut])
+        in_contact(curve_parts(z[:cut], d[:cut]))
     _, pressed, pulled = in_contact(z, made_up(rng, 0.0)[1])
     assert (z[pressed][0], z[pressed][-1]) == (pytest.approx(101e-9, abs=0.06e-9), 150e-9)
     *_, pulled = in_contact(z, d)
