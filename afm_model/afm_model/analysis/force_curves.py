@@ -47,16 +47,19 @@ def _pressed(signal: _Array, low: float, high: float) -> slice:
     return slice(begin, end)
 
 
-def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, high: float = 0.9) -> Estimate:
+def deflection_sensitivity(
+    z: ArrayLike, voltage: ArrayLike, low: float = 0.3, high: float = 0.9, compression: float = 0.0
+) -> Estimate:
     """Sensitivity of the deflection [m/V] (InvOLS) from a force curve on a stiff sample.
 
     The cantilever follows z where the sample does not give way. Friction of the tip along a cantilever that turns
     while it bends adds to the signal on the approach and takes from it on the retract, so that the mean of both is
     taken, in which it cancels to first order (a coefficient of 0.3 leaves 1e-3); half of their difference is the
-    uncertainty, unless that of the fits is larger. What the contact gives way is not corrected: the result is too large
-    by the spring constant over the stiffness of the contact (0.2 % for 0.2 N/m on silicon oxide). With a tilted
-    cantilever it is the sensitivity for vertical motion of the tip: times `tilted_stiffness` and the voltage it is the
-    vertical force, times `tilted_deflection` the sensitivity across the cantilever.
+    uncertainty, unless that of the fits is larger. The slope of the baseline is taken off. The contact is compressed,
+    which adds the spring constant over the stiffness of the contact to the result (0.2 % for 0.2 N/m on silicon oxide):
+    give the largest that this may be as `compression`. With a tilted cantilever it is the sensitivity for vertical
+    motion of the tip: times `tilted_stiffness` and the voltage it is the vertical force, times `tilted_deflection` the
+    sensitivity across the cantilever.
 
     Parameters
     ----------
@@ -66,12 +69,17 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
         Of the photodiode.
     low, high : float
         Part of the largest rise over the free cantilever between which lines are fitted.
+    compression : float
+        Spring constant over the least stiffness that the contact may have. Half of it is corrected; all from none to
+        this is equally likely, and in the uncertainty.
 
     Raises
     ------
     ValueError
         If there is no approach and retract, or no contact in it.
     """
+    if not 0.0 <= compression < 1.0:
+        raise ValueError(f"compression = {compression:g} is not allowed: it must be >= 0 and < 1")
     if not 0.0 < low < high <= 1.0:
         raise ValueError(f"low = {low:g}, high = {high:g} are not allowed: 0 < low < high <= 1")
     parts = curve_parts(z, voltage)
@@ -89,7 +97,9 @@ def deflection_sensitivity(z: ArrayLike, voltage: ArrayLike, low: float = 0.3, h
     of_fit = 0.5 * math.hypot(*(line.slope.uncertainty / line.slope.value**2 for line in lines))
     value = 0.5 * sum(each)
     of_base = parts.baseline.slope(z_in[v_in >= low * rise]).uncertainty * value**2
-    return Estimate(value, math.hypot(max(of_fit, 0.5 * abs(each[0] - each[1])), of_base))
+    of_contact = 0.5 * compression * value / math.sqrt(3.0)
+    uncertainty = math.hypot(max(of_fit, 0.5 * abs(each[0] - each[1])), of_base, of_contact)
+    return Estimate(value / (1.0 + 0.5 * compression), uncertainty)
 
 
 def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:

@@ -47,6 +47,8 @@ class Execution:
         """What it takes at most, as far as known [s]."""
         self.surface = math.inf
         """Offset of z at which the tip was on the sample before the verb opened the loop [m]; infinite: not known."""
+        self.of_lift = ""
+        """What is to be known of a lift after which the tip still touches the sample, a sentence."""
         self.remark = ""
         """What is to be known of a result that is whole, a sentence."""
         self.result: Callable[[], Any] = self.standing

@@ -76,7 +76,7 @@ class Operator(LoopSettings):
         self._load = Load(self._view)
         self._saturated, self._outside, self._errors, self._error_samples = 0, 0.0, 0.0, 0
         self._measured_from = 0  # sample
-        self._slides = self._measures = False
+        self._slides = self._measures = self._lost = False
 
     @property
     def state(self) -> MicroscopeState:
@@ -99,7 +99,10 @@ class Operator(LoopSettings):
     def _notice_loss(self) -> None:
         """A tip off the sample that its loop will not bring back there is approached no more."""
         state, view = self._state, self._view
-        stays = state.feedback in ("hold", "off") or (state.feedback == "on" and view.z >= view.z_range[1])
+        low, high = view.z_range
+        # At a setpoint that a free cantilever exceeds the loop moves the tip away.
+        leaves = view.setpoint <= 0.0 or not low < view.z < high
+        stays = state.feedback in ("hold", "off") or (state.feedback == "on" and leaves)
         if state.approached and not state.doing and stays and not view.touching:
             state.approached = False
 
@@ -195,6 +198,9 @@ class Operator(LoopSettings):
         # What the verb has changed it puts back in its `finally`.
         self._of_verb.close()
         self._state.doing = ""
+        approached = self._state.approached
+        self._notice_loss()
+        self._lost = approached and not self._state.approached
 
     def take(self, block: Block) -> None:
         """Collect from a recorded block; every block in order, without a gap."""
@@ -267,6 +273,12 @@ class Operator(LoopSettings):
         """What is to be known of a result that is whole, a sentence each."""
         assert self._execution is not None
         view = self._view
+        if self._lost:
+            yield (
+                f"the tip is off the sample at the end, and its loop does not bring it back: setpoint "
+                f"{view.setpoint:.4g} V, feedback {self._state.feedback}, z = {view.z:.4g} m, which may be "
+                f"{view.z_range[0]:.4g} m to {view.z_range[1]:.4g} m; withdraw, and approach with a setpoint above 0 V"
+            )
         if self._execution.remark:
             yield self._execution.remark
         if sentence := saturated(self.instrument.samples_saturated - self._saturated):

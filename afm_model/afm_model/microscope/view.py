@@ -142,6 +142,34 @@ class InstrumentView:
             return self.instrument.in_contact
         return bool(self.instrument.orders.onboard.amplitude < 0.5 * (self.setpoint + self.free_amplitude))
 
+    @property
+    def pull_off_distance(self) -> float:
+        """Deflection at which the tip comes off a flat sample, as distance [m]; 0: not known."""
+        plant = self.parameters.plant
+        if self.spring_constant == 0.0 or not hasattr(plant, "contact_units"):
+            return 0.0
+        # Between 1.5 (JKR) and 2 (DMT) of its unit.
+        return float(2.0 * plant.contact_units.force / self.vertical_stiffness)
+
+    def stays_in_contact(self, name: str, lift: float, pressed: float = 0.0) -> str:
+        """What is to be said of a lift [m] after which the tip still touches the sample.
+
+        Parameters
+        ----------
+        name : str
+            Of the lift.
+        lift : float [m]
+        pressed : float [m]
+            Deflection from which the lift counts.
+        """
+        if not (distance := self.pull_off_distance):
+            return f"{name} = {lift * 1e9:.3g} nm does not take the tip off the sample: use a larger one"
+        distance += pressed
+        return (
+            f"{name} = {lift * 1e9:.3g} nm is below the pull-off distance of {distance * 1e9:.2g} nm: the tip stays in "
+            f"contact. Use at least {max(1.1 * distance, 1.1 * lift) * 1e9:.2g} nm"
+        )
+
     def setting(self, name: str, default: Any = math.nan) -> Any:
         """A setting of the loop, see `Onboard.setting`."""
         return self.loop.setting(self.parameters, name, default)

@@ -1,5 +1,7 @@
 """Claims about verbs at the edge of what can be: end of the range of z, no trigger, hard presses, errors of callers."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,16 @@ from afm_model import ParameterError
 from afm_model.core.schema import specifications
 from afm_model.microscope import Microscope, all_verbs, to_xarray
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED
-from afm_model.microscope.verbs import Approach, CalibrateSensitivity, ForceCurve, Scan, ScanPath, ThermalTune, Withdraw
+from afm_model.microscope.verbs import (
+    Approach,
+    CalibrateSensitivity,
+    ForceCurve,
+    FrictionLoop,
+    Scan,
+    ScanPath,
+    ThermalTune,
+    Withdraw,
+)
 from afm_model.program.force_curve import APPROACH as APPROACHING
 from afm_model.program.force_curve import DWELL, RETRACT
 
@@ -50,7 +61,9 @@ def test_cancel_in_a_curve_that_presses_far_into_the_sample_leaves_the_tip_off_i
 
 def test_a_lift_that_does_not_leave_the_sample_finds_it_again(approached):
     verb = ForceCurve(lift=10e-9, ramp=30e-9, approach_rate=2e-6, retract_rate=2e-6)
-    assert approached.execute(verb).message == ""
+    message = approached.execute(verb).message
+    assert message.startswith("lift = 10 nm is below the pull-off distance of ")
+    assert " nm: the tip stays in contact. Use at least " in message
     assert approached.state.approached
     assert approached.instrument.in_contact
 
@@ -194,3 +207,28 @@ def test_what_would_bring_back_more_than_memory_holds_is_refused_at_once(approac
 def test_path_of_very_many_places_is_refused_at_once(approached):
     verb = ScanPath(x=tuple(1e-12 * n for n in range(10_001)), y=(0.0,) * 10_001)
     assert approached.objection(verb) == "a path of 10001 places is not allowed: 10000 are the most"
+
+
+def test_curve_that_never_triggers_or_rises_far_beyond_its_trigger_says_so(approached):
+    never = approached.execute(ForceCurve(lift=60e-9, ramp=80e-9, approach_rate=20e-6, trigger_force=20e-9, count=2))
+    assert never.status == COMPLETE
+    assert re.match(r"in 2 of 2 curves the deflection did not rise by the trigger of \S+ V within ramp", never.message)
+    fast = ForceCurve(lift=100e-9, ramp=400e-9, approach_rate=500e-6, retract_rate=20e-6, trigger_force=5e-9)
+    outcome = approached.execute(fast)
+    (curve,) = outcome.result
+    volts, phase = (curve.record.channels[name] for name in ("deflection_voltage", "phase"))
+    rise = (volts.max() - volts[phase == APPROACHING][0]) / curve.trigger
+    assert rise > 1.15
+    found = re.match(r"the deflection rose to (\S+) times the trigger", outcome.message)
+    assert found and float(found[1]) == pytest.approx(rise, rel=0.05)
+    slow = ForceCurve(lift=100e-9, ramp=400e-9, approach_rate=10e-6, retract_rate=20e-6, trigger_force=20e-9)
+    assert approached.execute(slow).message == ""
+
+
+def test_tip_that_its_loop_has_moved_off_the_sample_is_approached_no_more(approached):
+    approached.set_setpoint(force=-80e-9)
+    outcome = approached.execute(FrictionLoop(length=20e-9, line_rate=10.0))
+    assert outcome.status == COMPLETE
+    assert "the tip is off the sample at the end, and its loop does not bring it back: setpoint -" in outcome.message
+    assert not approached.state.approached
+    assert "not allowed while the tip is withdrawn" in approached.objection(FrictionLoop())

@@ -1,10 +1,12 @@
 """Claims about Lift: the second pass goes the way of the first at its height, what it measures there, and its files."""
 
 import math
+import re
 
 import numpy as np
 import pytest
 
+from afm_model.analysis import tilted_deflection
 from afm_model.files import read_scan, write_gwy, write_scan
 from afm_model.files.layers import layers
 from afm_model.microscope import Approach, Lift, Local, Outcome, Scan, Withdraw, to_xarray
@@ -30,10 +32,16 @@ def test_second_pass_goes_the_way_of_the_first_less_deflection_and_lift(over_a_s
     microscope, outcome = over_a_slope
     assert (outcome.status, outcome.message) == ("complete", "")
     image = outcome.result
+    plant = microscope.instrument.parameters.plant
+    c = plant.cantilever_numbers
+    geometry = (plant.tilt, c.tip_height + 0.5 * c.thickness, c.length)
+    assert tilted_deflection(*geometry) > 1.02
     assert image.complete and list(image.units) == ["height", "deflection", "z_lift", "deflection_lift", "x_lift"]
     data = image.data
     for way in ("trace", "retrace"):
-        below = -data["height", way] - data["deflection", way] - HEIGHT
+        # The tip moves vertically by less than the cantilever is deflected across itself.
+        vertical = data["deflection", way] / tilted_deflection(*geometry)
+        below = -data["height", way] - vertical - HEIGHT
         # A sample later or sooner is 2 pm.
         assert data["z_lift", way] == pytest.approx(below, abs=0.2e-12)
         assert np.polyfit(image.x, data["z_lift", way][0], 1)[0] == pytest.approx(-0.1, rel=0.02)
@@ -105,3 +113,27 @@ def test_lift_needs_a_loop_that_follows_and_a_cancelled_one_leaves_the_tip_off_t
     assert microscope.operator.outcome().status == "cancelled"
     assert (microscope.state.near, microscope.instrument.in_contact) == (False, False)
     assert microscope.objection(Withdraw()) == ""
+
+
+def test_lift_below_the_pull_off_distance_says_that_the_tip_stays_in_contact_and_what_to_use():
+    microscope = local()
+    microscope.execute(APPROACH)
+    outcome = microscope.execute(Lift(**FRAME, lift=5e-9, lift_rate=10e-6))
+    assert outcome.status == "complete"
+    plant = microscope.instrument.parameters.plant
+    distance = (
+        2.0
+        * math.pi
+        * plant.pair_numbers.work_of_adhesion
+        * plant.cantilever_numbers.tip_radius
+        / plant.cantilever_numbers.k
+    )
+    found = re.match(
+        r"lift = 5 nm is below the pull-off distance of (\S+) nm: the tip stays in contact. Use at least (\S+) nm; the "
+        r"second pass was in contact in 2 of 2 lines",
+        outcome.message,
+    )
+    assert found, outcome.message
+    said, enough = (1e-9 * float(each) for each in found.groups())
+    assert said == pytest.approx(distance, rel=0.1)
+    assert microscope.execute(Lift(**FRAME, lift=enough, lift_rate=10e-6)).message == ""

@@ -1,5 +1,6 @@
 """The verb CalibrateLateral."""
 
+import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
@@ -26,6 +27,10 @@ _PLACES = 500
 """Samples in a line over the wedge."""
 _SETTLING = 0.05
 """With feedback at a new setpoint [s]."""
+_HELD = 0.3
+"""Part of the setpoint by which the load may deviate from it, rms."""
+_ANGLE = 0.1
+"""Part of `slope_angle` by which the angles of slope and flat may differ from what they should be."""
 _ORDERED = (("slope_from", "slope_to", "m"), ("flat_from", "flat_to", "m"), ("setpoint_from", "setpoint_to", "N"))
 
 
@@ -90,11 +95,11 @@ class CalibrateLateral(Verb):
         skip = motion.turn + 2 * (motion.image + motion.turn)
         count = 2 * (self.lines - 1) * (motion.image + motion.turn)
         names, rate = (
-            ["asked_x", "lateral_voltage", "deflection_voltage"],
+            ["asked_x", "lateral_voltage", "deflection_voltage", "height"],
             _PLACES / (motion.image * view.sample_period),
         )
         try:
-            for number, force in enumerate(np.linspace(self.setpoint_from, self.setpoint_to, self.setpoints)):
+            for number, force in enumerate(self._forces):
                 view.set_loop(setpoint_force=float(force), setpoint_voltage=0.0)
                 detail = f"setpoint {number + 1} of {self.setpoints}"
                 yield from run.going(*plan.begin, MoveTo().speed)
@@ -109,6 +114,8 @@ class CalibrateLateral(Verb):
         """The sensitivity of the lateral signal [N/V]; None unless there are all lines."""
         if len(recorders) < self.setpoints or not recorders[-1].over:
             return None
+        for recorder, force in zip(recorders, self._forces, strict=True):
+            self._check_surface(view, recorder, force)
         try:
             found = self._wedge(np.array([self._row(view, each) for each in recorders]).T)
         except ValueError as error:
@@ -116,9 +123,37 @@ class CalibrateLateral(Verb):
         used = {"spring_constant_N_m": view.spring_constant, "deflection_sensitivity_m_V": view.deflection_sensitivity}
         return Calibration(*found.sensitivity, "N/V", {"friction_slope": found.friction.value} | used)
 
+    @property
+    def _forces(self) -> NDArray[np.float64]:
+        """Setpoints [N]."""
+        return np.linspace(self.setpoint_from, self.setpoint_to, self.setpoints)
+
+    def _check_surface(self, view: InstrumentView, recorder: RecordCollector, force: float) -> None:
+        """Raise VerbError if the load was not the setpoint, or flat and slope are not where they are said to be."""
+        x, _, volts, height = recorder.record().channels.values()
+        load = view.vertical_stiffness * view.vertical_sensitivity * volts
+        stretches = {"slope": (self.slope_from, self.slope_to), "flat": (self.flat_from, self.flat_to)}
+        for name, (low, high) in stretches.items():
+            within = (x >= low) & (x <= high)
+            deviation = float(np.sqrt(np.mean((load[within] - force) ** 2)))
+            if deviation > _HELD * force:
+                raise VerbError(
+                    f"no lateral sensitivity: on the {name} the load deviates from the setpoint of {force:.3g} N by "
+                    f"{deviation:.3g} N rms: the line is too fast for the z loop, or an edge lies between {name}_from "
+                    f"= {low:g} m and {name}_to = {high:g} m; use a lower line_rate or other places"
+                )
+            angle = math.atan(float(np.polyfit(x[within], height[within], 1)[0]))
+            meant = self.slope_angle if name == "slope" else 0.0
+            if abs(angle - meant) > _ANGLE * self.slope_angle:
+                raise VerbError(
+                    f"no lateral sensitivity: between {name}_from = {low:g} m and {name}_to = {high:g} m the surface "
+                    f"rises by {angle:.3g} rad, not by {meant:.3g} rad: give the places of the {name} and "
+                    f"slope_angle as an image shows them"
+                )
+
     def _row(self, view: InstrumentView, recorder: RecordCollector) -> tuple[float, ...]:
         """Of the lines at one setpoint: load and half-width on the flat, load and signal up and down the slope."""
-        x, lateral, volts = recorder.record().channels.values()
+        x, lateral, volts, _ = recorder.record().channels.values()
         load = view.vertical_stiffness * view.vertical_sensitivity * volts
         trace, retrace = means(x, lateral, self.flat_from, self.flat_to)
         up, down = means(x, lateral, self.slope_from, self.slope_to)

@@ -135,6 +135,16 @@ def _curve(dataset: Any, time: Any, numbers: Mapping[str, Any], verb: "ForceCurv
 
 Measured = list[tuple[RecordCollector, bool]]
 """A record for each curve, and whether its approach ended by its trigger."""
+_OVERSHOOT = 0.1
+"""Part of the trigger by which the deflection may rise beyond it without a message."""
+
+
+def _rise(curve: Curve) -> float:
+    """Largest deflection over that at the begin of the approach, where the cantilever is free [V]."""
+    volts = curve.record.channels["deflection_voltage"]
+    approach = volts[curve.record.channels["phase"] == APPROACH]
+    first = approach[: max(approach.size // 100, 1)]
+    return float(volts.max() - first.mean()) if first.size else 0.0
 
 
 class ForceCurve(Verb):
@@ -195,8 +205,35 @@ class ForceCurve(Verb):
     def tasks(self, run: Execution) -> Iterator[Task]:
         """See `Verb`."""
         measured: Measured = []
-        run.result = lambda: self.curves(run.view, measured)
+
+        def result() -> list[Curve]:
+            curves = self.curves(run.view, measured)
+            run.remark = "; ".join(filter(None, [self._untriggered(curves), self._overshot(curves), run.of_lift]))
+            return curves
+
+        run.result = result
         yield from self.measuring(run, measured)
+
+    def _untriggered(self, curves: list[Curve]) -> str:
+        """What is to be said of approaches that ended without their trigger."""
+        missed = [curve for curve in curves if curve.trigger > 0.0 and not curve.triggered]
+        if not missed:
+            return ""
+        return (
+            f"in {len(missed)} of {len(curves)} curves the deflection did not rise by the trigger of "
+            f"{missed[0].trigger:.4g} V within ramp = {self.ramp:.4g} m: use a longer ramp, a shorter lift or a lower "
+            f"trigger"
+        )
+
+    def _overshot(self, curves: list[Curve]) -> str:
+        """What is to be said of approaches that went beyond their trigger."""
+        parts = [_rise(curve) / curve.trigger for curve in curves if curve.triggered and curve.trigger > 0.0]
+        if not parts or max(parts) < 1.0 + _OVERSHOOT:
+            return ""
+        return (
+            f"the deflection rose to {max(parts):.3g} times the trigger: after it z goes on for a sample and for the "
+            f"lag of the scanner; use an approach_rate below {self.approach_rate:g} m/s"
+        )
 
     def measuring(self, run: Execution, measured: Measured) -> Iterator[Task]:
         """The tasks; what is measured is put into `measured`, one that was broken off last."""
@@ -216,11 +253,16 @@ class ForceCurve(Verb):
             Step(orders.DWELL, duration=self.dwell, then=4),
             Step(orders.RAMP, target=down, rate=self.retract_rate),
         )
+        stays = False
         for number in range(self.count):
             recorder = run.recorder(_NAMES, self.sample_rate)
             measured.append((recorder, False))
             yield Task(Order(view.stay(), steps), one, f"curve {number + 1} of {self.count}", recorder)
             measured[-1] = recorder, run.triggered
+            stays |= view.touching
+        if stays:
+            pressed = max(view.setpoint, 0.0) * view.vertical_sensitivity
+            run.of_lift = view.stays_in_contact("lift", self.lift, pressed)
         target = min(down + _AGAIN * self.lift, view.reach[1])
         # A short lift does not leave the sample: the setpoint counts from where the deflection is.
         again = landing(view, target, self.approach_rate, self.settle, run.rest)

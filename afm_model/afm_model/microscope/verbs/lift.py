@@ -92,6 +92,7 @@ class Lift(Scan):
         image.metadata["Lift"] = f"second pass {self.lift:.6g} m above the first, channels with {ABOVE}"
         put = self.putter(run, image)
         run.result = lambda: image
+        touched = 0
         plans = [self._line(index, view) for index in range(self.lines)]
         each = 2.0 * plans[0].motion.samples * view.sample_period + 2.0 * self.lift / self.lift_rate + self._rest(view)
         run.total = view.move(*plans[0].begin, self.speed).ticks * view.control_period + self.lines * each
@@ -105,6 +106,12 @@ class Lift(Scan):
             yield from run.going(*plan.begin, self.speed)
             second = _Pass(run, scan.names_above, plan)
             yield from self._above(run, plan, first.way - self.lift - view.z, second, f"{told}, above it")
+            touched += second.touching
+            if touched and not view.taps:
+                run.remark = (
+                    f"{view.stays_in_contact('lift', self.lift)}; the second pass was in contact in {touched} of "
+                    f"{index + 1} lines"
+                )
             for way in (TRACE, RETRACE):
                 above = {name + ABOVE: values for name, values in second.found[way].channels.items()}
                 one = first.found[way]
@@ -120,6 +127,7 @@ class Lift(Scan):
         yield Task(Order(view.stay(), (up,)), time, told)
         fly = Step(orders.PROFILE, profile=way, period=view.sample_period)
         yield Task(Order(plan.motion, (fly,)), time, told, above)
+        above.touching = view.touching
         yield from run.going(*plan.begin, self.speed)
         down = (
             Step(orders.RAMP, target=0.0, rate=self.lift_rate, then=1),
@@ -153,16 +161,20 @@ class _Pass(LineCollector):
     """
 
     def __init__(self, run: Execution, names: list[str], plan: LinePlan) -> None:
-        self._way = ["z"] if run.view.taps else ["z", "deflection"]
+        self.touching = False
+        """Whether the tip was on the sample at its end."""
+        self._way = ["z"] if run.view.taps else ["z", "deflection_voltage"]
         super().__init__(run.view.instrument, list(dict.fromkeys([*names, *self._way])), plan, self._take_line)
         self._names, self.found = names, dict[str, Line]()
+        # The vertical motion of the tip, also of a tilted cantilever.
+        self._vertical = run.view.vertical_sensitivity
         self._parts: list[NDArray[np.float64]] = []
 
     def _add(self, values: Any, at: int) -> None:
         super()._add(values, at)
         rows = [list(self.signals).index(name) for name in self._way]
-        z, *bent = (values * self._factors)[rows]
-        self._parts.append(z - bent[0] if bent else z)
+        z, *volts = (values * self._factors)[rows]
+        self._parts.append(z - self._vertical * volts[0] if volts else z)
 
     def _take_line(self, line: Line) -> None:
         kept = {name: line.channels[name].copy() for name in self._names}
