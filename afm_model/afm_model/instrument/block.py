@@ -175,7 +175,7 @@ class Layout:
         self._records[name] = (self.places[name], record)
 
     def _channels(self, parameters: InstrumentParameters) -> tuple[Channel, ...]:
-        known = {channel.name: channel for channel in OPTIONAL}
+        known = {channel.name: channel for channel in (*STANDARD, *OPTIONAL)}
         for family, each in self.parts.items():
             known |= {
                 channel.name: Channel(channel.name, channel.unit, _field(family, each.part, channel), channel.scale)
@@ -187,7 +187,8 @@ class Layout:
                 f"detector.channels = {parameters.detector.channels} is not allowed: there is no channel "
                 f"{', '.join(unknown)}; there are {', '.join(known)}"
             )
-        return (*STANDARD, *(known[name] for name in dict.fromkeys(wanted)))
+        standard = [channel.name for channel in STANDARD]
+        return tuple(known[name] for name in dict.fromkeys([*standard, *wanted]))
 
     def place(self, field: str) -> int:
         """Index of the number `record.field`, or `record.vector.x`."""

@@ -126,6 +126,9 @@ def test_table_between_the_end_of_the_branch_and_its_third_node_is_as_exact_as_t
     found = np.array([look_up(each, 0.0, values, 0, 1) for each in d])
     assert np.abs(found[:, 0] - force).max() < of_force
     assert 0.01 * of_radius < np.abs(found[:, 2] - a).max() < of_radius
+    # Relative to the radius it is more, where this is small.
+    assert a[s < 0.0078].max() < 0.1 or lam != 0.94
+    assert np.abs(found[s > 0.0078, 2] / a[s > 0.0078] - 1.0).max() < 0.07
 
 
 def test_table_between_two_transition_parameters_is_exact_to_1e_4():

@@ -94,7 +94,8 @@ def test_a_tip_that_is_lost_is_approached_no_more_and_feedback_is_off_behind_a_w
     with Microscope("two_materials", drift={"rate_z": -1e-6}, onboard={"high": 200e-9}) as lost:
         lost.approach(**FAST)
         assert lost.state.approached
-        lost.move_to(x=20e-6, y=0.0, speed=100e-6)
+        with pytest.warns(UserWarning, match="the tip is off the sample at the end"):
+            lost.move_to(x=20e-6, y=0.0, speed=100e-6)
         assert not lost.state.approached
         with pytest.raises(VerbError, match="while the tip is withdrawn: it must be approached first"):
             lost.scan()

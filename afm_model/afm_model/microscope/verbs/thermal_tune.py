@@ -55,7 +55,15 @@ class ThermalTune(Verb):
         try:
             tune = spring_constant(volts, rate, sensitivity, self.temperature, band=view.resonance_band)
         except ValueError as error:
-            raise VerbError(f"no spring constant comes out of the record of {self.duration:g} s: {error}") from None
+            cold = getattr(view.parameters.plant, "temperature", self.temperature) == 0.0
+            raise VerbError(
+                f"no spring constant comes out of the record of {self.duration:g} s: "
+                + (
+                    "plant.temperature = 0 K, so that no heat moves the cantilever: set it to 295"
+                    if cold
+                    else f"{error}"
+                )
+            ) from None
         details = {"f0_Hz": tune.f0.value, "Q": tune.Q.value, "rms_m": tune.rms, "floor_m_rtHz": tune.floor.value}
         details["deflection_sensitivity_m_V"] = sensitivity
         return Calibration(*tune.k, "N/m", details)
