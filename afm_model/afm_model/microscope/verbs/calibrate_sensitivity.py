@@ -16,7 +16,9 @@ from ..verb import Count, Length, Speed, Verb, too_fast
 from ..view import InstrumentView
 from .force_curve import Curve, ForceCurve, Measured
 
-_MOST_COMPRESSION = 0.5
+_STIFFNESS, _MOST_COMPRESSION = 50.0, 0.5
+"""Least stiffness of a contact that calibrates [N/m], of a tip of 10 nm at 20 nN 60 N/m on graphite and 100 N/m on
+oxide; what a stiff cantilever is taken to compress it at most."""
 
 
 class CalibrateSensitivity(Verb):
@@ -31,11 +33,6 @@ class CalibrateSensitivity(Verb):
     lift: Length = Field(200e-9, description="z is first withdrawn by this from where it stands")
     rate: Speed = Field(1e-6, description="velocity of z")
     trigger_voltage: Annotated[Positive, Unit("V")] = Field(2.0, description="rise of the deflection at the turn")
-    contact_stiffness: Annotated[Positive, Unit("N/m")] = Field(
-        50.0,
-        description="least stiffness that the contact of tip and sample may have, for its compression: half of it is "
-        "corrected, all of it is in the uncertainty; of a tip of 10 nm at 20 nN 60 N/m on graphite, 100 N/m on oxide",
-    )
 
     def _curves(self) -> ForceCurve:
         return ForceCurve(
@@ -58,7 +55,7 @@ class CalibrateSensitivity(Verb):
 
         def result() -> Calibration | None:
             run.remark = run.of_lift
-            compression = min(run.view.vertical_stiffness / self.contact_stiffness, _MOST_COMPRESSION)
+            compression = min(run.view.vertical_stiffness / _STIFFNESS, _MOST_COMPRESSION)
             return _found(curves.curves(run.view, measured), compression)
 
         run.result = result
