@@ -60,11 +60,11 @@ def curve_parts(z: ArrayLike, signal: ArrayLike) -> CurveParts:
     z, signal = same_length(z=z, signal=signal)
     if not (np.isfinite(z).all() and np.isfinite(signal).all()):
         measured = np.isfinite(z) & np.isfinite(signal)
-        end = int(np.flatnonzero(measured)[-1]) + 1 if measured.any() else 0
-        if not (end and measured[:end].all()):
+        last = int(np.flatnonzero(measured)[-1]) + 1 if measured.any() else 0
+        if not (last and measured[:last].all()):
             raise ValueError("z or the signal is not finite between measured samples: leave these samples out")
         # Curves of different length are padded by NaN to one array.
-        z, signal = z[:end], signal[:end]
+        z, signal = z[:last], signal[:last]
     top = np.flatnonzero(z == z.max())
     if not (top[0] >= FEWEST and z.size - top[-1] > FEWEST):
         raise ValueError("z must rise and fall: there is no approach, or no retract")

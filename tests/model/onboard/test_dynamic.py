@@ -2,6 +2,7 @@
 
 import cmath
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy.special import betainc
 from afm_model import Instrument, ParameterError, build, changed
 from afm_model.core.jit import plain
 from afm_model.core.records import size
-from afm_model.onboard.dynamic import DYNAMIC, late
+from afm_model.onboard.dynamic import DYNAMIC, late, mixed
 from afm_model.parameters import InstrumentParameters
 from afm_model.parts.signals import Actuation, Detection, Setpoint
 
@@ -196,3 +197,14 @@ def test_what_cannot_be_resolved_or_excited_is_refused_in_a_sentence(values, tol
     lever = {"plant.kind": "lever", "sample.kind": "flat"} if "plant.kind" not in values else {}
     with pytest.raises(ParameterError, match=told):
         Instrument(build(InstrumentParameters, fine | lever | values))
+
+
+@pytest.mark.parametrize(("samples", "folded"), [(4, 1.0), (8, 0.0), (16, 0.0)])
+def test_third_harmonic_is_folded_onto_the_first_at_four_samples_a_period_and_not_at_eight(samples, folded):
+    constants = SimpleNamespace(lateral=0.0, filter_order=4.0, share=1.0 - math.exp(-1.0 / (10.0 * samples)))
+    stages = np.zeros((2, 4))
+    for i in range(300 * samples):
+        angle = 2.0 * math.pi * i / samples
+        signal = SimpleNamespace(deflection_voltage=math.cos(angle) + 5e-3 * math.cos(3.0 * angle), lateral_voltage=0.0)
+        x, y = plain(mixed)(signal, angle, *stages, constants)
+    assert math.hypot(x, y) == pytest.approx(1.0 + 5e-3 * folded, abs=2e-4)
