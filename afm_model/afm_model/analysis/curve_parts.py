@@ -11,7 +11,7 @@ from .estimate import same_length
 _Array = NDArray[np.float64]
 FEWEST = 5
 """Least number of points of a fit."""
-_NEAR, _CLOSE = 15e-9, 0.25
+_NEAR, _CLOSE = 15e-9, 0.4
 """Within this distance of the contact [m], or this part of the path to it, attraction may bend the cantilever."""
 _VISIBLE = 3e-3
 """Rms deviation of the baseline from a straight line, of the range of the curve, from which on it is named."""

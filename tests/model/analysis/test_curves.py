@@ -121,7 +121,8 @@ def test_tip_snaps_in_at_the_distance_of_the_closed_form():
     way = 1.5 * D - at_contact + 2.0 ** (2.0 / 3.0) * units.indentation
     found = force_curve(record.z, record.deflection, K)
     # To pass the fold takes time: 0.036 nm of way at 1 um/s, 0.013 nm at this rate.
-    assert found.snap_in_way == pytest.approx(way, abs=0.015e-9)
+    # The attraction within the free part bends its baseline by some pm.
+    assert found.snap_in_way == pytest.approx(way, abs=0.02e-9)
 
 
 def made_up(rng: np.random.Generator, noise: float) -> tuple[np.ndarray, np.ndarray]:
@@ -181,15 +182,19 @@ def test_a_retract_that_ends_while_the_tip_is_pulled_is_refused_and_noise_is_no_
     cut = 3001 + int(np.sum(z[3001:] > 97e-9))  # pulled by 4 nm of 5
     with pytest.raises(ValueError, match="the retract ends before the tip comes off"):
         in_contact(curve_parts(z[:cut], d[:cut]))
-    _, pressed, pulled = in_contact(z, made_up(rng, 0.0)[1])
-    assert (z[pressed][0], z[pressed][-1]) == (pytest.approx(101e-9, abs=0.06e-9), 150e-9)
-    *_, pulled = in_contact(z, d)
-    assert z[pulled][-1] == pytest.approx(96e-9, abs=0.2e-9)
+    clean = curve_parts(z, made_up(rng, 0.0)[1])
+    pressed, pulled = in_contact(clean)
+    assert clean.z_in[pressed][0] == pytest.approx(101e-9, abs=0.06e-9)
+    assert clean.z_in[pressed][-1] == 150e-9
+    parts = curve_parts(z, d)
+    _, pulled = in_contact(parts)
+    assert parts.z_out[pulled][-1] == pytest.approx(96e-9, abs=0.2e-9)
     # Without adhesion the last sample is the lowest by chance, within 5 deviations.
     free = np.maximum(z - 100e-9, 0.0) + 0.1e-9 * rng.uniform(-1.0, 1.0, z.size)
     free[-1] = free.min() - 0.02e-9
-    *_, pulled = in_contact(z, free)
-    assert pulled.stop == z.size
+    parts = curve_parts(z, free)
+    _, pulled = in_contact(parts)
+    assert pulled.stop == parts.z_out.size
 
 
 def test_a_sensitivity_needs_contact_and_levels_in_order():
@@ -198,8 +203,10 @@ def test_a_sensitivity_needs_contact_and_levels_in_order():
         deflection_sensitivity(z, np.zeros(100))
     with pytest.raises(ValueError, match="0 < low < high <= 1"):
         deflection_sensitivity(z, z, low=0.9, high=0.3)
+    with pytest.raises(ValueError, match="compression = 1 is not allowed"):
+        deflection_sensitivity(z, z, compression=1.0)
     with pytest.raises(ValueError, match="sample the curve denser"):
-        deflection_sensitivity(z, z, low=0.5, high=0.52)
+        deflection_sensitivity(z, np.maximum(z - 0.5, 0.0), low=0.5, high=0.52)
 
 
 def test_pull_of_few_samples_has_the_adhesion_of_the_lowest_one(rng):
