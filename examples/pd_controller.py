@@ -21,7 +21,7 @@ class PdController(Node):
         self.create_subscription(Measurement, "measurement", self.on_measurement, 10)
 
     def on_measurement(self, m):
-        answer = PiezoDrive(header=m.header, sequence=m.sequence)
+        answer = PiezoDrive(header=m.header, run_id=m.run_id, sequence=m.sequence)
         for axis, (gain, damping) in GAINS.items():
             # The height of the tip is the deflection, as long as cantilever.a is 0.
             position = m.deflection if axis == "z" else getattr(m.position, axis)

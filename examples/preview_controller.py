@@ -78,7 +78,7 @@ class PreviewController(Node):
             self.pages.pop(page - 1, None)
         (r, v), now, then = (self.pages[page][i + n] for n in (0, self.delay, self.delay + 1))
         u = self.law.drive(r - xy(m.position), v - xy(m.velocity), m.lateral_force, now, then, m.drive.z)
-        answer = PiezoDrive(header=m.header, sequence=m.sequence)
+        answer = PiezoDrive(header=m.header, run_id=m.run_id, sequence=m.sequence)
         answer.voltage.x, answer.voltage.y, answer.voltage.z = map(float, u)
         self.waiting = None
         self.drive.publish(answer)

@@ -44,7 +44,7 @@ class HandController(Node):
 
 def answer(measurement: Measurement, x: float, y: float, z: float | None = None, ahead: int = 0) -> PiezoDrive:
     """A drive for a measurement, or for one `ahead` of it; without `z` the z drive stays what it is."""
-    drive = PiezoDrive(header=measurement.header, sequence=measurement.sequence + ahead)
+    drive = PiezoDrive(header=measurement.header, run_id=measurement.run_id, sequence=measurement.sequence + ahead)
     drive.voltage.x, drive.voltage.y = x, y
     drive.voltage.z = measurement.drive.z if z is None else z
     return drive

@@ -16,10 +16,12 @@ from afm_node_common.codec import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
 from afm_node_common.estimates import Estimates
-from afm_node_common.parameters import declare
+from afm_node_common.parameter_log import ParameterLog
+from afm_node_common.parameters import Declared
 from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.presence import Presence
 from afm_node_common.process import ControllerNodeParameters
+from afm_node_common.stamps import NANOSECONDS
 from afm_node_common.subscriptions import DroppedMessages
 
 from .diagnostics import Diagnostics
@@ -39,9 +41,10 @@ class ControllerNode(Node):
 
     def __init__(self) -> None:
         super().__init__("afm_controller_node", namespace=topics.NAMESPACE)
-        parameters = declare(
+        declared = Declared(
             self, ControllerNodeParameters, tunable=TUNABLE, accepts=Controller, on_change=self._on_change
         )
+        parameters = declared.current
         self.process = parameters.process
         self._controller = Controller(parameters)
         # Compile or load the law before any measurement can come.
@@ -60,7 +63,9 @@ class ControllerNode(Node):
         self._diagnostics = Diagnostics(self)
         self.estimates = Estimates(self, lambda: self._controller.estimates)
         """What the law believes, on topics."""
+        self._parameters = ParameterLog(self, declared, self._now)
         self._tasks = PeriodicTasks(
+            PeriodicTask(self._parameters.look, _ESTIMATES),
             PeriodicTask(self.estimates.publish, _ESTIMATES),
             PeriodicTask(self._presence.look, _PERIOD),
             PeriodicTask(self._publish_diagnostics, _PERIOD),
@@ -73,8 +78,8 @@ class ControllerNode(Node):
         """Answer one measurement if there is one.
 
         One that comes again (the simulator repeats what was not answered in time) gets the same answer: a law with a
-        state takes a step for each measurement, not for each message. A lower sequence begins another run. What cannot
-        be read is dropped: the law does not see it.
+        state takes a step for each measurement, not for each message. Another run_id begins another run, and so does a lower
+        sequence. What cannot be read is dropped: the law does not see it.
         """
         take, reply, publish = self._take, self._reply, self._publish
         taken = take()
@@ -85,26 +90,30 @@ class ControllerNode(Node):
         else:
             self._answer(taken[0])
         if self.estimates.wanted and self._period:
-            self.estimates.look(reply.answered, self._period)
+            self.estimates.look(reply.run_id, reply.answered, self._period)
         return True
 
     def _answer(self, data: bytes) -> None:
         """Answer a message of any layout; with the last answer if it is not new."""
         try:
-            sequence, stamp_ns, measurement = self._decode(data)
+            run_id, sequence, stamp_ns, measurement = self._decode(data)
         except MalformedError as error:
             self.drops.add(topics.MEASUREMENT, str(error))
             return
         if not self._period and sequence > 0:
             self._period = stamp_ns * 1e-9 / sequence
             self._check_period()
-        controller, answered = self._controller, self._reply.answered
-        if sequence != answered:
-            if sequence < answered:
-                controller.reset()
+        controller, reply = self._controller, self._reply
+        begins = run_id != reply.run_id or sequence < reply.answered
+        if begins:
+            controller.reset()
+            reply.begin(run_id)
+        if sequence != reply.answered:
             controller.answer(measurement, stamp_ns * 1e-9)
-            self._reply.note(sequence)
-        self._publish(self._encode(sequence, stamp_ns, controller.given()))
+            reply.note(sequence)
+        self._publish(self._encode(run_id, sequence, stamp_ns, controller.given()))
+        if begins:  # also where the run is over before the next periodic look
+            self._parameters.look()
 
     def wait(self, timeout: float) -> None:
         """Sleep until a measurement may be there, or for `timeout` seconds of wall time."""
@@ -117,10 +126,15 @@ class ControllerNode(Node):
     def destroy_node(self) -> None:
         """End the node."""
         self.estimates.publish()
+        self._parameters.look()
         self._presence.close()
         self._inbox.close()
         self._outbox.close()
         super().destroy_node()
+
+    def _now(self) -> tuple[int, int]:
+        """Run and simulated time [ns] of the last answer."""
+        return self._reply.run_id, round(max(self._reply.answered, 0) * self._period * NANOSECONDS)
 
     def _check_period(self) -> None:
         """Warn of a law that is made for another control period than that in which measurements are taken."""

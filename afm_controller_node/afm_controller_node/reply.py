@@ -3,6 +3,8 @@
 For messages that are laid out as those of our simulator, and answers without a horizon; the codecs do all others.
 """
 
+import ctypes
+
 import numpy as np
 
 from afm_model import Controller
@@ -29,7 +31,7 @@ def reply(law: Block, words: Integers, sent: Integers, answer: Block) -> bool:
         Block of the law.
     words : ndarray of int64
         Sequence answered last; number of answers; number of words up to the sequence; what these words must be, which
-        bits of them count; the message from its first bytes on.
+        bits of them count, the last one being run_id; the message from its first bytes on.
     sent : ndarray of int64
         The drive behind its first bytes.
     answer : ndarray
@@ -50,7 +52,7 @@ def reply(law: Block, words: Integers, sent: Integers, answer: Block) -> bool:
     # As `Controller.answer` is called.
     time = (seconds * NANOSECONDS + nanoseconds) * 1e-9
     control(time, record_at(words, message + head + 1, Measurement), u, law)
-    sent[0], sent[head - 1] = stamp, sequence
+    sent[0], sent[head - 2], sent[head - 1] = stamp, words[message + head - 1], sequence
     for axis in range(3):
         drive.voltage[axis] = u.voltage[axis]
     return bool(u.horizon_count == 0)
@@ -66,18 +68,20 @@ class Reply:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        known = measurement_codec().encode(0, 0, np.zeros(size(Measurement)))
-        frame = slice(12, 16 + len(FRAME) + 1)
+        known = measurement_codec().encode(0, 0, 0, np.zeros(size(Measurement)))
         counts = bytearray(len(known))
-        # The kind of encapsulation, frame_id with its length: not the stamp, nor what is only padding.
-        for each in (slice(0, 2), frame):
+        frame, numbers = slice(12, 16 + len(FRAME) + 1), 8 * size(Measurement)
+        run_id = slice(len(known) - numbers - 16, len(known) - numbers - 8)
+        # The kind of encapsulation, frame_id with its length, run_id: not the stamp, and not what is only padding.
+        for each in (slice(0, 2), frame, run_id):
             counts[each] = b"\xff" * (each.stop - each.start)
         words = [np.frombuffer(bytes(_ORIGIN) + each, np.int64) for each in (known, counts)]
         head = len(words[0]) - size(Measurement) - 1
         self._words = np.array([-1, 0, head, *words[0][:head], *words[1][:head], *words[0]])
+        self._run = 3 + head - 1
         self._noted = memoryview(self._words)  # type: ignore[arg-type]  # an array is a buffer
         self._message = self._noted[3 + 2 * head :].cast("B")[_ORIGIN:]
-        self.drive = bytearray(drive_codec().encode(0, 0, np.zeros(3)))
+        self.drive = bytearray(drive_codec().encode(0, 0, 0, np.zeros(3)))
         """The message that answers the last one."""
         self._sent = np.frombuffer(self.drive, np.int64, len(self.drive) // 8 - 1, _ORIGIN)
         self.answer(known)  # compile or load it
@@ -101,6 +105,15 @@ class Reply:
     def answers(self) -> int:
         """How many were answered."""
         return int(self._noted[1])
+
+    @property
+    def run_id(self) -> int:
+        """Run of that measurement; 0: there was none."""
+        return int(self._noted[self._run]) % 2**64
+
+    def begin(self, run_id: int) -> None:
+        """Answer the measurements of this run from here on."""
+        self._noted[self._run], self._noted[0] = ctypes.c_int64(run_id).value, -1
 
     def note(self, sequence: int) -> None:
         """Another way has answered the measurement of this sequence."""

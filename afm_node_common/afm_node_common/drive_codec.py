@@ -38,24 +38,24 @@ class DriveCodec(Codec):
     def __init__(self, *, fast: bool = True) -> None:
         super().__init__(PiezoDrive, 3, tail=_NO_HORIZON, fast=fast)
 
-    def _encode_other(self, sequence: int, stamp_ns: int, values: Any) -> bytes:
+    def _encode_other(self, run_id: int, sequence: int, stamp_ns: int, values: Any) -> bytes:
         if not isinstance(values, Command):
-            return super()._encode_other(sequence, stamp_ns, values)
+            return super()._encode_other(run_id, sequence, stamp_ns, values)
         if not len(values.horizon):
-            return self.encode(sequence, stamp_ns, values.voltage)
+            return self.encode(run_id, sequence, stamp_ns, values.voltage)
         if self.fast:
-            head = self.encode(sequence, stamp_ns, values.voltage)[: -len(_NO_HORIZON)]
+            head = self.encode(run_id, sequence, stamp_ns, values.voltage)[: -len(_NO_HORIZON)]
             return head + _PERIOD_AND_COUNT.pack(values.horizon_period, len(values.horizon)) + values.horizon.tobytes()
         message = PiezoDrive()
-        fill(message, sequence, stamp_ns, values.voltage)
+        fill(message, run_id, sequence, stamp_ns, values.voltage)
         message.horizon_period = float(values.horizon_period)
         message.horizon = [Vector3(x=x, y=y, z=z) for x, y, z in values.horizon.tolist()]
         return bytes(serialize_message(message))
 
-    def _decode_other(self, data: bytes) -> tuple[int, int, Any]:
+    def _decode_other(self, data: bytes) -> tuple[int, int, int, Any]:
         return self._decode_horizon(data) or super()._decode_other(data)
 
-    def _decode_horizon(self, data: bytes) -> tuple[int, int, Drive] | None:
+    def _decode_horizon(self, data: bytes) -> tuple[int, int, int, Drive] | None:
         """A message with a horizon that is laid out as we write it; None: it is not."""
         layout = self._layouts.get(int.from_bytes(data[12:16], "little"))
         if not self.fast or data[:2] != LITTLE_ENDIAN_CDR or layout is None:
@@ -64,7 +64,7 @@ class DriveCodec(Codec):
         behind = voltage + _VOLTAGE + _PERIOD_AND_COUNT.size
         if len(data) < behind + _DRIVE:
             return None
-        _, seconds, nanoseconds, frame, sequence = layout.head.unpack_from(data)
+        _, seconds, nanoseconds, frame, run_id, sequence = layout.head.unpack_from(data)
         period, count = _PERIOD_AND_COUNT.unpack_from(data, voltage + _VOLTAGE)
         if (
             count > LONGEST_HORIZON
@@ -76,7 +76,7 @@ class DriveCodec(Codec):
             return None
         numbers = np.frombuffer(data, np.float64, 3, voltage)
         horizon = np.frombuffer(data, np.float64, 3 * count, behind).reshape(count, 3)
-        return sequence, seconds * NANOSECONDS + nanoseconds, _command(numbers, horizon, period)
+        return run_id, sequence, seconds * NANOSECONDS + nanoseconds, _command(numbers, horizon, period)
 
     def _read(self, message: Any) -> Drive:
         if not message.horizon:

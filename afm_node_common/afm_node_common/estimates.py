@@ -37,13 +37,13 @@ class Estimates:
         }
         self._samples: list[list[float]] = []  # that wait to be published
         self._first = 0  # number of the first of them
-        self._tick, self._due, self._period = 0, 0, 0.0
+        self._run_id, self._tick, self._due, self._period = 0, 0, 0, 0.0
         self.wanted = False
         """Whether somebody listened when `publish` was called last."""
 
-    def look(self, tick: int, control_period: float) -> None:
-        """Sample what the law believes after its answer at this control tick, if a sample is due."""
-        if self._tick <= tick < self._due:
+    def look(self, run_id: int, tick: int, control_period: float) -> None:
+        """Sample what the law believes after its answer at this control tick of a run, if a sample is due."""
+        if run_id == self._run_id and self._tick <= tick < self._due:
             return
         every = max(1, round(_RASTER / control_period))
         number = tick // every
@@ -51,13 +51,13 @@ class Estimates:
         if [each.name for each in believed] != [*self._publishers]:
             return
         left_out = number - self._first - len(self._samples)
-        if tick < self._tick or not self._due or left_out > _LONGEST:
+        if run_id != self._run_id or tick < self._tick or not self._due or left_out > _LONGEST:
             # Another run, or nobody listened until now.
             self.publish()
             self._first, left_out = number, 0
         # Where no sample was taken the law is said to have believed what it does now.
         self._samples += [[each.value for each in believed]] * (left_out + 1)
-        self._tick, self._due, self._period = tick, (number + 1) * every, every * control_period
+        self._run_id, self._tick, self._due, self._period = run_id, tick, (number + 1) * every, every * control_period
 
     def publish(self) -> None:
         """Publish the samples that wait; to be called from time to time."""
@@ -71,6 +71,7 @@ class Estimates:
                 publisher.publish(
                     self._encode(
                         stamp,
+                        run_id=self._run_id,
                         first_sample=self._first,
                         sample_period=self._period,
                         samples=values,

@@ -24,6 +24,7 @@ RECORDER_STATUS = "recorder_status"
 EVENTS = "events"
 SCAN_LINE = "scan_line"
 RESULTS = "results"
+PARAMETERS = "parameters"
 IMAGE = "image"
 MICROSCOPE = "microscope"
 
@@ -73,7 +74,7 @@ be behind, or its drives would be too old for ever.
 STREAM_QOS = _reliable(1000)
 """Blocks for recording: room for a recorder that falls behind for seconds."""
 EVENTS_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)
-"""What has happened is kept for a recorder that joins late."""
+"""What has happened, and parameters, are kept for a recorder that joins late."""
 SCAN_LINE_QOS = _reliable(1024, DurabilityPolicy.TRANSIENT_LOCAL)
 """Lines of a scan: those of an image of 512 lines are kept for whoever joins late."""
 RESULTS_QOS = _reliable(100)

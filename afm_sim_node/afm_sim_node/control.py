@@ -20,12 +20,10 @@ class Control:
     ----------
     node : Node
     run : Run
-    before_reset : callable
-        Called while what happened before a reset is still known.
     """
 
-    def __init__(self, node: Node, run: Run, before_reset: Callable[[], None]) -> None:
-        self._run, self._before_reset = run, before_reset
+    def __init__(self, node: Node, run: Run) -> None:
+        self._run = run
         self._waiting: list[tuple[Future, int]] = []
         for name, ask in (
             (topics.PLAY, run.play),
@@ -72,6 +70,5 @@ class Control:
 
     def reset(self) -> str:
         """Back to the start."""
-        self._before_reset()
         self._run.reset()
         return ""

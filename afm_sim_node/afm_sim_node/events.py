@@ -19,9 +19,9 @@ class Events:
     def __init__(self, node: Node) -> None:
         self._publisher = node.create_publisher(Event, topics.EVENTS, topics.EVENTS_QOS)
 
-    def publish(self, tick: int, stamp_ns: int, text: str, *, warn: bool) -> None:
-        """Something has happened at a control tick, which is at a simulated time [ns]; `warn`: not as asked."""
-        message = Event(tick=tick, text=shown(text), level=Event.WARN if warn else Event.INFO)
+    def publish(self, run_id: int, tick: int, stamp_ns: int, text: str, *, warn: bool) -> None:
+        """Something has happened in a run at a control tick, which is at a simulated time [ns]; `warn`: not as asked."""
+        message = Event(run_id=run_id, tick=tick, text=shown(text), level=Event.WARN if warn else Event.INFO)
         message.header.frame_id = topics.FRAME
         message.header.stamp = stamp(stamp_ns)
         self._publisher.publish(message)

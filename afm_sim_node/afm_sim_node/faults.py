@@ -51,7 +51,7 @@ class Faults:
                     self._log.info(text)
                 else:
                     self._log.warning(text)
-                self._publish(tick, round(tick * self._period * 1e9), text, warn=not ends)
+                self._publish(self._run.run_id, tick, round(tick * self._period * 1e9), text, warn=not ends)
         self._told = ticks
 
     def _happened(self, begin: int, end: int) -> list[tuple[int, str]]:

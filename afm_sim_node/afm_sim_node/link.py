@@ -88,6 +88,7 @@ class TopicLink(NodeLink):
             self.wire = Wire(self._take, self._publish)
         self._period_ns = parameters.plant.control_period * 1e9
         self._clock_each_tick = parameters.run.clock_each_tick
+        self._run_id = 0
         self._info: Any = None
         self.fast_path = {
             "direct takes": direct,
@@ -97,9 +98,13 @@ class TopicLink(NodeLink):
         self.wait = self._inbox.wait
         """wait(timeout): sleep until a drive may be there, or for `timeout` seconds of wall time."""
 
+    def name_run(self, run_id: int) -> None:
+        """Name the run in all messages from here on."""
+        self._run_id = run_id
+
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
         """Publish a measurement, stamped with its simulated time."""
-        data = self._encode(sequence, round(sequence * self._period_ns), measurement)
+        data = self._encode(self._run_id, sequence, round(sequence * self._period_ns), measurement)
         if self.wire is not None:
             self.wire.measurement[:] = data
         self._publish(data)
@@ -115,9 +120,9 @@ class TopicLink(NodeLink):
         return self.read(data)
 
     def read(self, data: bytes) -> tuple[int, Drive]:
-        """A drive from its bytes."""
-        sequence, _, drive = self._decode(data)
-        return sequence, drive
+        """A drive from its bytes, with the sequence that it answers; -1 if it answers a measurement of another run."""
+        run_id, sequence, _, drive = self._decode(data)
+        return (sequence if run_id in (0, self._run_id) else -1), drive
 
     def arrived(self) -> float:
         """Time at which the middleware received the last drive; now if it does not give one."""

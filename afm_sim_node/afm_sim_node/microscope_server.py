@@ -48,8 +48,6 @@ class MicroscopeServer:
     declared : Declared
         The parameters of the node: what is set or put in stands there, and is recorded.
     events : Events
-    before_reset : callable
-        Called while what happened before another sample or probe is still known.
     """
 
     def __init__(
@@ -58,19 +56,18 @@ class MicroscopeServer:
         run: Run,
         declared: Declared[SimNodeParameters],
         events: Events,
-        before_reset: Callable[[], None],
     ) -> None:
-        self._run, self._declared, self._before_reset = run, declared, before_reset
+        self._run, self._declared = run, declared
         self._lines, results = ScanLines(node), Results(node)
         self._status = node.create_publisher(MicroscopeStatus, topics.MICROSCOPE, topics.LATCHED_QOS)
         self._told: Any = None
 
         def changed(event: str, warn: bool) -> None:
-            events.publish(run.snapshot().ticks, run.stamp_ns, event, warn=warn)
+            events.publish(run.run_id, run.instrument.ticks, run.stamp_ns, event, warn=warn)
             self.publish()
 
         def brought(verb: str, outcome: Outcome) -> None:
-            results.publish(verb, outcome, run.stamp_ns)
+            results.publish(run.run_id, verb, outcome, run.stamp_ns)
 
         self._verbs = VerbServer(node, run, self._begun, changed, brought)
         Settings(node, run, self._exchange, self._on_setting)
@@ -99,7 +96,7 @@ class MicroscopeServer:
 
     def put_line(self, line: Line) -> None:
         """A line of a scan has been measured."""
-        self._lines.put(line, self._run.operator.measured)
+        self._lines.put(self._run.run_id, line, self._run.operator.measured)
 
     def verb_over(self, outcome: Outcome) -> None:
         """A verb has come to its end."""
@@ -118,7 +115,6 @@ class MicroscopeServer:
         from afm_model.microscope.local import exchanged
 
         made = exchanged(self._declared.current, self._run.operator.state, group, changes)
-        self._before_reset()
         self._run.exchange(made)
         self._declared.exchange(made)
 
@@ -135,6 +131,7 @@ class MicroscopeServer:
         state, progress = operator.state, operator.progress
         volts, force = setpoint(self._run)
         message = MicroscopeStatus(
+            run_id=self._run.run_id,
             approached=state.approached,
             feedback=state.feedback,
             setpoint_voltage=volts,

@@ -17,6 +17,7 @@ from afm_model.run import OVER, Listeners, Run, State
 from afm_node_common import runner, topics
 from afm_node_common.estimates import Estimates
 from afm_node_common.memory import give_back
+from afm_node_common.parameter_log import ParameterLog
 from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.preview import PreviewServer
 from afm_node_common.process import SimNodeParameters
@@ -72,7 +73,13 @@ class SimNode(Node):
             parameters,
             self._link,
             time.monotonic,
-            Listeners(changed=self._on_state, block=self._on_block, ended=self._on_end, verb_over=self._on_verb_over),
+            Listeners(
+                changed=self._on_state,
+                block=self._on_block,
+                ended=self._on_end,
+                left=self._on_left,
+                verb_over=self._on_verb_over,
+            ),
             block_ticks=block_ticks(parameters),
             operate=operate,
             in_pieces=parameters.run.mode == "realtime",
@@ -90,15 +97,14 @@ class SimNode(Node):
         self._simulated_time = Clock(self, self.run, parameters.plant.control_period if in_lockstep else 0.0)
         if parameters.run.clock_each_tick:
             self._link.asked = self._simulated_time.asked
+        self._parameters = ParameterLog(self, declared, lambda: (self.run.run_id, self.run.stamp_ns))
         events = Events(self)
         self._faults = Faults(self, self.run, declared, events)
-        self._control = Control(self, self.run, before_reset=self._faults.look)
+        self._control = Control(self, self.run)
         PreviewServer(self, parameters)
         self._standard = Standard(self, self.run, self._control) if INSTALLED else None
         if operate is not None:
-            self._microscope = microscope_server.MicroscopeServer(
-                self, self.run, declared, events, before_reset=self._faults.look
-            )
+            self._microscope = microscope_server.MicroscopeServer(self, self.run, declared, events)
         looks = [self.run.blocks.end_block, self.estimates.publish, self._look_for_peers, self._faults.look]
         if parameters.safety.unrecorded:
             looks.append(RecorderWatch(self, self.run, self._streams).look)
@@ -127,6 +133,7 @@ class SimNode(Node):
         # A few microseconds: it needs no turn of its own.
         if rate := self._declared.current.run.telemetry_rate:
             self._telemetry.publish_at(now, 1.0 / rate)
+        self._parameters.look()
         self._tasks.run_next(now)
         if self._standard is not None:
             self._standard.look()
@@ -136,7 +143,7 @@ class SimNode(Node):
         self.run.flush()
         if self._microscope is not None:
             self._microscope.finish(spin_once)
-        self._reporter.publish_status()
+        self._reporter.publish_status(over=True)
         self._streams.wait_for_delivery(_DELIVERY_TIMEOUT)
         self._reporter.wait_for_delivery(_DELIVERY_TIMEOUT)
 
@@ -170,9 +177,9 @@ class SimNode(Node):
             signal.raise_signal(signal.SIGINT)  # the one way in which a node ends
 
     def _on_block(self, block: Block, round_trips: NDArray[np.float32]) -> None:
-        self._streams.put(block, round_trips)
+        self._streams.put(self.run.run_id, block, round_trips)
         if self.estimates.wanted:
-            self.estimates.look(self.run.instrument.ticks - 1, self._declared.current.plant.control_period)
+            self.estimates.look(self.run.run_id, self.run.instrument.ticks - 1, self._declared.current.plant.control_period)
         # In lockstep no tick is late.
         if self.run.deadline is None:
             self._streams.publish_all()
@@ -183,6 +190,12 @@ class SimNode(Node):
         self._peers.look(force=True)
         self._faults.look()
         self._reporter.publish_score()
+
+    def _on_left(self) -> None:
+        self._faults.look()
+        self._parameters.look()
+        self._streams.publish_all()
+        self._reporter.publish_status(over=True)
 
     def _on_line(self, line: "Line") -> None:
         assert self._microscope is not None

@@ -74,8 +74,8 @@ class Reporter:
         log_state(self._log, run, self._parameters)
         self._logged = run
 
-    def publish_status(self) -> None:
-        """Publish InstrumentStatus."""
+    def publish_status(self, *, over: bool = False) -> None:
+        """Publish InstrumentStatus; `over`: the last one of its run."""
         recorders = self._streams.subscribers
         if recorders != self._recorders:
             self._log.info(
@@ -90,6 +90,7 @@ class Reporter:
                 controllers=self._link.controllers,
                 recorders=recorders,
                 warning="; ".join(self._warnings),
+                over=over,
             )
         )
 

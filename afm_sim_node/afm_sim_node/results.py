@@ -31,11 +31,12 @@ class Results:
         self._publisher = node.create_publisher(NamedArray, topics.RESULTS, topics.RESULTS_QOS)
         self._number = 0
 
-    def publish(self, verb: str, outcome: Outcome, stamp_ns: int) -> None:
+    def publish(self, run_id: int, verb: str, outcome: Outcome, stamp_ns: int) -> None:
         """Publish what a verb has brought back, if that is arrays and somebody listens.
 
         Parameters
         ----------
+        run_id : int
         verb : str
             Its type, as ForceCurve.
         outcome : Outcome
@@ -58,6 +59,7 @@ class Results:
         told = {f"about.{name}": value for name, value in arrays.attributes.items()}
         told |= {f"result.{name}": value for name, value in about.items()}
         for message in named_arrays(_shorter(arrays, told)):
+            message.run_id = run_id
             self._publisher.publish(message)
 
 

@@ -46,8 +46,8 @@ class ScanLines:
         self._image = None
         self._changed.clear()
 
-    def put(self, line: Line, image: Image) -> None:
-        """A line has been measured, and stands in the image of its scan."""
+    def put(self, run_id: int, line: Line, image: Image) -> None:
+        """A line has been measured in this run, and stands in the image of its scan."""
         if self._image is None:
             self._begin_images(image)
         scan, row = image.scan, image.row(line.index)
@@ -55,6 +55,7 @@ class ScanLines:
         same = {name: getattr(scan, name) for name in FRAME}
         message = ScanLine(
             **same,
+            run_id=run_id,
             scan=self.number,
             index=line.index,
             direction=line.direction,

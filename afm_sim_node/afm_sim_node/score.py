@@ -48,6 +48,7 @@ def score_message(
         return _vector(np.where(np.arange(3) == _Z, np.nan, values) if away else values)
 
     score = Score(
+        run_id=run.run_id,
         start=parameters.score_start,
         ticks=summary.ticks,
         valid=not reason,

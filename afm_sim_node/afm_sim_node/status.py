@@ -5,7 +5,7 @@ from typing import Any
 
 from afm_msgs.msg import InstrumentStatus
 
-from afm_model.run import Snapshot
+from afm_model.run import OVER, Snapshot
 from afm_model.run.counts import Counts
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
@@ -13,7 +13,7 @@ from afm_node_common.stamps import stamp
 
 
 def status_message(
-    run: Snapshot, parameters: SimNodeParameters, *, controllers: Sequence[str], recorders: int, warning: str
+    run: Snapshot, parameters: SimNodeParameters, *, controllers: Sequence[str], recorders: int, warning: str, over: bool = False
 ) -> InstrumentStatus:
     """The message about a run as it is now.
 
@@ -27,11 +27,15 @@ def status_message(
         How many receive every stream.
     warning : str
         What went wrong lately.
+    over : bool
+        Whether the run is left. One that has finished is over in any case.
     """
     status = InstrumentStatus(
+        run_id=run.run_id,
         state=int(run.state),
         reason=run.reason,
         detail=run.detail,
+        over=over or run.state in OVER,
         warning=warning,
         plant=parameters.plant.kind,
         mode=parameters.run.mode,

@@ -71,11 +71,11 @@ class Streams:
         for publisher in (self._trace, *(publisher for _, publisher, *_ in self._channels)):
             publisher.wait_for_all_acked(Duration(seconds=max(limit - time.monotonic(), 0.0)))
 
-    def put(self, block: Block, round_trip: NDArray[np.float32]) -> None:
-        """Take over a block and the round trips [s] of its ticks, (ticks,)."""
+    def put(self, run_id: int, block: Block, round_trip: NDArray[np.float32]) -> None:
+        """Take over a block of a run and the round trips [s] of its ticks, (ticks,)."""
         for channel in self._channels:
-            self._queue.append(partial(self._publish_samples, block, *channel))
-        self._queue.append(partial(self._publish_trace, block, round_trip))
+            self._queue.append(partial(self._publish_samples, run_id, block, *channel))
+        self._queue.append(partial(self._publish_trace, run_id, block, round_trip))
         while len(self._queue) > _LONGEST_QUEUE:
             self.publish_one()
 
@@ -93,11 +93,14 @@ class Streams:
         while self._queue:
             self.publish_one()
 
-    def _publish_samples(self, block: Block, number: int, publisher: Any, scale: float, unit: str) -> None:
+    def _publish_samples(
+        self, run_id: int, block: Block, number: int, publisher: Any, scale: float, unit: str
+    ) -> None:
         if publisher.get_subscription_count():
             publisher.publish(
                 self._encode_waveform(
                     round(block.first_sample * self._sample_period * 1e9),
+                    run_id=run_id,
                     first_sample=block.first_sample,
                     sample_period=self._sample_period,
                     samples=block.samples[number],
@@ -106,13 +109,14 @@ class Streams:
                 )
             )
 
-    def _publish_trace(self, block: Block, round_trip: NDArray[np.float32]) -> None:
+    def _publish_trace(self, run_id: int, block: Block, round_trip: NDArray[np.float32]) -> None:
         if not self._trace.get_subscription_count():
             return
         rows = block.measurements
         self._trace.publish(
             self._encode_trace(
                 round(block.first_tick * self._control_period * 1e9),
+                run_id=run_id,
                 first_sequence=block.first_tick,
                 control_period=self._control_period,
                 position=rows["position"],

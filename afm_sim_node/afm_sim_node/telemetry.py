@@ -63,7 +63,7 @@ class Telemetry:
         v.normal_force = instrument.truth.normal_force
         v.drive_x, v.drive_y, v.drive_z = m.drive
         v.real_time_factor = run.real_time_factor
-        self._outbox.publish(self._encode(run.ticks, run.stamp_ns, self._values))
+        self._outbox.publish(self._encode(run.run_id, run.ticks, run.stamp_ns, self._values))
 
     def close(self) -> None:
         """Let the node be destroyed."""

@@ -74,8 +74,8 @@ class End:
 
 
 def _messages() -> tuple[bytes, bytes]:
-    measurement = measurement_codec().encode(0, 0, np.zeros(size(signals.Measurement)))
-    return measurement, drive_codec().encode(0, 0, np.zeros(3))
+    measurement = measurement_codec().encode(0, 0, 0, np.zeros(size(signals.Measurement)))
+    return measurement, drive_codec().encode(0, 0, 0, np.zeros(3))
 
 
 def _wait_until_matched(*ends: End) -> None:

@@ -22,7 +22,7 @@ frames = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0
 
 
 def message(horizon: list[tuple[float, float, float]], period: float = 5e-5, frame: str = "scanner") -> PiezoDrive:
-    told = PiezoDrive(sequence=7, voltage=Vector3(x=1.0, y=2.0, z=3.0), horizon_period=period)
+    told = PiezoDrive(run_id=5, sequence=7, voltage=Vector3(x=1.0, y=2.0, z=3.0), horizon_period=period)
     told.header.frame_id = frame
     told.header.stamp.sec, told.header.stamp.nanosec = 3, 21
     told.horizon = [Vector3(x=x, y=y, z=z) for x, y, z in horizon]
@@ -33,8 +33,8 @@ def message(horizon: list[tuple[float, float, float]], period: float = 5e-5, fra
 def test_codecs_read_a_horizon_that_rclpy_writes(horizon, frame) -> None:
     data = serialize_message(message(horizon, frame=frame))
     for codec in (FAST, SLOW):
-        sequence, stamp, drive = codec.decode(data)
-        assert (sequence, stamp) == (7, 3 * 10**9 + 21)
+        run_id, sequence, stamp, drive = codec.decode(data)
+        assert (run_id, sequence, stamp) == (5, 7, 3 * 10**9 + 21)
         assert isinstance(drive, Command)
         assert (drive.voltage.tolist(), drive.horizon_period) == ([1.0, 2.0, 3.0], 5e-5)
         assert drive.horizon.tolist() == [list(each) for each in horizon]
@@ -44,22 +44,22 @@ def test_horizon_is_read_and_written_in_place(monkeypatch) -> None:
     data = serialize_message(message([(4.0, 5.0, 6.0)]))
     monkeypatch.setattr("afm_node_common.codec.deserialize_message", None)
     monkeypatch.setattr("afm_node_common.drive_codec.serialize_message", None)
-    drive = FAST.decode(data)[2]
-    assert deserialize_message(FAST.encode(7, 3 * 10**9 + 21, drive), PiezoDrive) == message([(4.0, 5.0, 6.0)])
-    assert FAST.decode(data)[2].horizon.tolist() == [[4.0, 5.0, 6.0]]
+    drive = FAST.decode(data)[3]
+    assert deserialize_message(FAST.encode(5, 7, 3 * 10**9 + 21, drive), PiezoDrive) == message([(4.0, 5.0, 6.0)])
+    assert FAST.decode(data)[3].horizon.tolist() == [[4.0, 5.0, 6.0]]
 
 
 @given(horizon=horizons)
 def test_rclpy_reads_a_horizon_that_the_codecs_write(horizon) -> None:
     for codec in (FAST, SLOW):
-        written = codec.encode(7, 3 * 10**9 + 21, Command(np.array([1.0, 2.0, 3.0]), np.array(horizon), 5e-5))
+        written = codec.encode(5, 7, 3 * 10**9 + 21, Command(np.array([1.0, 2.0, 3.0]), np.array(horizon), 5e-5))
         assert deserialize_message(written, PiezoDrive) == message(horizon)
 
 
 def test_command_without_a_horizon_is_an_ordinary_drive_on_the_wire() -> None:
     voltage = np.array([1.0, 2.0, 3.0])
-    assert FAST.encode(7, 0, Command(voltage)) == FAST.encode(7, 0, voltage)
-    assert isinstance(FAST.decode(FAST.encode(7, 0, voltage))[2], np.ndarray)
+    assert FAST.encode(5, 7, 0, Command(voltage)) == FAST.encode(5, 7, 0, voltage)
+    assert isinstance(FAST.decode(FAST.encode(5, 7, 0, voltage))[3], np.ndarray)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_command_without_a_horizon_is_an_ordinary_drive_on_the_wire() -> None:
 def test_horizon_that_cannot_be_meant_is_told_with_the_sequence_it_came_with(horizon, period, reason) -> None:
     data = serialize_message(message(horizon, period))
     for codec in (FAST, SLOW):
-        sequence, _, drive = codec.decode(data)
+        _, sequence, _, drive = codec.decode(data)
         assert sequence == 7
         assert isinstance(drive, DriveError) and reason in str(drive)
 
@@ -85,7 +85,7 @@ def test_longest_horizon_is_that_of_the_type_and_a_longer_one_is_no_message() ->
     assert struct.unpack_from("<I", whole, count) == (LONGEST_HORIZON,)
     longer = whole[:count] + struct.pack("<I", LONGEST_HORIZON + 1) + whole[count + 4 :] + bytes(24)
     for codec in (FAST, SLOW):
-        assert len(codec.decode(whole)[2].horizon) == LONGEST_HORIZON
+        assert len(codec.decode(whole)[3].horizon) == LONGEST_HORIZON
         with pytest.raises(MalformedError):
             codec.decode(longer)
 

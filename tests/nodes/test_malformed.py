@@ -63,7 +63,7 @@ def test_ten_thousand_spoiled_messages_are_read_right_or_refused(kind: type, fas
 @pytest.mark.parametrize("kind", [PiezoDrive, Measurement])
 def test_refusal_says_what_is_wrong(kind: type, fast: bool) -> None:
     codec, name = CODEC[kind](fast=fast), kind.__name__
-    whole = codec.encode(7, 11, np.arange(SIZE[kind], dtype=float))
+    whole = codec.encode(1, 7, 11, np.arange(SIZE[kind], dtype=float))
 
     def changed(at: int, news: bytes) -> bytes:
         return whole[:at] + news + whole[at + len(news) :]
@@ -175,7 +175,7 @@ def test_controller_among_nonsense_answers_as_if_there_were_none() -> None:
         for sequence in range(60):
             saboteur.send(5)
             values = 1e-9 * rng.standard_normal(SIZE[Measurement])
-            publisher.publish(codec.encode(sequence, sequence * 1000, values))
+            publisher.publish(codec.encode(1, sequence, sequence * 1000, values))
             graph.spin_until(
                 lambda sequence=sequence: len(drives) == sequence + 1 and controller.drops.count == saboteur.sent
             )

@@ -18,7 +18,7 @@ from afm_node_common.codec import measurement_codec
 from afm_node_common.drive_codec import drive_codec
 from afm_sim_node.node import SimNode
 
-PERIOD, TICKS, SEED = 2e-6, 400, 20
+PERIOD, TICKS, SEED, RUN = 2e-6, 400, 20, 1_700_000_000_000_003
 MEASUREMENTS, DRIVES = measurement_codec(), drive_codec()
 
 
@@ -34,7 +34,7 @@ class Bytes(Link):
             self._wire, self.wire = self.wire, None
 
     def publish(self, sequence: int, measurement: Any) -> None:
-        data = MEASUREMENTS.encode(sequence, round(sequence * (PERIOD * 1e9)), measurement)
+        data = MEASUREMENTS.encode(RUN, sequence, round(sequence * (PERIOD * 1e9)), measurement)
         if self.wire is not None:
             self.wire.measurement[:] = data
         self.sent.append(data)
@@ -44,26 +44,27 @@ class Bytes(Link):
 
     def read(self, data: bytes) -> Any:
         self.reads += 1
-        sequence, _, drive = DRIVES.decode(data)
-        return sequence, drive
+        run_id, sequence, _, drive = DRIVES.decode(data)
+        return (sequence if run_id in (0, RUN) else -1), drive
 
 
 def answers(rng: random.Random, sequence: int, stamp: int, rest: np.ndarray) -> list[bytes]:
     """What comes for a measurement: its answer last, often behind something else."""
     drive = rest + np.array([0.2 * np.sin(0.05 * sequence), 0.001 * (sequence % 7), 0.0])
-    good = DRIVES.encode(sequence, stamp, drive)
+    good = DRIVES.encode(RUN, sequence, stamp, drive)
     others = [
-        DRIVES.encode(rng.choice([max(sequence - 1, 0), sequence + 1, 2**63]), stamp, drive + 1.0),
-        spoiled(rng, DRIVES.encode(sequence + 7, stamp, drive + 1.0)),
+        DRIVES.encode(RUN - 1, sequence, stamp, drive + 1.0),
+        DRIVES.encode(RUN, rng.choice([max(sequence - 1, 0), sequence + 1, 2**63]), stamp, drive + 1.0),
+        spoiled(rng, DRIVES.encode(RUN, sequence + 7, stamp, drive + 1.0)),
         rng.randbytes(len(good)),
         good[:4] + struct.pack("<i", -1) + good[8:],
     ]
     kinds = [
         good,
         good,
-        good,
-        DRIVES.encode(sequence, stamp + 1, drive),
-        DRIVES.encode(sequence, stamp, Command(drive, drive + np.zeros((2, 3)), PERIOD)),
+        DRIVES.encode(0, sequence, stamp, drive),
+        DRIVES.encode(RUN, sequence, stamp + 1, drive),
+        DRIVES.encode(RUN, sequence, stamp, Command(drive, drive + np.zeros((2, 3)), PERIOD)),
     ]
     return [*rng.sample(others, rng.choice([0, 0, 0, 1, 2])), rng.choice(kinds)]
 
@@ -84,7 +85,7 @@ def test_run_in_place_is_the_run_over_codecs_among_whatever_comes(fault: dict[st
         for _ in range(20 * TICKS):
             run.step()
             while seen < len(link.sent):
-                sequence, stamp, _ = MEASUREMENTS.decode(link.sent[seen])
+                _, sequence, stamp, _ = MEASUREMENTS.decode(link.sent[seen])
                 seen += 1
                 link.came += answers(rng, sequence, stamp, rest)
         snapshot = run.snapshot()
@@ -104,8 +105,8 @@ def test_what_is_not_the_plain_answer_is_left_alone_and_nothing_is_done() -> Non
     run.step()
     instrument, wire = run.instrument, link.wire
     assert wire is not None
-    good, before = DRIVES.encode(0, 0, instrument.drive), instrument.numbers("commanded").tobytes()
-    for at in (4, 5, 8, 11, 12, 16, 24, 28, 35, 60, 67, 68, 71):  # any byte but those of the drive
+    good, before = DRIVES.encode(RUN, 0, 0, instrument.drive), instrument.numbers("commanded").tobytes()
+    for at in (4, 5, 8, 11, 12, 16, 24, 28, 35, 36, 43, 68, 75, 76, 79):  # any byte but those of the drive
         wire.drive[:] = good[:at] + bytes([good[at] ^ 1]) + good[at + 1 :]
         assert instrument.exchange(wire) is None, at
     assert instrument.ticks == 0
@@ -113,7 +114,7 @@ def test_what_is_not_the_plain_answer_is_left_alone_and_nothing_is_done() -> Non
     wire.drive[:] = good
     assert instrument.exchange(wire) is False
     assert (instrument.ticks, wire.sequence[0]) == (1, 1)
-    assert wire.measurement.tobytes() == MEASUREMENTS.encode(1, 2000, instrument.measurement)
+    assert wire.measurement.tobytes() == MEASUREMENTS.encode(RUN, 1, 2000, instrument.measurement)
     assert instrument.exchange(wire) is None  # it comes again
 
 

@@ -92,20 +92,20 @@ class Hand(Node):
         super().__init__("hand", namespace=namespace)
         self.bad: list[bytes] = []
         """Still to be sent."""
-        self._z, self._answered = z, -1
+        self._z, self._answered = z, (0, -1)
         self._publisher = self.create_publisher(PiezoDrive, topics.PIEZO_DRIVE, topics.CONTROL_QOS)
         self._decode, self._encode = measurement_codec().decode, drive_codec().encode
         self.create_subscription(Measurement, topics.MEASUREMENT, self._on_measurement, topics.CONTROL_QOS, raw=True)
 
     def _on_measurement(self, data: bytes) -> None:
-        sequence, stamp_ns, _ = self._decode(data)
+        run_id, sequence, stamp_ns, _ = self._decode(data)
         # One that comes again, on a slow machine, has its answer: several more would fill a queue.
-        if sequence == self._answered:
+        if (run_id, sequence) == self._answered:
             return
-        self._answered = sequence
+        self._answered = run_id, sequence
         for _ in range(_AT_ONCE):
             self._publisher.publish(self.bad.pop())
-        self._publisher.publish(self._encode(sequence, stamp_ns, drive(sequence, self._z)))
+        self._publisher.publish(self._encode(run_id, sequence, stamp_ns, drive(sequence, self._z)))
 
 
 class Plant:
@@ -164,7 +164,7 @@ class Law(Node):
                 self._publisher.publish(waiting.pop())
                 self._sent += 1
             number = len(self._drives)
-            self._publisher.publish(self._codec.encode(self._sequence, self._sequence * 1000, values))
+            self._publisher.publish(self._codec.encode(1, self._sequence, self._sequence * 1000, values))
             self.command.wait_until(lambda number=number: len(self._drives) > number, self._graph)
             told = self._drives[-1]
             expected = self._law.answer(values, self._sequence * 1e-6)

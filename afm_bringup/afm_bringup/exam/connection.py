@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from afm_model import Command, DriveError, SimParameters
 from afm_model.core.errors import MalformedError
+from afm_model.run import next_run_id
 from afm_node_common import topics
 from afm_node_common.answers import hold_answers
 from afm_node_common.codec import measurement_codec
@@ -66,6 +67,7 @@ class TopicConnection:
         self._missed = self._owed = 0.0  # wall time in which a processor was missing; of that, still to be counted
         self._looked, self._waited = time.monotonic(), processes.waited()
         self._encode, self._decode = measurement_codec().encode, drive_codec().decode
+        self._run_id = next_run_id()
         self._open()
 
     def __enter__(self) -> "TopicConnection":
@@ -112,9 +114,13 @@ class TopicConnection:
         """How the controller has ended before its test was over; empty if it has not."""
         return self._processes.ended() or ""
 
+    def begin_run(self) -> None:
+        """Name another run in the measurements from here on."""
+        self._run_id = next_run_id()
+
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
         """Send a measurement."""
-        self._outbox.publish(self._encode(sequence, round(sequence * self._period_ns), measurement))
+        self._outbox.publish(self._encode(self._run_id, sequence, round(sequence * self._period_ns), measurement))
 
     def take(self, phase: Phase) -> Answer | None:
         """The oldest message not yet taken."""
@@ -123,7 +129,7 @@ class TopicConnection:
             return None
         data, now = taken[0], self.now(_FRESH)
         try:
-            sequence, stamp, drive = self._decode(data)
+            _, sequence, stamp, drive = self._decode(data)
         except MalformedError as error:
             return Answer(phase, -1, now, np.zeros((0, 3)), unreadable=str(error))
         period = 0.0
@@ -147,14 +153,14 @@ class TopicConnection:
         taken = self._inbox.take()
         if taken is None:
             return None
-        sequence, _, drive = self._decode(taken[0])
-        return sequence, drive
+        run_id, sequence, _, drive = self._decode(taken[0])
+        return (sequence if run_id in (0, self._run_id) else -1), drive
 
     def wait(self, timeout: float) -> None:
         """Sleep until a drive may be there, or for `timeout` seconds."""
         if self.now() >= self._status_at:
             self._status_at = self.now() + _STATUS_PERIOD
-            self._status.publish(InstrumentStatus(state=InstrumentStatus.RUNNING, mode=self._mode))
+            self._status.publish(InstrumentStatus(run_id=self._run_id, state=InstrumentStatus.RUNNING, mode=self._mode))
             self._executor.spin_once(timeout_sec=0.0)
         self._inbox.wait(timeout)
 

@@ -82,6 +82,10 @@ class TestConnection(Connection, Protocol):
         """The oldest message not yet taken; None if there is none."""
         ...
 
+    def begin_run(self) -> None:
+        """Name another run in the measurements from here on."""
+        ...
+
     def memory(self) -> int:
         """What the controller holds [bytes]."""
         ...
@@ -170,7 +174,7 @@ class Procedure:
 
     def _long(self) -> None:
         # What a fault has done to the controller is not counted here, nor in the phase STEPS.
-        self._begin_again()
+        self._begin_run()
         memory = self.log.memory
         for _ in range(_LOOKS):
             if not self._ask(self._long_ticks // _LOOKS):
@@ -231,7 +235,7 @@ class Procedure:
         self._collect(_SETTLE)
 
     def _reset(self) -> None:
-        self._begin_again()
+        self._begin_run()
         self._lockstep()
 
     def _with_faults(self) -> None:
@@ -253,10 +257,14 @@ class Procedure:
     def _restart(self) -> None:
         self.log.reconnected = self._connection.restart()
         if self.log.reconnected:
-            self._begin_again()
+            self._begin_run()
             self._lockstep()
 
     # One tick.
+
+    def _begin_run(self) -> None:
+        self._connection.begin_run()
+        self._begin_again()
 
     def _begin_again(self) -> None:
         self._instrument.skip_block()

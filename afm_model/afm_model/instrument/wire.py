@@ -11,7 +11,9 @@ from ..parts.header import BlockHeader, LawHeader
 from ..parts.signals import Delivery, Measurement, PiezoDrive
 from .block import LoopState
 
-_HEAD, _NUMBERS = 5, size(Measurement)
+_HEAD, _NUMBERS = 6, size(Measurement)
+_RUN, _SEQUENCE = 4, 5
+"""Words of a head."""
 _UNUSED = 4
 """Bytes before a message, and behind a drive: CDR aligns from the fifth byte of a message on."""
 _NANOSECONDS = 1_000_000_000
@@ -19,7 +21,7 @@ _NANOSECONDS = 1_000_000_000
 
 class Messages(Record):
     """Both in words of 8 bytes. Their heads: kind of encapsulation; stamp; frame_id with its length, in two words;
-    sequence.
+    run_id; sequence.
     """
 
     drive_head: Annotated[Integers, (_HEAD,)]
@@ -37,13 +39,13 @@ def read_drive(law: Block, m: Block) -> bool:
         return True
     w = record_at(law, at, Messages)
     g = record_at(m, 0, BlockHeader)
-    if w.head[_HEAD - 1] != record_at(m, g.loop, LoopState).k or (w.horizon[0] | w.horizon[1]) != 0:
+    if w.head[_SEQUENCE] != record_at(m, g.loop, LoopState).k or (w.horizon[0] | w.horizon[1]) != 0:
         return False
     for i in range(_HEAD):
-        if w.drive_head[i] != w.head[i]:
+        if w.drive_head[i] != w.head[i] and (i != _RUN or w.drive_head[i] != 0):
             return False
     u = record_at(m, g.commanded, PiezoDrive)
-    u.sequence, u.horizon_count = w.head[_HEAD - 1], 0
+    u.sequence, u.horizon_count = w.head[_SEQUENCE], 0
     for axis in range(3):
         u.voltage[axis] = w.voltage[axis]
     return True
@@ -60,7 +62,7 @@ def write_measurement(law: Block, m: Block) -> None:
     c = record_at(m, g.loop, LoopState)
     stamp = round(c.k * c.period_ns)
     w.head[1] = stamp // _NANOSECONDS | stamp % _NANOSECONDS << 32
-    w.head[_HEAD - 1] = c.k if record_at(m, g.delivery, Delivery).lost == 0.0 else -1
+    w.head[_SEQUENCE] = c.k if record_at(m, g.delivery, Delivery).lost == 0.0 else -1
     for i in range(_NUMBERS):
         w.numbers[i] = m[g.measurement + i]
 
@@ -94,4 +96,4 @@ class Wire:
         head = at + place(Messages, "head")
         self.drive = words[at:head].cast("B")[_UNUSED:-_UNUSED]
         self.measurement = words[head:].cast("B")[_UNUSED:]
-        self.sequence = words[head + _HEAD - 1 : head + _HEAD]
+        self.sequence = words[head + _SEQUENCE : head + _SEQUENCE + 1]

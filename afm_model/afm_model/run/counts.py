@@ -63,6 +63,7 @@ class Snapshot:
     time_outside: float = 0.0  # in which the plant did not hold [s]
     scored_ticks_held: int = 0  # realtime: scored ticks without a new drive, those on a horizon left out
     unreadable: str = ""  # a clause about the drive that could not be read last; empty if there was none
+    run_id: int = 0  # name of the run
 
     @property
     def real_time_factor(self) -> float:

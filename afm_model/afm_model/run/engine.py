@@ -12,6 +12,7 @@ from .blocks import Blocks
 from .counts import Counts
 from .link import Link, Listeners
 from .pacing import Pacing
+from .run_id import next_run_id
 from .state import BACK, EVENTS, OVER, REASONS, TICKING, Cause, Life, State
 from .timing import Stopwatch, VirtualClock
 
@@ -97,6 +98,8 @@ class Engine:
     ) -> None:
         self.link = link or Link()
         self.clock = clock or VirtualClock()
+        self.run_id = next_run_id()
+        """Name of the present run: another one after each reset."""
         self.counts = Counts()
         self.refusal = ""
         """The sentence about the drive refused last."""
@@ -124,6 +127,7 @@ class Engine:
         """Executes verbs; a new one after a reset. None: there are no verbs."""
         self.pacing = pacing(self)
         self._find_look()
+        self.link.name_run(self.run_id)
 
     @property
     def state(self) -> State:
@@ -300,16 +304,27 @@ class Engine:
 
     def reset(self) -> None:
         """Go back to the start: same state, same random numbers. Whatever was recorded is handed on before."""
+        self._leave()
+        self._begin_again()
+
+    def _leave(self) -> None:
+        """Hand on what the present run has brought, and end it."""
         self.blocks.flush()
+        self._give_up("the run was reset")
+        self._listeners.left()
+
+    def _begin_again(self) -> None:
+        """Begin another run, from the start of the instrument."""
         self.instrument.reset()
         self.blocks.reset()
-        if self.operator is not None and self._operate is not None:
-            self._give_up("the run was reset")
+        if self._operate is not None:
             self.operator = self._operate(self.instrument)
         self.counts, self.refusal, self.unreadable, self.error = Counts(), "", "", None
         self._stop_at = None
         self._find_look()
         self.watch = Stopwatch(self.clock)
+        self.run_id = next_run_id()
+        self.link.name_run(self.run_id)
         self.life.go(Cause.RESET)
 
     def _start_when_ready(self) -> bool:

@@ -24,6 +24,9 @@ class Link:
     wire: Wire | None = None
     """Its messages in place, where it has them: a run in lockstep then takes and publishes by it."""
 
+    def name_run(self, run_id: int) -> None:
+        """A run begins that has this name: measurements carry it, and drives for another run are outdated."""
+
     def publish(self, sequence: int, measurement: _Array) -> None:
         """Send the measurement of tick `sequence`; the array is overwritten by the next tick."""
 
@@ -85,5 +88,7 @@ class Listeners:
     """
     ended: Callable[[], None] = _ignore
     """ended(): the duration is over, every block has been handed on; the state becomes FINISHED next."""
+    left: Callable[[], None] = _ignore
+    """left(): the run is left for another one; every block has been handed on, and `Engine.run_id` is still its name."""
     verb_over: Callable[[Any], None] = _ignore
     """verb_over(outcome): a verb has come to its end."""

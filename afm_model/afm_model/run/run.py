@@ -89,6 +89,7 @@ class Run(Engine):
         instrument = self.instrument
         run = self._parameters.run
         return Snapshot(
+            run_id=self.run_id,
             state=self.life.state,
             detail=self.life.detail,
             ticks=instrument.ticks,
@@ -184,13 +185,13 @@ class Run(Engine):
         self.go_on(Cause.RECORDED)
         self.pacing.resume()
 
-    def reset(self) -> None:
+    def _begin_again(self) -> None:
         """As of `Engine`. A run that was paused waits for `play`."""
         # A run that was stepped was paused between the steps.
         paused = self.state == State.PAUSED or self.stepping
         self.held = self._parameters.run.start_paused or paused
         self._record_anyway = False
-        super().reset()
+        super()._begin_again()
 
     def exchange(self, parameters: SimParameters) -> None:
         """Go on with another instrument, from its start: another sample, another cantilever.
@@ -201,12 +202,12 @@ class Run(Engine):
             If there can be no such instrument; nothing changes then.
         """
         instrument = Instrument(parameters, self._block_ticks)
-        # What was recorded of the one before is handed on while it is there.
-        self.blocks.flush()
+        # While the instrument before is there.
+        self._leave()
         self._parameters = parameters
         self.instrument = self.blocks.instrument = instrument
         self.pacing = self._choose_pacing(self)
-        self.reset()
+        self._begin_again()
 
     def tell_why_waiting(self, detail: str) -> None:
         """Say what a run that has not started waits for, where that needs a word; empty: nothing special."""

@@ -26,6 +26,7 @@ private:
   {
     PiezoDrive answer;
     answer.header = m.header;
+    answer.run_id = m.run_id;
     answer.sequence = m.sequence;
     answer.voltage.x =
       lateral_(m.reference_position.x, m.position.x, m.reference_velocity.x, m.velocity.x);
