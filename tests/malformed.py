@@ -13,15 +13,15 @@ SIZE = {PiezoDrive: 3, Measurement: records.size(signals.Measurement)}
 """Numbers in a message without a horizon."""
 
 
-def read(data: bytes, kind: type) -> tuple[int, int, bytes] | None:
-    """Sequence, stamp [ns] and the bytes of the values, by the rules of CDR alone; None for what is no message."""
+def read(data: bytes, kind: type) -> tuple[int, int, int, bytes] | None:
+    """run_id, sequence, stamp [ns] and the bytes of the values, by the rules of CDR alone; None for what is no message."""
     size = SIZE[kind]
     order = {b"\0\1": "<", b"\0\0": ">"}.get(data[:2])
     if order is None or len(data) < 16:
         return None
     seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, 4)
     at = 4 + -(-(12 + length) // 8) * 8
-    end = at + 8 + 8 * size
+    end = at + 16 + 8 * size
     if length < 1 or len(data) < end or seconds < 0 or nanoseconds >= 10**9:
         return None
     if kind is PiezoDrive:  # a horizon, aligned to 8 if it holds anything
@@ -40,8 +40,8 @@ def read(data: bytes, kind: type) -> tuple[int, int, bytes] | None:
         return None
     if frame.find(b"\0") != length - 1:
         return None
-    values = np.frombuffer(data, f"{order}f8", size, at + 8).astype("<f8").tobytes()
-    return struct.unpack_from(f"{order}Q", data, at)[0], seconds * 10**9 + nanoseconds, values
+    values = np.frombuffer(data, f"{order}f8", size, at + 16).astype("<f8").tobytes()
+    return *struct.unpack_from(f"{order}QQ", data, at), seconds * 10**9 + nanoseconds, values
 
 
 def message(rng: random.Random, kind: type) -> bytes:
@@ -52,7 +52,7 @@ def message(rng: random.Random, kind: type) -> bytes:
         rng.choice(["scanner", "scanner", "", "map", "\u00e5ngstr\u00f6m", "x" * rng.randrange(300)]).encode() + b"\0"
     )
     head = struct.pack(f"{order}iII", rng.randrange(2**31), rng.randrange(10**9), len(frame)) + frame
-    body = struct.pack(f"{order}Q{size}d", rng.randrange(2**64), *(rng.gauss(0.0, 1.0) for _ in range(size)))
+    body = struct.pack(f"{order}QQ{size}d", rng.randrange(2**64), rng.randrange(2**64), *(rng.gauss(0.0, 1.0) for _ in range(size)))
     if kind is PiezoDrive:
         count = rng.choice([0, 0, 0, 1, 3])
         body += struct.pack(f"{order}dI", 1e-6, count)

@@ -32,6 +32,7 @@ TUNABLE = ("law.",)
 
 _ESTIMATES = 0.2
 """Wall time between two messages of each estimate [s]."""
+_LAST_NS = 2**31 * NANOSECONDS - 1
 _PERIOD = 1.0
 """Wall time between two checks of the simulator, and between two entries on /diagnostics [s]."""
 
@@ -134,7 +135,8 @@ class ControllerNode(Node):
 
     def _now(self) -> tuple[int, int]:
         """Run and simulated time [ns] of the last answer."""
-        return self._reply.run_id, round(max(self._reply.answered, 0) * self._period * NANOSECONDS)
+        # Whatever a measurement says: a stamp ends after 68 years.
+        return self._reply.run_id, min(round(max(self._reply.answered, 0) * self._period * NANOSECONDS), _LAST_NS)
 
     def _check_period(self) -> None:
         """Warn of a law that is made for another control period than that in which measurements are taken."""

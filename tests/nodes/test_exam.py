@@ -44,6 +44,8 @@ class VirtualConnection:
     def now(self) -> float:
         return self._now
 
+    def begin_run(self) -> None: ...
+
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
         y = measurement.view(Measurement)[0]
         if self.wrong.ended:
