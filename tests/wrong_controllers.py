@@ -20,6 +20,7 @@ WAYS = {
     "late": "in time",
     "nan": "finite",
     "infinite horizon": "finite",
+    "names the first run": "run",
     "no frame": "frame",
     "too far": "range",
     "too steep": "slew",
@@ -68,6 +69,7 @@ class Reply:
     horizon: float | None = None
     nonsense: bool = False
     stamped: bool = True
+    first_run: bool = False
 
 
 @dataclass
@@ -127,6 +129,8 @@ class Wrong:
                 return x(math.nan)
             case "infinite horizon" if bad:
                 return [Reply(sequence, drive, horizon=math.inf)]
+            case "names the first run":
+                return [Reply(sequence, drive, first_run=True)]
             case "no frame":
                 return [Reply(sequence, drive, frame="")]
             case "too far" if sequence == 60:
@@ -198,15 +202,18 @@ def main() -> int:
     node = Node("wrong", namespace="afm")
     wrong = Wrong(sys.argv[1])
     publisher = node.create_publisher(PiezoDrive, "piezo_drive", 10)
+    runs: list[int] = []
 
     def on_measurement(m: Measurement) -> None:
         r, position, wanted, velocity = m.reference_position, m.position, m.reference_velocity, m.velocity
         error = [r.x - position.x, r.y - position.y, r.z - m.deflection]
         rate = [wanted.x - velocity.x, wanted.y - velocity.y, wanted.z - velocity.z]
+        runs.append(m.run_id)
         for each in wrong.answers(m.sequence, position.x, error, rate):
             time.sleep(each.after)
             drive = PiezoDrive(header=m.header if each.stamped else Header(), sequence=each.sequence)
             drive.header.frame_id = each.frame
+            drive.run_id = runs[0] if each.first_run else m.run_id
             drive.voltage = Vector3(**dict(zip("xyz", each.drive, strict=True)))
             if each.horizon is not None:
                 drive.horizon_period, drive.horizon = 1e-3, [Vector3(x=each.horizon)]

@@ -39,12 +39,14 @@ class VirtualConnection:
         self.wrong = Wrong(way)
         self._now = 0.0
         self._numbers = count()
+        self._runs = 0
         self._on_the_way: list[tuple[float, int, Callable[[Phase], Answer]]] = []
 
     def now(self) -> float:
         return self._now
 
-    def begin_run(self) -> None: ...
+    def begin_run(self) -> None:
+        self._runs += 1
 
     def publish(self, sequence: int, measurement: NDArray[np.float64]) -> None:
         y = measurement.view(Measurement)[0]
@@ -63,6 +65,7 @@ class VirtualConnection:
                 frame=each.frame,
                 unreadable="6 bytes that are no PiezoDrive" if each.nonsense else "",
                 stamp=each.sequence * PERIOD if each.stamped else 0.0,
+                other_run=each.first_run and self._runs > 0,
             )
 
     def send(self, time: float, **answer: Any) -> None:

@@ -129,7 +129,7 @@ class TopicConnection:
             return None
         data, now = taken[0], self.now(_FRESH)
         try:
-            _, sequence, stamp, drive = self._decode(data)
+            run_id, sequence, stamp, drive = self._decode(data)
         except MalformedError as error:
             return Answer(phase, -1, now, np.zeros((0, 3)), unreadable=str(error))
         period = 0.0
@@ -140,7 +140,10 @@ class TopicConnection:
         else:
             drives = np.array(drive).reshape(1, 3)
         frame = deserialize_message(data, PiezoDrive).header.frame_id
-        return Answer(phase, sequence, now, drives, frame, stamp=1e-9 * stamp, horizon_period=period)
+        other = run_id not in (0, self._run_id)
+        return Answer(
+            phase, sequence, now, drives, frame, stamp=1e-9 * stamp, horizon_period=period, other_run=other
+        )
 
     def take_drive(self) -> tuple[int, Drive] | None:
         """Sequence and drive of the oldest message not yet taken, as an instrument reads it; None if there is none.

@@ -61,6 +61,7 @@ class Answer:
     unreadable: str = ""  # why it is no drive; empty if it is one
     stamp: float = 0.0  # [s]
     horizon_period: float = 0.0  # [s]
+    other_run: bool = False  # whether it names another run than that of the measurements
 
 
 @dataclass

@@ -151,6 +151,14 @@ def _finite(log: Log, terms: Terms) -> str | None:
     )
 
 
+def _run(log: Log, terms: Terms) -> str | None:
+    return _first(
+        f"the drive for measurement {each.sequence} has a run_id that is neither that of the measurement nor 0"
+        for each in _readable(log)
+        if each.other_run
+    )
+
+
 def _frame(log: Log, terms: Terms) -> str | None:
     return _first(
         f"the drive for measurement {each.sequence} has the frame_id {each.frame[:40]!r}, not {topics.FRAME!r}"
@@ -338,6 +346,7 @@ RULES = (
         lambda log, _: _first(each.unreadable for each in log.answers if each.unreadable),
     ),
     Rule("finite", "sends neither NaN nor an infinity, in the horizon neither", _finite),
+    Rule("run", "puts the run_id of the measurement into its drive, or 0", _run),
     Rule("frame", "puts `scanner` into frame_id", _frame),
     Rule("stamp", "puts the stamp of the measurement into the header", _stamp),
     Rule("range", f"stays within +-`piezo.limit`, without one within {_STRONGEST:g} V", _in_range),
