@@ -14,7 +14,7 @@ SIZE = {PiezoDrive: 3, Measurement: records.size(signals.Measurement)}
 
 
 def read(data: bytes, kind: type) -> tuple[int, int, int, bytes] | None:
-    """run_id, sequence, stamp [ns] and the bytes of the values, by the rules of CDR alone; None for what is no message."""
+    """run_id, sequence, stamp [ns] and the bytes of the values, by the rules of CDR alone; None: it is no message."""
     size = SIZE[kind]
     order = {b"\0\1": "<", b"\0\0": ">"}.get(data[:2])
     if order is None or len(data) < 16:
@@ -52,7 +52,9 @@ def message(rng: random.Random, kind: type) -> bytes:
         rng.choice(["scanner", "scanner", "", "map", "\u00e5ngstr\u00f6m", "x" * rng.randrange(300)]).encode() + b"\0"
     )
     head = struct.pack(f"{order}iII", rng.randrange(2**31), rng.randrange(10**9), len(frame)) + frame
-    body = struct.pack(f"{order}QQ{size}d", rng.randrange(2**64), rng.randrange(2**64), *(rng.gauss(0.0, 1.0) for _ in range(size)))
+    body = struct.pack(
+        f"{order}QQ{size}d", rng.randrange(2**64), rng.randrange(2**64), *(rng.gauss(0.0, 1.0) for _ in range(size))
+    )
     if kind is PiezoDrive:
         count = rng.choice([0, 0, 0, 1, 3])
         body += struct.pack(f"{order}dI", 1e-6, count)

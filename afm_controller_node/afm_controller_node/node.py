@@ -64,9 +64,9 @@ class ControllerNode(Node):
         self._diagnostics = Diagnostics(self)
         self.estimates = Estimates(self, lambda: self._controller.estimates)
         """What the law believes, on topics."""
-        self._parameters = ParameterLog(self, declared, self._now)
+        self._parameter_log = ParameterLog(self, declared, self._now)
         self._tasks = PeriodicTasks(
-            PeriodicTask(self._parameters.look, _ESTIMATES),
+            PeriodicTask(self._parameter_log.look, _ESTIMATES),
             PeriodicTask(self.estimates.publish, _ESTIMATES),
             PeriodicTask(self._presence.look, _PERIOD),
             PeriodicTask(self._publish_diagnostics, _PERIOD),
@@ -79,8 +79,8 @@ class ControllerNode(Node):
         """Answer one measurement if there is one.
 
         One that comes again (the simulator repeats what was not answered in time) gets the same answer: a law with a
-        state takes a step for each measurement, not for each message. Another run_id begins another run, and so does a lower
-        sequence. What cannot be read is dropped: the law does not see it.
+        state takes a step for each measurement, not for each message. Another run_id begins another run, and so does a
+        lower sequence. What cannot be read is dropped: the law does not see it.
         """
         take, reply, publish = self._take, self._reply, self._publish
         taken = take()
@@ -114,7 +114,7 @@ class ControllerNode(Node):
             reply.note(sequence)
         self._publish(self._encode(run_id, sequence, stamp_ns, controller.given()))
         if begins:  # also where the run is over before the next periodic look
-            self._parameters.look()
+            self._parameter_log.look()
 
     def wait(self, timeout: float) -> None:
         """Sleep until a measurement may be there, or for `timeout` seconds of wall time."""
@@ -127,7 +127,7 @@ class ControllerNode(Node):
     def destroy_node(self) -> None:
         """End the node."""
         self.estimates.publish()
-        self._parameters.look()
+        self._parameter_log.look()
         self._presence.close()
         self._inbox.close()
         self._outbox.close()

@@ -20,7 +20,7 @@ class Events:
         self._publisher = node.create_publisher(Event, topics.EVENTS, topics.EVENTS_QOS)
 
     def publish(self, run_id: int, tick: int, stamp_ns: int, text: str, *, warn: bool) -> None:
-        """Something has happened in a run at a control tick, which is at a simulated time [ns]; `warn`: not as asked."""
+        """Publish what has happened in a run at a control tick, at a simulated time [ns]; `warn`: not as asked."""
         message = Event(run_id=run_id, tick=tick, text=shown(text), level=Event.WARN if warn else Event.INFO)
         message.header.frame_id = topics.FRAME
         message.header.stamp = stamp(stamp_ns)

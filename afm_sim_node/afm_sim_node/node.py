@@ -97,7 +97,7 @@ class SimNode(Node):
         self._simulated_time = Clock(self, self.run, parameters.plant.control_period if in_lockstep else 0.0)
         if parameters.run.clock_each_tick:
             self._link.asked = self._simulated_time.asked
-        self._parameters = ParameterLog(self, declared, lambda: (self.run.run_id, self.run.stamp_ns))
+        self._parameter_log = ParameterLog(self, declared, lambda: (self.run.run_id, self.run.stamp_ns))
         events = Events(self)
         self._faults = Faults(self, self.run, declared, events)
         self._control = Control(self, self.run)
@@ -133,7 +133,7 @@ class SimNode(Node):
         # A few microseconds: it needs no turn of its own.
         if rate := self._declared.current.run.telemetry_rate:
             self._telemetry.publish_at(now, 1.0 / rate)
-        self._parameters.look()
+        self._parameter_log.look()
         self._tasks.run_next(now)
         if self._standard is not None:
             self._standard.look()
@@ -179,7 +179,9 @@ class SimNode(Node):
     def _on_block(self, block: Block, round_trips: NDArray[np.float32]) -> None:
         self._streams.put(self.run.run_id, block, round_trips)
         if self.estimates.wanted:
-            self.estimates.look(self.run.run_id, self.run.instrument.ticks - 1, self._declared.current.plant.control_period)
+            self.estimates.look(
+                self.run.run_id, self.run.instrument.ticks - 1, self._declared.current.plant.control_period
+            )
         # In lockstep no tick is late.
         if self.run.deadline is None:
             self._streams.publish_all()
@@ -193,7 +195,7 @@ class SimNode(Node):
 
     def _on_left(self) -> None:
         self._faults.look()
-        self._parameters.look()
+        self._parameter_log.look()
         self._streams.publish_all()
         self._reporter.publish_status(over=True)
 

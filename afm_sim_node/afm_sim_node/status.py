@@ -13,7 +13,13 @@ from afm_node_common.stamps import stamp
 
 
 def status_message(
-    run: Snapshot, parameters: SimNodeParameters, *, controllers: Sequence[str], recorders: int, warning: str, over: bool = False
+    run: Snapshot,
+    parameters: SimNodeParameters,
+    *,
+    controllers: Sequence[str],
+    recorders: int,
+    warning: str,
+    over: bool = False,
 ) -> InstrumentStatus:
     """The message about a run as it is now.
 

@@ -93,9 +93,7 @@ class Streams:
         while self._queue:
             self.publish_one()
 
-    def _publish_samples(
-        self, run_id: int, block: Block, number: int, publisher: Any, scale: float, unit: str
-    ) -> None:
+    def _publish_samples(self, run_id: int, block: Block, number: int, publisher: Any, scale: float, unit: str) -> None:
         if publisher.get_subscription_count():
             publisher.publish(
                 self._encode_waveform(

@@ -1,6 +1,7 @@
-"""Every message names its run: what belongs together is found by that alone, whenever and in whatever order it comes."""
+"""Every message names its run: what belongs together is found by that alone, in whatever order it comes."""
 
 from collections import defaultdict
+from itertools import pairwise
 from typing import Any
 
 from afm_msgs.msg import (
@@ -18,6 +19,7 @@ from afm_msgs.msg import (
 )
 from hand_controller import HandController, answer
 from quick_lever import INSTRUMENT, LAW
+from rclpy.parameter import Parameter
 from support import Graph, Observer, ros_arguments
 from verbs_bench import APPROACH, Bench
 
@@ -75,8 +77,8 @@ def test_quick_runs_each_have_their_own_blocks_lines_results_and_events_and_the_
         for lines in (1, 2, 3):
             made.append(bench.simulator.run.run_id)
             bench.do(APPROACH)
-            bench.do(Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=lines, line_rate=40.0, speed=5e-6))
-            bench.do(FrictionLoop(size=20e-9, loop_rate=40.0, count=1))
+            bench.do(Scan(size_x=40e-9, size_y=10e-9, pixels=8, lines=lines, line_rate=20.0, overscan=0.2, speed=5e-6))
+            bench.do(FrictionLoop(length=20e-9, line_rate=20.0, count=2))
             bench.client.call(graph, topics.RESET)
         graph.spin_until(lambda: all(map(listener.over, made)))
         assert sorted(made) == made and len(set(made)) == 3
@@ -90,7 +92,7 @@ def test_quick_runs_each_have_their_own_blocks_lines_results_and_events_and_the_
             assert sum("Scan has begun" in text for _, text in texts) == 1
             trace = found[topics.CONTROL_TRACE]
             assert trace[0].first_sequence == 0
-            assert all(a.first_sequence + len(a.deflection) == b.first_sequence for a, b in zip(trace, trace[1:]))
+            assert all(a.first_sequence + len(a.deflection) == b.first_sequence for a, b in pairwise(trace))
             assert {each.name for each in found[topics.RESULTS]} >= {"lateral"}
             (known, *_) = found[topics.PARAMETERS]
             assert (known.node, known.changes) == ("/afm/afm_sim_node", False)
@@ -98,8 +100,7 @@ def test_quick_runs_each_have_their_own_blocks_lines_results_and_events_and_the_
 
 
 def test_change_of_a_parameter_names_the_run_in_which_it_holds_and_the_next_run_begins_with_it() -> None:
-    arguments = ros_arguments({"afm_controller_node:law.alpha": 3.0, "afm_sim_node:run.duration": 0.0})
-    with Graph(arguments) as graph:
+    with Graph() as graph:
         observer, simulator, controller = graph.add(Observer()), graph.add(SimNode()), graph.add(ControllerNode())
         listener = Listener(observer, topics.PARAMETERS)
         first = simulator.run.run_id
@@ -108,14 +109,12 @@ def test_change_of_a_parameter_names_the_run_in_which_it_holds_and_the_next_run_
             messages = [each for each in listener.runs[run_id][topics.PARAMETERS] if "controller" in each.node]
             return [p.value.double_value for each in messages for p in each.parameters if p.name == "law.alpha"]
 
-        graph.spin_until(lambda: alphas(first) == [3.0])
-        from rclpy.parameter import Parameter
-
+        graph.spin_until(lambda: alphas(first) == [10.0])
         controller.set_parameters([Parameter("law.alpha", value=4.0)])
-        graph.spin_until(lambda: alphas(first) == [3.0, 4.0])
+        graph.spin_until(lambda: alphas(first) == [10.0, 4.0])
         observer.call(graph, topics.RESET)
         graph.spin_until(lambda: alphas(simulator.run.run_id) == [4.0])
-        assert alphas(first) == [3.0, 4.0]
+        assert alphas(first) == [10.0, 4.0]
 
 
 def test_drive_for_the_run_before_is_outdated_and_one_without_a_run_counts() -> None:

@@ -141,9 +141,7 @@ class TopicConnection:
             drives = np.array(drive).reshape(1, 3)
         frame = deserialize_message(data, PiezoDrive).header.frame_id
         other = run_id not in (0, self._run_id)
-        return Answer(
-            phase, sequence, now, drives, frame, stamp=1e-9 * stamp, horizon_period=period, other_run=other
-        )
+        return Answer(phase, sequence, now, drives, frame, stamp=1e-9 * stamp, horizon_period=period, other_run=other)
 
     def take_drive(self) -> tuple[int, Drive] | None:
         """Sequence and drive of the oldest message not yet taken, as an instrument reads it; None if there is none.

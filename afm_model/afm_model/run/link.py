@@ -89,6 +89,6 @@ class Listeners:
     ended: Callable[[], None] = _ignore
     """ended(): the duration is over, every block has been handed on; the state becomes FINISHED next."""
     left: Callable[[], None] = _ignore
-    """left(): the run is left for another one; every block has been handed on, and `Engine.run_id` is still its name."""
+    """left(): the run is left for another one; every block has been handed on, `Engine.run_id` is still its name."""
     verb_over: Callable[[Any], None] = _ignore
     """verb_over(outcome): a verb has come to its end."""

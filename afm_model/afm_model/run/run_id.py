@@ -1,4 +1,4 @@
-"""The name of a run. Every message of a run carries it, so that nobody takes the data of one run for those of another."""
+"""The name of a run: every message carries it, so that nobody takes the data of one run for those of another."""
 
 import time
 
