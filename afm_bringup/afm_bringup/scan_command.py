@@ -4,7 +4,9 @@ Letter and corner look different in every direction, so that an image shows whet
 """
 
 import argparse
+import re
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,7 +60,7 @@ _OPTIONS = {
 }
 
 
-def _arguments() -> argparse.Namespace:
+def _arguments(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="scan",
         description="Start a microscope, approach, scan an image over topics, withdraw; leave picture, .gwy, "
@@ -94,7 +96,9 @@ def _arguments() -> argparse.Namespace:
             metavar="VALUE",
             help=f"{told} ({shown})",
         )
-    return parser.parse_args()
+    # Before Python 3.14 argparse takes -150e-9 for an option.
+    parser._negative_number_matcher = re.compile(r"-\.?\d")
+    return parser.parse_args(arguments)
 
 
 def main() -> int:

@@ -22,6 +22,7 @@ _DIAGNOSTICS_PERIOD = 1.0
 class Health(RecordedCounts):
     """The fields of afm_msgs/RecorderStatus, which describes them."""
 
+    run_id: int
     ready: bool
     messages_dropped: int
     writing: bool

@@ -54,7 +54,7 @@ class RecorderNode(Node):
         super().__init__("afm_recorder_node", **({"namespace": topics.NAMESPACE} | kwargs))
         self.recorder = Recorder(declare(self, RecorderParameters), self.get_logger())
         self._status = InstrumentStatus()
-        self._ready = False
+        self._ready, self._run_id = False, 0
         self._inputs = Subscriptions(self)
         self._health = HealthPublisher(self)
         self._presence = Presence(self, subscribe=False)
@@ -96,6 +96,7 @@ class RecorderNode(Node):
 
     def _on_trace(self, message: ControlTrace) -> None:
         checks.control_trace(message)
+        self._run_id = message.run_id
         time_ns = nanoseconds(message.header.stamp)
         self.recorder.control(message.first_sequence, message.control_period, time_ns, messages.columns(message))
 
@@ -148,6 +149,7 @@ class RecorderNode(Node):
 
     def _publish(self) -> None:
         health = Health(
+            run_id=self._run_id,
             ready=self._ready,
             messages_dropped=self._inputs.drops.count + self.recorder.strays,
             writing=not self.recorder.problem,

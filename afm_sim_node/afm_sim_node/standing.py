@@ -1,8 +1,8 @@
 """Subscribers whose process stands still or was killed.
 
 Fast DDS reaches a process on the same machine through a queue in shared memory. When nothing has read that queue for a
-second, Fast DDS calls it unhealthy, and from then on makes and removes another one for each message: 0.1 to 0.4 ms of
-the loop, reliable or not, until it misses the process after 20 s. No setting avoids this, so it is reported by name.
+second, Fast DDS calls it unhealthy, and from then on makes and removes another one for each message, until it drops
+the process after 20 s. No setting was found that avoids this and costs nothing else, so it is reported by name.
 """
 
 import os
@@ -21,6 +21,7 @@ _LOOKS = 5
 _MACHINE, _PROCESS = slice(0, 4), slice(4, 6)
 """Bytes of an identifier of Fast DDS: its vendor and the machine, and the lower half of the process id."""
 _STOPPED, _ZOMBIE = ("T", "t"), "Z"
+_UNNAMED = "a node without a name"
 
 
 class _Process(NamedTuple):
@@ -52,15 +53,20 @@ class Standing:
         self._looks += 1
         count = self._node.count_subscribers(self._topic)
         if count != self._counted or self._looks % _LOOKS == 0:
+            # One that was stopped at its start never gives its name.
+            self._query(unnamed=count == self._counted)
             self._counted = count
-            self._query()
         return "; ".join(filter(None, map(self._about, self._known.values())))
 
-    def _query(self) -> None:
+    def _query(self, *, unnamed: bool) -> None:
         own = next(iter(self._node.get_publishers_info_by_topic(self._topic)), None)
         ends = {bytes(info.endpoint_gid): info for info in self._node.get_subscriptions_info_by_topic(self._topic)}
-        self._known = {end: known for end, known in self._known.items() if end in ends}
-        new = {end: info for end, info in ends.items() if end not in self._known and UNKNOWN not in info.node_name}
+        self._known = {end: known for end, known in self._known.items() if end in ends and known.name != _UNNAMED}
+        new = {
+            end: info
+            for end, info in ends.items()
+            if end not in self._known and (unnamed or UNKNOWN not in info.node_name)
+        }
         if own is None or not new:
             return
         pids = [int(entry) for entry in os.listdir("/proc") if entry.isdigit()]
@@ -72,7 +78,7 @@ class Standing:
     def _found(end: bytes, info: TopicEndpointInfo, pids: Iterable[int]) -> _Process | None:
         """The process of an endpoint: its number ends as the identifier says, and it uses the middleware."""
         half = int.from_bytes(end[_PROCESS], "little")
-        name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+        name = _UNNAMED if UNKNOWN in info.node_name else f"{info.node_namespace.rstrip('/')}/{info.node_name}"
         found = [pid for pid in pids if pid & 0xFFFF == half and used_by(pid)]
         return _Process(name, found[0], _stat(found[0])[1]) if len(found) == 1 else None
 

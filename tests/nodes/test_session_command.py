@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from afm_bringup import session_command
+from afm_bringup import scan_command, session_command
 from afm_bringup.scenario_input import read_scenario
 from afm_bringup.session_nodes import EXTERNAL, commands
 
@@ -55,3 +55,8 @@ def test_title_of_a_recording_names_the_controller_that_runs(controller: str, ti
         if name == "title" and "path" in section["ros__parameters"]
     ]
     assert titles == [title]
+
+
+def test_scan_takes_a_negative_number_with_an_exponent_for_a_number() -> None:
+    asked = scan_command._arguments(["--out", "out", "--centre-x", "-150e-9", "--centre-y", "-.5e-7", "--angle", "-1"])
+    assert (asked.centre_x, asked.centre_y, asked.angle) == (-150e-9, -0.5e-7, -1.0)

@@ -17,7 +17,7 @@ from random import Random  # noqa: E402
 import support  # noqa: E402
 from page import write_between_marks  # noqa: E402
 
-from torture import clients, clock, disk, exchanges, fuzz, kills, requests, sessions, stops  # noqa: E402
+from torture import clients, clock, crafted, disk, exchanges, fuzz, kills, requests, sessions, stops  # noqa: E402
 from torture.family import Family, Unavailable  # noqa: E402
 from torture.outcome import Book, Outcome  # noqa: E402
 from torture.table import markdown, row  # noqa: E402
@@ -27,6 +27,7 @@ FAMILIES = (
     Family("nonsense on all topics", fuzz.family),
     Family("nonsense to all services", requests.family, 0.4),
     Family("bad maps, long names", exchanges.family, 0.2),
+    Family("recordings that no recorder writes", crafted.family),
     Family("client of a verb killed or stopped", clients.family, 0.2),
     Family("recorder killed", kills.recorder),
     Family("controller killed, realtime", kills.controller(REALTIME), 0.5),
@@ -40,6 +41,7 @@ FAMILIES = (
     Family("simulator stands still", stops.stop(SIMULATOR), 0.2),
     Family("controller stands still, realtime", stops.stop(CONTROLLER), 0.2),
     Family("controller stands still, lockstep", stops.stop(CONTROLLER, LOCKSTEP), 0.1),
+    Family("subscriber stands still", stops.subscriber, 0.1),
     Family("disk full", disk.full, 0.2),
     Family("limit on the size of a file", disk.limited, 0.2),
     Family("clock set, realtime", clock.steps(REALTIME), 0.2),

@@ -81,9 +81,9 @@ class Listener(Node):
         self.blocks.append((time.monotonic(), message.first_sequence, len(message.deflection)))
 
     def _on_measurement(self, data: bytes) -> None:
-        # Behind encapsulation, stamp and frame_id, on a multiple of 8 from the fourth byte on.
+        # After encapsulation, stamp, frame_id and run_id, on a multiple of 8 from the fourth byte on.
         (length,) = struct.unpack_from("<I", data, 12)
-        (self.sequence,) = struct.unpack_from("<Q", data, 4 + -(-(12 + length) // 8) * 8)
+        _, self.sequence = struct.unpack_from("<QQ", data, 4 + -(-(12 + length) // 8) * 8)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

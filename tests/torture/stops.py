@@ -1,16 +1,60 @@
 """Nodes that stand still for seconds (SIGSTOP, SIGCONT), as on a machine that is too busy or was put to sleep."""
 
 import signal
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
-from support import Graph
+from support import Command, Graph, remove_shared_memory_left
 
 from torture.family import Make, Try
 from torture.outcome import Outcome
-from torture.trio import REALTIME, RECORDER, RUNNING, SIMULATOR, Trio
+from torture.trio import LOCKSTEP, REALTIME, RECORDER, RUNNING, SIMULATOR, Trio
+
+_SUBSCRIBER = """
+import sys, rclpy
+from afm_msgs.msg import Measurement
+rclpy.init()
+node = rclpy.create_node("bystander", namespace=sys.argv[1])
+subscription = node.create_subscription(Measurement, "measurement", lambda _: None, 10)
+rclpy.spin(node)
+"""
+"""Receives measurements reliably, as a plot or a controller in waiting does, and answers nothing."""
+
+
+@contextmanager
+def subscriber(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
+    """A subscriber of `measurement` stands still for seconds; the run goes on, slower, and the status names it."""
+    trio = Trio(graph, folder, namespace, LOCKSTEP)
+    trio.start_all()
+    listener = trio.listener
+    with Command(sys.executable, "-c", _SUBSCRIBER, namespace, folder=folder) as bystander:
+        infos = listener.get_subscriptions_info_by_topic
+        bystander.wait_until(lambda: any(i.node_name == "bystander" for i in infos(f"/{namespace}/measurement")), graph)
+
+        def one(rng: Random, outcome: Outcome) -> None:
+            trio.pass_time(rng.uniform(0.1, 1.0))
+            before, at = listener.status.ticks, time.monotonic()
+            bystander.process.send_signal(signal.SIGSTOP)
+            try:
+                trio.until(lambda: listener.when(lambda status: "bystander" in status.warning, at))
+                trio.pass_time(rng.uniform(0.2, 3.0))
+            finally:
+                bystander.process.send_signal(signal.SIGCONT)
+            outcome.told["status names the subscriber"] = listener.when(lambda s: "bystander" in s.warning, at) - at
+            trio.until(lambda: listener.status.ticks > before + 100 and "bystander" not in listener.status.warning)
+            made = listener.status.ticks
+            trio.until(lambda: listener.recorder.ticks >= made)
+            assert listener.recorder.ticks_lost == 0, f"{listener.recorder.ticks_lost} ticks are lost"
+            outcome.what = "goes on"
+
+        yield one
+    trio.end_recorded()
+    # Queues that the middleware made for it, one after the other.
+    remove_shared_memory_left()
 
 
 def stop(name: str, scenario: str = REALTIME) -> Make:

@@ -1,6 +1,5 @@
 """The verb CalibrateLateral."""
 
-import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar
 
@@ -11,6 +10,7 @@ from pydantic import Field
 
 from ...analysis import means, wedge_by_flat
 from ...analysis.wedge import WedgeCalibration
+from ...core.elementary import square, tan
 from ...core.errors import VerbError
 from ...core.schema import Positive, Unit
 from ...program.orders import Order
@@ -30,7 +30,7 @@ _SETTLING = 0.05
 _HELD = 0.3
 """Part of the setpoint by which the load may deviate from it, rms."""
 _ANGLE = 0.1
-"""Part of `slope_angle` by which the angles of slope and flat may differ from what they should be."""
+"""Part of the rise of the slope by which slope and flat may differ from what they should be."""
 _ORDERED = (("slope_from", "slope_to", "m"), ("flat_from", "flat_to", "m"), ("setpoint_from", "setpoint_to", "N"))
 
 
@@ -135,19 +135,21 @@ class CalibrateLateral(Verb):
         stretches = {"slope": (self.slope_from, self.slope_to), "flat": (self.flat_from, self.flat_to)}
         for name, (low, high) in stretches.items():
             within = (x >= low) & (x <= high)
-            deviation = float(np.sqrt(np.mean((load[within] - force) ** 2)))
+            deviation = float(np.sqrt(np.mean(square(load[within] - force))))
             if deviation > _HELD * force:
                 raise VerbError(
                     f"no lateral sensitivity: on the {name} the load deviates from the setpoint of {force:.3g} N by "
                     f"{deviation:.3g} N rms: the line is too fast for the z loop, or an edge lies between {name}_from "
                     f"= {low:g} m and {name}_to = {high:g} m; use a lower line_rate or other places"
                 )
-            angle = math.atan(float(np.polyfit(x[within], height[within], 1)[0]))
-            meant = self.slope_angle if name == "slope" else 0.0
-            if abs(angle - meant) > _ANGLE * self.slope_angle:
+            away = x[within] - np.mean(x[within])
+            rise = float(np.sum(away * height[within]) / np.sum(square(away)))
+            slope = tan(self.slope_angle)
+            meant = slope if name == "slope" else 0.0
+            if abs(rise - meant) > _ANGLE * slope:
                 raise VerbError(
                     f"no lateral sensitivity: between {name}_from = {low:g} m and {name}_to = {high:g} m the surface "
-                    f"rises by {angle:.3g} rad, not by {meant:.3g} rad: give the places of the {name} and "
+                    f"rises by {1e3 * rise:.3g} nm per um, not by {1e3 * meant:.3g}: give the places of the {name} and "
                     f"slope_angle as an image shows them"
                 )
 
