@@ -43,7 +43,7 @@ def test_telemetry_is_the_run_at_some_of_its_ticks_in_plain_numbers() -> None:
         deflection = np.concatenate([trace.deflection for trace in traces])
         running = [message for message in told if 0 < message.sequence < 200]
         # Plain float64 fields only: every tool shows them without a word.
-        assert set(list(Telemetry.get_fields_and_field_types().values())[2:]) == {"double"}
+        assert set(list(Telemetry.get_fields_and_field_types().values())[3:]) == {"double"}
         assert len(running) > 3
         assert len({message.sequence for message in running}) == len(running)
         height = simulator.run.instrument.parameters.cantilever.a

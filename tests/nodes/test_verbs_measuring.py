@@ -44,7 +44,7 @@ PARAMETERS |= {"plant.gap": 400e-9, "plant.temperature": 295.0}
 LOOP = FrictionLoop(length=10e-9, line_rate=20.0, sample_rate=10e3)
 PATH = ScanPath(x=(0.0, 10e-9, 10e-9), y=(0.0, 0.0, 20e-9), speed=1e-6, sample_rate=10e3)
 CURVES = ForceCurve(lift=100e-9, ramp=200e-9, approach_rate=20e-6, retract_rate=20e-6, trigger_force=20e-9)
-SENSITIVITY = CalibrateSensitivity(count=2, lift=50e-9, rate=2e-6)
+SENSITIVITY = CalibrateSensitivity(count=2, lift=100e-9, ramp=200e-9, rate=2e-6)
 SEQUENCE = (ThermalTune(duration=0.2), APPROACH, LOOP, PATH, SENSITIVITY, OVER_THE_WEDGE)
 """The verbs from the start on, in order."""
 MEASURING = tuple(verb for verb in SEQUENCE if verb != APPROACH)

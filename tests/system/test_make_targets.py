@@ -15,6 +15,13 @@ TOOLS = ("scan", "figures", "notebooks", "maps", "laws", "bench", "soak", "tortu
 """Targets that give arguments to a tool."""
 
 
+@pytest.fixture(autouse=True)
+def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without what `make test` hands down to a make that it calls."""
+    for name in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL"):
+        monkeypatch.delenv(name, raising=False)
+
+
 def planned(target: str, *options: str) -> str:
     """What make would run last for a target."""
     done = subprocess.run(["make", "-n", target, *options], cwd=ROOT, capture_output=True, text=True, check=True)

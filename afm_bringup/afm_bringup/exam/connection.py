@@ -15,7 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from afm_model import Command, DriveError, SimParameters
 from afm_model.core.errors import MalformedError
-from afm_model.run import next_run_id
+from afm_model.core.run_id import next_run_id
 from afm_node_common import topics
 from afm_node_common.answers import hold_answers
 from afm_node_common.codec import measurement_codec

@@ -13,6 +13,8 @@ FEWEST = 5
 """Least number of points of a fit."""
 _NEAR, _CLOSE = 15e-9, 0.4
 """Within this distance of the contact [m], or this part of the path to it, attraction may bend the cantilever."""
+_STEEPEST = 0.3
+"""Slope of the free part over that in contact from which on the tip was not free."""
 _VISIBLE = 3e-3
 """Rms deviation of the baseline from a straight line, of the range of the curve, from which on it is named."""
 
@@ -81,5 +83,9 @@ def curve_parts(z: ArrayLike, signal: ArrayLike) -> CurveParts:
     if free < FEWEST:
         raise ValueError("the tip is on the sample from the begin of the approach on: lift it further")
     baseline = Baseline(z_in[:free], s_in[:free], float(z_in[-1]), scale)
+    first, last = baseline.mean(z_in[[0, free - 1]])
+    pressed = (s_in[-1] - s_in[kink]) / (z_in[-1] - z_in[kink])
+    if abs(last - first) > _STEEPEST * abs(pressed) * (z_in[free - 1] - z_in[0]):
+        raise ValueError("the tip is on the sample from the begin of the approach on: lift it further")
     d_in, d_out = s_in - baseline.mean(z_in), s_out - baseline.mean(z_out)
     return CurveParts(z_in, d_in, z_out, d_out, free, baseline)

@@ -70,8 +70,8 @@ def deflection_sensitivity(
     low, high : float
         Part of the largest rise over the free cantilever between which lines are fitted.
     compression : float
-        Spring constant over the least stiffness that the contact may have. Half of it is corrected; all from none to
-        this is equally likely, and in the uncertainty.
+        Spring constant over the least stiffness that the contact may have. All from none to this is equally likely: it
+        is in the uncertainty, and not corrected.
 
     Raises
     ------
@@ -97,9 +97,9 @@ def deflection_sensitivity(
     of_fit = 0.5 * math.hypot(*(line.slope.uncertainty / line.slope.value**2 for line in lines))
     value = 0.5 * sum(each)
     of_base = parts.baseline.slope(z_in[v_in >= low * rise]).uncertainty * value**2
-    of_contact = 0.5 * compression * value / math.sqrt(3.0)
+    of_contact = compression * value / math.sqrt(3.0)
     uncertainty = math.hypot(max(of_fit, 0.5 * abs(each[0] - each[1])), of_base, of_contact)
-    return Estimate(value / (1.0 + 0.5 * compression), uncertainty)
+    return Estimate(value, uncertainty)
 
 
 def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
@@ -123,7 +123,7 @@ def force_curve(z: ArrayLike, deflection: ArrayLike, k: float) -> CurveAnalysis:
     z_in, d_in, z_out, d_out = parts.z_in, parts.d_in, parts.z_out, parts.d_out
     free, noise = parts.baseline.noise, parts.noise
     _check_pressed(parts)
-    after = int(np.flatnonzero(d_in <= 0.0)[-1])
+    after = _last_without_force(parts)
     contact = _crossing(z_in, d_in, after)
     # The deepest place before the contact is after the snap-in, whose motion counts from half its depth.
     deepest = int(np.argmin(d_in))
@@ -164,8 +164,16 @@ def in_contact(parts: CurveParts) -> tuple[slice, slice]:
     lowest = int(np.argmin(d_out))
     if d_out[-1] < 0.5 * min(float(d_out[lowest]), -5.0 * parts.noise):
         raise ValueError("the retract ends before the tip comes off: lengthen it")
-    after = int(np.flatnonzero(d_in <= 0.0)[-1])
+    after = _last_without_force(parts)
     return slice(after + 1, d_in.size), slice(0, lowest + 1)
+
+
+def _last_without_force(parts: CurveParts) -> int:
+    """Return the last sample of the approach before the force rises above zero for good."""
+    below = np.flatnonzero(parts.d_in <= 0.0)
+    if not below.size:  # round-off, where there is neither noise nor attraction
+        below = np.flatnonzero(parts.d_in <= parts.d_in[: parts.free].max())
+    return int(below[-1])
 
 
 def _crossing(z: _Array, d: _Array, i: int) -> float:

@@ -69,6 +69,8 @@ G = TypeVar("G", bound=Group)
 
 Positive = Annotated[float, annotated_types.Gt(0.0)]
 NonNegative = Annotated[float, annotated_types.Ge(0.0)]
+_MOST_DEGREES = 360.0
+"""A number beyond this is not an angle in degrees."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class Specification:
     least: float = 0.0
     """Smallest size of a number that is not 0."""
 
-    def refusal(self, value: Any) -> str:
+    def refusal(self, value: Any, *, hints: bool = True) -> str:
         """Why a number is outside its range, one sentence; empty if it is not, or is no number."""
         if self.kind is not float and self.kind is not int:
             each = value if isinstance(value, tuple | list) else ()
@@ -106,7 +108,7 @@ class Specification:
                 if small or not inside:
                     unit = "" if self.unit == "1" else f" {self.unit}"
                     size = f", 0 or at least {self.least:g} in size" if inside else ""
-                    hint = self._in_radians(number) if not inside else ""
+                    hint = self._in_radians(number) if hints and not inside else ""
                     return f"{self.name} = {short(value)}{unit} is not allowed: it must be {self.allowed}{size}{hint}"
         return ""
 
@@ -119,10 +121,10 @@ class Specification:
 
     def _in_radians(self, number: float) -> str:
         """Return an angle that may have been meant in degrees in radians, a clause; empty if it is no such angle."""
-        radians = number * math.pi / 180.0
-        if self.unit != "rad" or self.refusal(radians):
+        if self.unit != "rad" or not abs(number) <= _MOST_DEGREES:
             return ""
-        return f"; {number:g} degrees are {radians:.6g} rad"
+        radians = float(number) * math.pi / 180.0
+        return "" if self.refusal(radians, hints=False) else f"; {number:g} degrees are {radians:.6g} rad"
 
     @property
     def allowed(self) -> str:

@@ -83,8 +83,13 @@ class InstrumentView:
     def pull_off(self) -> float:
         """Adhesion of tip and sample, 2 pi w R [N]; 0: not known."""
         plant = self.parameters.plant
-        pair, radius = getattr(plant, "pair_numbers", None), plant.radius_of_tip(self.parameters)
-        return float(2.0 * math.pi * pair.work_of_adhesion * radius) if pair is not None else 0.0
+        pair = getattr(plant, "pair_numbers", None)
+        return float(2.0 * math.pi * pair.work_of_adhesion * self.tip_radius) if pair is not None else 0.0
+
+    @property
+    def tip_radius(self) -> float:
+        """Radius of the tip [m]."""
+        return float(self.parameters.plant.radius_of_tip(self.parameters))
 
     @property
     def vertical_stiffness(self) -> float:

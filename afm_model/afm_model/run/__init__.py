@@ -5,7 +5,6 @@ from .engine import Engine, Operator
 from .link import Link, Listeners
 from .replay import Replay, recorded_parameters
 from .run import Run
-from .run_id import next_run_id
 from .simulated import Latency, RealtimeSimulation, SimulatedLink, simulate_realtime
 from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
 from .timing import Delays, VirtualClock
@@ -31,7 +30,6 @@ __all__ = [
     "Snapshot",
     "State",
     "VirtualClock",
-    "next_run_id",
     "outside",
     "reasons",
     "recorded_parameters",

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from ..core.errors import DivergenceError, DriveError, PartError, VerbError
+from ..core.run_id import next_run_id
 from ..instrument import Block, Instrument
 from ..instrument.block import Layouts
 from ..parameters import InstrumentParameters
@@ -12,7 +13,6 @@ from .blocks import Blocks
 from .counts import Counts
 from .link import Link, Listeners
 from .pacing import Pacing
-from .run_id import next_run_id
 from .state import BACK, EVENTS, OVER, REASONS, TICKING, Cause, Life, State
 from .timing import Stopwatch, VirtualClock
 

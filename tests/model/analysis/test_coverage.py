@@ -18,6 +18,7 @@ LARGE = 1.2
 """Uncertainties may be so much too large: Student's distribution takes 95 % and not 68 % for its measure."""
 SYSTEMATIC = {
     "deflection_sensitivity: friction",  # half the difference of approach and retract
+    "deflection_sensitivity: without friction",  # how the baseline goes on in contact
     "wedge_by_flat: N/V",  # the interpolation between loads
     "wedge_by_flat: dF/dN",
     "verbs: lateral, N/V",

@@ -147,7 +147,7 @@ def test_feedback_is_off_after_a_scan_that_was_cancelled_or_failed_and_on_again_
 
 def test_a_limit_that_withdraws_the_tip_between_two_verbs_leaves_it_withdrawn_with_feedback_off():
     # The sample drifts into a tip that is held.
-    with Microscope("two_materials", drift={"rate_z": 1e-6}, safety={"force_limit": 60e-9}) as held:
+    with Microscope("two_materials", drift={"rate_z": 1e-7}, safety={"force_limit": 20e-9}) as held:
         held.approach(**FAST)
         held.set_feedback("hold")
         engine = held.backend.engine

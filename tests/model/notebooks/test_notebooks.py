@@ -126,7 +126,7 @@ def test_notebook_of_a_controller_tells_that_a_delay_makes_its_loop_unstable(ran
     delayed = ran("controller")["delayed"].set_index("law")
     assert delayed["margin"]["my_law:MINE"] == 0.0
     assert delayed["chatter"]["my_law:MINE"] > 10.0
-    assert delayed["margin"]["observer"] > 0.3
+    assert delayed["margin"]["observer"] == 0.0
     assert delayed["chatter"]["observer"] > 100.0
     assert delayed["error_max"].idxmin() == "predictive"
 
@@ -188,7 +188,8 @@ def test_notebook_of_tapping_shows_the_islands_by_phase_and_their_energy_as_the_
     ratios = []
     for part in (tapping["island"], tapping["matrix"]):
         both = [float(tapping[name].values[part[:, -tapping[name].x.size :]].mean()) for name in ("energy", "account")]
-        assert both[0] == pytest.approx(both[1], rel=0.015)
+        # (43) leaves out the other modes.
+        assert both[0] == pytest.approx(both[1], rel=0.02)
         ratios.append(both[0])
         # (43) of an elastic contact, but for the motion of the base: pi - arcsin(A / A0).
         attraction = float(np.median(gentle.phase[0].values[part]))

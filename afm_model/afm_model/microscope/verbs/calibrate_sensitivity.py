@@ -8,6 +8,7 @@ from pydantic import Field
 
 from ...analysis import deflection_sensitivity
 from ...analysis.estimate import mean
+from ...core.elementary import cbrt, square
 from ...core.errors import VerbError
 from ...core.schema import Positive, Unit
 from ..execution import Execution, Task
@@ -16,9 +17,11 @@ from ..verb import Count, Length, Speed, Verb, too_fast
 from ..view import InstrumentView
 from .force_curve import Curve, ForceCurve, Measured
 
-_STIFFNESS, _MOST_COMPRESSION = 50.0, 0.5
-"""Least stiffness of a contact that calibrates [N/m], of a tip of 10 nm at 20 nN 60 N/m on graphite and 100 N/m on
-oxide; what a stiff cantilever is taken to compress it at most."""
+_SOFTEST = 10e9
+"""Least reduced modulus of a sample that calibrates [Pa], somewhat below that of silicon on graphite."""
+_PRESSED = 0.6
+"""Part of the largest force at which slopes are taken, on average."""
+_MOST_COMPRESSION = 0.5
 
 
 class CalibrateSensitivity(Verb):
@@ -55,8 +58,7 @@ class CalibrateSensitivity(Verb):
 
         def result() -> Calibration | None:
             run.remark = run.of_lift
-            compression = min(run.view.vertical_stiffness / _STIFFNESS, _MOST_COMPRESSION)
-            return _found(curves.curves(run.view, measured), compression)
+            return _found(curves.curves(run.view, measured), run.view)
 
         run.result = result
         yield from curves.measuring(run, measured)
@@ -67,14 +69,26 @@ class CalibrateSensitivity(Verb):
             )
 
 
-def _found(curves: Sequence[Curve], compression: float) -> Calibration | None:
+def _compression(volts: float, view: InstrumentView) -> float:
+    """Return the largest share of z by which the contact may be compressed while the voltage rises by `volts`.
+
+    The stiffness of a contact of Hertz is (6 R E*^2 F)^(1/3): K. L. Johnson, Contact Mechanics (1985), section 4.2.
+    """
+    k = view.vertical_stiffness
+    force = _PRESSED * k * view.vertical_sensitivity * volts
+    contact = cbrt(6.0 * view.tip_radius * square(_SOFTEST) * force)
+    return min(k / contact, _MOST_COMPRESSION) if contact > 0.0 else _MOST_COMPRESSION
+
+
+def _found(curves: Sequence[Curve], view: InstrumentView) -> Calibration | None:
     """The sensitivity for vertical motion of the tip [m/V]; None without a whole curve."""
     records = [curve.record.channels for curve in curves if curve.triggered]
     if not records:
         return None
     try:
         each = [
-            deflection_sensitivity(read["z"], read["deflection_voltage"], compression=compression) for read in records
+            deflection_sensitivity(z, volts, compression=_compression(float(np.ptp(volts)), view))
+            for z, volts in ((read["z"], read["deflection_voltage"]) for read in records)
         ]
     except ValueError as error:
         raise VerbError(f"no sensitivity comes out of the curves: {error}") from None
