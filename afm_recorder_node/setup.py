@@ -17,16 +17,16 @@ setup(
     # rclpy and afm_msgs, which every node needs, come with ROS 2. rerun changes with each minor release.
     install_requires=[
         "afm_node_common==0.1.0",
+        "mcap==1.*",
         "numpy>=1.26",
         "pyarrow>=18",
         "pydantic>=2.5",
         "pyyaml>=6.0.1",
         "rerun-sdk==0.41.*",
         "rich>=13",
+        "rosbags==0.11.*",
         "scipy>=1.11.2",
     ],
-    # Bags of ros2 bag: export, and what reads them.
-    extras_require={"bag": ["rosbags==0.11.*"]},
     entry_points={
         "console_scripts": [
             f"{NAME} = {NAME}.__main__:main",

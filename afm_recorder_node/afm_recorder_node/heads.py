@@ -1,0 +1,123 @@
+"""What stands in front of every message, read in place: the time, the run, and of a block its numbers."""
+
+import math
+import struct
+from typing import NamedTuple
+
+from afm_node_common.codec import LITTLE_ENDIAN_CDR
+from afm_node_common.stamps import NANOSECONDS
+from afm_node_common.subscriptions import InvalidMessage
+
+_LAST = 2**63 - 1
+"""Largest number of a sample, and largest time in nanoseconds, that is recorded."""
+_BLOCK = struct.Struct("<QdI")
+_COUNT = struct.Struct("<I")
+
+
+class Head(NamedTuple):
+    """Time and run of a message; of a block of samples its numbers, too."""
+
+    time_ns: int
+    run_id: int
+    first: int = 0
+    count: int = 0
+
+
+def head(data: bytes) -> tuple[Head, int]:
+    """Return the head of a message that begins with a header and run_id, and where its other fields begin.
+
+    Raises
+    ------
+    InvalidMessage
+        If the bytes are not such a message, or its time is not a time of a run.
+    """
+    try:
+        seconds, nanoseconds, length = struct.unpack_from("<iII", data, 4)
+        at = _aligned(16 + length, 8)
+        (run_id,) = struct.unpack_from("<Q", data, at)
+    except struct.error:
+        raise InvalidMessage(f"{len(data)} bytes are too short for a message") from None
+    if data[:2] != LITTLE_ENDIAN_CDR:
+        raise InvalidMessage(f"the bytes begin with 0x{data[:2].hex()}: plain CDR begins with 0x0001")
+    if seconds < 0 or nanoseconds >= NANOSECONDS:
+        raise InvalidMessage(f"stamp {seconds} s + {nanoseconds} ns: it must be a time since the start")
+    if not run_id:
+        raise InvalidMessage("run_id is 0: it must be that of a run")
+    return Head(seconds * NANOSECONDS + nanoseconds, run_id), at + 8
+
+
+def waveform(data: bytes) -> Head:
+    """Return the head of an afm_msgs/Waveform that is whole and can be placed in time. Raises InvalidMessage."""
+    found, at = head(data)
+    first, period, count = _block(data, at)
+    at = _aligned(at + _BLOCK.size, 8) + 8 * count + 8  # samples, scale
+    _ends(data, at + _COUNT.size + _text(data, at))
+    return _placed(found, "first_sample", first, period, count)
+
+
+def control_trace(data: bytes) -> Head:
+    """Return the head of an afm_msgs/ControlTrace that is whole and can be placed in time. Raises InvalidMessage."""
+    found, at = head(data)
+    first, period, values = _block(data, at)
+    count, rest = divmod(values, 3)
+    if rest:
+        raise InvalidMessage(f"{values} values of position: it must be x, y, z of each tick")
+    at += _BLOCK.size - _COUNT.size
+    for name, width, size in (
+        ("position", 3, 8),
+        ("velocity", 3, 8),
+        ("reference_position", 3, 8),
+        ("deflection", 1, 8),
+        ("drive", 3, 8),
+        ("round_trip", 1, 4),
+    ):
+        at = _aligned(at, 4)
+        given = _text(data, at)
+        if given != width * count:
+            raise InvalidMessage(f"{given} values of {name} with {count} ticks: it must be {width * count}")
+        at = _aligned(at + _COUNT.size, size) + size * given
+    _ends(data, at)
+    return _placed(found, "first_sequence", first, period, count)
+
+
+def _block(data: bytes, at: int) -> tuple[int, float, int]:
+    try:
+        first, period, count = _BLOCK.unpack_from(data, at)
+    except struct.error:
+        raise InvalidMessage(f"{len(data)} bytes are too short for a block") from None
+    return first, period, count
+
+
+def _text(data: bytes, at: int) -> int:
+    """The length of a sequence or text."""
+    try:
+        return int(_COUNT.unpack_from(data, at)[0])
+    except struct.error:
+        raise InvalidMessage(f"{len(data)} bytes are too short for what they say they hold") from None
+
+
+def _ends(data: bytes, at: int) -> None:
+    # The middleware may pad a message to a multiple of four bytes.
+    if not at <= len(data) < at + 4:
+        raise InvalidMessage(f"{len(data)} bytes for a message of {at}")
+
+
+def _placed(found: Head, name: str, first: int, period: float, count: int) -> Head:
+    """Check that a block can stand where its numbers say. Blocks are placed by their numbers: one that says two times at
+    once has a wrong number, or a wrong period.
+    """
+    if not count:
+        raise InvalidMessage("it holds no values")
+    if not (math.isfinite(period) and period > 0.0):
+        raise InvalidMessage(f"period {period:g} s: it must be finite and > 0 s")
+    if first + count > _LAST or (first + count) * period * 1e9 > _LAST:
+        raise InvalidMessage(f"{name} {first} at a period of {period:g} s: a record ends after 292 years")
+    stamp, time = found.time_ns * 1e-9, first * period
+    if abs(stamp - time) > max(period, 1e-6) + 1e-9 * time:
+        raise InvalidMessage(f"stamp {stamp:g} s of {name} {first} at a period of {period:g} s: it must be {time:g} s")
+    return found._replace(first=first, count=count)
+
+
+def _aligned(at: int, size: int) -> int:
+    """CDR aligns from the fifth byte of a message on."""
+    return at + -(at - 4) % size
