@@ -15,7 +15,8 @@ from afm_model.microscope.local import Local
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Approach, Scan
 from afm_node_common import topics
-from afm_node_common.verb_codec import ACTIONS, action_of, goal_of, line_of
+from afm_node_common.decoding import line_of
+from afm_node_common.verb_codec import ACTIONS, action_of, goal_of
 from afm_sim_node.node import SimNode
 
 APPROACH = Approach(rate=10e-6, range=2e-6, settle=2e-3)

@@ -4,7 +4,7 @@ from afm_msgs.msg import ScanLine
 
 from afm_model.microscope.image import Image, Line
 from afm_model.microscope.verbs import Scan
-from afm_node_common.verb_codec import line_of
+from afm_node_common.decoding import line_of
 
 
 class Arriving:

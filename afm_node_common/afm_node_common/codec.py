@@ -24,7 +24,8 @@ from afm_model.core.errors import MalformedError
 from afm_model.core.records import size
 from afm_model.parts import signals
 
-from .stamps import NANOSECONDS, nanoseconds, stamp
+from .decoding import NANOSECONDS, nanoseconds
+from .stamps import stamp
 from .topics import FRAME
 
 _BIG_ENDIAN_CDR, LITTLE_ENDIAN_CDR = b"\x00\x00", b"\x00\x01"

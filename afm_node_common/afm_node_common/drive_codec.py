@@ -17,7 +17,7 @@ from afm_model import Command, DriveError
 from afm_model.parts.signals import LONGEST_HORIZON
 
 from .codec import LITTLE_ENDIAN_CDR, Codec, fill, is_text
-from .stamps import NANOSECONDS
+from .decoding import NANOSECONDS
 
 Drive = NDArray[np.float64] | Command | DriveError
 """Voltages (3,) [V]; with a horizon a Command; for a horizon that is not allowed, the error."""

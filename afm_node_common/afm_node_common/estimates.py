@@ -10,7 +10,7 @@ from afm_model.parts import LawEstimate
 
 from . import topics
 from .codec import BlockEncoder
-from .stamps import NANOSECONDS
+from .decoding import NANOSECONDS
 
 _RASTER = 5e-3
 """Simulated time between two samples [s]."""

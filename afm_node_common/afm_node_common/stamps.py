@@ -2,13 +2,7 @@
 
 from builtin_interfaces.msg import Time
 
-NANOSECONDS = 1_000_000_000
-"""In a second."""
-
-
-def nanoseconds(stamp: Time) -> int:
-    """Time of a stamp [ns]."""
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+from .decoding import NANOSECONDS
 
 
 def stamp(nanoseconds: int) -> Time:

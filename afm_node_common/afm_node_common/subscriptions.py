@@ -9,14 +9,10 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 
-from afm_model.core.errors import Sentence
+from .decoding import InvalidMessage
 
 _LOG_PERIOD = 1.0
 """Least wall time between two lines in the log [s]: invalid messages may come at any rate."""
-
-
-class InvalidMessage(Sentence, ValueError):
-    """A message with a value that is not valid; says which field, and what is allowed."""
 
 
 class DroppedMessages:

@@ -6,25 +6,24 @@ parameters and a result of named arrays.
 
 import array
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 from afm_msgs import action, msg
-from afm_msgs.msg import NamedArray, ScanLine
+from afm_msgs.msg import NamedArray
 from diagnostic_msgs.msg import KeyValue
 from rcl_interfaces.msg import Parameter as ParameterMessage
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter
 
 from afm_model.core import registry
-from afm_model.core.errors import ParameterError
 from afm_model.core.schema import python_value
 from afm_model.microscope.arrays import Arrays, Variable, arrays_of
-from afm_model.microscope.image import Image, Line
+from afm_model.microscope.image import Image
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome, Standing, TimeSeries
 from afm_model.microscope.verb import Verb, find
 
-from .stamps import nanoseconds
+from .decoding import channels_of, values_of, variable_of
 
 ANY = "verb"
 """Name of the action for every verb that has none of its own."""
@@ -185,7 +184,7 @@ def numbers(*arrays: Any) -> Any:
 
 
 def parameters(values: Mapping[str, Any]) -> list[ParameterMessage]:
-    """Numbers, texts and lists of them as they go over topics, with their names."""
+    """Numbers, texts and lists as they go over topics, with their names; `decoding.values_of` is the inverse."""
     return [Parameter(name, value=_parameter_value(value)).to_parameter_msg() for name, value in values.items()]
 
 
@@ -197,55 +196,11 @@ def _parameter_value(value: Any) -> Any:
     return [float(one) for one in each] if any(isinstance(one, float) for one in each) else each
 
 
-def values_of(messages: Iterable[Any]) -> dict[str, Any]:
-    """The inverse of `parameters`; also of texts with their keys.
-
-    Raises
-    ------
-    ParameterError
-        If a name comes twice, or without a value.
-    """
-    values: dict[str, Any] = {}
-    for each in messages:
-        texts = isinstance(each, KeyValue)
-        name = each.key if texts else each.name
-        if name in values:
-            raise ParameterError(f"the name {name} is given twice: each name needs one value")
-        try:
-            values[name] = each.value if texts else parameter_value_to_python(each.value)
-        except RuntimeError:  # a type that there is not
-            values[name] = None
-        if values[name] is None:
-            raise ParameterError(f"{name} has no value: it must have one, with the type that the value has")
-    return values
-
-
-def channels_of(message: Any, length: int) -> tuple[dict[str, Any], dict[str, str]]:
-    """Channels of a message that has `channels`, `units` and `data` one after the other; their units."""
-    # A message that has arrived is nobody else's: its numbers are not copied.
-    data = np.frombuffer(message.data).reshape(len(message.channels), length)
-    units = dict(zip(message.channels, message.units, strict=True))
-    return dict(zip(message.channels, data, strict=True)), units
-
-
 def lines_done(result: Any) -> int:
     """Lines of a scan, or of a verb that is one, by the result of its action."""
     if isinstance(result, action.Verb.Result):
         return int(values_of(result.attributes).get("lines_done", 0))
     return int(result.lines_done)
-
-
-FRAME = (
-    *("centre_x", "centre_y", "size_x", "angle", "pixels", "lines"),
-    *("line_rate", "overscan", "speed", "slow_axis"),
-)
-"""Fields of ScanLine that are those of a scan; its `size_y` is the scan's height."""
-
-
-def line_of(message: ScanLine) -> Line:
-    """The line that a message brings."""
-    time = nanoseconds(message.header.stamp) / 1e9
-    return Line(message.index, message.direction, time, channels_of(message, message.pixels)[0])
 
 
 # Named arrays.
@@ -269,20 +224,6 @@ def named_arrays(arrays: Arrays) -> list[NamedArray]:
                 message.data = numbers(values.ravel())
             found.append(message)
     return found
-
-
-def variable_of(message: NamedArray) -> Variable:
-    """The array that a message brings.
-
-    Raises
-    ------
-    ValueError
-        If it has not the shape that it says.
-    ParameterError
-        As `values_of` does.
-    """
-    values = np.array(message.words) if len(message.words) else np.array(message.data, np.float64)
-    return Variable(tuple(message.dimensions), values.reshape(tuple(message.shape)), values_of(message.attributes))
 
 
 def _arrays(result: Any) -> Arrays:

@@ -5,22 +5,23 @@ import struct
 from typing import NamedTuple
 
 from afm_node_common.codec import LITTLE_ENDIAN_CDR
-from afm_node_common.stamps import NANOSECONDS
-from afm_node_common.subscriptions import InvalidMessage
+from afm_node_common.decoding import NANOSECONDS, InvalidMessage
 
 _LAST = 2**63 - 1
 """Largest number of a sample, and largest time in nanoseconds, that is recorded."""
+_UNIT_LENGTH = 16
 _BLOCK = struct.Struct("<QdI")
 _COUNT = struct.Struct("<I")
 
 
 class Head(NamedTuple):
-    """Time and run of a message; of a block of samples its numbers, too."""
+    """Time and run of a message; of a block its numbers, and the unit of its samples."""
 
     time_ns: int
     run_id: int
     first: int = 0
     count: int = 0
+    unit: str = ""
 
 
 def head(data: bytes) -> tuple[Head, int]:
@@ -41,8 +42,6 @@ def head(data: bytes) -> tuple[Head, int]:
         raise InvalidMessage(f"the bytes begin with 0x{data[:2].hex()}: plain CDR begins with 0x0001")
     if seconds < 0 or nanoseconds >= NANOSECONDS:
         raise InvalidMessage(f"stamp {seconds} s + {nanoseconds} ns: it must be a time since the start")
-    if not run_id:
-        raise InvalidMessage("run_id is 0: it must be that of a run")
     return Head(seconds * NANOSECONDS + nanoseconds, run_id), at + 8
 
 
@@ -50,9 +49,19 @@ def waveform(data: bytes) -> Head:
     """Return the head of an afm_msgs/Waveform that is whole and can be placed in time. Raises InvalidMessage."""
     found, at = head(data)
     first, period, count = _block(data, at)
-    at = _aligned(at + _BLOCK.size, 8) + 8 * count + 8  # samples, scale
-    _ends(data, at + _COUNT.size + _text(data, at))
-    return _placed(found, "first_sample", first, period, count)
+    at = _aligned(at + _BLOCK.size, 8) + 8 * count
+    try:
+        scale, length = struct.unpack_from("<dI", data, at)
+        (unit,) = struct.unpack_from(f"{length}s", data, at + 12)
+    except struct.error:
+        raise InvalidMessage(f"{len(data)} bytes are too short for {count} samples") from None
+    _ends(data, at + 12 + length)
+    if not math.isfinite(scale) or scale == 0.0:
+        raise InvalidMessage(f"scale {scale:g}: it must be finite and not 0")
+    text = unit.rstrip(b"\0").decode(errors="replace")
+    if not (text.isprintable() and len(text) <= _UNIT_LENGTH):
+        raise InvalidMessage(f"unit {text[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
+    return _placed(found, "first_sample", first, period, count)._replace(unit=text)
 
 
 def control_trace(data: bytes) -> Head:
@@ -72,7 +81,10 @@ def control_trace(data: bytes) -> Head:
         ("round_trip", 1, 4),
     ):
         at = _aligned(at, 4)
-        given = _text(data, at)
+        try:
+            given = int(_COUNT.unpack_from(data, at)[0])
+        except struct.error:
+            raise InvalidMessage(f"{len(data)} bytes are too short for {count} ticks") from None
         if given != width * count:
             raise InvalidMessage(f"{given} values of {name} with {count} ticks: it must be {width * count}")
         at = _aligned(at + _COUNT.size, size) + size * given
@@ -88,14 +100,6 @@ def _block(data: bytes, at: int) -> tuple[int, float, int]:
     return first, period, count
 
 
-def _text(data: bytes, at: int) -> int:
-    """The length of a sequence or text."""
-    try:
-        return int(_COUNT.unpack_from(data, at)[0])
-    except struct.error:
-        raise InvalidMessage(f"{len(data)} bytes are too short for what they say they hold") from None
-
-
 def _ends(data: bytes, at: int) -> None:
     # The middleware may pad a message to a multiple of four bytes.
     if not at <= len(data) < at + 4:
@@ -106,6 +110,8 @@ def _placed(found: Head, name: str, first: int, period: float, count: int) -> He
     """Check that a block can stand where its numbers say. Blocks are placed by their numbers: one that says two times at
     once has a wrong number, or a wrong period.
     """
+    if not found.run_id:
+        raise InvalidMessage("run_id 0: it must be that of a run")
     if not count:
         raise InvalidMessage("it holds no values")
     if not (math.isfinite(period) and period > 0.0):

@@ -12,8 +12,9 @@ from sensor_msgs.msg import Image as ImageMessage
 
 from afm_model.microscope.image import Image, Line
 from afm_node_common import topics
+from afm_node_common.decoding import FRAME
 from afm_node_common.stamps import stamp
-from afm_node_common.verb_codec import FRAME, numbers
+from afm_node_common.verb_codec import numbers
 
 IMAGE_PERIOD = 0.5
 """Wall time between two messages of one image [s]."""

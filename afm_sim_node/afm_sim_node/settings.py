@@ -13,7 +13,7 @@ from afm_model.onboard.by_amplitude import taps
 from afm_model.run import Run
 from afm_node_common import topics
 from afm_node_common.barrier import sentence
-from afm_node_common.verb_codec import values_of
+from afm_node_common.decoding import values_of
 
 _SETPOINTS = ("force", "voltage", "amplitude", "share")
 Exchanging = Callable[[str, dict[str, Any]], None]

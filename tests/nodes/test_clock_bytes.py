@@ -4,7 +4,8 @@ import pytest
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 
-from afm_node_common.stamps import nanoseconds, stamp
+from afm_node_common.decoding import nanoseconds
+from afm_node_common.stamps import stamp
 from afm_sim_node.clock import clock_bytes
 
 

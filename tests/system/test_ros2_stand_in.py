@@ -14,7 +14,7 @@ from rclpy.action import ActionServer
 from rclpy.node import Node
 from support import ROOT, Command, Graph, executable
 
-from afm_node_common.verb_codec import values_of
+from afm_node_common.decoding import values_of
 
 PACKAGES = {
     "afm_sim_node": {"afm_sim_node"},
