@@ -49,6 +49,8 @@ class GrowingFile:
         If the file cannot be made now, try again with each write in place of raising.
     number : int
         First number to be tried.
+    also : str
+        Suffix of a second file that will have the same name: a name is free if that one is free, too.
 
     Raises
     ------
@@ -58,9 +60,9 @@ class GrowingFile:
         If the file cannot be made; the message says why.
     """
 
-    def __init__(self, path: Path, *, patient: bool = False, number: int = 1) -> None:
+    def __init__(self, path: Path, *, patient: bool = False, number: int = 1, also: str = "") -> None:
         self.path, self.number = path, number
-        self._first = path
+        self._first, self._also = path, also
         self.problem = ""
         """Why the last data was not written; empty if it was."""
         self.news = ""
@@ -130,6 +132,9 @@ class GrowingFile:
         for path in numbered(self._first, self.number):
             check_plain(path)
             path.parent.mkdir(parents=True, exist_ok=True)
+            if self._also and os.path.lexists(path.with_suffix(self._also)):
+                self.number += 1
+                continue
             flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
             try:
                 self._file = os.open(path, flags, 0o666)

@@ -12,7 +12,7 @@ from afm_node_common import topics
 from afm_node_common.diagnostics import entry, stamped
 from afm_node_common.stamps import stamp
 
-from .recording_files import RecordedCounts
+from .recorder import RecordedCounts
 
 _DIAGNOSTICS_PERIOD = 1.0
 """Wall time between two messages on /diagnostics [s]; sooner if the recorder has begun or stopped to work."""
@@ -22,7 +22,6 @@ _DIAGNOSTICS_PERIOD = 1.0
 class Health(RecordedCounts):
     """The fields of afm_msgs/RecorderStatus, which describes them."""
 
-    run_id: int
     ready: bool
     messages_dropped: int
     writing: bool

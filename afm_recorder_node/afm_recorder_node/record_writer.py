@@ -1,5 +1,6 @@
-"""One record: the messages of one run as they came, in one MCAP file."""
+"""One record: the messages of one run as they came, in one MCAP file. Needs no ROS."""
 
+import platform
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -54,17 +55,17 @@ class RecordWriter:
         self._tail = _Tail()
         self._writer = Writer(self._tail, compression=CompressionType.ZSTD, enable_data_crcs=True)  # type: ignore[arg-type]
         self._writer.start(profile="ros2", library=LIBRARY)
-        self._writer.add_metadata(ABOUT, dict(about))
+        self._writer.add_metadata(ABOUT, {"python": platform.python_version(), **about})
         self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
+        self._channels: dict[tuple[str, str], int] = {}
         self.count = 0
         """Messages in it."""
 
     def put(self, topic: str, kind: str, time_ns: int, received_ns: int, data: bytes) -> None:
         """Add a message: its topic and type, simulated time, wall time at which it came [ns], and its bytes."""
-        channel = self._channels.get(topic)
+        channel = self._channels.get((topic, kind))
         if channel is None:
-            channel = self._channels[topic] = self._channel(topic, kind)
+            channel = self._channels[topic, kind] = self._channel(topic, kind)
         self._writer.add_message(channel, time_ns, data, received_ns, self.count % 2**32)
         self.count += 1
 

@@ -1,20 +1,16 @@
-"""The runs of an instrument, each with its record: messages are sorted by the run that they name."""
+"""What has come of each run of an instrument, and what is missing of it. Needs no ROS."""
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from .heads import Head
 
 SILENCE = 4.0
-"""Wall time for which a run that is over may still be sent what it lacks [s]: more than the 3 s after which the middleware
-repeats lost messages.
-"""
-_SCORE = 0.5
-"""The same for its score [s], which is sent once and at once."""
-KEPT = 2000
-"""Messages of a run without a block that are kept, at most."""
+"""Wall time for which a run that is over may still be sent what it lacks [s]: more than the 3 s after which the
+middleware repeats lost messages."""
+QUIET = 0.5
+"""The same for what comes once and at once, when all blocks are there: score, results, events [s]."""
 
 
 @dataclass
@@ -25,6 +21,7 @@ class Stream:
     next: int = 0  # number that follows the last value
     received: int = 0
     lost: int = 0
+    unwritten: int = 0  # values that came while the file could not be written
 
     def put(self, block: Head) -> bool:
         """Count a block; False if it has come before."""
@@ -59,9 +56,20 @@ class Lines:
 
 @dataclass
 class Progress:
-    """What has come of a run, and what is known of its end."""
+    """What has come of a run, and what is known of its end.
+
+    Parameters
+    ----------
+    run_id : int
+    trace : str
+        Topic of the blocks of control ticks.
+    channels : list of str
+        Topics of the channels that every instrument has.
+    """
 
     run_id: int
+    trace: str
+    channels: list[str]
     streams: dict[str, Stream] = field(default_factory=dict)
     lines: Lines = field(default_factory=Lines)
     time_ns: int = 0  # latest simulated time
@@ -70,39 +78,48 @@ class Progress:
     scored: bool = False
     ticks: int = 0  # as its last status said
     samples: int = 0
-    unwritten: int = 0  # blocks that came while the file could not be written
     heard_at: float = -math.inf  # steady wall time at which something new came last [s]
 
-    def whole(self, trace: str, channels: list[str]) -> bool:
-        """Whether all has come that a run that is over has brought."""
-        if not self.over or (self.finished and not self.scored and time.monotonic() < self.heard_at + _SCORE):
-            return False
-        wanted = {trace: self.ticks} | dict.fromkeys(channels, self.samples)
-        return all(name not in self.streams or self.streams[name].next >= count for name, count in wanted.items())
+    def stream(self, name: str) -> Stream:
+        """What has come on a topic of blocks."""
+        return self.streams.setdefault(name, Stream())
 
-    def missing(self, trace: str, channels: list[str]) -> list[str]:
-        """Why the record of a run is not complete, in clauses; empty if it is."""
+    def has(self, ticks: int, samples: int) -> bool:
+        """Whether every stream has come up to these numbers of ticks and samples."""
+        wanted = {self.trace: ticks} | dict.fromkeys(self.channels, samples)
+        return all(self.stream(name).next >= count for name, count in wanted.items())
+
+    def ended(self) -> bool:
+        """Whether nothing more is to be waited for."""
+        silent = time.monotonic() - self.heard_at
+        if not self.over:
+            return silent > SILENCE
+        whole = self.has(self.ticks, self.samples) and (self.scored or not self.finished)
+        return silent > (QUIET if whole else SILENCE)
+
+    def missing(self) -> list[str]:
+        """What the record of the run lacks, in clauses; empty: nothing."""
         found = []
         if not self.over:
             found.append("it has not come to an end: the simulator or the recorder was ended during the run")
-        begin = min((each.begin for name, each in self.streams.items() if name == trace), default=0)
-        if begin > 0:
-            found.append(f"it begins at tick {begin}: the instrument ran before the recorder was there")
-        lost = {name: each.lost for name, each in self.streams.items() if each.lost}
-        if trace in lost:
-            found.append(f"{lost.pop(trace)} ticks are missing")
-        if lost:
-            found.append(f"{max(lost.values())} samples a channel are missing")
-        if self.over:
-            tail = {trace: self.ticks} | dict.fromkeys(channels, self.samples)
-            short = [name for name, count in tail.items() if name in self.streams and self.streams[name].next < count]
-            if short:
-                found.append(f"the last blocks of {', '.join(short)} are missing")
+        if self.stream(self.trace).begin > 0:
+            found.append(f"it begins at tick {self.stream(self.trace).begin}: the instrument ran before the recorder")
+        ticks = self.stream(self.trace).lost
+        samples = max((each.lost for name, each in self.streams.items() if name != self.trace), default=0)
+        if ticks or samples:
+            found.append(f"{ticks} ticks and {samples} samples a channel are missing between others")
+        if self.over and not self.has(self.ticks, self.samples):
+            ticks = self.ticks - self.stream(self.trace).next
+            samples = max(self.samples - self.stream(name).next for name in self.channels)
+            found.append(f"the last {max(ticks, 0)} ticks and {max(samples, 0)} samples a channel are missing")
         if self.lines.lost:
             found.append(f"{self.lines.lost} lines of scans (trace and retrace counted each) are missing")
-        if self.unwritten:
-            found.append(f"{self.unwritten} blocks came while the file could not be written")
+        if unwritten := self.unwritten():
+            found.append(f"{unwritten[0]} ticks and {unwritten[1]} samples a channel could not be written")
         return found
 
-
-Definition = Callable[[str], str]
+    def unwritten(self) -> tuple[int, int] | None:
+        """Ticks, and samples a channel, that came while the file could not be written; None: no block did."""
+        ticks = self.stream(self.trace).unwritten
+        samples = max((each.unwritten for name, each in self.streams.items() if name != self.trace), default=0)
+        return (ticks, samples) if ticks or samples else None

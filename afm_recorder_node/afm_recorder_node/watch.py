@@ -5,15 +5,15 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from rcl_interfaces.msg import ParameterEvent, ParameterType, ParameterValue
+from rcl_interfaces.msg import ParameterEvent, ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.task import Future
 
-from afm_node_common.subscriptions import InvalidMessage, Subscriptions
+from afm_node_common.decoding import InvalidMessage, value_of
+from afm_node_common.subscriptions import Subscriptions
 
 _ANSWER_TIME = 5.0
 """Wall time within which a node answers the parameter services, or has none [s]."""
@@ -57,17 +57,18 @@ class ParameterWatch:
         self._missed_since: dict[str, float] = {}
         subscriptions.subscribe(ParameterEvent, "/parameter_events", self._on_event, qos_profile_parameter_events)
 
-    def look(self, others: Iterable[str] = ()) -> None:
+    def look(self, others: Iterable[str] = (), known: Iterable[str] = ()) -> None:
         """Query the nodes that are new since the last call, or have not answered; to be called periodically.
 
         Parameters
         ----------
         others : full names of nodes outside the namespace
+        known : full names of nodes that publish their parameters themselves
         """
         namespace = self._node.get_namespace()
         there = {full_name(name, at): at for name, at in self._node.get_node_names_and_namespaces()}
         wanted = {name for name, at in there.items() if at == namespace or name in others}
-        wanted.discard(self._node.get_fully_qualified_name())
+        wanted -= {self._node.get_fully_qualified_name(), *known}
         # A node that has ended is queried again after a restart.
         self._asked = {name: asked for name, asked in self._asked.items() if name in wanted}
         now = time.monotonic()
@@ -102,7 +103,7 @@ class ParameterWatch:
 
     def _on_values(self, node: str, names: list[str], answered: Future) -> None:
         found = {
-            name: _python(value)
+            name: value_of(value)
             for name, value in zip(names, answered.result().values, strict=False)
             if value.type in _TYPES
         }
@@ -122,7 +123,7 @@ class ParameterWatch:
                     f"type {parameter.value.type} of parameter {parameter.name}: there is no such type"
                 )
         if event.node in self.values:
-            self._take(event.node, {p.name: _python(p.value) for p in parameters if p.value.type in _TYPES})
+            self._take(event.node, {p.name: value_of(p.value) for p in parameters if p.value.type in _TYPES})
 
     def _take(self, node: str, values: dict[str, Any]) -> None:
         known = self.values[node]
@@ -132,8 +133,3 @@ class ParameterWatch:
             if old != new:
                 self._changed(node, name, old, new)
 
-
-def _python(value: ParameterValue) -> Any:
-    """Value of a parameter; of an array a list."""
-    plain = parameter_value_to_python(value)
-    return list(plain) if hasattr(plain, "typecode") else plain
