@@ -1,57 +1,78 @@
-"""Bags of `ros2 bag record`, read as recordings. Needs the messages of ROS, and the package rosbags."""
+"""Bags of `ros2 bag record`, read as recordings. Needs no ROS: the definitions stand in the bag.
 
-import os
-import tempfile
-from collections.abc import Callable, Iterator
-from functools import cache
+Definitions that an old bag has not are those of the installed messages, if there are any.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
-from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, ScanLine, Score, Waveform
-from ament_index_python.packages import get_package_share_directory
-from builtin_interfaces.msg import Time
-from rcl_interfaces.msg import ParameterEvent
-from rclpy.parameter import parameter_value_to_python
-from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from afm_model.core.errors import reason
-from afm_node_common.stamps import nanoseconds
-from afm_node_common.subscriptions import InvalidMessage
+from afm_node_common.decoding import nanoseconds
 
-from . import checks, messages
-from .layout import signal
-from .readable import no_room
+from .names import CHANNELS
+from .record import Entry
 from .recording import RecordingError
-from .writer import RecordingWriter
 
 PARAMETER_EVENTS = "/parameter_events"
-_EVENT = "afm_msgs/msg/Event"
+_OURS = "afm_msgs/msg/"
+_BLOCKS = (f"{_OURS}ControlTrace", f"{_OURS}Waveform")
 _LATEST_NS = 10**17
-"""Latest simulated time [ns], three years: a stamp behind it is one of the system's clock."""
+"""Latest simulated time [ns], three years: a later stamp is one of the system's clock."""
 
 
-@cache
-def typestore() -> Typestore:
-    """The types of ROS 2, and ours as they are installed."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    found: dict[str, Any] = {}
-    for file in sorted((Path(get_package_share_directory("afm_msgs")) / "msg").glob("*.msg")):
-        found |= get_types_from_msg(file.read_text(), f"afm_msgs/msg/{file.stem}")
-    store.register(found)
-    return store
+@dataclass
+class Bag:
+    """The messages of one run in a bag; see `open_bag`."""
+
+    path: Path
+    about: dict[str, str]
+    run_id: int
+    missing: str = ""
+    _types: Typestore = field(default_factory=Typestore)
+
+    def messages(
+        self, topics: Collection[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
+    ) -> Iterator[Entry]:
+        """Yield the messages in the order in which they came; see `Record.messages`."""
+        space = f"{self.about['namespace']}/"
+        time_ns = 0
+        with _reading(self.path), AnyReader([self.path], default_typestore=self._types) as bag:
+            kept = [
+                each
+                for each in bag.connections
+                if each.topic == PARAMETER_EVENTS or (each.topic.startswith(space) and each.msgtype.startswith(_OURS))
+            ]
+            published = any(each.msgtype == f"{_OURS}Parameters" for each in kept)
+            for connection, _, raw in bag.messages(kept) if kept else ():
+                topic = connection.topic.removeprefix(space)
+                if connection.topic == PARAMETER_EVENTS:
+                    if not published and (topics is None or "parameters" in topics):
+                        message = bag.deserialize(raw, connection.msgtype)
+                        stamp = nanoseconds(message.stamp)
+                        at = stamp if stamp < _LATEST_NS else time_ns
+                        yield from _parameters(message, at)
+                    continue
+                if topics is not None and topic not in topics:
+                    continue
+                message = bag.deserialize(raw, connection.msgtype)
+                if getattr(message, "run_id", 0) not in (0, self.run_id):
+                    continue
+                if hasattr(message, "header"):
+                    time_ns = nanoseconds(message.header.stamp)
+                yield Entry(topic, connection.msgtype, time_ns, message)
 
 
-def kind_of(message: Any) -> str:
-    """Name of the type of a message, afm_msgs/msg/Waveform for example."""
-    return f"{type(message).__module__.partition('.')[0]}/msg/{type(message).__name__}"
-
-
-def recording_of(path: Path) -> Path:
-    """A recording with what a bag holds, in a temporary file that lives as long as the process.
+def open_bag(path: Path) -> Bag:
+    """Find the run in a bag.
 
     Parameters
     ----------
@@ -61,169 +82,65 @@ def recording_of(path: Path) -> Path:
     Raises
     ------
     RecordingError
-        If it is no bag, holds nothing of an instrument, several instruments or runs, or messages of another version.
+        If it is no bag, holds nothing of an instrument, several instruments or runs.
     """
     try:
-        changed = path.stat().st_mtime_ns
+        path.stat()
     except OSError as error:
-        raise RecordingError(f"{path} is no readable bag: {reason(error)}") from error
-    try:
-        return _recording_of(path.absolute(), changed)
-    except OSError as error:
-        raise no_room(str(path), error) from error
-
-
-@cache
-def _recording_of(path: Path, changed: int) -> Path:
-    folder = Path(_folder().name)
-    writer = RecordingWriter(folder / f"{len(os.listdir(folder))}.rrd")
-    try:
-        with AnyReader([path]) as bag:
-            _Copy(path, bag, writer).run()
-    except RecordingError:
-        raise
-    # What its reader makes of a damaged or foreign file.
-    except Exception as error:
-        raise RecordingError(f"{path} is no readable bag: {error}") from error
-    finally:
-        made = writer.close()
-    if made is None:
+        raise RecordingError(f"{path} is no readable recording: {reason(error)}") from error
+    types = get_typestore(Stores.ROS2_JAZZY)
+    _add_installed(types)
+    spaces: set[str] = set()
+    runs: Counter[int] = Counter()
+    starts: dict[tuple[str, int], int] = {}
+    with _reading(path), AnyReader([path], default_typestore=types) as bag:
+        blocks = [each for each in bag.connections if each.msgtype in _BLOCKS]
+        for connection, _, raw in bag.messages(blocks) if blocks else ():
+            message: Any = bag.deserialize(raw, connection.msgtype)
+            names = ("control_trace", *CHANNELS)
+            spaces |= {connection.topic.removesuffix(f"/{name}") for name in names if connection.topic.endswith(f"/{name}")}
+            run_id = int(getattr(message, "run_id", 0))
+            runs[run_id] += 1
+            first = int(getattr(message, "first_sample", getattr(message, "first_sequence", 0)))
+            if first < starts.get((connection.topic, run_id), 0):
+                raise RecordingError(f"{path} holds several runs: {connection.topic} begins again at number {first}")
+            starts[connection.topic, run_id] = first
+    if not runs:
         raise RecordingError(f"{path} holds neither control_trace nor a waveform of an instrument")
-    return made
+    if len(spaces) > 1:
+        raise RecordingError(f"{path} holds the topics of several instruments: {sorted(spaces)}")
+    if len(runs) > 1:
+        raise RecordingError(f"{path} holds several runs, {len(runs)} of them: record a bag for each")
+    return Bag(path, {"namespace": spaces.pop(), "title": ""}, next(iter(runs)), _types=types)
 
 
-@cache
-def _folder() -> "tempfile.TemporaryDirectory[str]":
-    return tempfile.TemporaryDirectory(prefix="afm_bag_")
+class _reading:
+    """Names the bag in whatever its reader makes of a damaged or foreign file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        if isinstance(error, Exception) and not isinstance(error, RecordingError):
+            raise RecordingError(f"{self._path} is no readable recording: {error}") from error
 
 
-class _Copy:
-    """Copies what an instrument has published from an open bag into a recording; `path` is for messages."""
+def _add_installed(types: Typestore) -> None:
+    """Our messages as they are installed, where ROS is."""
+    with suppress(ImportError, LookupError, OSError):
+        from ament_index_python.packages import get_package_share_directory
 
-    def __init__(self, path: Path, bag: AnyReader, writer: RecordingWriter) -> None:
-        self._path, self._bag, self._writer = path, bag, writer
-        self._known: dict[str, dict[str, Any]] = {}
-        self._next: dict[str, int] = {}
-        self._state: messages.Told | None = None
-        self._time_ns = 0
-        self._space = self._namespace()
+        found: dict[str, Any] = {}
+        for file in sorted((Path(get_package_share_directory("afm_msgs")) / "msg").glob("*.msg")):
+            found |= get_types_from_msg(file.read_text(), f"{_OURS}{file.stem}")
+        types.register(found)
 
-    def run(self) -> None:
-        """Copy everything; RecordingError if there are messages of another version or of another run."""
-        put = {
-            Waveform: self._waveform,
-            ControlTrace: self._trace,
-            InstrumentStatus: self._status,
-            Score: self._score,
-            Event: self._event,
-            ScanLine: self._line,
-            ParameterEvent: self._changed,
-        }
-        kinds = {kind_of(kind()): kind for kind in put}
-        for connection in self._bag.connections:
-            name = connection.msgtype
-            # Another version would be read as other numbers.
-            if (
-                name in kinds
-                and name != _EVENT
-                and self._bag.typestore.hash_rihs01(name) != typestore().hash_rihs01(name)
-            ):
-                raise RecordingError(f"{self._path} holds {name} of another version: read it with that one")
-        for _, raw in self._messages(lambda connection: connection.topic == PARAMETER_EVENTS):
-            event = deserialize_message(raw, ParameterEvent)
-            values = self._known.setdefault(self._short(event.node), {})
-            values |= {
-                each.name: value
-                for each in event.new_parameters
-                if (value := parameter_value_to_python(each.value)) is not None
-            }
-        for node, values in self._known.items():
-            self._writer.parameters(node, values)
-        for connection, raw in self._messages(lambda connection: self._is_ours(connection, kinds)):
-            message = (
-                self._event_of(raw)
-                if connection.msgtype == _EVENT
-                else deserialize_message(raw, kinds[connection.msgtype])
-            )
-            if hasattr(message, "header"):
-                self._time_ns = max(self._time_ns, nanoseconds(message.header.stamp))
-            try:
-                put[kinds[connection.msgtype]](self._short(connection.topic), message)
-            except InvalidMessage as error:
-                raise RecordingError(f"{self._path}: a message of {connection.topic} is not valid: {error}") from None
 
-    def _messages(self, wanted: Callable[[Connection], bool]) -> Iterator[tuple[Connection, bytes]]:
-        chosen = [connection for connection in self._bag.connections if wanted(connection)]
-        if chosen:  # of none its reader gives all
-            yield from ((connection, raw) for connection, _, raw in self._bag.messages(chosen))
-
-    def _namespace(self) -> str:
-        """Where the instrument is."""
-        for kinds in (("ControlTrace", "InstrumentStatus"), ("Waveform",)):
-            topics = [c.topic for c in self._bag.connections if c.msgtype.removeprefix("afm_msgs/msg/") in kinds]
-            spaces = {topic.removesuffix("/truth").rpartition("/")[0] for topic in topics}
-            if len(spaces) > 1:
-                raise RecordingError(f"{self._path} holds the topics of several instruments: {sorted(spaces)}")
-            if spaces:
-                return spaces.pop()
-        return ""
-
-    def _is_ours(self, connection: Connection, kinds: dict[str, Any]) -> bool:
-        here = connection.topic.startswith(f"{self._space}/") or connection.topic == PARAMETER_EVENTS
-        return here and connection.msgtype in kinds
-
-    def _short(self, name: str) -> str:
-        return name.removeprefix(f"{self._space}/")
-
-    def _waveform(self, name: str, message: Waveform) -> None:
-        known = signal(name, message.unit)
-        checks.waveform(message, known.si_unit)
-        self._follow(name, message.first_sample, len(message.samples))
-        self._writer.channel(known, message.first_sample, message.sample_period, message.samples, message.scale)
-
-    def _trace(self, name: str, message: ControlTrace) -> None:
-        checks.control_trace(message)
-        self._follow(name, message.first_sequence, len(message.deflection))
-        self._writer.control(
-            message.first_sequence,
-            message.control_period,
-            **messages.columns(message),
-            cantilever_height=self._known.get("afm_sim_node", {}).get("cantilever.a", float("nan")),
-        )
-
-    def _status(self, name: str, message: InstrumentStatus) -> None:
-        told = messages.state(message)
-        if told != self._state:
-            self._state = told
-            self._writer.event(nanoseconds(message.header.stamp), told.text, told.level)
-
-    def _score(self, name: str, message: Score) -> None:
-        self._writer.score(nanoseconds(message.header.stamp), messages.plain(message))
-
-    def _event(self, name: str, message: Event) -> None:
-        self._writer.event(nanoseconds(message.header.stamp), message.text, messages.level(message))
-
-    def _event_of(self, raw: bytes) -> Event:
-        """Read by the definition in the bag: those of earlier versions have no level."""
-        found: Any = self._bag.deserialize(raw, _EVENT)
-        event = Event(tick=found.tick, text=found.text, level=getattr(found, "level", Event.INFO))
-        event.header.stamp = Time(sec=found.header.stamp.sec, nanosec=found.header.stamp.nanosec)
-        return event
-
-    def _line(self, name: str, message: ScanLine) -> None:
-        self._writer.line(checks.scan_line(message))
-
-    def _changed(self, name: str, message: ParameterEvent) -> None:
-        node, stamp = self._short(message.node), nanoseconds(message.stamp)
-        values = self._known.setdefault(node, {})
-        for each in message.changed_parameters:
-            value = parameter_value_to_python(each.value)
-            if values.get(each.name) != value:
-                time_ns = stamp if stamp < _LATEST_NS else self._time_ns
-                self._writer.parameter_change(time_ns, node, each.name, values.get(each.name), value)
-                values[each.name] = value
-
-    def _follow(self, name: str, first: int, count: int) -> None:
-        if first < self._next.get(name, 0):
-            raise RecordingError(f"{self._path} holds several runs: {name} begins again at number {first}")
-        self._next[name] = first + count
+def _parameters(event: Any, time_ns: int) -> Iterator[Entry]:
+    """An rcl_interfaces/ParameterEvent as the messages of parameters that a recorder keeps."""
+    for parameters, changes in ((event.new_parameters, False), (event.changed_parameters, True)):
+        if len(parameters):
+            message = SimpleNamespace(node=event.node, changes=changes, parameters=parameters)
+            yield Entry("parameters", f"{_OURS}Parameters", time_ns, message)

@@ -22,9 +22,9 @@ from afm_model.core.prefix import prefixed
 from . import layout, questions
 from .describe import parts, plain, quantity, scenario
 from .overview import overview, print_statistics
-from .readable import recordings
+from .places import recordings
 from .reader import read_about, read_signals, visit_signals
-from .recording import IncompleteRecording, RecordingError, UncheckedRecording
+from .recording import IncompleteRecording, RecordingError
 from .spectrum import read_spectrum
 from .statistics import Gathered
 
@@ -146,7 +146,7 @@ def row(path: Path) -> dict[str, object]:
     """One recording as a row of the table of many, in SI units."""
     rows: list[tuple[int, int]] = []
 
-    def see(entity: str, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
+    def see(name: str, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
         rows.append((len(times), int(times[-1])))
 
     made: dict[str, object] = {name: "" for name in _ROW}
@@ -161,7 +161,7 @@ def row(path: Path) -> dict[str, object]:
     last = max((last for _, last in rows), default=0) / 1e9
     made |= {"scenario": scenario(about), "plant": known.get("plant.kind", ""), "law": parts(about)[1], "ticks": ticks}
     made |= {"duration": last + (float(period) if isinstance(period, int | float) and ticks else 0.0)}
-    made |= {"problem": "" if about.complete else f"{path} has no end"}
+    made |= {"problem": "" if about.complete else f"{path} is not complete: {about.missing}"}
     for name, value in (about.score or {}).items():
         if isinstance(value, dict):
             made |= {f"{name}_{axis}": number for axis, number in value.items() if f"{name}_{axis}" in _ROW}
@@ -230,7 +230,7 @@ def _arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "with --table 1 if one of them cannot be read, else 2 for that.",
     )
     parser.add_argument(
-        "recordings", nargs="+", metavar="RECORDING", help="files, folders, or patterns such as 'out/*/*.rrd'"
+        "recordings", nargs="+", metavar="RECORDING", help="files, folders, or patterns such as 'out/*/*.mcap'"
     )
     question = parser.add_mutually_exclusive_group()
     question.add_argument(
@@ -271,7 +271,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console(width=None if Console().is_terminal else 140, highlight=False)
     worst = 0
     warnings.showwarning = lambda message, *_: print(f"warning: {message}", file=sys.stderr)
-    warnings.simplefilter("always", UncheckedRecording)
     # Screen and table say it themselves.
     by_itself = asked.table or not (asked.signal or asked.psd or asked.loop or asked.compare)
     warnings.simplefilter("ignore" if by_itself else "always", IncompleteRecording)

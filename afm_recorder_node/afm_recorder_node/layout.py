@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from afm_model.parts import Channel, channels
 
-from .pictures import SCANS
+SCANS = "/scan"
+"""Below it an image that grows for each channel and direction, and what is made of both directions."""
 
 APPLICATION = "afm"
 TIMELINE = "sim_time"
@@ -101,6 +102,7 @@ DRIVE = _vector("/drive", "V", 1.0, "V")
 ROUND_TRIP = Signal("/round_trip", "us", 1e6, "s")
 TICKS = (POSITION, REFERENCE, ERROR, DRIVE, ROUND_TRIP)
 """One row for each control tick."""
+TICK_NAMES = frozenset(signal.name for signal in TICKS)
 KNOWN = {signal.name: signal for signal in (*CHANNELS, *TICKS)}
 """By name."""
 

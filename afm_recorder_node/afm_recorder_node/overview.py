@@ -24,12 +24,14 @@ _EVENTS = 12
 def overview(path: Path, console: Console) -> None:
     """What a person asks first, on one screen."""
     gathered: dict[str, Gathered] = defaultdict(Gathered)
-    about, signals = read_about(path, lambda entity, times, values: gathered[entity].put(times, values))
-    kept = [each for entity, signal in signals.items() for each in gathered[entity].statistics(signal)]
+    about, signals = read_about(path, lambda name, times, values: gathered[name].put(times, values))
+    order = {name: place for place, name in enumerate(layout.KNOWN)}
+    names = sorted(signals, key=lambda name: (order.get(name, len(order)), name))
+    kept = [each for name in names for each in gathered[name].statistics(signals[name])]
     ticks = next((each for each in kept if each.name == layout.ROUND_TRIP.name), None)
     about_run = Table(show_header=False, box=None, title=plain(str(path)), title_justify="left", pad_edge=False)
     named, law = parts(about)
-    about_run.add_row("file", f"{_size(path) / 1e6:.4g} MB, {'complete' if about.complete else 'WITHOUT AN END'}")
+    about_run.add_row("file", f"{_size(path) / 1e6:.4g} MB, {'complete' if about.complete else 'NOT COMPLETE: ' + about.missing}")
     about_run.add_row("scenario", plain(scenario(about)))
     about_run.add_row("parts", plain(named))
     about_run.add_row("law", plain(law))
@@ -52,7 +54,7 @@ def overview(path: Path, console: Console) -> None:
 
 
 def _size(path: Path) -> int:
-    return sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]))
+    return sum(file.stat().st_size for file in (path.iterdir() if path.is_dir() else [path]) if file.exists())
 
 
 def _print_parameters(about: About, console: Console) -> None:

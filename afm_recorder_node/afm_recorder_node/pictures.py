@@ -7,8 +7,8 @@ import rerun.blueprint as rrb
 
 from afm_model.microscope.image import RETRACE, TRACE
 
-SCANS = "/scan"
-"""Below it an image that grows for each channel and direction, and what is made of both directions."""
+from .layout import SCANS
+
 LINES = f"{SCANS}/lines"
 """One row for each direction of each line of a scan, in SI units."""
 

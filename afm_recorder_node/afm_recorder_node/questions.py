@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from afm_model.analysis import FrictionLoop, dissipated, friction_loop
 
 from . import layout
-from .reader import Opened, opened, read_about, read_signals
+from .places import Source, open_recording
+from .reader import read_about, read_signals
 from .recording import Channel, RecordingError
 
 _Array = NDArray[np.float64]
@@ -105,11 +106,10 @@ def compare(path: Path, other: Path) -> tuple[list[Difference], list[str]]:
 
     The wall times of the round trip are not compared. NaN equals NaN.
     """
-    with opened(path) as one, opened(other) as two:
-        return _compare(one, two)
+    return _compare(open_recording(path), open_recording(other))
 
 
-def _compare(*sources: Opened) -> tuple[list[Difference], list[str]]:
+def _compare(*sources: Source) -> tuple[list[Difference], list[str]]:
     abouts, signals, ticks = [], [], np.empty(0)
     for each in sources:
         about, found = read_about(each, lambda *_: None)

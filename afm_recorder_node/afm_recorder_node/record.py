@@ -9,23 +9,36 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, Footer, Message, Metadata, Schema
+from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
+
+from afm_model.core.errors import reason
 
 from .record_writer import ABOUT, END
 from .recording import DamagedRecording, RecordingError
 
 _HEAD = struct.Struct("<BQ")
 _AT_ONCE = 1 << 24
+_LARGEST = 1 << 28
+"""Bytes of a chunk that is unpacked; a recorder makes chunks of some MB."""
 _OPCODES = frozenset(int(each) for each in Opcode)
-_ERRORS = (McapError, CRCValidationError, struct.error, ValueError, KeyError, EOFError, OSError, MemoryError)
-"""What the library raises for bytes that are not a record of its format."""
+_ERRORS = (
+    *(McapError, CRCValidationError, zstandard.ZstdError),
+    *(struct.error, ValueError, KeyError, EOFError, OSError, MemoryError, OverflowError),
+)
+"""What the libraries raise for bytes that are not a record of their format."""
+_NO_END = "it has no end: its recorder is still at work, or was killed"
+
+
+class NotOurs(RecordingError):
+    """An MCAP file that no recorder of this package has written, such as that of a bag."""
 
 
 class Entry(NamedTuple):
@@ -35,6 +48,17 @@ class Entry(NamedTuple):
     kind: str  # type, such as afm_msgs/msg/Waveform
     time_ns: int  # simulated
     message: Any  # with the fields of its definition
+
+
+class Raw(NamedTuple):
+    """The same as it stands in the file."""
+
+    topic: str
+    kind: str
+    definition: str
+    time_ns: int
+    received_ns: int  # wall time
+    data: bytes
 
 
 class _Place(NamedTuple):
@@ -54,8 +78,10 @@ class Record:
     """What was known at the begin."""
     end: dict[str, str] | None = None
     """What was known at the end; None: the record has broken off, or still grows."""
+    damaged: int = 0
+    """Bytes that are left out because they are not what was written."""
     _chunks: list[_Place] = field(default_factory=list)
-    _checked: bool = False
+    _indexed: bool = False  # whether the types of all messages are known before the chunks are read
     _schemas: dict[int, Schema] = field(default_factory=dict)
     _channels: dict[int, Channel] = field(default_factory=dict)
     _types: Typestore = field(default_factory=Typestore)
@@ -63,9 +89,7 @@ class Record:
     @property
     def missing(self) -> str:
         """Why it is not complete; empty if it is."""
-        if self.end is None:
-            return "it has no end: its recorder is still at work, or was killed"
-        return self.end.get("missing", "")
+        return _NO_END if self.end is None else self.end.get("missing", "")
 
     def messages(
         self, topics: Collection[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
@@ -84,123 +108,187 @@ class Record:
         RecordingError
             If a message cannot be read by its definition.
         """
-        with self.path.open("rb") as file:
-            for place in self._chunks_in(file, begin_ns, end_ns):
-                yield from self._of_chunk(_chunk(file, place), topics)
+        for channel, schema, message in self._raw(topics, begin_ns, end_ns):
+            try:
+                read = self._types.deserialize_cdr(message.data, schema.name)
+            # Whatever it makes of bytes that are not the message.
+            except Exception as error:
+                raise RecordingError(f"{self.path}: a {schema.name} cannot be read: {error}") from error
+            yield Entry(channel.topic, schema.name, message.log_time, read)
 
-    def _chunks_in(self, file: Any, begin_ns: int, end_ns: int) -> Iterator[_Place]:
+    def raw(self) -> Iterator[Raw]:
+        """Yield the messages as they stand in the file."""
+        for channel, schema, message in self._raw():
+            definition = schema.data.decode(errors="replace")
+            yield Raw(channel.topic, schema.name, definition, message.log_time, message.publish_time, message.data)
+
+    def _raw(
+        self, topics: Collection[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
+    ) -> Iterator[tuple[Channel, Schema, Message]]:
+        with self.path.open("rb") as file:
+            for place in self._chunks_in(file.fileno(), begin_ns, end_ns):
+                for each in self._records(file.fileno(), place):
+                    if isinstance(each, Message):
+                        channel = self._channels[each.channel_id]
+                        if topics is None or channel.topic in topics:
+                            yield channel, self._schemas[channel.schema_id], each
+                    else:
+                        self.learn(each)
+
+    def _records(self, file: int, place: _Place) -> list[Any]:
+        try:
+            return breakup_chunk(_chunk(file, place))
+        except _ERRORS as error:
+            raise DamagedRecording(f"{self.path} is damaged: {error}") from error
+
+    def _chunks_in(self, file: int, begin_ns: int, end_ns: int) -> Iterator[_Place]:
         before: _Place | None = None
         for place in self._chunks:
-            first, last = struct.unpack("<QQ", os.pread(file.fileno(), 16, place.begin + _HEAD.size))
-            if last < begin_ns:
+            first, last = struct.unpack("<QQ", os.pread(file, 16, place.begin + _HEAD.size))
+            if self._indexed and last < begin_ns:
                 before = place  # its last blocks may reach beyond it
                 continue
             if before is not None:
                 yield before
                 before = None
-            if first <= end_ns:
+            if not self._indexed or first <= end_ns:
                 yield place
         if before is not None:
             yield before
 
-    def _of_chunk(self, chunk: Chunk, topics: Collection[str] | None) -> Iterator[Entry]:
-        try:
-            records = breakup_chunk(chunk, validate_crc=not self._checked)
-        except _ERRORS as error:
-            raise DamagedRecording(f"{self.path} is damaged: {error}") from error
-        for each in records:
-            if isinstance(each, Schema):
-                self._learn(each)
-            elif isinstance(each, Channel):
-                self._channels[each.id] = each
-            elif isinstance(each, Message):
-                channel = self._channels[each.channel_id]
-                if topics is None or channel.topic in topics:
-                    kind = self._schemas[channel.schema_id].name
-                    yield Entry(channel.topic, kind, each.log_time, self._read(kind, each.data))
-
-    def _learn(self, schema: Schema) -> None:
-        if schema.id in self._schemas:
-            return
-        self._schemas[schema.id] = schema
-        found = get_types_from_msg(schema.data.decode(), schema.name)
-        self._types.register({name: what for name, what in found.items() if name not in self._types.fielddefs})
-
-    def _read(self, kind: str, data: bytes) -> Any:
-        try:
-            return self._types.deserialize_cdr(data, kind)
-        # Whatever it makes of bytes that are not the message.
-        except Exception as error:
-            raise RecordingError(f"{self.path}: a message of type {kind} cannot be read: {error}") from error
+    def learn(self, record: object) -> None:
+        """Take the type of a message, or the topic that has it."""
+        if isinstance(record, Channel):
+            self._channels[record.id] = record
+        elif isinstance(record, Schema) and record.id not in self._schemas:
+            self._schemas[record.id] = record
+            try:
+                found = get_types_from_msg(record.data.decode(), record.name)
+                self._types.register({name: what for name, what in found.items() if name not in self._types.fielddefs})
+            # What the parser makes of a text that is no definition is of any kind.
+            except Exception as error:
+                raise RecordingError(f"{self.path}: the definition of {record.name} cannot be read: {error}") from error
 
 
-def open_record(path: Path) -> Record:
+def open_record(path: Path, *, salvage: bool = False) -> Record:
     """Check all bytes of a record, and find its parts.
+
+    Parameters
+    ----------
+    path : Path
+    salvage : bool
+        Leave out what is not what was written, in place of raising.
 
     Raises
     ------
     DamagedRecording
         If it is not what was written.
+    NotOurs
+        If it is the file of another program.
     RecordingError
-        If there is no file, or it is not a record of this microscope.
+        If there is no file, or it is not an MCAP file.
     """
     try:
         with path.open("rb") as file:
-            return _opened(path, file)
+            return _opened(path, file.fileno(), salvage)
     except OSError as error:
-        raise RecordingError(f"{path} is no readable recording: {error.strerror or error}") from error
+        raise RecordingError(f"{path} is no readable recording: {reason(error)}") from error
+    except _ERRORS as error:
+        raise DamagedRecording(f"{path} is damaged: {error}") from error
 
 
-def _opened(path: Path, file: Any) -> Record:
-    number, size = file.fileno(), os.fstat(file.fileno()).st_size
-    if os.pread(number, len(MCAP0_MAGIC), 0) != MCAP0_MAGIC:
+def _opened(path: Path, file: int, salvage: bool) -> Record:
+    size = os.fstat(file).st_size
+    magic = os.pread(file, len(MCAP0_MAGIC), 0)
+    if magic != MCAP0_MAGIC[: len(magic)]:
         raise RecordingError(f"{path} is no readable recording: it is not an .mcap file")
-    record, data_end = Record(path), None
-    places = list(_walk(number, size))
+    record = Record(path)
+    places, broken = _places(file, size)
+    closed = size > 2 * len(MCAP0_MAGIC) and os.pread(file, len(MCAP0_MAGIC), size - len(MCAP0_MAGIC)) == MCAP0_MAGIC
+    whole = closed and not broken and places[-1].opcode == Opcode.FOOTER
+    unchanged = whole and _is_unchanged(file, places)
+    bad = [] if unchanged else [each for each in places if each.opcode == Opcode.CHUNK and not _is_sound(file, each)]
+    if (bad or broken or (closed and not unchanged)) and not salvage:
+        where = bad[0] if bad else places[-1]
+        raise DamagedRecording(
+            f"{path} is damaged: bytes {where.begin} to {where.end} are not what was written; "
+            "`ros2 run afm_recorder_node repair` copies the rest"
+            if bad
+            else f"{path} is damaged: what stands between its messages is not what was written; "
+            "`ros2 run afm_recorder_node repair` copies the rest"
+        )
+    record.damaged = sum(each.end - each.begin for each in bad) + (broken if salvage else 0)
+    record._indexed = bool(unchanged)
+    record._chunks = [each for each in places if each.opcode == Opcode.CHUNK and each not in bad]
     for place in places:
-        if place.opcode == Opcode.CHUNK:
-            record._chunks.append(place)
-        elif place.opcode == Opcode.METADATA:
-            found = _parsed(Metadata, number, place)
+        if place.opcode == Opcode.METADATA:
+            found = _parsed(Metadata, file, place)
             if found.name == ABOUT:
                 record.about = found.metadata
-            elif found.name == END:
+            elif found.name == END and whole:
                 record.end = found.metadata
-        elif place.opcode == Opcode.DATA_END:
-            data_end = place
-    whole = bool(places) and places[-1].opcode == Opcode.FOOTER and places[-1].end + len(MCAP0_MAGIC) == size
-    if data_end is None or not whole:
-        record.end = None
-        _check_chunks(record, file)
-    elif not _is_unchanged(number, data_end, places[-1]):
-        _check_chunks(record, file)
-        raise DamagedRecording(f"{path} is damaged: bytes outside its chunks are not what was written")
-    if not record.about:
-        raise RecordingError(f"{path} is not a record of this microscope")
-    record._checked = True
+        elif unchanged and place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            record.learn(_parsed(Schema if place.opcode == Opcode.SCHEMA else Channel, file, place))
+    if not record.about and not (salvage and record._chunks):
+        if not size or (not closed and not record._chunks):
+            raise RecordingError(f"{path} is no readable recording: nothing stands in it yet")
+        raise NotOurs(f"{path} is no readable recording: it is not a record of this microscope")
     return record
 
 
-def _walk(file: int, size: int) -> Iterator[_Place]:
-    """The records of a file up to where it breaks off."""
-    at = len(MCAP0_MAGIC)
+def _places(file: int, size: int) -> tuple[list[_Place], int]:
+    """The records of a file up to where it breaks off, and the bytes after that which are not such records.
+
+    A file may end within a record: its recorder was killed, or writes it at this moment.
+    """
+    at, found, broken = len(MCAP0_MAGIC), list[_Place](), 0
     while at + _HEAD.size <= size:
         opcode, length = _HEAD.unpack(os.pread(file, _HEAD.size, at))
         end = at + _HEAD.size + length
-        if opcode not in _OPCODES or end > size:
-            return
-        yield _Place(opcode, at, end)
+        if opcode not in _OPCODES:
+            broken = size - at
+            break
+        if end > size:
+            break
+        found.append(_Place(opcode, at, end))
         if opcode == Opcode.FOOTER:
-            return
+            return found, 0
         at = end
+    # Behind a length that has changed the index still knows where the chunks are.
+    tail = _HEAD.size + 20 + len(MCAP0_MAGIC)
+    if size > tail and os.pread(file, 1, size - tail) == bytes([Opcode.FOOTER]):
+        try:
+            return found + _indexed_chunks(file, size, tail, at), size - at
+        except _ERRORS:
+            pass
+    return found, broken
 
 
-def _is_unchanged(file: int, data_end: _Place, footer: _Place) -> bool:
-    expected = _parsed(DataEnd, file, data_end).data_section_crc
+def _indexed_chunks(file: int, size: int, tail: int, after: int) -> list[_Place]:
+    footer = _parsed(Footer, file, _Place(Opcode.FOOTER, size - tail, size - len(MCAP0_MAGIC)))
+    at, found = footer.summary_start, list[_Place]()
+    while after < at < size - tail:
+        opcode, length = _HEAD.unpack(os.pread(file, _HEAD.size, at))
+        place = _Place(opcode, at, at + _HEAD.size + length)
+        if opcode == Opcode.CHUNK_INDEX:
+            index = _parsed(ChunkIndex, file, place)
+            begin, end = index.chunk_start_offset, index.chunk_start_offset + index.chunk_length
+            if begin >= after and end <= size:
+                found.append(_Place(Opcode.CHUNK, begin, end))
+        at = place.end
+    return sorted(found)
+
+
+def _is_unchanged(file: int, places: list[_Place]) -> bool:
+    ends = [each for each in places if each.opcode == Opcode.DATA_END]
+    if not ends:
+        return False
+    expected, footer = _parsed(DataEnd, file, ends[0]).data_section_crc, places[-1]
     summary = _parsed(Footer, file, footer)
     # The checksum of the summary covers the footer up to itself.
-    ends = _crc(file, summary.summary_start or footer.begin, footer.end - 4) == summary.summary_crc
-    return expected != 0 and ends and _crc(file, 0, data_end.begin) == expected
+    begin = summary.summary_start or footer.begin
+    summed = begin == ends[0].end and _crc(file, begin, footer.end - 4) == summary.summary_crc
+    return expected != 0 and summed and _crc(file, 0, ends[0].begin) == expected
 
 
 def _crc(file: int, begin: int, end: int) -> int:
@@ -211,24 +299,24 @@ def _crc(file: int, begin: int, end: int) -> int:
     return crc
 
 
-def _check_chunks(record: Record, file: Any) -> None:
-    """Raise DamagedRecording if a chunk is not what was written."""
-    bad = []
-    for place in record._chunks:
-        try:
-            breakup_chunk(_chunk(file, place), validate_crc=True)
-        except _ERRORS:
-            bad.append(place)
-    if bad:
-        size = sum(place.end - place.begin for place in bad)
-        raise DamagedRecording(
-            f"{record.path} is damaged: bytes {bad[0].begin} to {bad[0].end} are not what was written ({size} bytes in "
-            "all); `ros2 run afm_recorder_node repair` copies the rest"
-        )
+def _is_sound(file: int, place: _Place) -> bool:
+    """Whether a chunk is what was written."""
+    try:
+        breakup_chunk(_chunk(file, place), validate_crc=True)
+    except _ERRORS:
+        return False
+    return True
 
 
-def _chunk(file: Any, place: _Place) -> Chunk:
-    return _parsed(Chunk, file.fileno(), place)
+def _chunk(file: int, place: _Place) -> Chunk:
+    """A chunk; ValueError if it says that it is larger than any that a recorder makes."""
+    chunk: Chunk = _parsed(Chunk, file, place)
+    if chunk.compression != "zstd" or not chunk.uncompressed_crc:
+        raise ValueError("a chunk has no checksum, or another compression than zstd")
+    sizes = (chunk.uncompressed_size, zstandard.frame_content_size(chunk.data))
+    if max(sizes) > _LARGEST or sizes[1] < 0:
+        raise ValueError(f"a chunk of {max(sizes)} bytes: at most {_LARGEST} are allowed")
+    return chunk
 
 
 def _parsed(kind: Any, file: int, place: _Place) -> Any:

@@ -20,12 +20,8 @@ class DamagedRecording(RecordingError):
     """A file that has changed since it was written."""
 
 
-class UncheckedRecording(UserWarning):
-    """The file of a recorder that wrote no checksums: a change of it would not be noticed."""
-
-
 class IncompleteRecording(UserWarning):
-    """The file of a recorder that is still at work, or has died: it ends where that one wrote last."""
+    """A recording that has no end, because its recorder is still at work or has died, or that lacks a part of its run."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +55,8 @@ class About:
     event_levels: list[str]  # of each of them: INFO, WARN, ERROR
     images: list[Image]  # of the scans, in order; one that was not finished has NaN where it lacks lines
     score: dict[str, Value] | None  # as in afm_msgs/Score; None: the run has not come to one
-    complete: bool  # False: the recorder is still at work, or has died
+    complete: bool  # whether its end is there, and nothing is missing
+    missing: str  # why it is not complete; empty if it is
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,65 +1,66 @@
-"""`ros2 run afm_recorder_node repair PARTIAL OUT`: completes the recording that a killed recorder has left,
-and saves what is whole of a damaged one."""
+"""`ros2 run afm_recorder_node repair RECORDING OUT`: copies what is whole of a recording that broke off or is damaged."""
 
 import argparse
 import sys
 from pathlib import Path
 
-from . import layout
-from .complete import complete
-from .names import check_name
-from .readable import readable
+from .growing import GrowingFile
+from .record import open_record
+from .record_writer import RecordWriter
+from .recorder import RECORD
 from .recording import RecordingError
 
 
-def repair(partial: Path, out: Path) -> tuple[int, str]:
-    """Copy what is readable and unchanged into a complete recording; `partial` is not changed.
-
-    An event in the copy tells what was left out because it had changed since it was written.
+def repair(source: Path, out: Path) -> tuple[int, str]:
+    """Copy the messages that are whole and unchanged into a new recording; `source` is not changed.
 
     Parameters
     ----------
-    partial, out : Path
+    source, out : Path
 
     Returns
     -------
     (int, str)
-        Control ticks in it; a sentence about what was left out, empty if nothing was.
+        Messages in it; a sentence about what was left out, empty if nothing was.
 
     Raises
     ------
     RecordingError
-        If `partial` is no recording.
+        If `source` is no recording.
     OSError
         If `out` exists, or cannot be written.
     """
-    out = out.absolute()
-    check_name(out)
+    out = out.with_suffix(RECORD)
     if out.exists():
         raise OSError(f"{out} exists: give another name, nothing is overwritten")
-    with readable(partial, salvage=True) as (file, extent):
-        left_out = sum(end - begin for begin, end in extent.damaged)
-        note = f"{left_out} bytes of the recording were damaged, and are left out" if left_out else ""
-        try:
-            return complete(file, [out], note=note)[1][layout.POSITION.entity], note
-        except (RuntimeError, ValueError) as error:
-            raise RecordingError(f"{partial} is no readable recording: {error}") from error
+    record = open_record(source, salvage=True)
+    left_out = f"{record.damaged} bytes of the recording were damaged, and are left out" if record.damaged else ""
+    definitions: dict[str, str] = {}
+    writer = RecordWriter(GrowingFile(out), definitions.__getitem__, record.about)
+    for each in record.raw():
+        definitions[each.kind] = each.definition
+        writer.put(each.topic, each.kind, each.time_ns, each.received_ns, each.data)
+        if writer.count % 100 == 0 and not writer.flush():
+            raise OSError(writer.file.problem)
+    missing = "; ".join(filter(None, (record.missing, left_out)))
+    writer.close((record.end or {}) | {"complete": "false" if missing else "true", "missing": missing})
+    return writer.count, left_out
 
 
 def main() -> int:
     """Entry point."""
     parser = argparse.ArgumentParser(
-        prog="repair", description="Make a complete recording of one that broke off; the old file stays as it is."
+        prog="repair", description="Make a whole recording of one that broke off or is damaged; the old file stays."
     )
-    parser.add_argument("partial", type=Path, help="recording.interrupted.rrd or recording.partial.rrd")
+    parser.add_argument("recording", type=Path, help="recording.mcap")
     parser.add_argument("out", type=Path, help="the recording to write; it must not exist")
     arguments = parser.parse_args()
     try:
-        ticks, left_out = repair(arguments.partial, arguments.out)
+        count, left_out = repair(arguments.recording, arguments.out)
     except (RecordingError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
-    print(f"{arguments.out} holds {ticks} ticks")
+    print(f"{arguments.out.with_suffix(RECORD)} holds {count} messages")
     if left_out:
         print(f"warning: {left_out}", file=sys.stderr)
     return 0

@@ -1,15 +1,14 @@
-"""Spectral density of a signal of a recording, which is never in memory with its times."""
+"""Spectral density of a signal of a recording."""
 
 import math
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .questions import AXES, split
-from .reader import read_signals, visit_signals
+from .reader import read_signals
 from .recording import RecordingError
 
 _Array = NDArray[np.float64]
@@ -17,8 +16,8 @@ _SEGMENTS, _SHORTEST = 16, 64
 """Stretches that a spectrum is the mean of, at least (they overlap by half), and samples of the shortest one."""
 _LINE = 20.0
 """Times the median level that a line stands out."""
-_STEPS = 10_000
-"""Whose median is the period of a signal."""
+_LATE = 1.5
+"""Periods between two rows from which on something is missing between them."""
 
 
 @dataclass(frozen=True)
@@ -52,113 +51,40 @@ class Spectrum:
         return found
 
 
-class Longest:
-    """The longest stretch of a signal without a gap; that one is kept, and the one that grows.
+def longest_stretch(times: _Array, values: _Array) -> tuple[_Array, float]:
+    """The longest stretch without a gap and without NaN, and its period [s].
 
-    Rows come block by block, in order of time. A row that is NaN ends a stretch, and so does a longer step of time.
+    Raises
+    ------
+    RecordingError
+        If it is too short for a spectrum.
     """
-
-    def __init__(self) -> None:
-        self.ordered = True
-        """False: a block began before the end of the one before it. What is here is then of no use."""
-        self._first: list[tuple[NDArray[np.int64], _Array]] = []  # until the period is known
-        self._period = 0.0  # [ns]
-        self._best, self._open = _Stretch(), _Stretch()
-
-    def put(self, times: NDArray[np.int64], values: _Array) -> None:
-        """Some rows: times (n,) [ns], values (n,); copies are kept."""
-        if self._period:
-            self._add(times, values)
-            return
-        self._first.append((times.copy(), values.copy()))
-        if sum(len(block) for block, _ in self._first) > _STEPS:
-            self._begin()
-
-    def end(self) -> tuple[_Array, float]:
-        """Values of the stretch, and their period [s], which is the mean one: times are in whole nanoseconds.
-
-        Raises
-        ------
-        RecordingError
-            If it is too short for a spectrum.
-        """
-        if not self._period:
-            self._begin()
-        self._cut()
-        best, self._best = self._best, _Stretch()
-        if best.count < _SHORTEST:
-            raise RecordingError(f"{best.count} samples without a gap have no spectrum: {_SHORTEST} are the least")
-        return best.joined(), (best.last - best.first) / 1e9 / (best.count - 1)
-
-    def _begin(self) -> None:
-        blocks, self._first = self._first, []
-        steps = np.diff(np.concatenate([np.empty(0, np.int64), *(times for times, _ in blocks)])[: _STEPS + 1])
-        self._period = float(np.median(steps)) if len(steps) else 1.0
-        for block in blocks:
-            self._add(*block)
-
-    def _add(self, times: NDArray[np.int64], values: _Array) -> None:
-        steps = np.diff(times, prepend=self._open.last if self._open.count else times[0])
-        self.ordered &= steps.min() >= 0
-        lost = np.isnan(values)
-        cuts = np.flatnonzero((steps > 1.5 * self._period) | (lost != np.append(False, lost[:-1]))).tolist()
-        for number, (begin, end) in enumerate(pairwise([0, *cuts, len(times)])):
-            if number:
-                self._cut()
-            if begin < end and not lost[begin]:
-                self._open.put(times[begin:end], values[begin:end])
-
-    def _cut(self) -> None:
-        if self._open.count > self._best.count:
-            self._best = self._open
-        self._open = _Stretch()
-
-
-class _Stretch:
-    """Rows without a gap, without their times."""
-
-    def __init__(self) -> None:
-        self.count, self.first, self.last = 0, 0, 0
-        self._values: list[_Array] = []
-
-    def put(self, times: NDArray[np.int64], values: _Array) -> None:
-        """Append rows; the values are copied."""
-        self.first = self.first if self.count else int(times[0])
-        self.count, self.last = self.count + len(times), int(times[-1])
-        self._values.append(values.copy())
-
-    def joined(self) -> _Array:
-        """All values, which are let go of here."""
-        made, at = np.empty(self.count), 0
-        while self._values:
-            block = self._values.pop(0)
-            made[at : at + len(block)] = block
-            at += len(block)
-        return made
+    if len(times) < 2:
+        raise RecordingError(f"{len(times)} samples without a gap have no spectrum: {_SHORTEST} are the least")
+    period = float(np.median(np.diff(times)))
+    breaks = np.flatnonzero(np.diff(times) > _LATE * period) + 1
+    unknown = np.flatnonzero(np.isnan(values))
+    edges = np.unique(np.concatenate([[0], breaks, unknown, unknown + 1, [len(values)]]))
+    longest = int(np.argmax(np.diff(edges)))
+    part = slice(int(edges[longest]), int(edges[longest + 1]))
+    if part.stop - part.start < _SHORTEST:
+        raise RecordingError(
+            f"{part.stop - part.start} samples without a gap have no spectrum: {_SHORTEST} are the least"
+        )
+    return values[part], float((times[part.stop - 1] - times[part.start]) / (part.stop - part.start - 1))
 
 
 def spectrum(values: _Array, period: float) -> Spectrum:
     """Spectral density of samples at a period [s], by Welch's method: Hann windows, half overlapped, about their means.
 
     Source: P. D. Welch, IEEE Transactions on Audio and Electroacoustics 15 (1967) 70, doi:10.1109/TAU.1967.1161901.
-    scipy's own takes 60 MB and half a second to import, and ten times the memory of the signal.
     """
+    from scipy.signal import welch
+
     length = max(2 ** math.floor(math.log2(2 * len(values) / (_SEGMENTS + 1))), _SHORTEST)
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
-    total, segments = np.zeros(length // 2 + 1), 0
-    for start in range(0, len(values) - length + 1, length // 2):
-        part = values[start : start + length]
-        transform = np.fft.rfft((part - part.mean()) * window)
-        total += transform.real**2 + transform.imag**2
-        segments += 1
-    total *= 2.0 * period / (window @ window) / segments
-    total[-1] /= 2.0  # as many negative frequencies as positive ones, but for the last one
-    mean, square = values.mean(), 0.0
-    for start in range(0, len(values), length):
-        away = values[start : start + length] - mean
-        square += float(away @ away)
-    frequency = np.arange(1, len(total)) / (length * period)
-    return Spectrum(frequency, total[1:], math.sqrt(square / len(values)), len(values), segments)
+    frequency, density = welch(values, 1.0 / period, "hann", length)
+    segments = (len(values) - length // 2) // (length - length // 2)
+    return Spectrum(frequency[1:], density[1:], float(values.std()), len(values), segments)
 
 
 def read_spectrum(
@@ -174,18 +100,8 @@ def read_spectrum(
         Name of the column, and its unit.
     """
     base, chosen = split(name)
-    column, longest, wide = AXES.index(chosen or axis), Longest(), False
-
-    def see(entity: str, times: NDArray[np.int64], values: _Array) -> None:
-        nonlocal wide
-        wide = values.shape[1] > 1
-        longest.put(times, values[:, column if wide else 0])
-
-    signal = visit_signals(path, [base], see, begin, end)[base]
-    factor = signal.factor
-    if not longest.ordered:
-        read, longest, factor = read_signals(path, [base], begin, end)[base], Longest(), 1.0
-        longest.put(np.rint(1e9 * read.time).astype(np.int64), read.values[:, column] if wide else read.values)
-    found = spectrum(*longest.end())
-    found = replace(found, density=found.density / factor**2, rms=found.rms / factor)
-    return (f"{base}.{AXES[column]}" if wide else base), signal.si_unit, found
+    read = read_signals(path, [base], begin, end)[base]
+    column, wide = AXES.index(chosen or axis), read.values.ndim > 1
+    values = read.values[:, column] if wide else read.values
+    found = spectrum(*longest_stretch(read.time, values))
+    return (f"{base}.{AXES[column]}" if wide else base), read.unit, found

@@ -74,7 +74,7 @@ class Gathered:
         self._sums.append(np.array([low.min(axis=1), high.max(axis=1), total, np.einsum("ij,ij->i", v, v), number]))
 
     def statistics(self, signal: Signal) -> list[Statistics]:
-        """Of each axis; values were put as they stand in a recording."""
+        """Of each axis."""
         period = max(self._periods, default=(0, math.nan))[1]
         ends = sorted(self._ends)
         late = self._late + [
@@ -88,7 +88,7 @@ class Gathered:
         for i, axis in enumerate(("x", "y", "z") if signal.axes else ("",)):
             n = count[i] or math.nan
             values = (low[i], high[i], total[i] / n, math.sqrt(squares[i] / n))
-            least, largest, mean, rms = (float(value) / signal.factor if n > 0 else math.nan for value in values)
+            least, largest, mean, rms = (float(value) if n > 0 else math.nan for value in values)
             made.append(
                 Statistics(
                     name=f"{signal.name}.{axis}" if axis else signal.name,
