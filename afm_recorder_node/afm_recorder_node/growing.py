@@ -67,8 +67,6 @@ class GrowingFile:
         """Why the last data was not written; empty if it was."""
         self.news = ""
         """Message for the log, once; empty if there is none."""
-        self.size = 0
-        """Bytes given to `write` up to now."""
         self._written = 0
         self._waiting = bytearray()
         self._file = _NONE
@@ -79,27 +77,29 @@ class GrowingFile:
                 raise
             self.problem = str(error)
 
-    def write(self, data: bytes) -> bool:
+    def write(self, data: bytes | bytearray) -> bool:
         """Append `data`. False if that was not possible: see `problem`."""
-        self._waiting += data
-        self.size += len(data)
+        if self._waiting:
+            self._waiting += data
+            data = self._waiting
         try:
             if self._file == _NONE:
                 self._make()
             elif not self._there():
                 self._make_again()
             done = 0
-            while done < len(self._waiting):
-                with memoryview(self._waiting) as rest:
+            while done < len(data):
+                with memoryview(data) as rest:
                     done += os.pwrite(self._file, rest[done:], self._written + done)
         except OSError as error:
             self.problem = f"{self.path} cannot be written: {error.strerror or error}"
+            self._waiting = data if isinstance(data, bytearray) else bytearray(data)
             if self._file != _NONE:
                 with suppress(OSError):
                     os.ftruncate(self._file, self._written)
             return False
         self._written += done
-        self._waiting.clear()
+        self._waiting = bytearray()
         self.problem = ""
         return True
 

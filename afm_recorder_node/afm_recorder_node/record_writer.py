@@ -30,10 +30,9 @@ class _Tail:
     def flush(self) -> None:
         """Nothing: `take` does."""
 
-    def take(self) -> bytes:
-        data = bytes(self._data)
+    def take(self) -> bytearray:
+        data, self._data = self._data, bytearray()
         self._before += len(data)
-        self._data.clear()
         return data
 
 
