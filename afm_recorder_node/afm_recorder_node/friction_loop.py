@@ -1,4 +1,4 @@
-"""The friction loop of a recording: lateral force against position along x, drawn into it when it is completed.
+"""The friction loop of a run: lateral force against position along x, drawn when it ends.
 
 The viewer plots over time only. So the loop is a drawing in a plane, with its ends written beside it.
 The numbers are those of position and lateral force.
@@ -9,6 +9,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from . import layout
+from .streams import Canvas
 
 WIDTH, HEIGHT = 4.0, 3.0
 ROWS = 200_000
@@ -40,13 +41,13 @@ class _Tail:
 
 
 class FrictionLoop:
-    """Collects the points of the loop while the rows of a recording are read."""
+    """Collects the points of the loop while the run is drawn."""
 
     def __init__(self) -> None:
         self._position, self._force = _Tail(), _Tail()
 
     def put(self, entity: str, times: NDArray[np.int64], values: NDArray[np.float64]) -> None:
-        """Rows of an entity: times (n,) [ns], values (n, width) as they stand in the recording."""
+        """Rows of an entity: times (n,) [ns], values (n, width) as they are drawn."""
         if entity == layout.POSITION.entity:
             self._position.put(times, values[:, 0].copy())
         elif entity == layout.LATERAL_FORCE.entity:
@@ -63,8 +64,8 @@ class FrictionLoop:
         points = points[np.isfinite(points).all(axis=1)]
         return points[:: -(-len(points) // POINTS) or 1]
 
-    def send(self, stream: rr.RecordingStream) -> None:
-        """Draw the loop into a recording; nothing if there is none."""
+    def send(self, canvas: Canvas) -> None:
+        """Draw the loop; nothing if there is none."""
         points = self.points()
         if len(points) < 2:
             return
@@ -75,16 +76,11 @@ class FrictionLoop:
         drawn = np.column_stack(
             [WIDTH * (points[:, 0] - left) / (right - left), HEIGHT * (high - points[:, 1]) / (high - low)]
         )
-        stream.log(layout.FRICTION_LOOP, rr.LineStrips2D([drawn], colors=[_LOOP], radii=[-0.7]), static=True)
+        canvas.static(layout.FRICTION_LOOP, rr.LineStrips2D([drawn], colors=[_LOOP], radii=[-0.7]))
         frame = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT], [0, 0]])
-        stream.log(
-            f"{layout.FRICTION_LOOP}/frame", rr.LineStrips2D([frame], colors=[_FRAME], radii=[-0.5]), static=True
-        )
+        canvas.static(f"{layout.FRICTION_LOOP}/frame", rr.LineStrips2D([frame], colors=[_FRAME], radii=[-0.5]))
         # A label hangs from its place, some 1.2 wide and .5 high on a laptop: none covers another, or the loop.
         places = [[0, HEIGHT + _TEXT], [WIDTH, HEIGHT + _TEXT], [-_ASIDE, HEIGHT - 5 * _TEXT], [-_ASIDE, -_TEXT]]
         ends = [f"{left:.3g} nm", f"{right:.3g} nm", f"{low:.3g} nN", f"{high:.3g} nN"]
-        stream.log(
-            f"{layout.FRICTION_LOOP}/ends",
-            rr.Points2D(places, labels=ends, colors=[_FRAME], radii=[-0.5], show_labels=True),
-            static=True,
-        )
+        labels = rr.Points2D(places, labels=ends, colors=[_FRAME], radii=[-0.5], show_labels=True)
+        canvas.static(f"{layout.FRICTION_LOOP}/ends", labels)

@@ -1,7 +1,7 @@
-"""Layout of a recording: entities and units of the plots.
+"""Layout of what the viewer shows: entities and units of the plots.
 
-Recordings are made to be looked at, and rerun plots the numbers as they are logged. They are therefore logged in nm, nN
-and us, with the unit in the name of the series; `afm_recorder_node.reader` gives SI units back.
+rerun plots the numbers as they are logged. They are therefore logged in nm, nN and us, with the unit in the name of the
+series; a record holds SI units.
 """
 
 from collections.abc import Iterable
@@ -18,21 +18,17 @@ SCANS = "/scan"
 APPLICATION = "afm"
 TIMELINE = "sim_time"
 """Simulated time, a duration since the start of the run."""
-SCALARS = "Scalars:scalars"
 EVENTS = "/events"
 PARAMETERS = "/parameters"
 """Text of all parameters as they were first seen (YAML); below it one entity for each number that has changed."""
-
-SCORE = "/score"
-"""Text of the score (YAML), when the run has one."""
 RUN = "/run"
 """Title of the run, and its score as a table with units."""
 FRICTION_LOOP = "/friction_loop"
-"""Drawing of lateral force against position, in a complete recording."""
+"""Drawing of lateral force against position."""
 RESULT = "/result"
 """What the last verb has brought back, as a table; below it its diagrams."""
 SCENE = "/scene"
-"""Cantilever, tip and sample in space, in a complete recording."""
+"""Cantilever, tip and sample in space."""
 
 _PLOTTED = {"m": ("nm", 1e9), "N": ("nN", 1e9), "s": ("us", 1e6)}
 
@@ -143,6 +139,6 @@ def signal(name: str, si_unit: str) -> Signal:
 
 def further(entities: Iterable[str]) -> list[str]:
     """Which of these entities are channels beyond those of CHANNELS."""
-    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, SCORE, RUN, FRICTION_LOOP, RESULT}
+    others = {signal.entity for signal in (*CHANNELS, *TICKS)} | {EVENTS, PARAMETERS, RUN, FRICTION_LOOP, RESULT}
     below = tuple(f"{entity}/" for entity in (PARAMETERS, FRICTION_LOOP, RESULT, SCENE, SCANS))
     return sorted(e for e in entities if e not in others and not e.startswith((*below, "/__")))

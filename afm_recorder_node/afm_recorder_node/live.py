@@ -1,11 +1,10 @@
 """`ros2 run afm_recorder_node live RECORDING`: shows a recording in a web browser while it grows. Needs no ROS.
 
-rerun serves the viewers from a process of its own, which gets what stands in the growing file. The recorder knows
-nothing of it: a server inside the recorder held it up for 18 s when a viewer stopped reading (rerun 0.41).
+rerun serves the viewers from a process of its own. It gets the view that this process draws of the growing record. The
+recorder knows nothing of either: a server inside it held it up for 18 s when a viewer stopped reading (rerun 0.41).
 """
 
 import argparse
-import ctypes
 import math
 import os
 import re
@@ -20,8 +19,16 @@ from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 
-from .frames import END_KIND, HEADER, walk
-from .names import partial_of
+import rerun as rr
+
+from . import layout, screens
+from .growing import grows
+from .places import RECORD
+from .record import Record
+from .recording import RecordingError
+from .streams import let_go, send_blueprint
+from .view_writer import ViewWriter
+from .views import end_with_parent, light
 
 ADDRESS = "127.0.0.1"
 """Viewers are accepted from this machine only: there is no password."""
@@ -30,10 +37,11 @@ _PAGE, _DATA = 9090, 9876
 _MEMORY = "256MiB"
 """What the server keeps for viewers that come late; it drops the oldest first."""
 _PERIOD = 0.1
-"""Wall time between two looks at the file [s]."""
+"""Wall time between two looks at the files [s]."""
 _LAST = 0.5
 """Wall time after a signal for which viewers still get what has been recorded [s]."""
-_PR_SET_PDEATHSIG = 1
+_AT_ONCE = 256
+"""Messages that are drawn before they are served."""
 _LISTENS = "0A"
 """State of a socket in /proc/net/tcp."""
 RERUN = str(files("rerun_cli") / "rerun")
@@ -41,52 +49,84 @@ RERUN = str(files("rerun_cli") / "rerun")
 
 
 def follow(path: Path) -> Iterator[bytes]:
-    """The messages of the recordings that grow at a path, one run after the other; empty when there is nothing new.
-
-    Parameters
-    ----------
-    path : Path
-        run.rrd for run.partial.rrd, run-2.partial.rrd, ...
+    """The views of the records that grow at a path, run.mcap, run-2.mcap, ...; empty when there is nothing new.
 
     Yields
     ------
     bytes
-        Together one stream, without an end, as rerun reads it.
+        Together one stream for rerun.
     """
-    begun = False
+    old = {each for each in _records(path) if not grows(each)}
+    shown: dict[Path, _Growing] = {}
     while True:
-        for growing in _growing(path):
-            with suppress(FileNotFoundError), growing.open("rb") as file:
-                position, gone = HEADER, False
-                while not gone:
-                    # Before it is read: what was written until it got its name is read.
-                    gone = not _is(growing, file.fileno())
-                    for message in walk(file.fileno(), position):
-                        if not begun:
-                            begun = True
-                            yield os.pread(file.fileno(), HEADER, 0)
-                        if message.kind != END_KIND:
-                            yield os.pread(file.fileno(), message.end - message.start, message.start)
-                        position = message.end
-                    if not gone:
-                        yield b""
+        there = _records(path)
+        old.intersection_update(there)
+        for each in there:
+            if each not in old and each not in shown:
+                shown[each] = _Growing(each)
+        for each, view in list(shown.items()):
+            with suppress(FileNotFoundError):
+                yield from view.news()
+            if view.over:
+                old.add(each)
+                del shown[each]
         yield b""
 
 
-def _growing(path: Path) -> list[Path]:
-    """Recordings under way, the oldest first."""
-    name = partial_of(path)
-    pattern = re.compile(rf"{re.escape(path.stem)}(-\d+)?{re.escape(name.name.removeprefix(path.stem))}")
-    found = [each for each in path.parent.glob(f"*.partial{path.suffix}") if pattern.fullmatch(each.name)]
-    return sorted(found, key=lambda each: len(each.name))
+def _records(path: Path) -> list[Path]:
+    """Records with the name of a path and a number, the first one first."""
+    pattern = re.compile(rf"{re.escape(path.stem)}(-\d+)?{re.escape(path.suffix)}")
+    found = [each for each in path.parent.glob(f"*{path.suffix}") if pattern.fullmatch(each.name)]
+    return sorted(found, key=lambda each: (len(each.name), each.name))
 
 
-def _is(path: Path, file: int) -> bool:
-    """Whether an open file still stands at a path."""
-    try:
-        return os.path.samestat(path.lstat(), os.fstat(file))
-    except (FileNotFoundError, NotADirectoryError):
-        return False
+class _Growing:
+    """The view of a record that grows."""
+
+    def __init__(self, path: Path) -> None:
+        self.over = False
+        """Whether all of it has been drawn, or it cannot be."""
+        self._record = Record(path)
+        self._stream = rr.RecordingStream(layout.APPLICATION)
+        self._bytes = rr.binary_stream(self._stream)
+        self._stream.set_sinks(self._bytes)
+        self._writer: ViewWriter | None = None
+        self._arranged: set[str] | None = None
+
+    def news(self) -> Iterator[bytes]:
+        """What has come since the last call. Memory holds a part of it at a time."""
+        try:
+            for number, entry in enumerate(self._record.more(), 1):
+                self._begun().put(entry)
+                if number % _AT_ONCE == 0:
+                    yield self._drawn()
+        except RecordingError as error:
+            print(f"error: {error}", file=sys.stderr, flush=True)
+            self.over = True
+        if self._writer is not None:
+            if self._record.end is not None:
+                self._writer.finish(self._record.missing)
+            yield self._drawn()
+        if self._record.end is not None or self.over:
+            self.over = True
+            self._stream.disconnect()
+            self._bytes.read(flush=False)  # the index, or rerun reports that nobody has read it
+            del self._stream, self._bytes, self._writer
+            let_go()
+
+    def _begun(self) -> ViewWriter:
+        if self._writer is None:
+            self._writer = ViewWriter(self._stream, self._record.about, self._record.path.stem)
+        return self._writer
+
+    def _drawn(self) -> bytes:
+        """Everything up to now, with a place in the viewer for what is new."""
+        canvas = self._begun().canvas
+        canvas.flush()
+        if (entities := {each for each in canvas.sent if screens.has_place(each)}) != self._arranged:
+            self._arranged = entities
+            send_blueprint(self._stream, screens.blueprint(entities))
+        return self._bytes.read() or b""
 
 
 class Server:
@@ -97,7 +137,7 @@ class Server:
     page, data : int
         Ports, if they are free; 0: any.
     source : path
-        A recording, in place of what is `put`.
+        A view, in place of what is `put`.
     """
 
     def __init__(self, page: int = _PAGE, data: int = _DATA, source: Path | None = None) -> None:
@@ -121,7 +161,7 @@ class Server:
             env=os.environ | {"RUST_LOG": "error"},
             # A Ctrl-C is for us: what has been recorded until then is served.
             process_group=0,
-            preexec_fn=_end_with_parent,
+            preexec_fn=end_with_parent,
         )
         assert self._process.stdin is not None
         os.set_blocking(self._process.stdin.fileno(), False)
@@ -197,10 +237,6 @@ def _listens(pid: int, port: int) -> bool:
         return False
 
 
-def _end_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-
-
 def serve(path: Path) -> None:
     """Serve the recordings that grow at a path until a signal comes; prints the link when viewers can connect.
 
@@ -231,9 +267,9 @@ def serve(path: Path) -> None:
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, stop)
-    if sys.stderr.isatty() and not _growing(path):  # a session starts the page before the recorder
-        there = f"; {path} is complete: `view` shows it" if path.exists() else ""
-        print(f"waiting until {partial_of(path)} grows{there}", file=sys.stderr, flush=True)
+    if sys.stderr.isatty() and not any(map(grows, _records(path))):  # a session starts the page before the recorder
+        there = f"; {path} does not grow any more: `view` shows it" if path.exists() else ""
+        print(f"waiting until {path} grows{there}", file=sys.stderr, flush=True)
     try:
         with Server() as server:
             run(server)
@@ -250,9 +286,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         prog="live", description="Show a recording in a web browser while it grows; print the link."
     )
-    parser.add_argument("recording", type=Path, help="path of the recorder: run.rrd, which grows as run.partial.rrd")
+    parser.add_argument("recording", type=Path, help="path of the recorder: run.mcap; run-2.mcap, ... are shown too")
+    light()
     try:
-        serve(parser.parse_args().recording.absolute())
+        serve(parser.parse_args().recording.absolute().with_suffix(RECORD))
     except OSError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

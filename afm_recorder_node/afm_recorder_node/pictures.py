@@ -9,9 +9,6 @@ from afm_model.microscope.image import RETRACE, TRACE
 
 from .layout import SCANS
 
-LINES = f"{SCANS}/lines"
-"""One row for each direction of each line of a scan, in SI units."""
-
 _UNITS = {"height": "nm", "error": "V", "lateral": "nN", "friction": "nN", "crosstalk": "nN", "x": "nm", "y": "nm"}
 _TOGETHER = (("height",), ("friction", "crosstalk"), ("lateral",), ("error",))
 """Channels that share a place in the viewer, the most important first; each other one has a place of its own."""
@@ -25,7 +22,7 @@ def picture_of(name: str, direction: str = "") -> str:
 
 def pictures(entities: Iterable[str]) -> list[str]:
     """Which of these entities are images."""
-    return sorted(entity for entity in entities if entity.startswith(f"{SCANS}/") and entity != LINES)
+    return sorted(entity for entity in entities if entity.startswith(f"{SCANS}/"))
 
 
 def view(entities: Iterable[str], name: str = "Scan", below: str = "") -> rrb.Container:

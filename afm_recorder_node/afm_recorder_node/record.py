@@ -81,6 +81,7 @@ class Record:
     damaged: int = 0
     """Bytes that are left out because they are not what was written."""
     _chunks: list[_Place] = field(default_factory=list)
+    _read_to: int = len(MCAP0_MAGIC)
     _indexed: bool = False  # whether the types of all messages are known before the chunks are read
     _schemas: dict[int, Schema] = field(default_factory=dict)
     _channels: dict[int, Channel] = field(default_factory=dict)
@@ -108,13 +109,35 @@ class Record:
         RecordingError
             If a message cannot be read by its definition.
         """
-        for channel, schema, message in self._raw(topics, begin_ns, end_ns):
-            try:
-                read = self._types.deserialize_cdr(message.data, schema.name)
-            # Whatever it makes of bytes that are not the message.
-            except Exception as error:
-                raise RecordingError(f"{self.path}: a {schema.name} cannot be read: {error}") from error
-            yield Entry(channel.topic, schema.name, message.log_time, read)
+        yield from map(self._entry, self._raw(topics, begin_ns, end_ns))
+
+    def more(self) -> Iterator[Entry]:
+        """Yield the messages that have come into a growing file since the last call. `Record(path)` begins it.
+
+        Raises
+        ------
+        RecordingError
+            If something in it is not what was written.
+        """
+        with self.path.open("rb") as opened:
+            file = opened.fileno()
+            for place in _places(file, os.fstat(file).st_size, self._read_to)[0]:
+                self._read_to = place.end
+                if place.opcode == Opcode.CHUNK:
+                    if not _is_sound(file, place):
+                        raise DamagedRecording(f"{self.path} is damaged: bytes {place.begin} to {place.end}")
+                    yield from map(self._entry, self._unpacked(file, place))
+                elif place.opcode == Opcode.METADATA:
+                    self.note(_parsed(Metadata, file, place))
+
+    def _entry(self, raw: tuple[Channel, Schema, Message]) -> Entry:
+        channel, schema, message = raw
+        try:
+            read = self._types.deserialize_cdr(message.data, schema.name)
+        # Whatever it makes of bytes that are not the message.
+        except Exception as error:
+            raise RecordingError(f"{self.path}: a {schema.name} cannot be read: {error}") from error
+        return Entry(channel.topic, schema.name, message.log_time, read)
 
     def raw(self) -> Iterator[Raw]:
         """Yield the messages as they stand in the file."""
@@ -127,19 +150,21 @@ class Record:
     ) -> Iterator[tuple[Channel, Schema, Message]]:
         with self.path.open("rb") as file:
             for place in self._chunks_in(file.fileno(), begin_ns, end_ns):
-                for each in self._records(file.fileno(), place):
-                    if isinstance(each, Message):
-                        channel = self._channels[each.channel_id]
-                        if topics is None or channel.topic in topics:
-                            yield channel, self._schemas[channel.schema_id], each
-                    else:
-                        self.learn(each)
+                for each in self._unpacked(file.fileno(), place):
+                    if topics is None or each[0].topic in topics:
+                        yield each
 
-    def _records(self, file: int, place: _Place) -> list[Any]:
+    def _unpacked(self, file: int, place: _Place) -> Iterator[tuple[Channel, Schema, Message]]:
         try:
-            return breakup_chunk(_chunk(file, place))
+            records = breakup_chunk(_chunk(file, place))
         except _ERRORS as error:
             raise DamagedRecording(f"{self.path} is damaged: {error}") from error
+        for each in records:
+            if isinstance(each, Message):
+                channel = self._channels[each.channel_id]
+                yield channel, self._schemas[channel.schema_id], each
+            else:
+                self.learn(each)
 
     def _chunks_in(self, file: int, begin_ns: int, end_ns: int) -> Iterator[_Place]:
         before: _Place | None = None
@@ -155,6 +180,13 @@ class Record:
                 yield place
         if before is not None:
             yield before
+
+    def note(self, found: Metadata) -> None:
+        """Take what is known of the run."""
+        if found.name == ABOUT:
+            self.about = found.metadata
+        elif found.name == END:
+            self.end = found.metadata
 
     def learn(self, record: object) -> None:
         """Take the type of a message, or the topic that has it."""
@@ -222,13 +254,11 @@ def _opened(path: Path, file: int, salvage: bool) -> Record:
     record._chunks = [each for each in places if each.opcode == Opcode.CHUNK and each not in bad]
     for place in places:
         if place.opcode == Opcode.METADATA:
-            found = _parsed(Metadata, file, place)
-            if found.name == ABOUT:
-                record.about = found.metadata
-            elif found.name == END and whole:
-                record.end = found.metadata
+            record.note(_parsed(Metadata, file, place))
         elif unchanged and place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             record.learn(_parsed(Schema if place.opcode == Opcode.SCHEMA else Channel, file, place))
+    if not whole:
+        record.end = None
     if not record.about and not (salvage and record._chunks):
         if not size or (not closed and not record._chunks):
             raise RecordingError(f"{path} is no readable recording: nothing stands in it yet")
@@ -236,12 +266,12 @@ def _opened(path: Path, file: int, salvage: bool) -> Record:
     return record
 
 
-def _places(file: int, size: int) -> tuple[list[_Place], int]:
-    """The records of a file up to where it breaks off, and the bytes after that which are not such records.
+def _places(file: int, size: int, at: int = len(MCAP0_MAGIC)) -> tuple[list[_Place], int]:
+    """The records of a file, from a place up to where it breaks off, and the bytes after that which are not such records.
 
     A file may end within a record: its recorder was killed, or writes it at this moment.
     """
-    at, found, broken = len(MCAP0_MAGIC), list[_Place](), 0
+    found, broken = list[_Place](), 0
     while at + _HEAD.size <= size:
         opcode, length = _HEAD.unpack(os.pread(file, _HEAD.size, at))
         end = at + _HEAD.size + length

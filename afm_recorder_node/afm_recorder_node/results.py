@@ -1,7 +1,6 @@
 """What verbs have brought back, as the viewer shows it: tables, and curves over what they depend on. Needs no ROS."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from afm_model.microscope.arrays import Arrays, Variable
 from afm_model.microscope.image import Image
 from afm_model.microscope.verb import find
 from afm_model.program.force_curve import APPROACH, DWELL, RETRACT
+from afm_node_common.decoding import InvalidMessage
 
 from .diagram import BLUE, ORANGE, Axis, Curve, Diagram
 from .gathering import Result
@@ -204,21 +204,22 @@ def _drawn_nowhere(result: Result) -> Iterator[tuple[str, Variable]]:
 
 
 def document(words: str) -> rr.ComponentColumnList:
-    """A text as one row of the recording."""
+    """A text as one row of the view."""
     return rr.TextDocument.columns(text=[words], media_type=[rr.MediaType.MARKDOWN])
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A result as it is recorded."""
+def drawings(result: Result) -> dict[str, rr.ComponentColumnList]:
+    """Table and diagrams of a result, by entity, one row each.
 
-    time_ns: int
-    words: str
-    drawings: Mapping[str, Mapping[str, rr.ComponentColumnList]]
-    """By entity of the diagram, and by name below it."""
-
-
-def shown(result: Result) -> Shown:
-    """Table and diagrams of a result. Arrays that do not fit together may raise anything."""
-    drawn = {entity: diagram.draw() for entity, diagram in diagrams(result).items()}
-    return Shown(result.time_ns, markdown(result), {entity: parts for entity, parts in drawn.items() if parts})
+    Raises
+    ------
+    InvalidMessage
+        If its arrays do not fit together.
+    """
+    try:
+        drawn = {entity: diagram.draw() for entity, diagram in diagrams(result).items()}
+        parts = {f"{entity}/{name}": part for entity, named in drawn.items() for name, part in named.items()}
+        return {RESULT: document(markdown(result)), **parts}
+    # Arrays of any shape and name may come; what numpy says of them is of any kind.
+    except Exception as error:
+        raise InvalidMessage(f"a result of {result.verb} that cannot be drawn: {error}") from None

@@ -1,30 +1,28 @@
-"""Cantilever, tip and sample in space, moved by the signals of a recording; drawn into it when it is completed.
+"""Cantilever, tip and sample in space, moved by the signals of a run; drawn when it ends.
 
-What is drawn does not grow with the recording: some hundred poses, evenly spaced over the run. The size of the scene
+What is drawn does not grow with the run: some hundred poses, evenly spaced over the run. The size of the scene
 is that of the path of the tip over the sample, or of its image; heights and deflection are enlarged by the same
 factor, which is written beside it. The shape of cantilever and tip is no one's.
 """
 
-import json
 import math
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
-from rerun.chunk import Chunk
 
 from afm_model.core.prefix import text
+from afm_model.microscope.verbs import Scan
 
-from . import layout, pictures, streams
+from . import layout
+from .streams import Canvas
 
 POSES = 600
-"""At most, over the whole recording."""
+"""At most, over the whole run."""
 EYE, TARGET = (1.45, -2.3, 1.25), (-0.3, 0.0, 0.0)
 """Where the viewer stands, and what it looks at: the sample goes from -1 to 1, the tip is near the middle."""
 SAMPLE, CANTILEVER = f"{layout.SCENE}/sample", f"{layout.SCENE}/cantilever"
-_HEIGHT = f"{pictures.SCANS}/height/trace"
 _SHARE, _AS_IT_IS = 0.35, (0.1, 0.7)
 """Heights of the sample are drawn so high, in half widths of the sample, or up to 2.5 times less; between these as
 they are."""
@@ -69,41 +67,40 @@ class _Spread:
         return times[order], values[order]
 
 
+Surface = tuple[Scan, _Array]
+"""Heights of an image (rows, columns) [nm] as they are drawn, the first row at the largest y; and where it is."""
+
+
 class Scene:
-    """Collects what is to be drawn while the rows of a recording are read."""
+    """Collects what is to be drawn while the run is drawn."""
 
     def __init__(self) -> None:
         self._rows = {signal.entity: _Spread() for signal in (layout.POSITION, layout.REFERENCE, layout.ERROR)}
-        self._last: dict[str, Chunk] = {}
 
     def put(self, entity: str, times: NDArray[np.int64], values: _Array) -> None:
-        """Rows of an entity: times (n,) [ns], values (n, width) as they stand in the recording."""
+        """Rows of an entity: times (n,) [ns], values (n, width) as they are drawn."""
         if entity in self._rows:
             self._rows[entity].put(times, values)
 
-    def see(self, chunk: Chunk) -> None:
-        """What is no series: of images the last one counts."""
-        if chunk.entity_path in (_HEIGHT, pictures.LINES):
-            self._last[chunk.entity_path] = chunk
+    def send(self, canvas: Canvas, scanned: Surface | None) -> None:
+        """Draw the scene; nothing if the height of the tip is not known, or nothing has moved.
 
-    def send(self, stream: rr.RecordingStream) -> Counter[str]:
-        """Draw the scene into a recording; nothing if the height of the tip is not known, or nothing has moved.
-
-        Returns
-        -------
-        Counter
-            Rows by entity that it has sent.
+        Parameters
+        ----------
+        canvas : Canvas
+        scanned : (Scan, ndarray), optional
+            Last image of the sample.
         """
         times, position, tip = self._poses()
         if len(times) < 2:
-            return Counter()
+            return
         # By the definition of the indentation: over the place (x, y) of the sample the tip is at tip - z.
         over = tip - position[:, 2]
         low, high = float(over.min()), float(over.max())
         contact = over <= low + _NEAR * (high - low) if self._far(over) else np.full(len(over), True)
         level = float(np.median(over[contact]))
         path = np.column_stack([position[contact, :2], over[contact]])
-        image, line = self._image(level), _along(path)
+        image, line = _image(scanned, level), _along(path)
         surface = line if image is None else image
         found = path if surface is None else surface.reshape(-1, 3)
         middle = 0.5 * (found[:, :2].min(axis=0) + found[:, :2].max(axis=0))
@@ -113,7 +110,7 @@ class Scene:
             # A force curve goes nowhere: its place moves by the noise of the sensors.
             half = max(half, 2.0 * heights)
         if not half > 0.0:
-            return Counter()
+            return
         larger = (
             1.0
             if heights == 0.0 or _AS_IT_IS[0] <= heights / half <= _AS_IT_IS[1]
@@ -127,23 +124,22 @@ class Scene:
 
         up = larger * (tip - np.median(tip)) / half
         distance = np.minimum(larger * (over - level) / half, _AWAY)
-        _mesh(stream, f"{SAMPLE}/surface", *_sheet(placed(surface)), _SAND)
+        _mesh(canvas, f"{SAMPLE}/surface", *_sheet(placed(surface)), _SAND)
         if image is None and line is not None:
             track = placed(path) + np.array([0.0, 0.0, 0.01])
-            stream.log(f"{SAMPLE}/path", rr.LineStrips3D([track], colors=[_DARK], radii=[-0.6]), static=True)
-        _mesh(stream, f"{CANTILEVER}/beam", *_beam(), _STEEL)
-        _mesh(stream, f"{CANTILEVER}/tip", *_cone(), _DARK)
+            canvas.static(f"{SAMPLE}/path", rr.LineStrips3D([track], colors=[_DARK], radii=[-0.6]))
+        _mesh(canvas, f"{CANTILEVER}/beam", *_beam(), _STEEL)
+        _mesh(canvas, f"{CANTILEVER}/tip", *_cone(), _DARK)
         told = f"{text(2e-9 * half, 'm', 3)} wide, heights and deflection x {larger:g}"
         words = rr.Points3D([[0.0, -1.15, -0.35]], labels=[told], colors=[_WORDS], radii=[-0.1], show_labels=True)
-        stream.log(f"{layout.SCENE}/words", words, static=True)
+        canvas.static(f"{layout.SCENE}/words", words)
         moved = np.column_stack([(middle - position[:, :2]) / half, up - distance])
-        streams.send_columns(stream, SAMPLE, times, rr.Transform3D.columns(translation=moved))
+        canvas.rows(SAMPLE, times, rr.Transform3D.columns(translation=moved))
         # A small deflection of the end bends the beam by so much everywhere: nobody sees the curvature.
         sheared = np.tile(np.eye(3), (len(times), 1, 1))
         sheared[:, 2, 0] = up / _LENGTH
         base = np.tile([-_LENGTH, 0.0, 0.0], (len(times), 1))
-        streams.send_columns(stream, CANTILEVER, times, rr.Transform3D.columns(translation=base, mat3x3=sheared))
-        return Counter({SAMPLE: len(times), CANTILEVER: len(times)})
+        canvas.rows(CANTILEVER, times, rr.Transform3D.columns(translation=base, mat3x3=sheared))
 
     def _poses(self) -> tuple[NDArray[np.int64], _Array, _Array]:
         """Times [ns], positions (n, 3) [nm] and heights of the tip [nm], of ticks of which all is known."""
@@ -160,27 +156,24 @@ class Scene:
         low, middle, high = np.quantile(over, (0.0, 0.5, 1.0))
         return bool(high - low > 4.0 * (middle - low) or high - low > 4.0 * (high - middle))
 
-    def _image(self, level: float) -> _Array | None:
-        """Points of the surface by the last image (rows, columns, 3) [nm]; None without one."""
-        drawing, lines = self._last.get(_HEIGHT), self._last.get(pictures.LINES)
-        if drawing is None or lines is None:
-            return None
-        tensor = drawing.to_record_batch().column("Tensor:data").to_pylist()[-1][0]
-        scan = json.loads(lines.to_record_batch().column("about").to_pylist()[-1][0])["scan"]
-        # The first row is that at the largest y.
-        heights = np.array(tensor["buffer"], np.float64).reshape(tensor["shape"])[::-1]
-        every = -(-max(heights.shape) // _MESH)
-        heights = heights[::every, ::every]
-        rows, columns = heights.shape
-        along = 1e9 * scan["size_x"] * ((np.arange(columns) + 0.5) / columns - 0.5)
-        width = 1e9 * (scan["size_y"] or scan["size_x"] * rows / columns)
-        across = width * ((np.arange(rows) + 0.5) / rows - 0.5)
-        x, y = np.meshgrid(along, across)
-        c, s = math.cos(scan["angle"]), math.sin(scan["angle"])
-        centre = 1e9 * scan["centre_x"], 1e9 * scan["centre_y"]
-        return np.stack(
-            [centre[0] + c * x - s * y, centre[1] + s * x + c * y, heights - np.median(heights) + level], axis=-1
-        )
+
+def _image(scanned: Surface | None, level: float) -> _Array | None:
+    """Points of the surface by the last image (rows, columns, 3) [nm]; None without one."""
+    if scanned is None:
+        return None
+    scan, drawn = scanned
+    heights = drawn[::-1]
+    every = -(-max(heights.shape) // _MESH)
+    heights = heights[::every, ::every]
+    rows, columns = heights.shape
+    along = 1e9 * scan.size_x * ((np.arange(columns) + 0.5) / columns - 0.5)
+    across = 1e9 * scan.height * ((np.arange(rows) + 0.5) / rows - 0.5)
+    x, y = np.meshgrid(along, across)
+    c, s = math.cos(scan.angle), math.sin(scan.angle)
+    centre = 1e9 * scan.centre_x, 1e9 * scan.centre_y
+    return np.stack(
+        [centre[0] + c * x - s * y, centre[1] + s * x + c * y, heights - np.median(heights) + level], axis=-1
+    )
 
 
 def _along(path: _Array) -> _Array | None:
@@ -246,9 +239,7 @@ def _cone() -> tuple[_Array, NDArray[np.int64]]:
     )
 
 
-def _mesh(
-    stream: rr.RecordingStream, entity: str, vertices: _Array, triangles: NDArray[np.int64], color: Sequence[int]
-) -> None:
+def _mesh(canvas: Canvas, entity: str, vertices: _Array, triangles: NDArray[np.int64], color: Sequence[int]) -> None:
     normals = np.zeros_like(vertices)
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
     for k in range(3):
@@ -260,4 +251,4 @@ def _mesh(
         vertex_normals=normals / np.where(lengths > 0.0, lengths, 1.0),
         albedo_factor=color,
     )
-    stream.log(entity, mesh, static=True)
+    canvas.static(entity, mesh)

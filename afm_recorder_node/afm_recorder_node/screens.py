@@ -1,7 +1,6 @@
 """How the viewer arranges a recording: a screen for each kind of run. Needs no ROS."""
 
 import math
-import uuid
 from collections.abc import Iterable, Mapping, Sequence
 
 import rerun as rr
@@ -9,12 +8,11 @@ import rerun.blueprint as rrb
 
 from . import layout, pictures, results, scene
 from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE, POSITION, REFERENCE, Signal
+from .streams import Range
 
-Range = tuple[float, float]
 Ranges = Mapping[tuple[str, int], Range]
 """Least and largest number of a signal, by entity and axis (0 for one number), as they stand in the recording."""
 
-_IDS = uuid.UUID("5b1d7a2e-7a70-4a8c-9b0e-0b1c53a3c2f4")
 _PLOT = 270.0
 """Height of a plot on a laptop, in points."""
 _LABEL = 22.0
@@ -31,17 +29,22 @@ def kind(entities: Iterable[str]) -> str:
     return "calibration" if layout.RESULT in there else "control"
 
 
+def has_place(entity: str) -> bool:
+    """Whether the arrangement depends on an entity being there."""
+    return bool(layout.further([entity]) or pictures.pictures([entity]) or entity.startswith(layout.RESULT))
+
+
 def blueprint(entities: Iterable[str], ranges: Ranges | None = None) -> rrb.Blueprint:
     """The screen of a recording by its kind; behind it, in a second tab, all signals.
 
     Parameters
     ----------
     entities : iterable of str
-        Those of the recording that have a time; signals that there always are need not be among them.
+        Those of the run that have a time; signals that there always are need not be among them.
     ranges : mapping, optional
-        Of complete recordings: then each axis has two numbers at least.
+        Of whole runs: then each axis has two numbers at least.
     """
-    there, plots = set(entities), _Plots(ranges or {})
+    there, plots = set(entities), Plots(ranges or {})
     signals = _signals(plots, layout.further(there))
     found = kind(there)
     shown: list[rrb.Container] = []
@@ -50,35 +53,19 @@ def blueprint(entities: Iterable[str], ranges: Ranges | None = None) -> rrb.Blue
     diagrams = results.titles(there)
     if diagrams or found == "calibration":
         shown.append(_result(plots, diagrams, "Force curve" if results.FORCE_CURVE in diagrams else "Result"))
-    return tabbed(shown, signals, found)
+    return tabbed(shown, signals)
 
 
-def tabbed(shown: Sequence[rrb.Container], signals: rrb.Container, place: str) -> rrb.Blueprint:
-    """Screens of what was found, the first one in front, with the signals behind them; names by the place."""
-    root = rrb.Tabs(*shown, signals, active_tab=0) if shown else signals
-    fixed(root, place)
+def tabbed(shown: Sequence[rrb.Container], signals: rrb.Container) -> rrb.Blueprint:
+    """Screens of what was found, the first one in front, with the signals behind them."""
     return rrb.Blueprint(
-        root,
+        rrb.Tabs(*shown, signals, active_tab=0) if shown else signals,
         # At the end of the recording, where an image is as complete as it will be.
         rrb.TimePanel(state="collapsed", timeline=layout.TIMELINE, play_state="following" if shown else None),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
         auto_views=False,
     )
-
-
-def fixed(part: rrb.Container | rrb.View, place: str) -> None:
-    """Give a part of an arrangement, and what is in it, names by its place.
-
-    rerun keeps each name until the process ends: with its random ones a recorder would grow for ever.
-    """
-    part.id = uuid.uuid5(_IDS, place)
-    if isinstance(part, rrb.View):
-        for entity, lines in part.visualizer_overrides.items():
-            lines.id = uuid.uuid5(_IDS, f"{place} {entity}")  # type: ignore[union-attr]
-    else:
-        for number, inner in enumerate(part.contents):
-            fixed(inner, f"{place}/{number}")
 
 
 def readable(low: float, high: float, height: float = _PLOT) -> Range | None:
@@ -112,22 +99,30 @@ def readable(low: float, high: float, height: float = _PLOT) -> Range | None:
     return low, high
 
 
-class _Plots:
-    """Makes plots over time whose axes can be read."""
+class Plots:
+    """Makes plots over time whose axes can be read.
 
-    def __init__(self, ranges: Ranges) -> None:
-        self._ranges = ranges
+    Parameters
+    ----------
+    ranges : mapping
+    places : sequence of str
+        Entity below which each run stands: a plot shows the signals of all of them.
+    """
+
+    def __init__(self, ranges: Ranges, places: Sequence[str] = ("",)) -> None:
+        self._ranges, self._places = ranges, places
 
     def one(self, name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
         """A plot of signals, or of one axis of theirs. Its name describes it: a legend would cover the curves."""
         shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
         known = [self._ranges[key] for signal in signals if (key := (signal.entity, axis or 0)) in self._ranges]
         span = readable(min(low for low, _ in known), max(high for _, high in known)) if known else None
+        contents = [f"{place}{signal.entity}" for place in self._places for signal in signals]
         return rrb.TimeSeriesView(
             name=f"{name} [{signals[0].unit}]",
             origin="/",
-            contents=[signal.entity for signal in signals],
-            overrides=None if axis is None else {signal.entity: shown.visualizer() for signal in signals},
+            contents=contents,
+            overrides=None if axis is None else {entity: shown.visualizer() for entity in contents},
             plot_legend=rrb.PlotLegend(visible=False),
             axis_y=None if span is None else rrb.ScalarAxis(range=span),
         )
@@ -137,7 +132,7 @@ class _Plots:
         return [self.one((axis == "z" and z) or f"{name}, {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
 
 
-def _signals(plots: _Plots, further: Sequence[str]) -> rrb.Container:
+def _signals(plots: Plots, further: Sequence[str]) -> rrb.Container:
     """The screen of a control run: signals in plots over simulated time; score, events and parameters below."""
     return rrb.Vertical(
         rrb.Grid(
@@ -175,7 +170,7 @@ def _signals(plots: _Plots, further: Sequence[str]) -> rrb.Container:
     )
 
 
-def _scan(plots: _Plots, images: Sequence[str]) -> rrb.Container:
+def _scan(plots: Plots, images: Sequence[str]) -> rrb.Container:
     """Images as they grow; what they have come to, the signals and the events below."""
     return rrb.Vertical(
         pictures.view(images),
@@ -190,7 +185,7 @@ def _scan(plots: _Plots, images: Sequence[str]) -> rrb.Container:
     )
 
 
-def _result(plots: _Plots, diagrams: Mapping[str, str], name: str) -> rrb.Container:
+def _result(plots: Plots, diagrams: Mapping[str, str], name: str) -> rrb.Container:
     """Curves of a result over what they depend on, and its numbers as a table; signals and events beside them."""
     table = rrb.TextDocumentView(name="Result", origin=layout.RESULT)
     drawn = [rrb.Spatial2DView(name=title, origin=entity, contents="$origin/**") for entity, title in diagrams.items()]
@@ -207,7 +202,7 @@ def _result(plots: _Plots, diagrams: Mapping[str, str], name: str) -> rrb.Contai
     )
 
 
-def _measured(plots: _Plots) -> list[rrb.View]:
+def _measured(plots: Plots) -> list[rrb.View]:
     """What a microscope measures, over time."""
     return [
         plots.one("Deflection", DEFLECTION),

@@ -1,7 +1,7 @@
-"""`ros2 run afm_recorder_node view A.rrd B.rrd`: several recordings in one viewer, side by side. Needs no ROS.
+"""`ros2 run afm_recorder_node view A.mcap B.mcap`: recordings in a web browser, several side by side. Needs no ROS.
 
-The viewer shows one recording at a time, and a plot only what is in it. So they are put together into one, each below
-an entity of its own, with an arrangement that shows the same signal of all of them in one plot.
+The viewer shows one recording at a time, and a plot only what is in it. So several are drawn into one, each below an
+entity of its own, with an arrangement that shows the same signal of all of them in one plot.
 """
 
 import argparse
@@ -10,22 +10,21 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
-import rerun as rr
 import rerun.blueprint as rrb
 
 from . import layout, pictures, results
-from .complete import chunks, ending, series, widen
-from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, NORMAL_FORCE, POSITION, Signal
+from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, NORMAL_FORCE, POSITION, ROUND_TRIP
 from .live import Server
-from .readable import readable, recordings
+from .places import open_recording, recordings
 from .recording import RecordingError
-from .screens import Range, Ranges, tabbed
-from .screens import readable as readable_range
-from .streams import send_blueprint
+from .screens import Plots, Ranges, tabbed
+from .streams import Range, send_blueprint
+from .view_writer import ViewWriter
+from .views import light, make_view, written
 
 APPLICATION = "afm_together"
 """Another one than that of a recording: its arrangement takes the place of no other one."""
@@ -38,7 +37,6 @@ COLORS = (
     ("brown", (130, 90, 60)),
 )
 """Of the curves of each recording; there are no more recordings than colours."""
-_LEFT_OUT = (layout.PARAMETERS, layout.SCORE, layout.SCENE, pictures.LINES)
 
 
 def names(paths: Sequence[Path]) -> list[str]:
@@ -58,93 +56,45 @@ def together(paths: Sequence[Path], target: Path) -> None:
     ------
     RecordingError
         If one cannot be read, or has been changed since it was written; if there are too many.
-    FileExistsError
-        If there is something at `target`.
+    OSError
+        If there is something at `target`, or it cannot be written.
     """
     if not 2 <= len(paths) <= len(COLORS):
         raise RecordingError(f"{len(paths)} recordings are not allowed: it must be 2 to {len(COLORS)}")
-    if target.exists():
-        raise FileExistsError(f"{target} exists: give another name, nothing is overwritten")
-    entities: dict[str, set[str]] = {}
+    entities: dict[str, Iterable[str]] = {}
     ranges: dict[tuple[str, int], Range] = {}
-    with ExitStack() as files:
-        there = [files.enter_context(readable(path)) for path in paths]
-        stream = files.enter_context(ending(rr.RecordingStream(APPLICATION, send_properties=False)))
-        stream.set_sinks(rr.FileSink(str(target)))
-        for (file, extent), name, (_, rgb) in zip(there, names(paths), COLORS, strict=False):
-            entities[name] = _put(stream, file, name, ranges, whole=extent.complete)
-            for each in (*layout.TICKS, *layout.CHANNELS):
-                series = rr.SeriesLines(names=[f"{name}: {title}" for title in each.names], colors=[rgb] * each.width)
-                stream.log(f"/{name}{each.entity}", series, static=True)
+    found = [open_recording(path) for path in paths]
+    with written(target, APPLICATION) as (stream, expected):
+        for record, name, (_, color) in zip(found, names(paths), COLORS, strict=False):
+            writer = ViewWriter(stream, record.about, name, below=f"/{name}", color=color, ranges=ranges)
+            writer.draw(record)
+            entities[name] = writer.canvas.sent
+            expected.update({f"/{name}{entity}": rows for entity, rows in writer.canvas.sent.items()})
         send_blueprint(stream, arrangement(entities, ranges), APPLICATION)
 
 
-def _put(
-    stream: rr.RecordingStream, file: Path, name: str, ranges: dict[tuple[str, int], Range], *, whole: bool
-) -> set[str]:
-    """All that the viewer shows of a recording; its entities."""
-    found = set()
-    try:
-        for chunk in chunks(file, whole=whole):
-            entity = chunk.entity_path
-            if entity.startswith("/__") or entity.startswith(_LEFT_OUT):
-                continue
-            stream.send_chunks(chunk.with_entity_path(f"/{name}{entity}"))
-            found.add(entity)
-            rows = None if chunk.is_static else series(chunk.to_record_batch())
-            if rows is not None and len(rows[0]):
-                widen(ranges, entity, rows[1].reshape(len(rows[0]), -1))
-    except (RuntimeError, ValueError) as error:
-        raise RecordingError(f"{name} is no readable recording: {error}") from error
-    return found
-
-
-def arrangement(entities: dict[str, set[str]], ranges: Ranges | None = None) -> rrb.Blueprint:
+def arrangement(entities: Mapping[str, Iterable[str]], ranges: Ranges | None = None) -> rrb.Blueprint:
     """The same signal of all recordings in one plot; loops, images, results and scores side by side.
 
     Parameters
     ----------
-    entities : dict of str to set of str
+    entities : mapping of str to iterable of str
         Entities of each recording, by the name below which they stand.
     ranges : mapping, optional
         Of all of them together.
     """
-    told = ", ".join(f"{name} {color}" for name, (color, _) in zip(entities, COLORS, strict=False))
+    colored = ", ".join(f"{name} {color}" for name, (color, _) in zip(entities, COLORS, strict=False))
     pictured = {name: found for name, each in entities.items() if (found := pictures.pictures(each))}
     drawn = {name: titled for name, each in entities.items() if (titled := results.titles(each))}
-
-    def plot(name: str, each: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
-        shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
-        contents = [f"/{recording}{each.entity}" for recording in entities]
-        known = (ranges or {}).get((each.entity, axis or 0))
-        span = readable_range(*known) if known else None
-        return rrb.TimeSeriesView(
-            name=f"{name} [{each.unit}]",
-            origin="/",
-            contents=contents,
-            overrides=None if axis is None else {entity: shown.visualizer() for entity in contents},
-            plot_legend=rrb.PlotLegend(visible=False),
-            axis_y=rrb.ScalarAxis(range=span) if span else None,
-        )
-
-    def three(name: str, each: Signal) -> rrb.Container:
-        return rrb.Tabs(*(plot(f"{name}, {axis}", each, k) for k, axis in enumerate("xyz")))
-
+    plots = Plots(ranges or {}, [f"/{name}" for name in entities])
     signals = rrb.Vertical(
         rrb.Grid(
-            three(f"Tracking error ({told})", ERROR),
-            three("Drive", DRIVE),
-            rrb.Tabs(plot("Lateral force, x", LATERAL_FORCE), plot("Normal force", NORMAL_FORCE)),
-            three("Position", POSITION),
-            rrb.Tabs(plot("Deflection", DEFLECTION), plot("Round trip", layout.ROUND_TRIP)),
-            rrb.Tabs(
-                *(
-                    rrb.Spatial2DView(
-                        name=f"Friction loop: {name}", origin=f"/{name}{layout.FRICTION_LOOP}", contents="$origin/**"
-                    )
-                    for name in entities
-                )
-            ),
+            rrb.Tabs(*plots.three(f"Tracking error ({colored})", ERROR)),
+            rrb.Tabs(*plots.three("Drive", DRIVE)),
+            rrb.Tabs(plots.one("Lateral force, x", LATERAL_FORCE), plots.one("Normal force", NORMAL_FORCE)),
+            rrb.Tabs(*plots.three("Position", POSITION)),
+            rrb.Tabs(plots.one("Deflection", DEFLECTION), plots.one("Round trip", ROUND_TRIP)),
+            rrb.Tabs(*(_plane(f"Friction loop: {name}", f"/{name}{layout.FRICTION_LOOP}") for name in entities)),
             grid_columns=3,
         ),
         rrb.Horizontal(
@@ -161,40 +111,36 @@ def arrangement(entities: dict[str, set[str]], ranges: Ranges | None = None) -> 
     )
     screens: list[rrb.Container] = []
     if pictured:
-        screens.append(
-            rrb.Vertical(*(pictures.view(found, name, f"/{name}") for name, found in pictured.items()), name="Scans")
-        )
+        images = (pictures.view(found, name, f"/{name}") for name, found in pictured.items())
+        screens.append(rrb.Vertical(*images, name="Scans"))
     if drawn:
-        screens.append(
-            rrb.Horizontal(
-                *(
-                    rrb.Vertical(
-                        *(
-                            rrb.Spatial2DView(name=f"{name}: {title}", origin=f"/{name}{entity}", contents="$origin/**")
-                            for entity, title in found.items()
-                        ),
-                        rrb.TextDocumentView(name="Result", origin=f"/{name}{layout.RESULT}"),
-                    )
-                    for name, found in drawn.items()
-                ),
-                name="Results",
+        columns = (
+            rrb.Vertical(
+                *(_plane(f"{name}: {title}", f"/{name}{entity}") for entity, title in found.items()),
+                rrb.TextDocumentView(name="Result", origin=f"/{name}{layout.RESULT}"),
             )
+            for name, found in drawn.items()
         )
-    return tabbed(screens, signals, "together")
+        screens.append(rrb.Horizontal(*columns, name="Results"))
+    return tabbed(screens, signals)
+
+
+def _plane(name: str, entity: str) -> rrb.Spatial2DView:
+    return rrb.Spatial2DView(name=name, origin=entity, contents="$origin/**")
 
 
 @contextmanager
 def _served(paths: Sequence[Path]) -> Iterator[str]:
     """Serve recordings to the viewer in a browser; the link. Raises as `together`."""
-    with ExitStack() as stack:
+    with tempfile.TemporaryDirectory(prefix="afm_view_") as folder:
+        file = Path(folder) / "view.rrd"
         if len(paths) > 1:
-            file = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="afm_view_"))) / "together.rrd"
             together(paths, file)
         else:
-            file, _ = stack.enter_context(readable(paths[0]))
-        server = stack.enter_context(Server(source=file))
-        server.wait()
-        yield server.link
+            make_view(paths[0], file)
+        with Server(source=file) as server:
+            server.wait()
+            yield server.link
 
 
 def main() -> int:
@@ -203,16 +149,15 @@ def main() -> int:
         prog="view", description="Show recordings in a web browser, several of them side by side; print the link."
     )
     parser.add_argument(
-        "recordings", nargs="+", metavar="RECORDING", help="files, folders, or patterns such as 'out/*/*.rrd'"
+        "recordings", nargs="+", metavar="RECORDING", help="files, folders, or patterns such as 'out/*/*.mcap'"
     )
-    parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="write several into one file for `rerun` in place of serving them"
-    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write a file for `rerun` in place of serving it")
     given = parser.parse_args()
+    light()
     try:
         paths = recordings(given.recordings)
         if given.out:
-            together(paths, given.out)
+            together(paths, given.out) if len(paths) > 1 else make_view(paths[0], given.out)
             return 0
         with _served(paths) as link:
             print(f"{link}\nCtrl-C ends it.", flush=True)
