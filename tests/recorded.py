@@ -9,17 +9,14 @@ import numpy as np
 from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Parameters, Waveform
 from afm_msgs.msg import ScanLine as ScanLineMessage
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
 from rclpy.time import Time
-from rosbags.typesys import get_types_from_msg
-from rosbags.typesys.store import Typestore
 
 from afm_model.microscope.image import DIRECTIONS, RETRACE, Line
 from afm_model.microscope.verbs import Scan
 from afm_node_common.decoding import FRAME, nanoseconds
 from afm_node_common.verb_codec import numbers
 from afm_recorder_node import layout
-from afm_recorder_node.definitions import definition
+from afm_recorder_node.definitions import definition, kind_of, serialized
 from afm_recorder_node.growing import GrowingFile
 from afm_recorder_node.record_writer import RecordWriter
 from afm_recorder_node.scan_lines import ScanLine
@@ -154,19 +151,6 @@ def begin(path: Path, messages: Iterable[Topic], about: Mapping[str, str] | None
 def put(writer: RecordWriter, messages: Iterable[Topic]) -> None:
     """Add messages to a record as a chunk."""
     for topic, message in messages:
-        kind = f"{type(message).__module__.partition('.')[0]}/msg/{type(message).__name__}"
         time_ns = nanoseconds(message.header.stamp) if hasattr(message, "header") else 0
-        writer.put(topic, kind, time_ns, time_ns, encoded(kind, message))
+        writer.put(topic, kind_of(message), time_ns, time_ns, serialized(message))
     writer.flush()
-
-
-_TYPES = Typestore()
-
-
-def encoded(kind: str, message: Any) -> bytes:
-    """A message as it arrives: what rclpy makes of it in memory may have some bytes too many."""
-    if kind not in _TYPES.fielddefs:
-        found = get_types_from_msg(definition(kind), kind)
-        _TYPES.register({name: what for name, what in found.items() if name not in _TYPES.fielddefs})
-    data, form = serialize_message(message), _TYPES.get_msgdef(kind)
-    return data[: 4 + form.deserialize_cdr_le(data[4:], 0, form.cls, _TYPES)[1]]

@@ -72,7 +72,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="Find resonance, damping and sensitivity of each axis of the scanner, from the recording of a run "
         "with the tip off the sample such as that of scenario identify_scanner.",
     )
-    parser.add_argument("recording", type=Path, help="recording of the run (.rrd)")
+    parser.add_argument("recording", type=Path, help="recording of the run (.mcap)")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write them as a parameter file for the controller")
     asked = parser.parse_args(arguments)
     try:

@@ -52,7 +52,7 @@ def replay(path: Path, scenario: Scenario | None = None, parts: Sequence[str] = 
     parameters = recorded_parameters(known, recording.parameter_changes, parts)
     period = parameters.plant.control_period
     if len(recording.time_ticks) > 1 and np.diff(recording.time_ticks).min() > 1.5 * period:
-        raise ParameterError("not every tick was recorded (`every` of the recorder): it cannot be replayed")
+        raise ParameterError("not every tick was recorded: it cannot be replayed")
     with bar("replaying") as report:
         instrument = run(parameters, Replay.of(recording, parameters), progress=report)
     return str(recording.score["trajectory_sha256"]), instrument.trajectory_sha256(), instrument.ticks
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="Play the drives of a recorded run again in process, without ROS, and compare the trajectory with "
         "the recorded one. The exit code is 0 if they are the same to the last bit.",
     )
-    parser.add_argument("recording", type=Path, help="recording of the run (.rrd), or a bag of its topics")
+    parser.add_argument("recording", type=Path, help="recording of the run (.mcap), or a bag of its topics")
     parser.add_argument("--scenario", help="of the run: name or file, for a bag without parameters")
     add_parts(parser)
     asked = parser.parse_args(arguments)

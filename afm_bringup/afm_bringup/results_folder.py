@@ -13,7 +13,10 @@ from pathlib import Path
 
 from afm_model.core.errors import reason
 
-PICTURE, CARD, RECORDING = "overview.png", "scorecard.json", "recording.rrd"
+PICTURE, CARD, RECORDING, RECORD = "overview.png", "scorecard.json", "recording.rrd", "recording.mcap"
+_RECORDINGS = ("recording*.mcap", "recording*.rrd")
+_END = b"\x89MCAP0\r\n"
+"""The last bytes of a record that its recorder has ended."""
 
 
 class FolderError(RuntimeError):
@@ -49,7 +52,7 @@ class ResultsFolder:
             ) from None
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            for name in (*names, RECORDING):
+            for name in (*names, RECORDING, RECORD):
                 if (path / name).is_dir():
                     raise FolderError(f"{path / name} is a folder: it must be a file, or not be there")
             self.work = self._make("unfinished")
@@ -95,7 +98,7 @@ class ResultsFolder:
     def left(self) -> list[Path]:
         """Recordings without a final name."""
         with suppress(OSError):
-            return sorted(path for path in self.work.iterdir() if ".rrd" in path.name)
+            return sorted(path for pattern in _RECORDINGS for path in self.work.glob(pattern))
         return []
 
     def set_older_aside(self) -> None:
@@ -106,7 +109,7 @@ class ResultsFolder:
         OSError
             If they cannot be moved.
         """
-        recordings = sorted(path for path in self.path.glob("recording*.rrd") if path.is_file())
+        recordings = sorted(path for pattern in _RECORDINGS for path in self.path.glob(pattern) if path.is_file())
         older = [*recordings, *(self.path / name for name in self._names)]
         if recordings:
             self._before = self._make("previous")
@@ -115,7 +118,7 @@ class ResultsFolder:
             path.unlink(missing_ok=True)
 
     def publish(self, *, complete: bool) -> list[Path]:
-        """Rename the files in `work` to their final names; a recording that was not closed stays there.
+        """Rename the files in `work` to their final names; a recording without an end stays there.
 
         Parameters
         ----------
@@ -132,8 +135,7 @@ class ResultsFolder:
         OSError
             If something cannot be moved.
         """
-        under_way = (".partial", ".closing")
-        closed = sorted(path for path in self.work.glob("recording*.rrd") if not path.stem.endswith(under_way))
+        closed = [path for path in self.left if path.suffix != Path(RECORD).suffix or _has_end(path)]
         results = (self.work / name for name in self._names)
         names = [path.name for path in (*closed, *results) if path.exists()]
         self._move([self.work / name for name in names], self.path)
@@ -168,3 +170,10 @@ class ResultsFolder:
         for path in paths:
             if path.exists():
                 path.replace(folder / path.name)
+
+
+def _has_end(path: Path) -> bool:
+    """Whether the recorder of a record has ended it."""
+    with path.open("rb") as file:
+        file.seek(max(file.seek(0, os.SEEK_END) - len(_END), 0))
+        return file.read() == _END

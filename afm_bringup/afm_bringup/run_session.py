@@ -75,6 +75,7 @@ class RunSession(Session):
             try:
                 recording = read_recording(work / RECORDING, every=math.ceil(status.ticks / _OVERVIEW_TICKS))
                 law = law_of(recording, node)
+                missing = f"the recording is incomplete: {recording.missing}" if recording.missing else None
             except RecordingError as error:
                 missing = str(error)
         if own and law is not None:

@@ -1,14 +1,36 @@
-"""Definitions of messages as text, as they stand in a record: whoever reads it needs nothing of ours."""
+"""Definitions of messages as text, as they stand in a record, and messages of our own for it."""
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
+from rclpy.serialization import serialize_message
+from rosbags.typesys import get_types_from_msg
+from rosbags.typesys.store import Typestore
 
 _RULE = 80 * "="
 _PLAIN = frozenset(
     "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 string wstring".split()
 )
+
+
+_types = Typestore()
+
+
+def kind_of(message: Any) -> str:
+    """Type of a message, such as afm_msgs/msg/Waveform."""
+    return f"{type(message).__module__.partition('.')[0]}/msg/{type(message).__name__}"
+
+
+def serialized(message: Any) -> bytes:
+    """A message as it would arrive: what rclpy makes of it in memory may have some bytes too many behind its end."""
+    kind = kind_of(message)
+    if kind not in _types.fielddefs:
+        found = get_types_from_msg(definition(kind), kind)
+        _types.register({name: what for name, what in found.items() if name not in _types.fielddefs})
+    data, form = serialize_message(message), _types.get_msgdef(kind)
+    return bytes(data[: 4 + form.deserialize_cdr_le(data[4:], 0, form.cls, _types)[1]])
 
 
 @cache

@@ -1,7 +1,7 @@
 """The recorder as a ROS node: it takes the messages of an instrument as bytes and gives them to `Recorder`."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -22,7 +22,7 @@ from afm_msgs.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 
 from afm_model.microscope.image import RETRACE
 from afm_node_common import topics
@@ -35,12 +35,12 @@ from afm_node_common.stamps import stamp
 from afm_node_common.subscriptions import DroppedMessages, Subscriptions
 
 from . import checks, heads
-from .definitions import definition
+from .definitions import definition, kind_of, serialized
 from .health import Health, HealthPublisher
 from .names import CHANNELS, is_channel
 from .parameters import RecorderParameters
 from .recorder import RECORD, Message, Recorder
-from .views_worker import Worker
+from .views_worker import News, Worker
 from .watch import ParameterWatch, full_name
 
 _TAKE_PERIOD, _LOOK_PERIOD = 0.02, 0.2
@@ -156,8 +156,7 @@ class RecorderNode(Node):
             raise SystemExit(f"error: {error}") from None
         finally:
             if self._worker is not None:
-                self._worker.finish()
-                self._log_views()
+                self._log_views(self._worker.finish())
 
     def destroy_node(self) -> None:
         """Let the inboxes go first."""
@@ -227,6 +226,8 @@ class RecorderNode(Node):
         if isinstance(message, InstrumentStatus):
             progress.ticks, progress.samples = int(message.ticks), int(message.samples)
             progress.over |= message.over
+            if message.over and self._worker is not None:
+                self._worker.start()
             progress.finished |= message.state == InstrumentStatus.FINISHED
         elif isinstance(message, Score):
             progress.scored = True
@@ -256,15 +257,12 @@ class RecorderNode(Node):
         for name, value in values.items():
             with suppress(TypeError, ValueError, AttributeError):  # lists that are empty, or of bytes
                 message.parameters.append(Parameter(name, value=value).to_parameter_msg())
-        data = serialize_message(message)
-        self.recorder.put(
-            Message(topics.PARAMETERS, "afm_msgs/msg/Parameters", time_ns, time.time_ns(), data), run_id
-        )
+        self.recorder.put(_kept(topics.PARAMETERS, message, time_ns), run_id)
 
     def _event(self, run_id: int, time_ns: int, text: str) -> Message:
         message = Event(run_id=run_id, text=text, level=Event.WARN)
         message.header.frame_id, message.header.stamp = topics.FRAME, stamp(time_ns)
-        return Message(topics.EVENTS, "afm_msgs/msg/Event", time_ns, time.time_ns(), serialize_message(message))
+        return _kept(topics.EVENTS, message, time_ns)
 
     def _on_done(self, path: Path) -> None:
         if self._worker is not None:
@@ -285,7 +283,7 @@ class RecorderNode(Node):
         known = all(self._published[name] == self._status.run_id for name in parties & self._published.keys())
         self._ready = heard and bool(self._status.controllers) and known and self._watch.settled(others)
         self.recorder.update()
-        self._log_views()
+        self._log_views(self._worker.news() if self._worker is not None else [])
         self._publish()
 
     def _look_for_channels(self) -> None:
@@ -301,12 +299,12 @@ class RecorderNode(Node):
                 self._refused.add(name)
                 self.get_logger().warning(f"{topic} is not recorded: a recording holds something else there")
 
-    def _log_views(self) -> None:
-        for path, problem in self._worker.news() if self._worker is not None else ():
-            if problem:
-                self.get_logger().error(f"{path} could not be made: {problem}")
+    def _log_views(self, views: Iterable[News]) -> None:
+        for each in views:
+            if each.error:
+                self.get_logger().error(each.error)
             else:
-                self.get_logger().info(f"made {path}")
+                self.get_logger().info(f"drawn for the viewer: {each.target}")
 
     def _publish(self) -> None:
         problem = self.recorder.problem
@@ -318,6 +316,11 @@ class RecorderNode(Node):
             **asdict(self.recorder.counts()),
         )
         self._health.publish(health, self.recorder.present.time_ns)
+
+
+def _kept(topic: str, message: Any, time_ns: int) -> Message:
+    """A message of the recorder itself."""
+    return Message(topic, kind_of(message), time_ns, time.time_ns(), serialized(message))
 
 
 def main() -> int:
