@@ -2,35 +2,29 @@
 
 import csv
 import math
-import os
 import random
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import closing
-from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from recorded import CONTROL_PERIOD, PERIOD, Run, lines_of
+from afm_msgs.msg import InstrumentStatus, Score
+from recorded import CONTROL_PERIOD, PERIOD, Run, begin, line_message, lines_of, parameters, put, record, stamp, status
 from rich.console import Console
 from scipy.signal import welch
 
 from afm_model import load_scenario
 from afm_model.analysis import dissipated, friction_loop
 from afm_model.core.schema import flatten
-from afm_recorder_node import checksums, complete, inspect_command, layout, questions, readable, reader
-from afm_recorder_node.checksums import Extent
+from afm_recorder_node import inspect_command, layout, questions
 from afm_recorder_node.inspect_command import main, row
-from afm_recorder_node.readable import recordings
+from afm_recorder_node.places import recordings
 from afm_recorder_node.reader import read_recording, read_signals
 from afm_recorder_node.repair import repair
-from afm_recorder_node.spectrum import Longest, read_spectrum, spectrum
+from afm_recorder_node.spectrum import longest_stretch, read_spectrum, spectrum
 from afm_recorder_node.statistics import Gathered
-from afm_recorder_node.writer import RecordingWriter
 
 TICKS = 4000
 
@@ -39,29 +33,31 @@ def made(path: Path, run: Run | None = None, *, close: bool = True, without: sli
     """A recording of a run with the parameters of the demo but one."""
     run = run or Run(TICKS)
     scenario = load_scenario("closed_loop_tanh")
-    writer = RecordingWriter(path)
-    writer.parameters("afm_sim_node", flatten(scenario.sim) | {"process.cpu": -1})
-    writer.parameters("afm_controller_node", flatten(scenario.controller) | {"law.alpha": 12.5})
-    writer.event(0, "RUNNING")
+    over = CONTROL_PERIOD * run.ticks
+    score = Score(ticks=run.ticks, valid=True, stick_fraction=0.05, run_id=1)
+    score.header.stamp = stamp(over)
+    score.rms.x, score.rms.y, score.rms.z = 3.3177e-11, 2e-9, 7e-10
+    writer = begin(
+        path,
+        [
+            parameters("afm_sim_node", flatten(scenario.sim) | {"process.cpu": -1}),
+            parameters("afm_controller_node", flatten(scenario.controller) | {"law.alpha": 12.5}),
+            status(0.0, InstrumentStatus.RUNNING),
+        ],
+    )
     for start in range(0, run.ticks, 500):
         if without is None or start not in range(without.start, without.stop):
-            run.write(writer, start, start + 500)
-        writer.flush()
-    writer.event(2000 * run.ticks, "FINISHED")
-    writer.score(
-        2000 * run.ticks,
-        {"ticks": run.ticks, "rms": {"x": 3.3177e-11, "y": 2e-9, "z": 7e-10}, "stick_fraction": 0.05, "valid": True},
-    )
+            put(writer, run.block(start, start + 500))
+    put(writer, [status(over, InstrumentStatus.FINISHED), ("score", score)])
     if close:
-        writer.close()
-        return path
-    return writer.partial
+        writer.close({"missing": ""})
+    return path
 
 
 def test_one_screen_tells_scenario_parts_law_events_score_and_signals(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main([str(made(tmp_path / "run.rrd"))]) == 0
+    assert main([str(made(tmp_path / "run.mcap"))]) == 0
     said = capsys.readouterr().out
     assert "closed_loop_tanh with law.alpha = 12.5" in said
     for part in (
@@ -109,7 +105,7 @@ def test_statistics_of_stretches_are_those_of_the_whole_and_tell_gaps_and_nan() 
 def test_signal_is_cut_in_time_and_written_with_all_its_digits(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path, run = made(tmp_path / "run.rrd"), Run(TICKS)
+    path, run = made(tmp_path / "run.mcap"), Run(TICKS)
     files = {each: tmp_path / f"out.{each}" for each in ("csv", "parquet", "png")}
     options = ["--csv", str(files["csv"]), "--parquet", str(files["parquet"]), "--plot", str(files["png"])]
     assert main([str(path), "--signal", "drive.y", "--from", "1e-3", "--to", "3e-3", *options]) == 0
@@ -129,7 +125,7 @@ def test_signal_is_cut_in_time_and_written_with_all_its_digits(
 def test_unknown_names_places_and_columns_are_told_with_those_that_are_near(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = str(made(tmp_path / "run.rrd"))
+    path = str(made(tmp_path / "run.mcap"))
     for asked, told in (
         ([path, "--signal", "deflektion"], "did you mean deflection"),
         ([path, "--psd", "truth/normal_forc"], "did you mean truth/normal_force"),
@@ -137,7 +133,7 @@ def test_unknown_names_places_and_columns_are_told_with_those_that_are_near(
         ([path, "--signal", "position."], "did you mean position"),
         ([path, "--signal", "qqq"], "there is deflection, drive, error"),
         ([path, "--table", "--sort", "rms"], "rms_x"),
-        ([str(tmp_path / "none*.rrd")], "no readable recording"),
+        ([str(tmp_path / "none*.mcap")], "no readable recording"),
         ([path, "--signal", "drive", "--from", "1"], "no row"),
         ([path, "--signal", "deflection.x"], "deflection has no axes"),
         ([path, "--psd", "drive", "--to", "1e-4"], "51 samples without a gap"),
@@ -152,11 +148,7 @@ def test_spectrum_has_the_level_of_white_noise_and_the_amplitude_of_a_line() -> 
     t = np.arange(400_000) / rate
     values = 5e-9 + amplitude * np.sin(2.0 * np.pi * f * t) + rng.normal(0.0, level * math.sqrt(rate / 2.0), t.size)
     values[1000] = np.nan  # the longest stretch without a gap counts
-    longest, times = Longest(), np.rint(t * 1e9).astype(np.int64)
-    for begin, end in pairwise([0, 1, 700, 1001, 30_000, 30_000 + (1 << 16), t.size]):
-        longest.put(times[begin:end], values[begin:end])
-    stretch, period = longest.end()
-    assert longest.ordered
+    stretch, period = longest_stretch(t, values)
     np.testing.assert_array_equal(stretch, values[1001:])
     assert period == pytest.approx(1.0 / rate, rel=1e-12, abs=0.0)
     found = spectrum(stretch, period)
@@ -168,16 +160,12 @@ def test_spectrum_has_the_level_of_white_noise_and_the_amplitude_of_a_line() -> 
     assert found.density.sum() * step == pytest.approx(found.rms**2, rel=0.01, abs=0.0)
 
 
-def test_spectrum_of_blocks_that_another_tool_has_put_in_disorder_is_that_of_the_signal(tmp_path: Path) -> None:
+def test_spectrum_of_a_recording_is_that_of_scipy_in_its_units(tmp_path: Path) -> None:
     run = Run(TICKS)
-    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
-        for start in (*range(2000, TICKS, 500), *range(0, 2000, 500)):
-            run.write(writer, start, start + 500)
-            writer.flush()
-    name, unit, found = read_spectrum(tmp_path / "run.rrd", "drive.z")
+    name, unit, found = read_spectrum(made(tmp_path / "run.mcap", run), "drive.z")
     assert (name, unit, found.samples) == ("drive.z", "V", TICKS)
     assert found.rms == pytest.approx(run.drive[:, 2].std(), rel=1e-12, abs=0.0)
-    _, unit, found = read_spectrum(tmp_path / "run.rrd", "deflection")
+    _, unit, found = read_spectrum(tmp_path / "run.mcap", "deflection")
     frequency, density = welch(run.samples[0] * run.scales[0], 1.0 / PERIOD, nperseg=512, detrend="constant")
     np.testing.assert_allclose(found.density, density[1:], rtol=1e-9)
     np.testing.assert_allclose(found.frequency, frequency[1:], rtol=1e-12)
@@ -200,7 +188,7 @@ def test_loop_has_the_width_the_slope_and_the_energy_that_it_was_made_with(tmp_p
     run = Run(ticks)
     run.position[:, 0] = position
     run.samples[1] = np.interp(np.arange(2 * ticks) * PERIOD, np.arange(ticks) * CONTROL_PERIOD, forces) / run.scales[1]
-    found = questions.loop(made(tmp_path / "loop.rrd", run))
+    found = questions.loop(made(tmp_path / "loop.mcap", run))
     assert found.found.half_width.value == pytest.approx(friction, rel=1e-6, abs=0.0)
     assert found.found.offset.value == pytest.approx(offset, rel=1e-6, abs=0.0)
     assert found.found.stick_slope.value == pytest.approx(stiffness, rel=1e-3, abs=0.0)
@@ -221,34 +209,21 @@ def test_scanner_that_rests_while_the_tip_sticks_has_a_loop_without_a_slope() ->
 def test_compare_names_the_tick_the_channel_and_the_size_of_the_first_difference(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    one, run = made(tmp_path / "one.rrd"), Run(TICKS)
-    same = made(tmp_path / "same.rrd", run)
+    one, run = made(tmp_path / "one.mcap"), Run(TICKS)
+    same = made(tmp_path / "same.mcap", run)
     assert main([str(one), "--compare", str(same)]) == 0
     assert "no difference" in capsys.readouterr().out
     before = float(run.drive[1234, 2])
     run.drive[1234, 2] = np.nextafter(before, np.inf)
     run.position[1235:, 0] += 1e-12
     run.round_trip += 1.0  # wall time
-    assert main([str(one), "--compare", str(made(tmp_path / "other.rrd", run))]) == 1
+    assert main([str(one), "--compare", str(made(tmp_path / "other.mcap", run))]) == 1
     said = capsys.readouterr().out
     assert "The first tick that differs is 1234, at 0.002468 s, in drive.z." in said
     assert f"{before!r} and {float(run.drive[1234, 2])!r} V; 1 rows, at most 0.111 fV" in said
     assert "round_trip" not in said
-    assert main([str(one), "--compare", str(made(tmp_path / "short.rrd", Run(TICKS), without=slice(2000, 2500)))]) == 1
+    assert main([str(one), "--compare", str(made(tmp_path / "short.mcap", Run(TICKS), without=slice(2000, 2500)))]) == 1
     assert "first tick that differs is 2000" in capsys.readouterr().out
-
-
-def test_compare_measures_the_checksums_of_each_file_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    paths = made(tmp_path / "one.rrd", Run(1000)), made(tmp_path / "other.rrd", Run(1000))
-    measured: list[int] = []
-
-    def measure(file: int) -> Extent:
-        measured.append(os.fstat(file).st_ino)
-        return checksums.measure(file)
-
-    monkeypatch.setattr(readable, "measure", measure)
-    assert questions.compare(*paths) == ([], [])
-    assert measured == [path.stat().st_ino for path in paths]
 
 
 def test_table_has_a_row_for_each_recording_of_a_folder_sorted_and_as_csv(
@@ -257,13 +232,13 @@ def test_table_has_a_row_for_each_recording_of_a_folder_sorted_and_as_csv(
     run = Run(1000)
     for name in ("b", "a"):
         (tmp_path / name).mkdir()
-        made(tmp_path / name / "run.rrd", Run(2000) if name == "a" else run)
-    broken = tmp_path / "c.rrd"
-    content = bytearray(made(tmp_path / "c0.rrd", run).read_bytes())
+        made(tmp_path / name / "run.mcap", Run(2000) if name == "a" else run)
+    broken = tmp_path / "c.mcap"
+    content = bytearray(made(tmp_path / "c0.mcap", run).read_bytes())
     content[len(content) // 2] ^= 1
     broken.write_bytes(content)
-    (tmp_path / "c0.rrd").unlink()
-    assert len(recordings([str(tmp_path), str(tmp_path / "*" / "run.rrd")])) == 3
+    (tmp_path / "c0.mcap").unlink()
+    assert len(recordings([str(tmp_path), str(tmp_path / "*" / "run.mcap")])) == 3
     assert main([str(tmp_path), "--table", "--sort", "ticks", "--csv", str(tmp_path / "all.csv")]) == 1
     with open(tmp_path / "all.csv", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -276,11 +251,12 @@ def test_table_has_a_row_for_each_recording_of_a_folder_sorted_and_as_csv(
 def test_table_leaves_columns_out_and_says_so_before_it_cuts_a_number(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made(tmp_path / "run.rrd")
+    made(tmp_path / "run.mcap")
+    monkeypatch.setattr(inspect_command, "Console", lambda **_: Console(width=220, highlight=False))
     assert main([str(tmp_path), "--table"]) == 0
     wide = capsys.readouterr().out
     assert "no room" not in wide and "…" not in wide and "33.18 pm" in wide
-    monkeypatch.setattr(inspect_command, "Console", lambda **_: Console(width=100, highlight=False))
+    monkeypatch.setattr(inspect_command, "Console", lambda **_: Console(width=104, highlight=False))
     assert main([str(tmp_path), "--table"]) == 0
     narrow = capsys.readouterr().out
     assert "no room for" in narrow and ": --csv FILE has all" in narrow
@@ -288,27 +264,27 @@ def test_table_leaves_columns_out_and_says_so_before_it_cuts_a_number(
 
 
 def test_killed_and_repaired_recording_is_told_as_such(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    left = made(tmp_path / "run.rrd", close=False)
+    left = made(tmp_path / "run.mcap", close=False)
     assert main([str(left)]) == 0
-    assert "WITHOUT AN END" in capsys.readouterr().out
+    assert "NOT COMPLETE: it has no end" in capsys.readouterr().out
     for question in (["--signal", "drive.x"], ["--psd", "drive.x"], ["--compare", str(left)]):
         assert main([str(left), *question]) == 0
-        assert f"warning: {left} has no end" in capsys.readouterr().err
-    repair(left, tmp_path / "repaired.rrd")
-    assert main([str(tmp_path / "repaired.rrd")]) == 0
+        assert f"warning: {left} is not complete: it has no end" in capsys.readouterr().err
+    repair(left, tmp_path / "repaired.mcap")
+    assert main([str(tmp_path / "repaired.mcap")]) == 0
     said = capsys.readouterr().out
-    assert "complete" in said
+    assert "NOT COMPLETE: it has no end" in said
     assert "4000 ticks" in said
-    assert main([str(tmp_path / "repaired.rrd"), "--compare", str(made(tmp_path / "whole.rrd"))]) == 0
+    assert main([str(tmp_path / "repaired.mcap"), "--compare", str(made(tmp_path / "whole.mcap"))]) == 0
 
 
 @pytest.mark.filterwarnings("ignore::afm_recorder_node.recording.IncompleteRecording")
 def test_no_spoiled_recording_gives_other_numbers_without_a_word(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    content = made(tmp_path / "run.rrd").read_bytes()
-    whole = {name: each for name, each in row(tmp_path / "run.rrd").items() if name != "recording"}
-    path, rng, told = tmp_path / "spoiled.rrd", random.Random(2), 0
+    content = made(tmp_path / "run.mcap").read_bytes()
+    whole = {name: each for name, each in row(tmp_path / "run.mcap").items() if name != "recording"}
+    path, rng, told = tmp_path / "spoiled.mcap", random.Random(2), 0
     for k in range(200):
         changed = bytearray(content)
         if k % 4:
@@ -329,24 +305,10 @@ def test_no_spoiled_recording_gives_other_numbers_without_a_word(
         ["--signal", "drive"],
         ["--psd", "deflection"],
         ["--loop"],
-        ["--compare", str(tmp_path / "run.rrd")],
+        ["--compare", str(tmp_path / "run.mcap")],
     ):
         assert main([str(path), *question]) == 2
         assert "damaged" in capsys.readouterr().err
-
-
-def test_only_what_is_asked_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = made(tmp_path / "run.rrd")
-    seen: list[str] = []
-
-    def chunks(*arguments: Any, **options: Any) -> Iterator[Any]:
-        for chunk in complete.chunks(*arguments, **options):
-            seen.append(chunk.entity_path)
-            yield chunk
-
-    monkeypatch.setattr(reader, "chunks", chunks)
-    read_signals(path, ["drive"])
-    assert {each for each in seen if len(each) > 1} == {"/drive", layout.EVENTS, layout.PARAMETERS, layout.SCORE}
 
 
 @pytest.mark.parametrize(
@@ -354,7 +316,7 @@ def test_only_what_is_asked_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     [
         (["--plot", "a.png"], "--plot is an option of --signal or --psd or --loop"),
         (["--table", "--from", "0.1"], "--from is an option of --signal or --psd or --loop"),
-        (["--compare", "b.rrd", "--csv", "a.csv"], "--csv is an option of --signal or --psd or --loop or --table"),
+        (["--compare", "b.mcap", "--csv", "a.csv"], "--csv is an option of --signal or --psd or --loop or --table"),
         (["--signal", "drive", "--axis", "y"], "--axis is an option of --psd or --loop"),
         (["--psd", "drive", "--sort", "ticks"], "--sort is an option of --table"),
         (["--loop", "--axis", "z"], "--loop needs --axis x or y"),
@@ -365,7 +327,7 @@ def test_option_that_would_be_passed_over_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], told: str
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        main([str(tmp_path / "a.rrd"), *options])
+        main([str(tmp_path / "a.mcap"), *options])
     assert ended.value.code == 2
     assert told in capsys.readouterr().err
 
@@ -374,7 +336,7 @@ def test_points_of_a_loop_are_written_in_the_format_that_was_asked_for(tmp_path:
     run = Run(TICKS)
     run.position[:, 0] = 5e-9 * np.sin(np.arange(TICKS) * 2.0 * np.pi * 4.0 / TICKS)
     asked = ["--loop", "--parquet", str(tmp_path / "loop.dat"), "--csv", str(tmp_path / "loop.txt")]
-    assert main([str(made(tmp_path / "run.rrd", run)), *asked]) == 0
+    assert main([str(made(tmp_path / "run.mcap", run)), *asked]) == 0
     table = pq.read_table(tmp_path / "loop.dat")
     assert table.column_names == ["position.x_m", "lateral_force_N"]
     np.testing.assert_allclose(table["position.x_m"], run.position[: len(table), 0], rtol=1e-15, atol=1e-30)
@@ -383,29 +345,12 @@ def test_points_of_a_loop_are_written_in_the_format_that_was_asked_for(tmp_path:
 
 
 def test_screen_needs_none_of_the_libraries_that_only_studies_need(tmp_path: Path) -> None:
-    path = made(tmp_path / "run.rrd")
-    with closing(RecordingWriter(tmp_path / "scan.rrd")) as writer:
-        Run(300).write(writer, 0, 300)
-        for line in lines_of():
-            writer.line(line)
+    path = made(tmp_path / "run.mcap")
+    record(tmp_path / "scan.mcap", [*Run(300).messages(), *map(line_message, lines_of())])
     asked = (
         "import sys; from afm_recorder_node.inspect_command import main; main(sys.argv[1:]); "
         "sys.exit(' '.join({'pandas', 'xarray', 'scipy.signal', 'matplotlib'} & sys.modules.keys()) or None)"
     )
-    done = subprocess.run([sys.executable, "-c", asked, path, tmp_path / "scan.rrd"], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", asked, path, tmp_path / "scan.mcap"], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert "24 x 40 pixels" in done.stdout
-
-
-def test_options_of_an_export_are_told_without_what_it_needs_and_what_is_missing_is_named(tmp_path: Path) -> None:
-    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        asked = (
-            "import sys; sys.modules['rosbags'] = None; from afm_recorder_node.export_command import main; "
-            "sys.exit(main(sys.argv[1:]))"
-        )
-        return subprocess.run([sys.executable, "-c", asked, *arguments], capture_output=True, text=True)
-
-    assert run("--help").returncode == 0
-    done = run(str(made(tmp_path / "run.rrd")))
-    assert done.returncode == 1
-    assert "`pip install rosbags`" in done.stderr and "Traceback" not in done.stderr

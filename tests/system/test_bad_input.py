@@ -65,8 +65,8 @@ NOT_ALLOWED = {
         ("law.kind = lqr is not allowed: there is no law lqr: it must be one of open_loop, sgn, tanh",),
     ),
     "parameter of the recorder": (
-        section("/**/afm_recorder_node", "every: 0"),
-        ("every = 0 is not allowed: it must be a whole number >= 1 and < ",),
+        section("/**/afm_recorder_node", "exchanges: 3"),
+        ("exchanges = 3 is not allowed: it must be true or false",),
     ),
     "negative duration": (section(SIMULATOR, "run.duration: -1.0"), ("run.duration = -1.0 s is not allowed",)),
     "step that does not divide the period": (

@@ -34,7 +34,7 @@ def assert_no_results(out: Path) -> None:
     logs, unfinished = sorted(file.name for file in out.iterdir())
     assert (logs, unfinished[:11]) == ("logs", "unfinished-")
     assert len(read_recording(out / unfinished / "recording.rrd").time_ticks) > 0
-    assert {file.name for file in (out / unfinished).iterdir()} == {"recording.rrd"}
+    assert {file.name for file in (out / unfinished).iterdir()} == {"recording.mcap", "recording.rrd"}
 
 
 def test_example_of_the_readme_is_the_one_that_is_tested() -> None:

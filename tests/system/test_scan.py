@@ -66,7 +66,7 @@ def inner(part: np.ndarray) -> np.ndarray:
 
 
 def test_results_stand_under_their_names_and_nothing_else(made: Made) -> None:
-    names = {"recording.rrd", "scan.png", "channels.png", "scan.gwy", "scan.csv", "sample", "logs"}
+    names = {"recording.mcap", "recording.rrd", "scan.png", "channels.png", "scan.gwy", "scan.csv", "sample", "logs"}
     assert {path.name for path in made.folder.iterdir()} == names
     for name in ("scan.png", "channels.png"):
         with Picture.open(made.folder / name) as picture:
@@ -170,7 +170,7 @@ def test_image_by_tapping_shows_the_letter_with_its_step_within_1_percent_and_on
 def test_interrupted_scan_leaves_the_image_up_to_there_and_no_process(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with scan(out, "--pixels", "32", "--lines", "2000", "--line-rate", "20", folder=tmp_path) as process:
-        process.wait_until(lambda: any((each / "recording.partial.rrd").exists() for each in out.glob("unfinished-*")))
+        process.wait_until(lambda: any((each / "recording.mcap").exists() for each in out.glob("unfinished-*")))
         process.wait_until(lambda: "Approach: done" in process.text)
         process.interrupt()
         assert process.wait() == 130, process.told

@@ -50,7 +50,7 @@ def wait_until_running(command: Command, graph: Graph, ticks: int = 0) -> Observ
 
 def flushed(out: Path) -> list[Path]:
     """Recordings, finished or not, in which something stands."""
-    return [file for file in out.rglob("*.rrd*") if "previous" not in str(file) and file.stat().st_size > 0]
+    return [file for file in out.rglob("*.mcap") if "previous" not in str(file) and file.stat().st_size > 0]
 
 
 def node(command: Command, name: str) -> int:
@@ -123,7 +123,7 @@ def test_second_session_with_the_same_folder_is_refused_and_a_closed_terminal_en
         os.kill(command.process.pid, signal.SIGHUP)
         assert command.wait(graph) == 130, command.text
     assert "Traceback" not in command.text
-    assert {file.name for file in out.iterdir()} == {"logs", "recording.rrd"}
+    assert {file.name for file in out.iterdir()} == {"logs", "recording.mcap", "recording.rrd"}
     assert len(read_recording(out / "recording.rrd").time_ticks) > 0
     assert_nothing_left()
 

@@ -29,7 +29,7 @@ from afm_node_common import topics
 from afm_recorder_node.reader import read_recording
 from afm_sim_node.node import SimNode
 
-RESULTS = {"recording.rrd", "overview.png", "scorecard.json"}
+RESULTS = {"recording.mcap", "recording.rrd", "overview.png", "scorecard.json"}
 CONTROL_PERIOD = 2e-6
 
 
@@ -55,7 +55,7 @@ def assert_recording_is_kept(out: Path, command: Command | None = None) -> None:
     """Nothing stands under a final name, and what was recorded does where a person finds it."""
     (name,) = left_in(out)
     assert name.startswith("unfinished-")
-    recording = out / name / "recording.rrd"
+    recording = out / name / "recording.mcap"
     assert len(read_recording(recording).time_ticks) > 0
     assert command is None or f"What was recorded is kept: {recording}" in command.text
 
@@ -95,7 +95,7 @@ def test_ctrl_c_just_after_the_start_leaves_a_readable_recording_if_any(
         code = command.interrupt_again_and_again(graph)
     assert code == 130, command.text
     assert "Traceback" not in command.text
-    assert left_in(out) <= {"recording.rrd"}
+    assert left_in(out) <= {"recording.mcap", "recording.rrd"}
     if left_in(out):
         recording = read_recording(out / "recording.rrd")
         assert len(recording.time_samples) == 2 * len(recording.time_ticks) > 0
@@ -145,7 +145,7 @@ def test_ctrl_c_in_the_middle_leaves_the_recording_up_to_there_with_every_change
         assert command.wait(graph) == 130, command.text
     assert "Traceback" not in command.text
     assert str(out / "recording.rrd") in command.text
-    assert left_in(out) == {"recording.rrd"}
+    assert left_in(out) == {"recording.mcap", "recording.rrd"}
     recording = read_recording(out / "recording.rrd")
     assert len(recording.time_ticks) >= seen
     assert len(recording.time_samples) == 2 * len(recording.time_ticks)

@@ -118,6 +118,7 @@ def test_session_ends_with_code_0_its_results_and_nothing_else(first: Finished, 
     for finished in (first, second):
         assert finished.code == 0, finished.printed
         assert {file.name for file in finished.out.iterdir()} == {
+            "recording.mcap",
             "recording.rrd",
             "overview.png",
             "scorecard.json",
