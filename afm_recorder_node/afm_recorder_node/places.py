@@ -84,7 +84,9 @@ def _record_of(path: Path) -> Path:
     if path.suffix != VIEW:
         return path
     record = path.with_suffix(RECORD)
-    if path.exists() and not record.exists():
+    if not record.exists():
+        if not path.exists():
+            return path
         raise RecordingError(
             f"{path} is no readable recording: it is made for the viewer, and its record {record.name} is not next to it"
         )
