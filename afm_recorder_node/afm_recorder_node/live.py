@@ -95,6 +95,7 @@ class _Growing:
 
     def news(self) -> Iterator[bytes]:
         """What has come since the last call. Memory holds a part of it at a time."""
+        number = 0
         try:
             for number, entry in enumerate(self._record.more(), 1):
                 self._begun().put(entry)
@@ -103,12 +104,12 @@ class _Growing:
         except RecordingError as error:
             print(f"error: {error}", file=sys.stderr, flush=True)
             self.over = True
-        if self._writer is not None:
-            if self._record.end is not None:
-                self._writer.finish(self._record.missing)
+        self.over |= self._record.end is not None
+        if self.over and self._writer is not None:
+            self._writer.finish(self._record.missing)
+        if number % _AT_ONCE or self.over:
             yield self._drawn()
-        if self._record.end is not None or self.over:
-            self.over = True
+        if self.over:
             self._stream.disconnect()
             self._bytes.read(flush=False)  # the index, or rerun reports that nobody has read it
             del self._stream, self._bytes, self._writer
