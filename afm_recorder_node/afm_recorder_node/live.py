@@ -107,7 +107,8 @@ class _Growing:
         self.over |= self._record.end is not None
         if self.over and self._writer is not None:
             self._writer.finish(self._record.missing)
-        if number % _AT_ONCE or self.over:
+        # Before anything has come, too: a server without a message has no page.
+        if number % _AT_ONCE or self.over or self._arranged is None:
             yield self._drawn()
         if self.over:
             self._stream.disconnect()
@@ -122,9 +123,11 @@ class _Growing:
 
     def _drawn(self) -> bytes:
         """Everything up to now, with a place in the viewer for what is new."""
-        canvas = self._begun().canvas
-        canvas.flush()
-        if (entities := {each for each in canvas.sent if screens.has_place(each)}) != self._arranged:
+        entities: set[str] = set()
+        if self._writer is not None:
+            self._writer.canvas.flush()
+            entities = {each for each in self._writer.canvas.sent if screens.has_place(each)}
+        if entities != self._arranged:
             self._arranged = entities
             send_blueprint(self._stream, screens.blueprint(entities))
         return self._bytes.read() or b""
