@@ -95,6 +95,7 @@ class _Growing:
 
     def news(self) -> Iterator[bytes]:
         """What has come since the last call. Memory holds a part of it at a time."""
+        number = 0
         try:
             for number, entry in enumerate(self._record.more(), 1):
                 self._begun().put(entry)
@@ -103,12 +104,13 @@ class _Growing:
         except RecordingError as error:
             print(f"error: {error}", file=sys.stderr, flush=True)
             self.over = True
-        if self._writer is not None:
-            if self._record.end is not None:
-                self._writer.finish(self._record.missing)
+        self.over |= self._record.end is not None
+        if self.over and self._writer is not None:
+            self._writer.finish(self._record.missing)
+        # Before anything has come, too: a server without a message has no page.
+        if number % _AT_ONCE or self.over or self._arranged is None:
             yield self._drawn()
-        if self._record.end is not None or self.over:
-            self.over = True
+        if self.over:
             self._stream.disconnect()
             self._bytes.read(flush=False)  # the index, or rerun reports that nobody has read it
             del self._stream, self._bytes, self._writer
@@ -121,9 +123,11 @@ class _Growing:
 
     def _drawn(self) -> bytes:
         """Everything up to now, with a place in the viewer for what is new."""
-        canvas = self._begun().canvas
-        canvas.flush()
-        if (entities := {each for each in canvas.sent if screens.has_place(each)}) != self._arranged:
+        entities: set[str] = set()
+        if self._writer is not None:
+            self._writer.canvas.flush()
+            entities = {each for each in self._writer.canvas.sent if screens.has_place(each)}
+        if entities != self._arranged:
             self._arranged = entities
             send_blueprint(self._stream, screens.blueprint(entities))
         return self._bytes.read() or b""

@@ -11,29 +11,28 @@ import sys
 import urllib.request
 import warnings
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
+from recorded import begin, put, waveform
 from rerun.chunk import RrdReader
 from support import TIMEOUT, Command, assert_nothing_left, executable, processes, session, write_scenario
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
 from afm_recorder_node import layout
-from afm_recorder_node.frames import HEADER, split
 from afm_recorder_node.live import RERUN, follow
-from afm_recorder_node.writer import RecordingWriter
+from afm_recorder_node.record_writer import RecordWriter
 
 ROWS = 1000
 SIMULATOR = {"run.duration": 0.02, "plant.control_period": 2e-6}
 
 
-def write(writer: RecordingWriter, block: int) -> None:
+def write(writer: RecordWriter, block: int) -> None:
     """A block of rows of one channel."""
-    writer.channel(layout.DEFLECTION, block * ROWS, 1e-3, np.zeros(ROWS))
-    writer.flush()
+    put(writer, [("deflection", waveform(block * ROWS, np.zeros(ROWS), period=1e-3))])
 
 
 @contextmanager
@@ -77,48 +76,54 @@ def server() -> int:
 
 
 def test_viewer_gets_the_recording_as_it_grows_and_that_of_the_next_run(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
-    with closing(RecordingWriter(path)) as first, live(path) as page:
+    path = tmp_path / "run.mcap"
+    first = begin(path, [])
+    with live(path) as page:
         write(first, 0)
         assert b"<html" in urllib.request.urlopen(page.text.partition("?")[0].strip()).read().lower()
         with viewer(page.text, tmp_path) as client:
-            # What was there before it came, what comes, and what comes behind a reset.
+            # What was there before it came, what comes, and what comes after a reset.
             client.wait_until(lambda: got(tmp_path) == [ROWS])
             write(first, 1)
             client.wait_until(lambda: got(tmp_path) == [2 * ROWS])
-            first.close()
-            with closing(RecordingWriter(path)) as second:
-                write(second, 0)
-                client.wait_until(lambda: got(tmp_path) == [ROWS, 2 * ROWS])
-                # A server that is killed takes the page with it, and nothing else.
-                os.kill(server(), signal.SIGKILL)
-                write(second, 1)
-                assert page.wait() == 1, page.told
-                assert not second.problem
+            second = begin(tmp_path / "run-2.mcap", [])
+            write(second, 0)
+            # The end of the run before comes late.
+            write(first, 2)
+            first.close({"missing": ""})
+            client.wait_until(lambda: got(tmp_path) == [ROWS, 3 * ROWS])
+            # A server that is killed takes the page with it, and nothing else.
+            os.kill(server(), signal.SIGKILL)
+            write(second, 1)
+            assert page.wait() == 1, page.told
+            assert not second.file.problem
+    second.close({})
 
 
 def test_live_page_says_in_a_terminal_what_it_waits_for(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
-    with closing(RecordingWriter(path)) as writer:
-        write(writer, 0)
+    path = tmp_path / "run.mcap"
+    begin(path, []).close({})
     ours, its = os.openpty()
     with subprocess.Popen([executable("afm_recorder_node", "live"), path], stderr=its) as page:
         with open(ours) as terminal:
             os.close(its)
             told = terminal.readline()
         page.terminate()
-    assert told == f"waiting until {tmp_path / 'run.partial.rrd'} grows; {path} is complete: `view` shows it\n"
+    assert told == f"waiting until {path} grows; {path} does not grow any more: `view` shows it\n"
 
 
 def test_live_page_ends_in_order_and_leaves_no_server(tmp_path: Path) -> None:
-    with closing(RecordingWriter(tmp_path / "run.rrd")), live(tmp_path / "run.rrd") as page:
+    writer = begin(tmp_path / "run.mcap", [])
+    write(writer, 0)
+    with live(tmp_path / "run.mcap") as page:
         page.interrupt()
         assert page.wait() == 0, page.told
     assert_nothing_left()
-    with closing(RecordingWriter(tmp_path / "run.rrd")), live(tmp_path / "run.rrd") as page:
+    with live(tmp_path / "run.mcap") as page:
         page.process.kill()
         page.wait()
     assert_nothing_left()
+    writer.close({})
 
 
 def test_session_ends_with_the_same_bits_behind_a_viewer_and_a_server_that_stand_still(tmp_path: Path) -> None:
@@ -140,29 +145,57 @@ def test_session_ends_with_the_same_bits_behind_a_viewer_and_a_server_that_stand
     assert_nothing_left()
 
 
-def test_run_whose_file_has_the_inode_of_the_one_before_is_followed_too(tmp_path: Path) -> None:
-    # A file system gives it again as soon as it is free.
-    growing, messages = tmp_path / "run.partial.rrd", follow(tmp_path / "run.rrd")
-    with closing(RecordingWriter(tmp_path / "other.rrd")) as writer:
+def everything(stream: Iterator[bytes]) -> bytes:
+    """What a follower gives until there is nothing new."""
+    return b"".join(iter(lambda: next(stream), b""))
+
+
+def test_records_that_grow_are_followed_and_those_that_were_there_before_are_not(tmp_path: Path) -> None:
+    old = begin(tmp_path / "run.mcap", [])
+    write(old, 0)
+    old.close({})
+    stream = follow(tmp_path / "run.mcap")
+    assert everything(stream) == b""
+    # One that has come and ended between two looks is new; one of another name is not ours.
+    for name in ("run-2.mcap", "run-b.mcap"):
+        writer = begin(tmp_path / name, [])
         write(writer, 0)
-        growing.write_bytes((tmp_path / "other.partial.rrd").read_bytes())
-    first = b"".join(iter(lambda: next(messages), b""))
-    assert len(first) > HEADER
-    growing.rename(tmp_path / "run-2.partial.rrd")
-    assert next(messages) == b""
-    assert b"".join(iter(lambda: next(messages), b"")) == first[HEADER:]
+        writer.close({})
+    assert everything(stream).count(b"RRF2FOOT") == 1
+    # As is a file that gets the name of one that was removed.
+    (tmp_path / "run-2.mcap").unlink()
+    assert everything(stream) == b""
+    write(begin(tmp_path / "run-2.mcap", []), 0)
+    assert everything(stream)
+
+
+def test_damaged_record_is_told_and_the_next_one_is_followed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stream = follow(tmp_path / "run.mcap")
+    assert everything(stream) == b""
+    first = begin(tmp_path / "run.mcap", [])
+    write(first, 0)
+    with (tmp_path / "run.mcap").open("r+b") as file:
+        file.seek(-300, os.SEEK_END)
+        file.write(b"spoiled")
+    everything(stream)
+    assert f"{tmp_path / 'run.mcap'} is damaged" in capsys.readouterr().err
+    write(begin(tmp_path / "run-2.mcap", []), 0)
+    assert everything(stream)
 
 
 def test_page_gets_other_ports_if_somebody_has_taken_those_that_were_free(tmp_path: Path) -> None:
-    with socket.socket() as taken, closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
+    writer = begin(tmp_path / "run.mcap", [])
+    write(writer, 0)
+    with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        write(writer, 0)
         # As if it had been taken since it was looked at.
         looks = f"free = live._free; live._free = lambda wanted: {port} if wanted else free(0)"
         program = f"from afm_recorder_node import live; {looks}; raise SystemExit(live.main())"
-        with Command(sys.executable, "-c", program, tmp_path / "run.rrd", folder=tmp_path) as page:
+        with Command(sys.executable, "-c", program, tmp_path / "run.mcap", folder=tmp_path) as page:
             page.wait_until(lambda: "/proxy" in page.text)
             assert str(port) not in page.text.partition("http://")[2]
             page.interrupt()
@@ -172,31 +205,24 @@ def test_page_gets_other_ports_if_somebody_has_taken_those_that_were_free(tmp_pa
 
 @pytest.mark.long
 def test_memory_is_bounded_while_a_viewer_reads_nothing_of_1500_megabytes(tmp_path: Path) -> None:
-    stream = rr.RecordingStream(layout.APPLICATION)
-    encoded = rr.binary_stream(stream)
-    head = encoded.read() or b""
-    rows = np.random.default_rng(0).random(32_768)
-    times = [rr.TimeColumn("t", sequence=np.arange(len(rows)))]
-    stream.send_columns("/other", times, rr.Scalars.columns(scalars=rows))
-    block = b"".join(split(encoded.read() or b""))
-    stream.send_columns(layout.DEFLECTION.entity, times, rr.Scalars.columns(scalars=rows))
-    last = b"".join(split(encoded.read() or b""))
-    growing = tmp_path / "run.partial.rrd"
-    growing.write_bytes(head[:HEADER] + b"".join(split(head)) + block)
+    noise, growing = np.random.default_rng(0).random(32_768), tmp_path / "run.mcap"
+    writer = begin(growing, [])
+    begun = growing.stat().st_size
+    put(writer, (("other", waveform(k * len(noise), noise)) for k in range(32)))
+    block = growing.read_bytes()[begun:]
     later = tmp_path / "later"
     later.mkdir()
-    with live(tmp_path / "run.rrd") as page, viewer(page.text, tmp_path) as client:
+    with live(growing) as page, viewer(page.text, tmp_path) as client:
         client.wait_until(lambda: got(tmp_path))
         client.process.send_signal(signal.SIGSTOP)
-        with growing.open("ab") as file:
-            for _ in range(1_500_000_000 // len(block)):
-                file.write(block)
-            file.write(last)
+        for _ in range(1_500_000_000 // len(block)):
+            writer.file.write(block)
+        write(writer, 0)
         with viewer(page.text, later) as second:
             # What comes last has come: all has gone through the server.
-            second.wait_until(lambda: got(later) == [len(rows)], timeout=5 * TIMEOUT)
+            second.wait_until(lambda: got(later) == [ROWS], timeout=5 * TIMEOUT)
         assert most(server()) < 1e9
-        assert most(page.process.pid) < 3e8
+        assert most(page.process.pid) < 4e8
 
 
 def most(pid: int) -> int:
@@ -214,7 +240,7 @@ def test_page_of_a_session_in_a_terminal_stays_after_a_short_run_until_ctrl_c(tm
         while "The live page stays until Ctrl-C." not in text:
             text += os.read(ours, 65536).decode()
         # The results are there, the nodes have ended, and the page is served.
-        assert (out / "scorecard.json").exists() and (out / "recording.rrd").exists()
+        assert (out / "scorecard.json").exists() and (out / "recording.mcap").exists()
         link = re.search(r"http://127.0.0.1:\d+", text)
         assert link and urllib.request.urlopen(link[0], timeout=TIMEOUT).status == 200
         assert not any("afm_recorder_node/afm_recorder_node" in line for line in processes().values())

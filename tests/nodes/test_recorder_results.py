@@ -1,27 +1,24 @@
 """What verbs bring back, in a recording: tables with units, diagrams that can be read, a screen for each kind."""
 
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rerun.blueprint as rrb
 from afm_msgs.msg import NamedArray
-from rerun.chunk import RrdReader
+from recorded import Run
+from viewed import chunks, column, events, panels, view
 
 from afm_model.microscope.arrays import Arrays, Variable, variable
 from afm_model.microscope.results import Calibration, TimeSeries
 from afm_model.microscope.verbs.force_curve import Curve as ForceCurve
 from afm_model.program.force_curve import APPROACH, RETRACT
-from afm_node_common.subscriptions import InvalidMessage
+from afm_node_common.decoding import InvalidMessage
 from afm_node_common.verb_codec import named_arrays
 from afm_recorder_node import checks, layout, results, screens
-from afm_recorder_node.complete import chunks
 from afm_recorder_node.diagram import BLUE, HEIGHT, WIDTH, Axis, Curve, Diagram, round_step
-from afm_recorder_node.reader import read_recording
-from afm_recorder_node.results import Gathering, Result, markdown, shown
-from afm_recorder_node.writer import RecordingWriter
+from afm_recorder_node.gathering import Gathering, Result
+from afm_recorder_node.results import markdown
 
 K, SENSITIVITY = 2.0, 1e-7
 CONTACT, TURN, PULL = 60e-9, 100e-9, 5e-9
@@ -151,12 +148,6 @@ def test_axis_that_can_be_read_is_left_to_the_viewer() -> None:
     assert screens.readable(np.nan, 1.0) is None
 
 
-def views(part: object) -> list[rrb.View]:
-    if isinstance(part, rrb.View):
-        return [part]
-    return [view for inner in part.contents for view in views(inner)]
-
-
 FORCES = [layout.RESULT, *(f"{results.FORCE_CURVE}/{name}" for name in ("grid", "curves", "words"))]
 
 
@@ -176,37 +167,20 @@ def test_each_kind_of_run_has_its_screen(entities: list[str], kind: str, tabs: l
     root = screens.blueprint(entities).root_container
     assert (root.name == "Signals") if tabs is None else [part.name for part in root.contents] == tabs
     if tabs:
-        first = {view.origin for view in views(root.contents[0])}
+        first = {view.origin for view in panels(root.contents[0])}
         assert {layout.RESULT, layout.EVENTS, layout.SCENE} <= first
         assert (results.FORCE_CURVE in first) == (kind == "force curve")
 
 
-def record(path: Path, messages: list[NamedArray]) -> Path:
-    with closing(RecordingWriter(path)) as writer:
-        for channel in layout.CHANNELS:
-            writer.channel(channel, 0, 1e-3, 84.0e-9 * np.sin(np.arange(100.0)))
-        for result in gathered(messages):
-            writer.result(shown(result))
-    return path
-
-
-def test_recording_of_a_result_shows_it_and_no_new_channel(tmp_path: Path) -> None:
-    path = record(tmp_path / "run.rrd", [*told(curve().arrays()), *told(tuned(), "Tune", 2)])
-    rows = {}
-    for chunk in chunks(path):
-        if chunk.entity_path.startswith(layout.RESULT):
-            rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
-    assert rows[layout.RESULT] == 2 and rows[f"{results.FORCE_CURVE}/curves"] == 1
-    assert set(read_recording(path).channels) == {signal.name for signal in layout.CHANNELS}
-
-
-def test_names_of_the_arrangement_are_the_same_in_every_recording_of_a_kind(tmp_path: Path) -> None:
-    """rerun keeps each name until the process ends: random ones would let the recorder grow for ever."""
-    names = []
-    for number in range(2):
-        reader = RrdReader(record(tmp_path / f"{number}.rrd", told(curve().arrays())))
-        names.append({chunk.entity_path for chunk in reader.stream(store=reader.blueprints()[0])})
-    assert names[0] == names[1]
+def test_view_of_a_result_shows_it(tmp_path: Path) -> None:
+    messages = [*told(curve().arrays()), *told(tuned(), "Tune", 2)]
+    path = view(tmp_path / "run.rrd", [*Run(100).messages(), *(("results", each) for each in messages)])
+    assert len(column(path, layout.RESULT, "TextDocument:text")) == 2
+    assert sum(chunk.num_rows for chunk in chunks(path, f"{results.FORCE_CURVE}/curves")) == 1
+    odd = Arrays({name: Variable(("a",), np.zeros(k), {}) for k, name in enumerate(("z", "force", "phase"), 3)})
+    path = view(tmp_path / "odd.rrd", (("results", each) for each in told(odd)))
+    ((_, sentence),) = events(path)
+    assert "1 messages are not shown" in sentence and "ForceCurve that cannot be drawn" in sentence
 
 
 def test_result_whose_parts_did_not_all_come_is_given_up() -> None:
@@ -231,10 +205,6 @@ def test_arrays_that_are_no_result_are_refused_with_a_sentence() -> None:
         refused(f"result.{name} = None: it must be of type", without(name))
     refused("cannot reshape", lambda message: setattr(message, "shape", [7]))
     refused("is given twice", lambda message: message.attributes.append(message.attributes[0]))
-    odd = Arrays({name: Variable(("a",), np.zeros(k), {}) for k, name in enumerate(("z", "force", "phase"), 3)})
-    (result,) = gathered(told(odd))
-    with pytest.raises(InvalidMessage, match="ForceCurve that cannot be drawn"):
-        checks.result(result)
     # A name in a message imports nothing.
     (result,) = gathered(told(Calibration(1.0, 0.1, "m", {"Q": 2.0}).arrays(), "Os/system"))
     assert "| Q | 2 |" in markdown(result)

@@ -1,57 +1,39 @@
-"""The scene of a recording in space: it moves with the signals, the tip is at the sample, and it does not grow."""
+"""The scene of a run in space: it moves with the signals, the tip is at the sample, and it does not grow."""
 
 import re
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded import SCAN, lines_of
+from recorded import SCAN, Run, line_message, lines_of, parameters
+from viewed import chunks, column, view
 
 from afm_recorder_node import layout, scene
-from afm_recorder_node.complete import chunks
 from afm_recorder_node.scene import CANTILEVER, POSES, SAMPLE
-from afm_recorder_node.writer import RecordingWriter
 
 PERIOD, HALF, SLOPE = 1e-3, 5e-9, 0.3
 
 
-def record(path: Path, ticks: int, *, away: int = 0) -> Path:
+def record(path: Path, ticks: int, *, away: int = 0, height: float = 0.0) -> Path:
     """A tip that follows an inclined sample, z being as high as x; for some ticks at the end it is 1 um away."""
-    phase = np.linspace(0.0, 2.0 * np.pi, ticks)
-    position, tip = np.zeros((ticks, 3)), np.zeros(ticks)
-    position[:, 0] = HALF * np.sin(phase)
-    position[:, 2] = 1e-9 * np.cos(phase)
-    tip[:] = position[:, 2] + SLOPE * position[:, 0]
-    if away:
-        position[-away:, 2] -= 1e-6
-    with closing(RecordingWriter(path)) as writer:
-        for channel in layout.CHANNELS:
-            writer.channel(channel, 0, PERIOD, np.zeros(ticks))
-        row = {"position": position, "reference": np.zeros((ticks, 3)), "drive": np.zeros((ticks, 3))}
-        for begin in range(0, ticks, 777):
-            at = slice(begin, begin + 777)
-            count = len(tip[at])
-            writer.control(
-                begin,
-                PERIOD,
-                **{name: values[at] for name, values in row.items()},
-                deflection=tip[at],
-                round_trip=np.zeros(count),
-            )
-            writer.flush()
-        for line in lines_of() if away < 0 else ():
-            writer.line(line)
-    return path
+    run, phase = Run(ticks, control_period=PERIOD), np.linspace(0.0, 2.0 * np.pi, ticks)
+    run.position, run.reference = np.zeros((2, ticks, 3))
+    run.position[:, 0] = HALF * np.sin(phase)
+    run.position[:, 2] = 1e-9 * np.cos(phase)
+    run.deflection = run.position[:, 2] + SLOPE * run.position[:, 0]
+    if away > 0:
+        run.position[-away:, 2] -= 1e-6
+    _, *blocks = run.messages(777)
+    known = [parameters("afm_sim_node", {"cantilever.a": height})] if np.isfinite(height) else []
+    return view(path, [*known, *blocks, *map(line_message, lines_of() if away < 0 else ())])
 
 
 def rows(path: Path, entity: str, component: str) -> np.ndarray:
-    found = [chunk.to_record_batch() for chunk in chunks(path) if chunk.entity_path == entity]
-    return np.array([value[0] for batch in found for value in batch.column(component).to_pylist()])
+    return np.array([row[0] for row in column(path, entity, component)])
 
 
 def times(path: Path, entity: str) -> np.ndarray:
-    found = [chunk.to_record_batch() for chunk in chunks(path) if chunk.entity_path == entity]
+    found = [chunk.to_record_batch() for chunk in chunks(path, entity)]
     return np.concatenate([batch.column(layout.TIMELINE).cast("int64").to_numpy() for batch in found])
 
 
@@ -85,13 +67,12 @@ def test_tip_and_sample_stand_where_the_signals_put_them(tmp_path: Path, ticks: 
     # Nothing else changes in the cantilever.
     bent[:, 0, 2] = 0.0
     assert (bent == np.eye(3)).all()
-    vertices = np.array(rows_of_mesh(path, f"{SAMPLE}/surface"))
+    vertices = surface(path)
     assert np.polyfit(vertices[:, 0], vertices[:, 2], 1)[0] == pytest.approx(SLOPE, rel=0.02)
 
 
-def rows_of_mesh(path: Path, entity: str) -> list[list[float]]:
-    (batch,) = (chunk.to_record_batch() for chunk in chunks(path) if chunk.entity_path == entity)
-    return batch.column("Mesh3D:vertex_positions").to_pylist()[0]
+def surface(path: Path) -> np.ndarray:
+    return np.array(column(path, f"{SAMPLE}/surface", "Mesh3D:vertex_positions")[0])
 
 
 def test_tip_that_is_away_is_drawn_near_and_spoils_no_scale(tmp_path: Path) -> None:
@@ -104,14 +85,11 @@ def test_tip_that_is_away_is_drawn_near_and_spoils_no_scale(tmp_path: Path) -> N
 
 def test_surface_of_a_scan_is_its_image(tmp_path: Path) -> None:
     path = record(tmp_path / "run.rrd", 1000, away=-1)
-    vertices = np.array(rows_of_mesh(path, f"{SAMPLE}/surface"))
+    vertices = surface(path)
     assert len(vertices) == SCAN.pixels * SCAN.lines
     assert np.abs(vertices[:, :2]).max() == pytest.approx(1.0, abs=0.05)
 
 
-def test_recording_without_a_height_of_the_tip_has_no_scene(tmp_path: Path) -> None:
-    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
-        zeros = np.zeros((10, 3))
-        writer.control(0, PERIOD, position=zeros, reference=zeros, drive=zeros, deflection=np.zeros(10),
-                       round_trip=np.zeros(10), cantilever_height=float("nan"))  # fmt: skip
-    assert not [c for c in chunks(tmp_path / "run.rrd") if c.entity_path.startswith(layout.SCENE)]
+def test_run_without_a_height_of_the_tip_has_no_scene(tmp_path: Path) -> None:
+    path = record(tmp_path / "run.rrd", 1000, height=float("nan"))
+    assert not [chunk for chunk in chunks(path) if chunk.entity_path.startswith(layout.SCENE)]

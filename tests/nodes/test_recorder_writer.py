@@ -1,29 +1,33 @@
-"""A recording holds what was put in: every number, at its exact time, in SI units again when it is read."""
+"""A view shows the messages of a record: every number, at its exact time, in the units of the plots."""
 
 import itertools
+import os
+import resource
+import signal
+import stat
 import subprocess
 import sys
-from contextlib import closing
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from recorded import CONTROL_PERIOD, PERIOD, Run
+from recorded import HEIGHT, Run, begin, event, parameters, record, status, waveform
+from support import TIMEOUT
+from viewed import chunks, column, events, series, view
 
-from afm_bringup.replay_command import main as replay
+from afm_model.run import State
 from afm_recorder_node import layout
 from afm_recorder_node.layout import instants
-from afm_recorder_node.reader import read_recording
-from afm_recorder_node.recording import ParameterChange, Recording, RecordingError
-from afm_recorder_node.writer import RecordingWriter
+from afm_recorder_node.recording import DamagedRecording, RecordingError
+from afm_recorder_node.views import make_view
+from afm_recorder_node.views_worker import Worker
 
-SIGNALS = {
-    "ticks": ("position", "reference", "error", "drive", "round_trip"),
-    "samples": ("deflection", "lateral_force", "lateral_force_y", "normal_force"),
-}
-# One multiplication and one division lie between what goes in and what comes out.
+# Two multiplications lie between what is recorded and what is plotted.
 ROUND_OFF = 4 * np.finfo(np.float64).eps
 
 
@@ -31,129 +35,111 @@ def close_enough(got: np.ndarray, expected: np.ndarray) -> None:
     np.testing.assert_allclose(got, expected, rtol=ROUND_OFF, atol=0.0, equal_nan=True)
 
 
-def record(path: Path, run: Run, edges: list[int]) -> Recording:
-    with closing(RecordingWriter(path)) as writer:
-        for start, stop in itertools.pairwise(edges):
-            run.write(writer, start, stop)
-    return read_recording(path)
-
-
 @pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run, Recording]:
-    """As many numbers as a period of the demo has."""
-    path = tmp_path_factory.mktemp("demo") / "demo.rrd"
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
+    """As many numbers as a period of the demo has; one answer has not come."""
     run = Run(62_832)
-    return path, run, record(path, run, [*range(0, run.ticks, 500), run.ticks])
+    run.round_trip[4] = np.nan
+    return view(tmp_path_factory.mktemp("demo") / "demo.rrd", run.messages()), run
 
 
-def test_every_number_comes_back(demo: tuple[Path, Run, Recording]) -> None:
-    _, run, recording = demo
-    close_enough(recording.position, run.position)
-    close_enough(recording.reference, run.reference)
-    close_enough(recording.deflection, run.samples[0] * 10e-9)
-    close_enough(recording.lateral_force, run.samples[1] * 50e-9)
-    close_enough(recording.lateral_force_y, run.samples[2])
-    close_enough(recording.normal_force, run.samples[3])
-    close_enough(recording.round_trip, run.round_trip.astype(np.float64))
-    assert np.array_equal(recording.drive, run.drive)
+def test_every_number_is_plotted_at_its_time_in_nm_nn_and_us(demo: tuple[Path, Run]) -> None:
+    path, run = demo
+    close_enough(series(path, "/position")[1], 1e9 * run.position)
+    close_enough(series(path, "/reference")[1], 1e9 * run.reference)
+    close_enough(series(path, "/deflection")[1], 1e9 * (run.samples[0] * 10e-9))
+    close_enough(series(path, "/lateral_force")[1], 1e9 * (run.samples[1] * 50e-9))
+    close_enough(series(path, "/truth/lateral_force_y")[1], 1e9 * run.samples[2])
+    close_enough(series(path, "/truth/normal_force")[1], 1e9 * run.samples[3])
+    close_enough(series(path, "/round_trip")[1], 1e6 * run.round_trip.astype(np.float64))
+    assert np.array_equal(series(path, "/drive")[1], run.drive)
+    assert np.array_equal(series(path, "/drive")[0], np.arange(run.ticks) * 2_000)
+    assert np.array_equal(series(path, "/deflection")[0], np.arange(2 * run.ticks) * 1_000)
 
 
-def test_photodetector_voltages_can_be_recovered(demo: tuple[Path, Run, Recording]) -> None:
-    _, run, recording = demo
-    close_enough(recording.deflection / recording.deflection_scale, run.samples[0])
-    close_enough(recording.lateral_force / recording.lateral_scale, run.samples[1])
+def test_error_is_of_the_scanner_along_x_y_and_of_the_tip_along_z(demo: tuple[Path, Run]) -> None:
+    path, run = demo
+    error = series(path, "/error")[1]
+    close_enough(error[:, :2], 1e9 * (run.position - run.reference)[:, :2])
+    close_enough(error[:, 2], 1e9 * (HEIGHT + run.deflection - run.reference[:, 2]))
 
 
-def test_error_is_of_the_scanner_along_x_y_and_of_the_tip_along_z(demo: tuple[Path, Run, Recording]) -> None:
-    _, run, recording = demo
-    close_enough(recording.error[:, :2], (run.position - run.reference)[:, :2])
-    close_enough(recording.error[:, 2], 3e-9 + run.deflection - run.reference[:, 2])
-
-
-def test_thinned_recording_holds_one_in_so_many_of_everything(demo: tuple[Path, Run, Recording]) -> None:
-    path, _, whole = demo
-    thin = read_recording(path, every=10)
-    for name in ("ticks", "samples"):
-        times, all_times = (getattr(recording, f"time_{name}") for recording in (thin, whole))
-        assert 0.1 <= len(times) / len(all_times) < 0.11
-        kept = np.isin(all_times, times)
-        for signal in SIGNALS[name]:
-            np.testing.assert_array_equal(getattr(thin, signal), getattr(whole, signal)[kept])
-    assert thin.events == whole.events
-    assert thin.parameters == whole.parameters
-
-
-def test_times_are_exact_multiples_of_the_period(demo: tuple[Path, Run, Recording]) -> None:
-    _, run, recording = demo
-    assert np.array_equal(recording.time_ticks, np.arange(run.ticks) * 2_000 / 1e9)
-    assert np.array_equal(recording.time_samples, np.arange(2 * run.ticks) * 1_000 / 1e9)
-
-
-def test_demo_recording_is_valid_and_small(demo: tuple[Path, Run, Recording]) -> None:
-    path, _, _ = demo
+def test_view_of_the_demo_is_valid_small_and_in_large_chunks(demo: tuple[Path, Run]) -> None:
+    path, run = demo
     # The numbers themselves are 11 MB, and noise does not compress.
     assert path.stat().st_size < 25e6
-    program = Path(sys.executable).with_name("rerun")
-    result = subprocess.run([program, "rrd", "verify", path], capture_output=True, text=True, timeout=60)
+    assert len(list(chunks(path, "/deflection"))) <= 2 + 2 * run.ticks // 32_768
+    command = [Path(sys.executable).with_name("rerun"), "rrd", "verify", path]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT)
     assert result.returncode == 0, result.stderr
 
 
-@settings(max_examples=10, deadline=None)
-@given(cuts=st.lists(st.integers(0, 300), max_size=6), flushed=st.booleans())
-def test_recording_does_not_depend_on_the_blocks(
-    tmp_path_factory: pytest.TempPathFactory, cuts: list[int], flushed: bool
-) -> None:
-    path, run = tmp_path_factory.mktemp("blocks") / "run.rrd", Run(300)
-    with closing(RecordingWriter(path)) as writer:
-        edges = sorted([0, *cuts, run.ticks])
-        for start, stop in itertools.pairwise(edges):
-            run.write(writer, start, stop)
-            if flushed:
-                writer.flush()
-    recording = read_recording(path)
-    assert np.array_equal(recording.time_samples, np.arange(600) * 1_000 / 1e9)
-    close_enough(recording.position, run.position)
-    close_enough(recording.normal_force, run.samples[3])
-
-
-def test_blocks_in_any_order_come_out_sorted(tmp_path: Path) -> None:
+@settings(max_examples=5, deadline=None)
+@given(cuts=st.lists(st.integers(0, 300), max_size=6))
+def test_view_does_not_depend_on_the_blocks(tmp_path_factory: pytest.TempPathFactory, cuts: list[int]) -> None:
     run = Run(300)
-    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
-        for start in (200, 0, 100):
-            run.write(writer, start, start + 100)
-    recording = read_recording(tmp_path / "run.rrd")
-    assert np.array_equal(recording.time_ticks, np.arange(300) * 2_000 / 1e9)
-    close_enough(recording.position, run.position)
+    blocks = (run.block(*edges) for edges in itertools.pairwise(sorted([*{0, *cuts, run.ticks}])))
+    path = view(tmp_path_factory.mktemp("blocks") / "run.rrd", itertools.chain(*blocks))
+    assert np.array_equal(series(path, "/deflection")[0], np.arange(600) * 1_000)
+    close_enough(series(path, "/position")[1], 1e9 * run.position)
 
 
-def test_score_comes_back(tmp_path: Path) -> None:
-    values = {"ticks": 10, "rms": [1e-9, 2e-9, float("nan")], "trajectory_sha256": "ab"}
-    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
-        Run(10).write(writer, 0, 10)
-        writer.score(20_000, values)
-    score = read_recording(tmp_path / "run.rrd").score
-    assert score is not None
-    np.testing.assert_equal(score, values)
-    assert record(tmp_path / "other.rrd", Run(10), [0, 10]).score is None
+def test_height_of_the_cantilever_may_come_after_the_first_blocks_and_is_nan_if_it_does_not(tmp_path: Path) -> None:
+    run = Run(1000)
+    first, *blocks = run.messages()
+    late = series(view(tmp_path / "late.rrd", [*blocks, first]), "/error")[1]
+    close_enough(late[:, 2], 1e9 * (HEIGHT + run.deflection - run.reference[:, 2]))
+    never = series(view(tmp_path / "never.rrd", blocks), "/error")[1]
+    assert np.isnan(never[:, 2]).all() and np.isfinite(never[:, :2]).all()
 
 
-def test_a_missing_block_of_one_channel_reads_as_nan(tmp_path: Path) -> None:
-    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
-        writer.channel(layout.DEFLECTION, 0, PERIOD, np.ones(30))
-        writer.channel(layout.NORMAL_FORCE, 0, PERIOD, np.ones(10))
-        writer.channel(layout.NORMAL_FORCE, 20, PERIOD, np.ones(10))
-    recording = read_recording(tmp_path / "run.rrd")
-    assert len(recording.time_samples) == 30
-    assert np.array_equal(np.isnan(recording.normal_force), np.arange(30) // 10 == 1)
-    assert np.isnan(recording.lateral_force).all()
-    assert recording.position.shape == (0, 3)
+def test_missing_block_is_a_gap_and_further_channels_are_drawn_in_their_unit(tmp_path: Path) -> None:
+    blocks = [("truth/creep", waveform(first, np.ones(10), "m")) for first in (0, 20)]
+    path = view(tmp_path / "run.rrd", [*blocks, ("truth/temperature", waveform(0, np.ones(10), "K"))])
+    times, values = series(path, "/truth/creep")
+    assert times.tolist() == [*range(0, 10_000, 1000), *range(20_000, 30_000, 1000)] and (values == 1e9).all()
+    assert (series(path, "/truth/temperature")[1] == 1.0).all()
 
 
-def test_round_trip_without_an_answer_stays_nan(tmp_path: Path) -> None:
-    run = Run(10)
-    run.round_trip[4] = np.nan
-    recording = record(tmp_path / "run.rrd", run, [0, 10])
-    assert np.flatnonzero(np.isnan(recording.round_trip)).tolist() == [4]
+def test_message_that_cannot_be_drawn_is_left_out_and_said(tmp_path: Path) -> None:
+    run = Run(20)
+    bad = [("deflection", waveform(0, np.ones(10), "V")), ("events", waveform(0, np.ones(10)))]
+    path = view(tmp_path / "run.rrd", [*run.block(0, 20), *bad])
+    assert len(series(path, "/deflection")[0]) == 40
+    assert [text for _, text in events(path)] == [
+        "2 messages are not shown, the last one because of events: something else is shown under this name"
+    ]
+
+
+def test_states_events_and_changed_parameters_are_told_at_their_times(tmp_path: Path) -> None:
+    messages = [
+        parameters("afm_sim_node", {"plant.kind": "compliant", "plant.dt": 1e-6}),
+        parameters("afm_controller_node", {"law.alpha": 20.0, "law.kind": "tanh"}),
+        status(0.0, State.RUNNING),
+        *Run(100).block(0, 100),
+        status(1e-6, State.STALLED, "no answer"),
+        status(2e-6, State.STALLED, "no answer"),
+        event(3e-6, "drift begins", 30),
+        parameters("afm_controller_node", {"law.alpha": 5.0}, 60e-6),
+        parameters("afm_controller_node", {"law.kind": "sgn"}, 80e-6),
+    ]
+    path = view(tmp_path / "run.rrd", messages)
+    assert events(path) == [
+        (0, "RUNNING"),
+        (1_000, "STALLED: no answer"),
+        (3_000, "drift begins"),
+        (60_000, "afm_controller_node: law.alpha changed from 20.0 to 5.0"),
+        (80_000, "afm_controller_node: law.kind changed from tanh to sgn"),
+    ]
+    times, steps = series(path, "/parameters/afm_controller_node/law.alpha")
+    assert (times.tolist(), steps.tolist()) == ([0, 60_000, 199_000], [20.0, 5.0, 5.0])
+    (text,) = column(path, layout.PARAMETERS, "TextDocument:text")[-1]
+    assert '"law.alpha": 20.0' in text and '"plant.kind": "compliant"' in text
+
+
+def test_what_is_missing_of_a_run_is_the_last_event_of_its_view(tmp_path: Path) -> None:
+    path = view(tmp_path / "run.rrd", Run(100).messages(), end={"missing": "12 ticks are missing"})
+    assert events(path)[-1] == (199_000, "This recording is not complete: 12 ticks are missing")
 
 
 @given(
@@ -174,131 +160,95 @@ def test_times_of_whole_nanoseconds_never_drift() -> None:
     assert instants(10**15, 1, 2e-6)[0] == 2_000 * 10**15
 
 
-def test_nothing_stands_under_the_name_before_close(tmp_path: Path) -> None:
-    path = tmp_path / "new" / "run.rrd"
-    writer = RecordingWriter(path)
-    Run(10).write(writer, 0, 10)
-    assert not path.exists()
-    assert writer.partial.exists()
-    assert writer.close() == path
-    assert path.exists()
-    assert not writer.partial.exists()
-    assert writer.close() is None
+# The file.
 
 
-def test_older_recording_stands_and_the_new_one_gets_the_next_name(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
-    record(path, Run(10, seed=1), [0, 10])
-    writer = RecordingWriter(path)
-    Run(20).write(writer, 0, 20)
-    assert len(read_recording(path).time_ticks) == 10
-    assert writer.close() == tmp_path / "run-2.rrd"
-    assert len(read_recording(path).time_ticks) == 10
-    assert len(read_recording(tmp_path / "run-2.rrd").time_ticks) == 20
+def test_view_replaces_nothing_and_what_a_killed_process_left_does_no_harm(tmp_path: Path) -> None:
+    source, target = record(tmp_path / "run.mcap", Run(10).messages()), tmp_path / "run.rrd"
+    (tmp_path / ".run.rrd.part").write_bytes(1000 * b"left")
+    make_view(source, target)
+    made = target.read_bytes()
+    assert {each.name for each in tmp_path.iterdir()} == {"run.mcap", "run.rrd"}
+    with pytest.raises(OSError, match=r"run\.rrd cannot be written: there is something"):
+        make_view(source, target)
+    assert target.read_bytes() == made
 
 
-def test_recording_without_samples_leaves_no_file_and_no_older_one_is_lost(tmp_path: Path) -> None:
-    record(tmp_path / "run.rrd", Run(10), [0, 10])
-    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
-        writer.event(0, "WAITING")
-    assert [file.name for file in tmp_path.iterdir()] == ["run.rrd"]
-    assert len(read_recording(tmp_path / "run.rrd").time_ticks) == 10
+def test_record_that_cannot_be_read_leaves_no_view(tmp_path: Path) -> None:
+    source = record(tmp_path / "run.mcap", Run(1000).messages())
+    spoiled = bytearray(source.read_bytes())
+    spoiled[len(spoiled) // 2] ^= 1
+    source.write_bytes(spoiled)
+    with pytest.raises(DamagedRecording):
+        make_view(source, tmp_path / "run.rrd")
+    with pytest.raises(RecordingError, match="absent"):
+        make_view(tmp_path / "absent.mcap", tmp_path / "run.rrd")
+    assert [each.name for each in tmp_path.iterdir()] == ["run.mcap"]
 
 
-def test_parameters_and_their_changes_come_back(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
-    with closing(RecordingWriter(path)) as writer:
-        writer.parameters("afm_sim_node", {"plant.kind": "compliant", "plant.dt": 1e-6})
-        writer.parameters("afm_controller_node", {"law.alpha": 20.0, "law.kind": "tanh"})
-        Run(100).write(writer, 0, 100)
-        writer.event(1_000, "STALLED: no answer", "WARN")
-        writer.parameter_change(60_000, "afm_controller_node", "law.alpha", 20.0, 5.0)
-        writer.parameter_change(80_000, "afm_controller_node", "law.kind", "tanh", "sgn")
-    recording = read_recording(path)
-    assert recording.parameters == {
-        "afm_sim_node": {"plant.kind": "compliant", "plant.dt": 1e-6},
-        "afm_controller_node": {"law.alpha": 20.0, "law.kind": "tanh"},
-    }
-    assert recording.parameter_changes == [
-        ParameterChange(6e-5, "afm_controller_node", "law.alpha", 20.0, 5.0),
-        ParameterChange(8e-5, "afm_controller_node", "law.kind", "tanh", "sgn"),
-    ]
-    assert recording.events == [
-        (1e-6, "STALLED: no answer"),
-        (6e-5, "afm_controller_node: law.alpha changed from 20.0 to 5.0"),
-        (8e-5, "afm_controller_node: law.kind changed from tanh to sgn"),
-    ]
+@contextmanager
+def largest_file(size: int) -> Iterator[None]:
+    """No file can become larger: as on a disk without room."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
 
 
-@pytest.mark.parametrize(
-    ("name", "content"), [("absent.rrd", None), ("empty.rrd", b""), ("text.rrd", b"hello"), ("head.rrd", b"RRF2")]
-)
-def test_file_that_is_no_recording_is_named(tmp_path: Path, name: str, content: bytes | None) -> None:
-    path = tmp_path / name
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(RecordingError, match=name):
-        read_recording(path)
+@pytest.mark.parametrize("size", [1_000, 200_000])
+def test_full_disk_and_closed_folder_are_told_and_leave_nothing(tmp_path: Path, size: int) -> None:
+    source = record(tmp_path / "run.mcap", Run(20_000).messages())
+    with largest_file(size), pytest.raises(OSError, match=r"run\.rrd cannot be written: File too large"):
+        make_view(source, tmp_path / "run.rrd")
+    with pytest.raises(OSError, match=r"run\.rrd cannot be written: No such file or directory"):
+        make_view(source, tmp_path / "none" / "run.rrd")
+    assert [each.name for each in tmp_path.iterdir()] == ["run.mcap"]
+    make_view(source, tmp_path / "run.rrd")
+    assert stat.S_IMODE((tmp_path / "run.rrd").stat().st_mode) == 0o666 & ~_umask()
 
 
-def test_wrong_shape_is_refused(tmp_path: Path) -> None:
-    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
-        run = Run(10)
-        run.position = run.position[:9]
-        with pytest.raises(ValueError, match="shape"):
-            run.write(writer, 0, 10)
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
 
 
-def test_path_that_cannot_be_used_is_refused_at_once(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(OSError, match="file"):
-        RecordingWriter(tmp_path / "file" / "run.rrd")
+# The process apart.
 
 
-WRITE_BEYOND_A_LIMIT = """
-import resource, signal, sys
-import numpy as np
-from afm_recorder_node import layout
-from afm_recorder_node import writer as module
-module._FLUSH_LIMIT = 2.0
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
-writer = module.RecordingWriter(sys.argv[1])
-writer.channel(layout.DEFLECTION, 0, 1e-6, np.random.default_rng(0).random(100_000))
-try:
-    writer.close()
-except OSError as error:
-    print(error)
-"""
+def all_news(worker: Worker, count: int) -> dict[str, str]:
+    found, limit = [], time.monotonic() + TIMEOUT
+    while len(found) < count and time.monotonic() < limit:
+        found += worker.news()
+        time.sleep(0.01)
+    return {target.name: error for target, error in found}
 
 
-def test_recording_that_could_not_be_written_completely_gets_no_name_and_the_process_ends(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", WRITE_BEYOND_A_LIMIT, str(tmp_path / "run.rrd")]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert "incomplete" in result.stdout, result.stderr
-    assert not (tmp_path / "run.rrd").exists()
+def test_worker_makes_one_view_after_the_other_and_tells_what_it_cannot(tmp_path: Path) -> None:
+    worker = Worker()
+    for number in range(3):
+        worker.make(record(tmp_path / f"{number}.mcap", Run(100).messages()), tmp_path / f"{number}.rrd")
+    worker.make(tmp_path / "absent.mcap", tmp_path / "absent.rrd")
+    found = all_news(worker, 4)
+    assert [found[f"{number}.rrd"] for number in range(3)] == ["", "", ""] and "absent.mcap" in found["absent.rrd"]
+    assert len(series(tmp_path / "2.rrd", "/drive")[0]) == 100
+    # One that is killed is told, and the next view is made by another.
+    assert worker._process is not None
+    worker._process.kill()
+    worker.make(tmp_path / "0.mcap", tmp_path / "lost.rrd")
+    assert "has ended" in all_news(worker, 1)["lost.rrd"]
+    worker.make(tmp_path / "0.mcap", tmp_path / "again.rrd")
+    assert [(target.name, error) for target, error in worker.finish()] == [("again.rrd", "")]
+    assert worker._process is None
 
 
-def test_of_every_so_many_rows_one_is_kept_by_its_number_and_the_rest_is_whole(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    run, every = Run(3000), 7
-    paths = []
-    for name, options in (("all", {}), ("few", {"every": every})):
-        writer = RecordingWriter(tmp_path / f"{name}.rrd", **options)
-        writer.parameters("afm_sim_node", {"plant.control_period": CONTROL_PERIOD})
-        for start in range(500, 3000, 500):  # blocks that no multiple of 7 begins
-            run.write(writer, start, start + 500)
-        writer.score(0, {"trajectory_sha256": "of the whole run"})
-        paths.append(writer.close())
-    whole, few = (read_recording(path) for path in paths)
-    ticks, samples = np.arange(500, 3000), np.arange(1000, 6000)
-    for name in ("position", "reference", "error", "drive", "round_trip", "time_ticks"):
-        assert np.array_equal(getattr(few, name), getattr(whole, name)[ticks % every == 0])
-    for name, channel in whole.channels.items():
-        assert np.array_equal(few.channels[name].values, channel.values[samples % every == 0])
-        assert np.array_equal(few.channels[name].time, channel.time[samples % every == 0])
-    assert few.score == whole.score
-    assert (0.0, "one tick and one sample of each channel in 7 are recorded") in few.events
-    assert replay([str(paths[1])]) == 1
-    assert "not every tick was recorded" in capsys.readouterr().err
+def test_growing_record_has_a_view_of_what_is_there(tmp_path: Path) -> None:
+    run = Run(1000)
+    begin(tmp_path / "run.mcap", run.messages())
+    make_view(tmp_path / "run.mcap", tmp_path / "run.rrd")
+    assert len(series(tmp_path / "run.rrd", "/drive")[0]) == 1000
+    assert "it has no end" in events(tmp_path / "run.rrd")[-1][1]

@@ -3,35 +3,34 @@
 import subprocess
 import sys
 import urllib.request
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rerun.blueprint as rrb
-from recorded import Run, lines_of
-from rerun.chunk import RrdReader
+from recorded import HEIGHT, Run, line_message, lines_of, record
 from support import TIMEOUT, executable
+from viewed import column, panels, series
 
 from afm_recorder_node import layout, view_command
-from afm_recorder_node.complete import series
-from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recording import DamagedRecording, RecordingError
-from afm_recorder_node.view_command import APPLICATION, COLORS, arrangement, main, names, together
-from afm_recorder_node.writer import RecordingWriter
+from afm_recorder_node.view_command import COLORS, arrangement, main, names, together
 
 
 @pytest.fixture(scope="module")
 def two(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Recordings of the same name in two folders; the second one with a scan."""
-    paths = [tmp_path_factory.mktemp(name, numbered=False) / "recording.rrd" for name in ("tanh", "predictive-2")]
+    paths = [tmp_path_factory.mktemp(name, numbered=False) / "recording.mcap" for name in ("tanh", "predictive-2")]
     for seed, path in enumerate(paths):
-        run = Run(300, seed)
-        with closing(RecordingWriter(path, title=path.parent.name)) as writer:
-            run.write(writer, 0, run.ticks)
-            for line in lines_of() if seed else ():
-                writer.line(line)
+        lines = map(line_message, lines_of()) if seed else ()
+        record(path, [*Run(300, seed).messages(), *lines], about={"title": path.parent.name})
     return paths
+
+
+def spoiled(path: Path, source: Path) -> Path:
+    data = bytearray(source.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    return path
 
 
 def test_recordings_are_called_by_what_tells_them_apart() -> None:
@@ -41,38 +40,24 @@ def test_recordings_are_called_by_what_tells_them_apart() -> None:
 
 
 def test_every_signal_of_each_recording_is_there_below_its_name(two: list[Path], tmp_path: Path) -> None:
-    together(two, tmp_path / "both.rrd")
-    verify = [Path(sys.executable).with_name("rerun"), "rrd", "verify", tmp_path / "both.rrd"]
+    path = tmp_path / "both.rrd"
+    together(two, path)
+    verify = [Path(sys.executable).with_name("rerun"), "rrd", "verify", path]
     assert subprocess.run(verify, capture_output=True, timeout=60).returncode == 0
-    reader = RrdReader(tmp_path / "both.rrd")
-    (store,) = reader.recordings()
-    assert store.application_id == APPLICATION
-    found: dict[str, list[np.ndarray]] = {}
-    colors = {}
-    for chunk in reader.stream(store=store):
-        batch = chunk.to_record_batch()
-        if chunk.is_static and "SeriesLines:colors" in batch.schema.names:
-            colors[chunk.entity_path] = batch.column("SeriesLines:colors").to_pylist()[-1]
-        rows = None if chunk.is_static else series(batch)
-        if rows is not None:
-            found.setdefault(chunk.entity_path, []).append(rows[1])
-    for path, name in zip(two, ("tanh", "predictive_2"), strict=True):
-        error = np.concatenate(found[f"/{name}/error"]).reshape(-1, 3)
-        np.testing.assert_array_equal(error, 1e9 * read_recording(path).error)
-    assert len({tuple(colors[f"/{name}/drive"]) for name in ("tanh", "predictive_2")}) == 2
-
-
-def views(part: object) -> list[rrb.View]:
-    if isinstance(part, rrb.View):
-        return [part]
-    return [view for inner in part.contents for view in views(inner)]
+    for seed, name in enumerate(("tanh", "predictive_2")):
+        run = Run(300, seed)
+        tip = HEIGHT + run.deflection - run.reference[:, 2]
+        np.testing.assert_allclose(series(path, f"/{name}/error")[1][:, 2], 1e9 * tip, rtol=1e-12)
+        assert column(path, f"/{name}{layout.FRICTION_LOOP}", "LineStrips2D:strips")
+    colors = [str(column(path, f"/{name}/drive", "SeriesLines:colors")) for name in ("tanh", "predictive_2")]
+    assert colors[0] != colors[1]
 
 
 def test_one_plot_shows_a_signal_of_all_and_says_whose_is_which() -> None:
     there = {"tanh": {"/error"}, "pid": {"/error", "/scan/height/trace"}}
     root = arrangement(there).root_container
     assert [part.name for part in root.contents] == ["Scans", "Signals"]
-    shown = views(root)
+    shown = panels(root)
     plots = [view for view in shown if view.contents == ["/tanh/error", "/pid/error"]]
     assert len(plots) == 3
     assert plots[0].name == "Tracking error (tanh red, pid blue), x [nm]"
@@ -88,23 +73,18 @@ def test_one_plot_shows_a_signal_of_all_and_says_whose_is_which() -> None:
 def test_what_cannot_be_shown_together_is_refused(two: list[Path], tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=f"1 recordings are not allowed: it must be 2 to {len(COLORS)}"):
         together(two[:1], tmp_path / "x.rrd")
-    spoiled = bytearray(two[0].read_bytes())
-    spoiled[len(spoiled) // 2] ^= 1
-    (tmp_path / "spoiled.rrd").write_bytes(spoiled)
     with pytest.raises(DamagedRecording):
-        together([two[1], tmp_path / "spoiled.rrd"], tmp_path / "y.rrd")
-    with pytest.raises(FileExistsError):
+        together([two[1], spoiled(tmp_path / "spoiled.mcap", two[0])], tmp_path / "y.rrd")
+    with pytest.raises(OSError, match="nothing is overwritten"):
         together(two, two[0])
 
 
 def test_what_cannot_be_shown_is_told_in_one_sentence(
     two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    spoiled = bytearray(two[0].read_bytes())
-    spoiled[len(spoiled) // 2] ^= 1
-    (tmp_path / "spoiled.rrd").write_bytes(spoiled)
-    (tmp_path / "words.json").write_text("{}")
-    for given, told in (("spoiled.rrd", "is damaged"), ("words.json", "no .rrd file"), ("none.rrd", "no .rrd file")):
+    spoiled(tmp_path / "spoiled.mcap", two[0])
+    (tmp_path / "words.mcap").write_text("{}")
+    for given, told in (("spoiled.mcap", "is damaged"), ("words.mcap", "not an .mcap file"), ("none.mcap", "no .mcap")):
         monkeypatch.setattr(sys, "argv", ["view", str(tmp_path / given)])
         assert main() == 1
         (sentence,) = capfd.readouterr().err.splitlines()
@@ -113,10 +93,10 @@ def test_what_cannot_be_shown_is_told_in_one_sentence(
 
 def test_folder_is_all_recordings_in_it(two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for number, path in enumerate(two):
-        (tmp_path / f"{number}.rrd").symlink_to(path)
-    monkeypatch.setattr(sys, "argv", ["view", str(tmp_path), "--out", str(tmp_path / "all.out")])
+        (tmp_path / f"{number}.mcap").symlink_to(path)
+    monkeypatch.setattr(sys, "argv", ["view", str(tmp_path), "--out", str(tmp_path / "all.rrd")])
     assert main() == 0
-    assert (tmp_path / "all.out").stat().st_size > 0
+    assert len(series(tmp_path / "all.rrd", "/0/drive")[0]) == len(series(tmp_path / "all.rrd", "/1/drive")[0]) == 300
 
 
 def test_command_writes_a_file_or_serves_a_page(
@@ -124,9 +104,11 @@ def test_command_writes_a_file_or_serves_a_page(
 ) -> None:
     arguments = [*map(str, two), "--out", str(tmp_path / "out.rrd")]
     assert subprocess.run([executable("afm_recorder_node", "view"), *arguments], timeout=TIMEOUT).returncode == 0
-    assert (tmp_path / "out.rrd").stat().st_size > 0
+    assert len(series(tmp_path / "out.rrd", "/tanh/drive")[0]) == 300
     monkeypatch.setattr(sys, "argv", ["view", *arguments])
     assert main() == 1 and "nothing is overwritten" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["view", str(two[0]), "--out", str(tmp_path / "one.rrd")])
+    assert main() == 0 and len(series(tmp_path / "one.rrd", "/drive")[0]) == 300
     for shown in (two, two[:1]):
         with view_command._served(shown) as link, urllib.request.urlopen(link.partition("?")[0]) as page:
             assert page.status == 200
