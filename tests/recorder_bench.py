@@ -140,17 +140,19 @@ class RecorderProcess:
     path : of the recording, absolute or below `folder`
     folder : working directory of the process
     namespace : of both
+    first : Python that runs before the recorder
     environment : beside that of this process
     """
 
     def __init__(
-        self, path: Path, *, folder: Path | None = None, namespace: str = NAMESPACE, **environment: str
+        self, path: Path, *, folder: Path | None = None, namespace: str = NAMESPACE, first: str = "", **environment: str
     ) -> None:
         self.told = RecorderStatus()
         self.history: list[tuple[float, RecorderStatus]] = []
         """What the recorder said, and when: monotonic time."""
         self.diagnostics: list[DiagnosticStatus] = []
-        command = [sys.executable, "-c", "import sys; from afm_recorder_node.node import main; sys.exit(main())"]
+        code = f"import sys; from afm_recorder_node.node import main\n{first}\nsys.exit(main())"
+        command = [sys.executable, "-c", code]
         arguments = ["--ros-args", "-r", f"__ns:=/{namespace}", "-p", f"path:={path}", "-p", "view:=false"]
         self._output = tempfile.TemporaryFile("w+")
         self.process = subprocess.Popen(

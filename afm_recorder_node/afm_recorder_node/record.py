@@ -223,6 +223,8 @@ def open_record(path: Path, *, salvage: bool = False) -> Record:
     try:
         with path.open("rb") as file:
             return _opened(path, file.fileno(), salvage)
+    except RecordingError:
+        raise
     except OSError as error:
         raise RecordingError(f"{path} is no readable recording: {reason(error)}") from error
     except _ERRORS as error:
