@@ -43,8 +43,8 @@ def decoded(kind: str, data: bytes) -> tuple[Any, int]:
     if kind not in _types.fielddefs:
         found = get_types_from_msg(definition(kind), kind)
         _types.register({name: what for name, what in found.items() if name not in _types.fielddefs})
-    form = _types.get_msgdef(kind)
     try:
+        form = _types.get_msgdef(kind)
         read = form.deserialize_cdr_le if data[1] else form.deserialize_cdr_be
         message, length = read(data[4:], 0, form.cls, _types)
     # Each field has another way to fail; a length may ask for all memory.
