@@ -9,17 +9,18 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rclpy
-from afm_msgs.msg import ControlTrace, InstrumentStatus, RecorderStatus, Score, Waveform
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, RecorderStatus, ScanLine, Score, Waveform
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.time import Time
-from support import TIMEOUT, note_shared_memory, remove_shared_memory_left
+from support import TIMEOUT, Graph, note_shared_memory, remove_shared_memory_left
 
 from afm_node_common import topics
 from afm_recorder_node.node import RecorderNode
@@ -43,67 +44,72 @@ def stamp(tick: int) -> object:
 class FakeInstrument(Node):
     """Publishes what the simulator publishes; every value tells its own number."""
 
-    def __init__(self, context: Context, namespace: str = NAMESPACE) -> None:
+    def __init__(self, namespace: str = NAMESPACE, context: Context | None = None) -> None:
         super().__init__("afm_sim_node", namespace=namespace, context=context)
         self.declare_parameter("cantilever.a", HEIGHT)
         self.controller = CONTROLLER
+        self.run_id = 7_000
         self.waveforms = {topic: self.create_publisher(Waveform, topic, topics.STREAM_QOS) for topic in CHANNELS}
         self.trace = self.create_publisher(ControlTrace, topics.CONTROL_TRACE, topics.STREAM_QOS)
-        self.status = self.create_publisher(InstrumentStatus, topics.STATUS, topics.LATCHED_QOS)
+        self.status = self.create_publisher(InstrumentStatus, topics.STATUS, topics.EVERY_STATE_QOS)
+        self.events = self.create_publisher(Event, topics.EVENTS, topics.EVENTS_QOS)
+        self.lines = self.create_publisher(ScanLine, topics.SCAN_LINE, topics.SCAN_LINE_QOS)
         self.score = self.create_publisher(Score, topics.SCORE, topics.LATCHED_QOS)
-        self.all = [*self.waveforms.values(), self.trace, self.status]
+        self.all = [*self.waveforms.values(), self.trace, self.status, self.events, self.lines, self.score]
 
     def publish_block(self, first: int) -> None:
         for topic, (unit, scale) in CHANNELS.items():
             message = Waveform(first_sample=2 * first, sample_period=1e-6, scale=scale, unit=unit)
-            message.header.stamp = stamp(first)
             message.samples = array.array("d", np.arange(2.0 * first, 2.0 * (first + BLOCK)))
-            self.waveforms[topic].publish(message)
+            self.publish(self.waveforms[topic], message, first)
         ticks = np.arange(first, first + BLOCK, dtype=np.float64)
         trace = ControlTrace(first_sequence=first, control_period=CONTROL_PERIOD)
-        trace.header.stamp = stamp(first)
-        trace.position = array.array("d", np.outer(ticks, [1.0, 2.0, 3.0]).ravel() * 1e-9)
+        trace.position = trace.velocity = array.array("d", np.outer(ticks, [1.0, 2.0, 3.0]).ravel() * 1e-9)
         trace.reference_position = array.array("d", np.outer(ticks, [0.5, 1.0, 0.0]).ravel() * 1e-9)
         trace.deflection = array.array("d", ticks * 1e-12)
         trace.drive = array.array("d", np.outer(ticks, [1.0, 2.0, 3.0]).ravel())
         trace.round_trip = array.array("f", [1e-4] * BLOCK)
-        self.trace.publish(trace)
+        self.publish(self.trace, trace, first)
 
-    def publish_status(self, state: int, ticks: int, detail: str = "") -> None:
-        message = InstrumentStatus(
-            state=state, ticks=ticks, samples=2 * ticks, detail=detail, controllers=[self.controller]
-        )
-        message.header.stamp = stamp(ticks)
-        self.status.publish(message)
+    def publish_status(self, state: int, ticks: int, detail: str = "", *, over: bool = False) -> None:
+        message = InstrumentStatus(state=state, ticks=ticks, samples=2 * ticks, detail=detail, over=over)
+        message.controllers = [self.controller]
+        self.publish(self.status, message, ticks)
+
+    def publish_event(self, tick: int, text: str) -> None:
+        self.publish(self.events, Event(text=text), tick)
+
+    def end_run(self, ticks: int, detail: str = "", **score: Any) -> None:
+        """The duration is over: the last state, and the score."""
+        self.publish_status(InstrumentStatus.FINISHED, ticks, detail, over=True)
+        self.publish(self.score, Score(ticks=ticks, **score), ticks)
+
+    def reset(self, ticks: int) -> None:
+        """End a run after these ticks, and begin the next one."""
+        self.publish_status(InstrumentStatus.RUNNING, ticks, over=True)
+        self.run_id += 1
+        self.publish_status(InstrumentStatus.WAITING, 0)
+
+    def publish(self, publisher: Any, message: Any, tick: int) -> None:
+        message.run_id, message.header.stamp = self.run_id, stamp(tick)
+        publisher.publish(message)
 
 
 class Bench:
     """A recorder, an instrument and its controller that have found one another."""
 
-    def __init__(self, path: Path, *, answering: bool) -> None:
-        self.path = path
-        self._answering = answering
-        self.context = Context()
-        self.nodes: list[Node] = []
-        rclpy.init(context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-
-    def start(self) -> None:
-        overrides = [Parameter("path", value=str(self.path))]
-        self.instrument = FakeInstrument(self.context)
-        self.controller = Node(
-            "afm_controller_node",
-            namespace=NAMESPACE,
-            context=self.context,
-            start_parameter_services=self._answering,
+    def __init__(self, graph: Graph, path: Path, *, answering: bool = True, **parameters: object) -> None:
+        self.path, self.graph = path, graph
+        self.instrument = graph.add(FakeInstrument())
+        self.controller = graph.add(
+            Node("afm_controller_node", namespace=NAMESPACE, start_parameter_services=answering)
         )
         self.controller.declare_parameter("law.alpha", 20.0)
         self.told = RecorderStatus()
-        self.recorder = RecorderNode(namespace=NAMESPACE, context=self.context, parameter_overrides=overrides)
         self.controller.create_subscription(RecorderStatus, topics.RECORDER_STATUS, self._on_told, topics.LATCHED_QOS)
-        self.nodes = [self.instrument, self.controller, self.recorder]
-        for node in self.nodes:
-            self.executor.add_node(node)
+        given = {"path": str(path), "view": False} | parameters
+        overrides = [Parameter(name, value=value) for name, value in given.items()]
+        self.recorder = graph.add(RecorderNode(namespace=NAMESPACE, parameter_overrides=overrides))
         self.spin_until(lambda: all(publisher.get_subscription_count() == 1 for publisher in self.instrument.all))
         self.spin_until(lambda: self.told.path != "")
         assert not self.told.ready
@@ -113,21 +119,17 @@ class Bench:
     def _on_told(self, message: RecorderStatus) -> None:
         self.told = message
 
-    def spin_once(self, timeout: float) -> None:
-        self.executor.spin_once(timeout_sec=timeout)
+    def spin_until(self, predicate: Callable[[], object]) -> None:
+        self.graph.spin_until(predicate)
 
-    def spin_until(self, predicate: Callable[[], bool], timeout: float = TIMEOUT) -> None:
-        end = time.monotonic() + timeout
-        while not predicate():
-            if time.monotonic() > end:
-                raise TimeoutError(f"still waiting after {timeout} s; the recorder said last: {self.told}")
-            self.spin_once(0.05)
+    def finish(self, spin: Callable[[], object] = lambda: None) -> None:
+        """End the recorder; `spin` is called while it waits for the last blocks."""
 
-    def destroy(self) -> None:
-        self.executor.shutdown()
-        for node in self.nodes:
-            node.destroy_node()
-        rclpy.try_shutdown(context=self.context)
+        def spin_once(timeout: float) -> None:
+            spin()
+            self.graph.executor.spin_once(timeout_sec=timeout)
+
+        self.recorder.finish(spin_once)
 
 
 class RecorderProcess:
@@ -138,25 +140,27 @@ class RecorderProcess:
     path : of the recording, absolute or below `folder`
     folder : working directory of the process
     namespace : of both
+    first : Python that runs before the recorder
     environment : beside that of this process
     """
 
     def __init__(
-        self, path: Path, *, folder: Path | None = None, namespace: str = NAMESPACE, **environment: str
+        self, path: Path, *, folder: Path | None = None, namespace: str = NAMESPACE, first: str = "", **environment: str
     ) -> None:
         self.told = RecorderStatus()
         self.history: list[tuple[float, RecorderStatus]] = []
         """What the recorder said, and when: monotonic time."""
         self.diagnostics: list[DiagnosticStatus] = []
-        command = [sys.executable, "-c", "import sys; from afm_recorder_node.node import main; sys.exit(main())"]
-        arguments = ["--ros-args", "-r", f"__ns:=/{namespace}", "-p", f"path:={path}"]
+        code = f"import sys; from afm_recorder_node.node import main\n{first}\nsys.exit(main())"
+        command = [sys.executable, "-c", code]
+        arguments = ["--ros-args", "-r", f"__ns:=/{namespace}", "-p", f"path:={path}", "-p", "view:=false"]
         self._output = tempfile.TemporaryFile("w+")
         self.process = subprocess.Popen(
             [*command, *arguments], stdout=self._output, stderr=self._output, cwd=folder, env=os.environ | environment
         )
         self.context = Context()
         rclpy.init(context=self.context)
-        self.instrument = FakeInstrument(self.context, namespace)
+        self.instrument = FakeInstrument(namespace, self.context)
         # Nobody waits for the parameters of a controller that is not there.
         self.instrument.controller = self.instrument.get_fully_qualified_name()
         self.instrument.create_subscription(RecorderStatus, topics.RECORDER_STATUS, self._on_told, topics.LATCHED_QOS)

@@ -9,6 +9,8 @@ from rclpy.serialization import serialize_message
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
+from afm_node_common.decoding import InvalidMessage
+
 _RULE = 80 * "="
 _PLAIN = frozenset(
     "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 string wstring".split()
@@ -19,18 +21,37 @@ _types = Typestore()
 
 
 def kind_of(message: Any) -> str:
-    """Type of a message, such as afm_msgs/msg/Waveform."""
-    return f"{type(message).__module__.partition('.')[0]}/msg/{type(message).__name__}"
+    """Name of a message, or of its class, as it stands in a record: afm_msgs/msg/Waveform."""
+    kind = message if isinstance(message, type) else type(message)
+    return f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
 
 
 def serialized(message: Any) -> bytes:
-    """A message as it would arrive: what rclpy makes of it in memory may have some bytes too many behind its end."""
-    kind = kind_of(message)
+    """A message as it would arrive: rclpy makes as many bytes as it has estimated."""
+    data = serialize_message(message)
+    return bytes(data[: decoded(kind_of(message), data)[1]])
+
+
+def decoded(kind: str, data: bytes) -> tuple[Any, int]:
+    """Read a message as the readers of a record do; it, and how many of the bytes it has.
+
+    Raises
+    ------
+    InvalidMessage
+        If the bytes are no such message.
+    """
     if kind not in _types.fielddefs:
         found = get_types_from_msg(definition(kind), kind)
         _types.register({name: what for name, what in found.items() if name not in _types.fielddefs})
-    data, form = serialize_message(message), _types.get_msgdef(kind)
-    return bytes(data[: 4 + form.deserialize_cdr_le(data[4:], 0, form.cls, _types)[1]])
+    try:
+        form = _types.get_msgdef(kind)
+        read = form.deserialize_cdr_le if data[1] else form.deserialize_cdr_be
+        message, length = read(data[4:], 0, form.cls, _types)
+    # Each field has another way to fail; a length may ask for all memory.
+    except Exception as error:
+        short = kind.rpartition("/")[2]
+        raise InvalidMessage(f"{len(data)} bytes that are no {short} ({type(error).__name__})") from None
+    return message, 4 + length
 
 
 @cache

@@ -36,8 +36,11 @@ def head(data: bytes) -> tuple[Head, int]:
         seconds, nanoseconds, length = struct.unpack_from("<iII", data, 4)
         at = _aligned(16 + length, 8)
         (run_id,) = struct.unpack_from("<Q", data, at)
+        data[16 : 16 + length].decode()
     except struct.error:
         raise InvalidMessage(f"{len(data)} bytes are too short for a message") from None
+    except UnicodeDecodeError:
+        raise InvalidMessage("frame_id is not text") from None
     if data[:2] != LITTLE_ENDIAN_CDR:
         raise InvalidMessage(f"the bytes begin with 0x{data[:2].hex()}: plain CDR begins with 0x0001")
     if seconds < 0 or nanoseconds >= NANOSECONDS:
@@ -58,8 +61,8 @@ def waveform(data: bytes) -> Head:
     _ends(data, at + 12 + length)
     if not math.isfinite(scale) or scale == 0.0:
         raise InvalidMessage(f"scale {scale:g}: it must be finite and not 0")
-    text = unit.rstrip(b"\0").decode(errors="replace")
-    if not (text.isprintable() and len(text) <= _UNIT_LENGTH):
+    text = unit[:-1].decode(errors="replace")
+    if not ("\ufffd" not in text and text.isprintable() and len(text) <= _UNIT_LENGTH):
         raise InvalidMessage(f"unit {text[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
     return _placed(found, "first_sample", first, period, count)._replace(unit=text)
 

@@ -22,7 +22,6 @@ from afm_msgs.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from rclpy.serialization import deserialize_message
 
 from afm_model.microscope.image import RETRACE
 from afm_node_common import topics
@@ -35,7 +34,7 @@ from afm_node_common.stamps import stamp
 from afm_node_common.subscriptions import DroppedMessages, Subscriptions
 
 from . import checks, heads
-from .definitions import definition, kind_of, serialized
+from .definitions import decoded, definition, kind_of, serialized
 from .health import Health, HealthPublisher
 from .names import CHANNELS, is_channel
 from .parameters import RecorderParameters
@@ -103,10 +102,10 @@ class RecorderNode(Node):
             (Parameters, topics.PARAMETERS, topics.EVENTS_QOS),
             (Score, topics.SCORE, topics.LATCHED_QOS),
         ):
-            self._listen(kind, name, self._taker(kind), qos)
+            self._listen(kind, name, self._taker(kind_of(kind)), qos)
         if asked.exchanges:
             for kind, name in ((Measurement, topics.MEASUREMENT), (PiezoDrive, topics.PIEZO_DRIVE)):
-                self._listen(kind, name, self._exchange(kind), topics.MEASUREMENT_QOS)
+                self._listen(kind, name, self._exchange(kind_of(kind)), topics.MEASUREMENT_QOS)
 
     # The loop of the node; see `afm_node_common.runner`.
 
@@ -180,58 +179,55 @@ class RecorderNode(Node):
         block = heads.control_trace(data)
         self.recorder.block(Message(name, "afm_msgs/msg/ControlTrace", block.time_ns, time.time_ns(), data), block)
 
-    def _exchange(self, kind: Any) -> Callable[[str, bytes], None]:
+    def _exchange(self, kind: str) -> Callable[[str, bytes], None]:
         def take(name: str, data: bytes) -> None:
             head, _ = heads.head(data)
-            message = Message(name, f"afm_msgs/msg/{kind.__name__}", head.time_ns, time.time_ns(), data)
+            _, length = decoded(kind, data)
+            message = Message(name, kind, head.time_ns, time.time_ns(), data[:length])
             self.recorder.put(message, head.run_id, once=False)
 
         return take
 
-    def _taker(self, kind: Any) -> Callable[[str, bytes], None]:
+    def _taker(self, kind: str) -> Callable[[str, bytes], None]:
         """What takes messages of a type that are few: they are read and checked before they are kept."""
 
         def take(name: str, data: bytes) -> None:
-            try:
-                message = deserialize_message(data, kind)
-            # The middleware, the conversion to Python and memory each fail in their own way.
-            except Exception as error:
-                raise InvalidMessage(f"{len(data)} bytes that are no {kind.__name__} ({type(error).__name__})") from None
-            time_ns = self._checked(message)
+            message, length = decoded(kind, data)
+            time_ns = self._checked(kind, message)
             if not message.run_id:
                 raise InvalidMessage("run_id 0: it must be that of a run")
-            kept = Message(name, f"afm_msgs/msg/{kind.__name__}", time_ns, time.time_ns(), data)
-            self._note(message, self.recorder.put(kept, message.run_id))
+            kept = Message(name, kind, time_ns, time.time_ns(), data[:length])
+            self._note(kind, message, self.recorder.put(kept, message.run_id))
 
         return take
 
-    def _checked(self, message: Any) -> int:
+    def _checked(self, kind: str, message: Any) -> int:
         """Check a message; its time [ns]."""
-        if isinstance(message, NamedArray):
+        if kind == kind_of(NamedArray):
             return checks.result_part(message).time_ns
-        if isinstance(message, ScanLine):
+        if kind == kind_of(ScanLine):
             checks.scan_line(message)
         checks.stamp(message)
         return nanoseconds(message.header.stamp)
 
-    def _note(self, message: Any, progress: Any) -> None:
+    def _note(self, kind: str, message: Any, progress: Any) -> None:
         """Learn what a message says of its run; `progress` of that, None: its record is closed, or it came twice."""
-        if isinstance(message, InstrumentStatus):
+        if kind == kind_of(InstrumentStatus):
             self._presence.heard()
             self._status = message
-        elif isinstance(message, Parameters):
+        elif kind == kind_of(Parameters):
             self._published[message.node] = message.run_id
         if progress is None:
             return
-        if isinstance(message, InstrumentStatus):
+        if kind == kind_of(InstrumentStatus):
             progress.ticks, progress.samples = int(message.ticks), int(message.samples)
             progress.over |= message.over
             if message.over and self._worker is not None:
                 self._worker.start()
             progress.finished |= message.state == InstrumentStatus.FINISHED
-        elif isinstance(message, Score):
+        elif kind == kind_of(Score):
             progress.scored = True
-        elif isinstance(message, ScanLine):
+        elif kind == kind_of(ScanLine):
             progress.lines.put(int(message.scan), 2 * int(message.index) + (message.direction == RETRACE))
 
     # What the recorder adds: parameters of nodes that do not publish them, and events about gaps.

@@ -2,22 +2,25 @@
 
 import subprocess
 import time
+import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
-from afm_msgs.msg import ControlTrace, InstrumentStatus, Score, Waveform
+from afm_msgs.msg import ControlTrace, InstrumentStatus, ScanLine, Score, Waveform
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Vector3
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import qos_profile_parameter_events
 from rclpy.serialization import serialize_message
-from recorder_bench import BLOCK, NAMESPACE, RecorderProcess, stamp
+from recorder_bench import BLOCK, NAMESPACE, RecorderProcess
+from std_msgs.msg import Header
 
 from afm_node_common import topics
 from afm_recorder_node.reader import read_recording
-from afm_recorder_node.recording import IncompleteRecording
+from afm_recorder_node.recording import IncompleteRecording, RecordingError
 
 ROOM = 64 * 2**20
 """Bytes of the disk that gets full."""
@@ -33,6 +36,15 @@ def publish_for(recorder: RecorderProcess, seconds: float, first: int = 0) -> in
         due = time.monotonic() + 0.05
         recorder.spin_until(lambda due=due: time.monotonic() > due)
     return first
+
+
+def ticks(path: Path) -> int:
+    """Ticks in a record, with or without an end."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IncompleteRecording)
+        with suppress(RecordingError):  # nothing stands in it yet
+            return len(read_recording(path).time_ticks)
+        return 0
 
 
 @pytest.fixture
@@ -51,22 +63,23 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 def test_a_path_in_use_is_refused_with_one_sentence_and_the_first_recorder_goes_on(tmp_path: Path) -> None:
     # As a launch file does that is included twice: one working directory, the default path, two namespaces.
-    with RecorderProcess(Path("recording.rrd"), folder=tmp_path, namespace="lab1") as first:
+    with RecorderProcess(Path("recording.mcap"), folder=tmp_path, namespace="lab1") as first:
         first.wait_until_subscribed()
-        with RecorderProcess(Path("recording.rrd"), folder=tmp_path, namespace="lab2") as second:
+        with RecorderProcess(Path("recording.mcap"), folder=tmp_path, namespace="lab2") as second:
             assert second.process.wait(30) == 2
             (line,) = second.text.splitlines()
-            assert "recording.partial.rrd" in line and "another recorder" in line
+            assert "recording.mcap" in line and "another recorder" in line
         for k in range(4):
             first.instrument.publish_block(k * BLOCK)
         first.spin_until(lambda: first.told.ticks == first.told.samples / 2 == 4 * BLOCK)
+        first.instrument.end_run(4 * BLOCK)
         assert first.end() == 0, first.text
-    assert len(read_recording(tmp_path / "recording.rrd").time_ticks) == 4 * BLOCK
-    assert [file.name for file in tmp_path.iterdir()] == ["recording.rrd"]
+    assert len(read_recording(tmp_path / "recording.mcap").time_ticks) == 4 * BLOCK
+    assert [file.name for file in tmp_path.iterdir()] == ["recording.mcap"]
 
 
 def test_what_was_told_a_second_before_a_kill_is_in_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
+    path = tmp_path / "run.mcap"
     with RecorderProcess(path) as recorder:
         recorder.wait_until_subscribed()
         published = publish_for(recorder, 0.1)
@@ -76,8 +89,8 @@ def test_what_was_told_a_second_before_a_kill_is_in_the_file(tmp_path: Path) -> 
         killed = time.monotonic()
     told = max(status.ticks for at, status in recorder.history if at < killed - 1.0)
     assert told > 0
-    with pytest.warns(IncompleteRecording):
-        recording = read_recording(tmp_path / "run.partial.rrd")
+    with pytest.warns(IncompleteRecording, match="it has no end"):
+        recording = read_recording(path)
     assert not recording.complete
     assert told <= len(recording.time_ticks) <= published
     assert len(recording.time_samples) >= 2 * told
@@ -85,36 +98,36 @@ def test_what_was_told_a_second_before_a_kill_is_in_the_file(tmp_path: Path) -> 
 
 
 def test_recorders_that_follow_dead_ones_keep_what_each_had_written(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
-    for blocks in (1, 2, 3):
+    path = tmp_path / "run.mcap"
+    names = ("run.mcap", "run-2.mcap", "run-3.mcap")
+    for name, blocks in zip(names, (1, 2, 3), strict=True):
         with RecorderProcess(path) as recorder:
             recorder.wait_until_subscribed()
             for k in range(blocks):
                 recorder.instrument.publish_block(k * BLOCK)
             recorder.spin_until(lambda blocks=blocks: recorder.told.ticks == blocks * BLOCK)
-            partial = tmp_path / "run.partial.rrd"
+            assert recorder.told.path == str(tmp_path / name)
 
-            def flushed(partial: Path = partial, blocks: int = blocks) -> bool:
-                with pytest.warns(IncompleteRecording):
-                    return len(read_recording(partial).time_ticks) == blocks * BLOCK
+            def flushed(name: str = name, blocks: int = blocks) -> bool:
+                return ticks(tmp_path / name) == blocks * BLOCK
 
             recorder.spin_until(flushed)
             if blocks == 3:
+                recorder.instrument.end_run(blocks * BLOCK)
                 assert recorder.end() == 0
             else:
                 recorder.kill()
         if blocks > 1:
-            assert f"run.interrupted{'-2' if blocks == 3 else ''}.rrd" in recorder.text
-    for name, blocks in (("run.interrupted.rrd", 1), ("run.interrupted-2.rrd", 2)):
-        with pytest.warns(IncompleteRecording):
-            assert len(read_recording(tmp_path / name).time_ticks) == blocks * BLOCK
-    assert len(read_recording(path).time_ticks) == 3 * BLOCK
-    assert len(list(tmp_path.iterdir())) == 3
+            assert f"this run is recorded in {tmp_path / name}" in recorder.text
+    assert [ticks(tmp_path / name) for name in names] == [BLOCK, 2 * BLOCK, 3 * BLOCK]
+    assert read_recording(tmp_path / names[-1]).complete
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(names)
 
 
 def test_full_disk_is_told_and_writing_resumes_with_the_gap_as_an_event(small_disk: Path) -> None:
-    path, ballast = small_disk / "run.rrd", small_disk / "ballast"
-    with RecorderProcess(path) as recorder:
+    path, ballast = small_disk / "run.mcap", small_disk / "ballast"
+    # So that it need not wait long for what does not fit into memory.
+    with RecorderProcess(path, first="from afm_recorder_node import recorder; recorder._WAITING = 50_000") as recorder:
         recorder.wait_until_subscribed()
         first = publish_for(recorder, 0.5)
         recorder.spin_until(lambda: recorder.told.ticks == first)
@@ -136,12 +149,13 @@ def test_full_disk_is_told_and_writing_resumes_with_the_gap_as_an_event(small_di
         reports = recorder.diagnostics
         recorder.spin_until(lambda: reports and reports[-1].level == DiagnosticStatus.ERROR)
         assert "No space left on device" in reports[-1].message
-        first = publish_for(recorder, 0.7, first)
-        recorder.instrument.publish_status(InstrumentStatus.FINISHED, first)
-        score = Score(ticks=first, rms=Vector3(x=1e-9, y=2e-9, z=3e-9))
-        score.header.stamp = stamp(first)
-        recorder.instrument.score.publish(score)
-        recorder.spin_until(lambda: recorder.told.ticks == first and recorder.told.ticks_unwritten > 0)
+
+        def full() -> bool:
+            nonlocal first
+            first = publish_for(recorder, 0.05, first)
+            return recorder.told.ticks_unwritten > 0
+
+        recorder.spin_until(full)
         ballast.unlink()
         recorder.spin_until(lambda: recorder.told.writing)
         first = publish_for(recorder, 0.3, first)
@@ -149,8 +163,10 @@ def test_full_disk_is_told_and_writing_resumes_with_the_gap_as_an_event(small_di
         # Samples come on other topics, so that another block may be the first that is missing.
         recorder.spin_until(lambda: recorder.told.samples == 2 * first)
         missing, samples = recorder.told.ticks_unwritten, recorder.told.samples_unwritten
+        recorder.instrument.end_run(first, rms=Vector3(x=1e-9, y=2e-9, z=3e-9))
         assert recorder.end() == 0, recorder.text
-    recording = read_recording(path)
+    with pytest.warns(IncompleteRecording, match="could not be written"):
+        recording = read_recording(path)
     assert len(recording.time_ticks) == first - missing
     assert any(text.startswith(f"{missing} ticks and {samples} samples") for _, text in recording.events)
     assert recording.score is not None and recording.score["rms"] == {"x": 1e-9, "y": 2e-9, "z": 3e-9}
@@ -162,6 +178,7 @@ def trace(count: int = 2, **fields: object) -> ControlTrace:
         **{
             "control_period": 2e-6,
             "position": [0.0] * 3 * count,
+            "velocity": [0.0] * 3 * count,
             "reference_position": [0.0] * 3 * count,
             "deflection": [0.0] * count,
             "drive": [0.0] * 3 * count,
@@ -195,24 +212,29 @@ SENSELESS = {
     "nanoseconds of 4 s": (topics.DEFLECTION, at(wave(), 0, 4_000_000_000)),
     "scale NaN": (topics.DEFLECTION, wave(scale=float("nan"))),
     "another unit": (topics.DEFLECTION, wave(unit="N")),
+    "no run": (topics.DEFLECTION, wave(run_id=0)),
+    "a state of no run": (topics.STATUS, InstrumentStatus(run_id=0)),
+    "a line without channels": (topics.SCAN_LINE, ScanLine()),
     "a state before the start": (topics.STATUS, at(InstrumentStatus(), -5)),
     "a score before the start": (topics.SCORE, at(Score(), -5)),
 }
 
 
 def test_messages_that_make_no_sense_are_dropped_counted_and_named(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
+    path = tmp_path / "run.mcap"
     with RecorderProcess(path) as recorder:
         recorder.wait_until_subscribed()
         publishers = {
             topics.CONTROL_TRACE: recorder.instrument.trace,
             topics.DEFLECTION: recorder.instrument.waveforms[topics.DEFLECTION],
             topics.STATUS: recorder.instrument.status,
+            topics.SCAN_LINE: recorder.instrument.lines,
             topics.SCORE: recorder.instrument.score,
         }
         recorder.instrument.publish_block(0)
         dropped = 0
         for what, (topic, message) in SENSELESS.items():
+            message.run_id = 0 if "no run" in what else recorder.instrument.run_id
             publishers[topic].publish(message)
             dropped += 1
             recorder.spin_until(lambda dropped=dropped: recorder.told.messages_dropped == dropped)
@@ -220,49 +242,59 @@ def test_messages_that_make_no_sense_are_dropped_counted_and_named(tmp_path: Pat
         recorder.instrument.publish_block(BLOCK)
         recorder.spin_until(lambda: recorder.told.ticks == 2 * BLOCK and recorder.told.samples == 4 * BLOCK)
         assert (recorder.told.ticks_lost, recorder.told.samples_lost) == (0, 0)
+        recorder.instrument.end_run(2 * BLOCK)
         assert recorder.end() == 0, recorder.text
     assert len(read_recording(path).time_ticks) == 2 * BLOCK
     assert "was dropped" in recorder.text
 
 
 def test_bytes_that_are_no_message_are_dropped_and_end_nobody(tmp_path: Path) -> None:
-    path, rng = tmp_path / "run.rrd", np.random.default_rng(0)
+    path, rng = tmp_path / "run.mcap", np.random.default_rng(0)
     with RecorderProcess(path) as recorder:
         recorder.wait_until_subscribed()
         instrument = recorder.instrument
         events = instrument.create_publisher(ParameterEvent, "/parameter_events", qos_profile_parameter_events)
         recorder.spin_until(lambda: events.get_subscription_count() > 0)
         instrument.publish_block(0)
-        whole = serialize_message(trace())
-        bad_text = serialize_message(InstrumentStatus(detail="x" * 8)).replace(b"x" * 8, b"\xff" * 8)
+        whole = serialize_message(trace(run_id=instrument.run_id))
+        texts = {
+            instrument.status: InstrumentStatus(detail="x" * 8),
+            instrument.trace: trace(header=Header(frame_id="x" * 8)),
+            instrument.waveforms[topics.DEFLECTION]: wave(header=Header(frame_id="x" * 8)),
+        }
         sent = [bytes.fromhex("0001"), b"\0", whole[:7], whole[:-3], whole[:60]]
         sent += [rng.bytes(int(size)) for size in rng.integers(1, 400, 100)]
-        # Lengths that say 32 GB, and other words that say something else: any may still be a message.
-        sent += [whole[:k] + b"\xff\xff\xff\xff" + whole[k + 4 :] for k in range(4, len(whole), 4)]
+        # Lengths that say 32 GB, and other words that say something else: any may still be a message. Not those of the
+        # run: a block of another run is recorded.
+        run = whole.index(instrument.run_id.to_bytes(8, "little"))
+        words = [k for k in range(4, len(whole), 4) if k not in (run, run + 4)]
+        sent += [whole[:k] + b"\xff\xff\xff\xff" + whole[k + 4 :] for k in words]
         for data in sent:
             for publisher in (instrument.trace, instrument.waveforms[topics.DEFLECTION], events):
                 publisher.publish(data)
             recorder.spin_until(lambda: True)
-        instrument.status.publish(bad_text)
+        for publisher, message in texts.items():
+            message.run_id = instrument.run_id
+            publisher.publish(serialize_message(message).replace(b"x" * 8, b"\xff" * 8))
         instrument.publish_block(BLOCK)
         recorder.spin_until(lambda: recorder.told.ticks == 2 * BLOCK and recorder.told.samples == 4 * BLOCK)
         # A few of the random ones may be read as something, and something else is the matter with them then.
         assert recorder.told.messages_dropped >= 100
+        instrument.end_run(2 * BLOCK)
         assert recorder.end() == 0, recorder.text
     assert len(read_recording(path).time_ticks) == 2 * BLOCK
 
 
 def test_folder_deleted_while_recording_is_made_again_and_nothing_is_lost(tmp_path: Path) -> None:
-    path = tmp_path / "out" / "run.rrd"
+    path = tmp_path / "out" / "run.mcap"
     with RecorderProcess(path) as recorder:
         recorder.wait_until_subscribed()
         first = publish_for(recorder, 0.7)
-        partial = tmp_path / "out" / "run.partial.rrd"
-        recorder.spin_until(partial.exists)
-        partial.unlink()
-        partial.parent.rmdir()
-        recorder.spin_until(partial.exists)
+        path.unlink()
+        path.parent.rmdir()
+        recorder.spin_until(path.exists)
         first = publish_for(recorder, 0.3, first)
+        recorder.instrument.end_run(first)
         recorder.spin_until(lambda: recorder.told.ticks == first)
         assert recorder.end() == 0, recorder.text
     assert len(read_recording(path).time_ticks) == first
@@ -291,7 +323,7 @@ def test_clock_that_is_set_back_by_a_minute_loses_nothing(tmp_path: Path) -> Non
     source, library, stepped = tmp_path / "clock.c", tmp_path / "clock.so", tmp_path / "stepped"
     source.write_text(CLOCK)
     subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
-    path = tmp_path / "run.rrd"
+    path = tmp_path / "run.mcap"
     environment = {"LD_PRELOAD": str(library), "CLOCK_STEPPED": str(stepped)}
     with RecorderProcess(path, **environment) as recorder:
         recorder.wait_until_subscribed()
@@ -303,16 +335,16 @@ def test_clock_that_is_set_back_by_a_minute_loses_nothing(tmp_path: Path) -> Non
         recorder.spin_until(lambda: recorder.told.ticks == first)
 
         def flushed() -> bool:
-            with pytest.warns(IncompleteRecording):
-                return len(read_recording(tmp_path / "run.partial.rrd").time_ticks) == first
+            return ticks(path) == first
 
         recorder.spin_until(flushed)
+        recorder.instrument.end_run(first)
         assert recorder.end() == 0, recorder.text
     assert len(read_recording(path).time_ticks) == first
 
 
 def test_waveform_of_any_name_in_the_namespace_is_recorded_under_it(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
+    path = tmp_path / "run.mcap"
     with RecorderProcess(path) as recorder:
         recorder.wait_until_subscribed()
         recorder.instrument.publish_block(0)
@@ -320,13 +352,13 @@ def test_waveform_of_any_name_in_the_namespace_is_recorded_under_it(tmp_path: Pa
         elsewhere = recorder.instrument.create_publisher(Waveform, "/elsewhere/creep_x", topics.STREAM_QOS)
         recorder.spin_until(lambda: creep.get_subscription_count() > 0)
         for k in range(3):
-            creep.publish(
-                at(wave(first_sample=4 * k, sample_period=1e-3, samples=[1.0 * k] * 4, scale=2e-9), 0, 4_000_000 * k)
-            )
+            message = wave(first_sample=4 * k, sample_period=1e-3, samples=[1.0 * k] * 4, scale=2e-9)
+            recorder.instrument.publish(creep, message, 2_000 * k)
         recorder.instrument.publish_block(BLOCK)
         recorder.spin_until(lambda: recorder.told.ticks == 2 * BLOCK and recorder.told.samples == 4 * BLOCK)
         assert elsewhere.get_subscription_count() == 0
         assert creep.wait_for_all_acked()
+        recorder.instrument.end_run(2 * BLOCK)
         assert recorder.end() == 0, recorder.text
     recording = read_recording(path)
     channel = recording.channels["truth/creep_x"]

@@ -1,36 +1,36 @@
-"""The recorder node over real topics: what the instrument publishes stands in the file."""
+"""The recorder node over real topics: what the instrument publishes stands in the record of the run that it names."""
 
 import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import rclpy
-from afm_msgs.msg import InstrumentStatus, Score
+from afm_msgs.msg import InstrumentStatus
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
-from recorder_bench import BLOCK, HEIGHT, NAMESPACE, Bench, RecorderProcess, stamp
+from recorder_bench import BLOCK, HEIGHT, NAMESPACE, Bench, RecorderProcess
+from support import Graph
 
 from afm_model.core.errors import ParameterError
-from afm_recorder_node import node
 from afm_recorder_node.node import RecorderNode
 from afm_recorder_node.reader import read_recording
-from afm_recorder_node.recording import ParameterChange
+from afm_recorder_node.recording import IncompleteRecording, ParameterChange, Recording
 
 
 @pytest.fixture
 def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Bench]:
-    bench = Bench(tmp_path / "run.rrd", answering=getattr(request, "param", True))
-    try:
-        bench.start()
-        yield bench
-    finally:
-        bench.destroy()
+    with Graph() as graph:
+        yield Bench(graph, tmp_path / "run.mcap", answering=getattr(request, "param", True))
+
+
+def incomplete(path: Path, why: str) -> Recording:
+    with pytest.warns(IncompleteRecording, match=why):
+        recording = read_recording(path)
+    assert not recording.complete
+    return recording
 
 
 def test_everything_published_stands_in_the_file(bench: Bench) -> None:
@@ -38,10 +38,11 @@ def test_everything_published_stands_in_the_file(bench: Bench) -> None:
     instrument.publish_status(InstrumentStatus.RUNNING, 0)
     for first in range(0, 10 * BLOCK, BLOCK):
         instrument.publish_block(first)
-    instrument.publish_status(InstrumentStatus.FINISHED, 10 * BLOCK, "the duration is over")
+    instrument.end_run(10 * BLOCK, "the duration is over")
     # Nothing has been taken yet: `finish` has to.
-    bench.recorder.finish(bench.spin_once)
+    bench.finish()
     recording = read_recording(bench.path)
+    assert recording.complete and recording.score is not None and recording.score["ticks"] == 10 * BLOCK
     ticks, samples = np.arange(10.0 * BLOCK), np.arange(20.0 * BLOCK)
     close = {"rtol": 1e-15, "atol": 0.0}
     assert np.array_equal(recording.time_ticks, ticks * 2_000 / 1e9)
@@ -62,61 +63,45 @@ def test_states_that_follow_one_another_at_once_are_all_events(bench: Bench) -> 
     changes = [f"change {k}" for k in range(20)]
     for detail in changes:
         bench.instrument.publish_status(InstrumentStatus.STALLED, BLOCK, detail)
-    bench.instrument.publish_status(InstrumentStatus.FINISHED, BLOCK)
-    bench.recorder.finish(bench.spin_once)
+    bench.instrument.end_run(BLOCK)
+    bench.finish()
     told = [text for _, text in read_recording(bench.path).events]
     assert [text for text in told if "change" in text] == [f"STALLED: {detail}" for detail in changes]
 
 
-def test_blocks_that_the_status_tells_of_are_waited_for(bench: Bench) -> None:
+def test_blocks_that_the_last_status_counts_are_waited_for(bench: Bench) -> None:
     bench.instrument.publish_block(0)
-    bench.instrument.publish_status(InstrumentStatus.FINISHED, 2 * BLOCK)
+    bench.instrument.end_run(2 * BLOCK)
     bench.spin_until(lambda: bench.told.ticks == BLOCK)
     # As if it had been lost on the way and were repeated: later than one waits for blocks that nothing is known of.
-    at = time.monotonic() + 1.0
+    late = [time.monotonic() + 1.0]
 
-    def spin_once(timeout: float) -> None:
-        nonlocal at
-        if time.monotonic() > at:
+    def spin() -> None:
+        if late and time.monotonic() > late[0]:
+            late.clear()
             bench.instrument.publish_block(BLOCK)
-            at = float("inf")
-        bench.spin_once(timeout)
 
-    bench.recorder.finish(spin_once)
+    bench.finish(spin)
     assert len(read_recording(bench.path).time_ticks) == 2 * BLOCK
 
 
-def test_blocks_of_a_killed_instrument_are_waited_for_until_nothing_has_come_for_a_while(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_record_of_a_run_that_did_not_end_says_so(bench: Bench) -> None:
     bench.instrument.publish_block(0)
     bench.instrument.publish_status(InstrumentStatus.RUNNING, 9 * BLOCK)
     bench.spin_until(lambda: bench.told.ticks == BLOCK)
-    clock, later = 0.0, [2.0, 5.0]  # when the last blocks come [s]
-    monkeypatch.setattr(node, "time", SimpleNamespace(monotonic=lambda: clock))
-
-    def spin_once(timeout: float) -> None:
-        nonlocal clock
-        clock += timeout
-        if later and clock > later[0]:
-            later.pop(0)
-            bench.instrument.publish_block((2 - len(later)) * BLOCK)
-            bench.spin_until(lambda: bench.recorder.recorder.counts().ticks == (3 - len(later)) * BLOCK)
-
-    bench.recorder.finish(spin_once)
-    assert 5.0 + node._SILENCE <= clock < node._DRAIN_LIMIT
-    assert len(read_recording(bench.path).time_ticks) == 3 * BLOCK
+    bench.finish()
+    assert len(incomplete(bench.path, "it has not come to an end").time_ticks) == BLOCK
 
 
 def test_change_of_a_parameter_is_recorded_at_its_simulated_time(bench: Bench) -> None:
     bench.instrument.publish_block(0)
     bench.instrument.publish_status(InstrumentStatus.RUNNING, BLOCK)
     # The status, too: ticks come on another topic, and the time of the change is that of what was heard last.
-    bench.spin_until(lambda: bench.told.ticks == BLOCK and bench.recorder.recorder.time_ns == BLOCK * 2_000)
-    known = bench.recorder.recorder.known
+    bench.spin_until(lambda: bench.told.ticks == BLOCK and bench.recorder.recorder.present.time_ns == BLOCK * 2_000)
     bench.controller.set_parameters([Parameter("law.alpha", value=5.0)])
-    bench.spin_until(lambda: known["afm_controller_node"]["law.alpha"] == 5.0)
-    bench.recorder.finish(bench.spin_once)
+    bench.spin_until(lambda: bench.recorder._watch.values[f"/{NAMESPACE}/afm_controller_node"]["law.alpha"] == 5.0)
+    bench.instrument.end_run(BLOCK)
+    bench.finish()
     recording = read_recording(bench.path)
     assert recording.parameters["afm_controller_node"]["law.alpha"] == 20.0
     assert recording.parameter_changes == [ParameterChange(1e-3, "afm_controller_node", "law.alpha", 20.0, 5.0)]
@@ -125,44 +110,18 @@ def test_change_of_a_parameter_is_recorded_at_its_simulated_time(bench: Bench) -
 @pytest.mark.parametrize("bench", [False], indirect=True)
 def test_controller_without_parameter_services_is_recorded_too(bench: Bench) -> None:
     bench.instrument.publish_block(0)
-    bench.instrument.publish_status(InstrumentStatus.FINISHED, BLOCK)
-    bench.recorder.finish(bench.spin_once)
+    bench.instrument.end_run(BLOCK)
+    bench.finish()
     recording = read_recording(bench.path)
     assert len(recording.time_ticks) == BLOCK
     assert set(recording.parameters) == {"afm_sim_node"}
-
-
-def test_score_of_the_run_is_recorded(bench: Bench) -> None:
-    bench.instrument.publish_block(0)
-    bench.instrument.publish_status(InstrumentStatus.RUNNING, BLOCK)
-    bench.spin_until(lambda: bench.told.ticks == BLOCK)
-    bench.instrument.publish_block(BLOCK)
-    bench.instrument.publish_status(InstrumentStatus.FINISHED, 2 * BLOCK)
-    score = Score(ticks=2 * BLOCK)
-    score.header.stamp = stamp(2 * BLOCK)
-    bench.instrument.score.publish(score)
-    bench.spin_until(lambda: bench.told.ticks == 2 * BLOCK)
-    bench.recorder.finish(bench.spin_once)
-    kept = read_recording(bench.path).score
-    assert kept is not None and kept["ticks"] == 2 * BLOCK
-
-
-def test_score_of_an_older_run_is_not_recorded(bench: Bench) -> None:
-    score = Score(ticks=7)
-    score.header.stamp = stamp(7 * BLOCK)
-    bench.instrument.score.publish(score)
-    bench.instrument.publish_block(0)
-    bench.instrument.publish_status(InstrumentStatus.FINISHED, BLOCK)
-    bench.spin_until(lambda: bench.told.ticks == BLOCK)
-    bench.recorder.finish(bench.spin_once)
-    assert read_recording(bench.path).score is None
 
 
 def of(entry: DiagnosticStatus) -> dict[str, str]:
     return {value.key: value.value for value in entry.values}
 
 
-def test_diagnostics_tell_that_all_is_well_and_that_ticks_are_missing(bench: Bench) -> None:
+def test_lost_blocks_are_counted_named_in_the_record_and_reported_in_the_diagnostics(bench: Bench) -> None:
     heard: list[DiagnosticStatus] = []
     bench.controller.create_subscription(DiagnosticArray, "/diagnostics", lambda array: heard.extend(array.status), 10)
     bench.instrument.publish_block(0)
@@ -172,81 +131,82 @@ def test_diagnostics_tell_that_all_is_well_and_that_ticks_are_missing(bench: Ben
     bench.instrument.publish_block(2 * BLOCK)
     bench.spin_until(lambda: of(heard[-1])["ticks lost"] == str(BLOCK))
     assert heard[-1].level == DiagnosticStatus.WARN
-
-
-def test_lost_blocks_are_counted(bench: Bench) -> None:
-    for first in (0, BLOCK, 4 * BLOCK):
-        bench.instrument.publish_block(first)
-    bench.spin_until(lambda: bench.told.ticks == 3 * BLOCK and bench.told.samples == 6 * BLOCK)
-    assert (bench.told.ticks_lost, bench.told.samples_lost) == (2 * BLOCK, 4 * BLOCK)
+    bench.spin_until(lambda: bench.told.ticks == 2 * BLOCK and bench.told.samples == 4 * BLOCK)
+    assert (bench.told.ticks_lost, bench.told.samples_lost) == (BLOCK, 2 * BLOCK)
     assert bench.told.path == str(bench.path)
+    bench.instrument.end_run(3 * BLOCK)
+    bench.finish()
+    recording = incomplete(bench.path, f"{BLOCK} ticks and {2 * BLOCK} samples a channel are missing between others")
+    assert (2e-3, f"{BLOCK} values of control_trace are missing before this") in recording.events
 
 
-def test_reset_begins_a_second_recording(bench: Bench) -> None:
-    for first in (0, BLOCK, 2 * BLOCK):
+def test_reset_begins_a_second_record_and_what_comes_late_goes_into_the_first(bench: Bench) -> None:
+    for first in (0, BLOCK):
         bench.instrument.publish_block(first)
-    bench.instrument.publish_status(InstrumentStatus.RUNNING, 3 * BLOCK)
-    bench.spin_until(lambda: bench.told.ticks == 3 * BLOCK)
-    bench.instrument.publish_status(InstrumentStatus.WAITING, 0)
+    bench.spin_until(lambda: bench.told.ticks == 2 * BLOCK)
+    bench.instrument.reset(3 * BLOCK)
+    bench.instrument.publish_event(0, "Approach has begun")  # before any block of its run
     bench.instrument.publish_block(0)
-    second = bench.path.with_name("run-2.rrd")
+    second = bench.path.with_name("run-2.mcap")
     bench.spin_until(lambda: bench.told.path == str(second) and bench.told.ticks == BLOCK)
-    assert len(read_recording(bench.path).time_ticks) == 3 * BLOCK
-    bench.recorder.finish(bench.spin_once)
-    recording = read_recording(second)
-    assert np.array_equal(recording.time_ticks, np.arange(BLOCK) * 2_000 / 1e9)
-    assert recording.events == [(0.0, "WAITING")]
-    assert recording.parameters["afm_controller_node"] == read_recording(bench.path).parameters["afm_controller_node"]
+    bench.instrument.run_id -= 1
+    bench.instrument.publish_block(2 * BLOCK)
+    bench.instrument.run_id += 1
+    bench.instrument.end_run(BLOCK)
+    bench.finish()
+    one, two = read_recording(bench.path), read_recording(second)
+    assert (len(one.time_ticks), len(two.time_ticks)) == (3 * BLOCK, BLOCK)
+    assert two.events == [(0.0, "WAITING"), (0.0, "Approach has begun"), (1e-3, "FINISHED")]
+    assert one.parameters == two.parameters and one.parameters["afm_controller_node"]["law.alpha"] == 20.0
 
 
-def test_recorder_that_came_when_a_run_was_over_has_all_of_the_next(bench: Bench) -> None:
-    bench.instrument.publish_status(InstrumentStatus.FINISHED, 10 * BLOCK)
-    bench.spin_until(lambda: bench.recorder.recorder.time_ns > 0)
-    bench.instrument.publish_status(InstrumentStatus.WAITING, 0)
-    bench.instrument.publish_status(InstrumentStatus.RUNNING, 0)
-    bench.instrument.publish_block(0)
-    bench.spin_until(lambda: bench.told.ticks == BLOCK)
-    known = bench.recorder.recorder.known["afm_controller_node"]
-    bench.controller.set_parameters([Parameter("law.alpha", value=5.0)])
-    bench.spin_until(lambda: known["law.alpha"] == 5.0)
-    bench.instrument.publish_status(InstrumentStatus.FINISHED, BLOCK)
-    bench.recorder.finish(bench.spin_once)
-    recording = read_recording(bench.path)
-    assert len(recording.time_ticks) == BLOCK
-    # The topic of the status keeps the last message only: those before it may be passed over.
-    assert {"RUNNING", "FINISHED"} <= {
-        text for time, text in recording.events if time <= recording.time_ticks[-1] + 1e-5
-    }
-    assert [(change.old, change.new) for change in recording.parameter_changes] == [(20.0, 5.0)]
+def test_recorder_that_comes_when_a_run_is_over_records_the_next_one_only(tmp_path: Path) -> None:
+    with Graph() as graph:
+        before = Bench(graph, tmp_path / "before.mcap")
+        before.instrument.publish_block(0)
+        before.instrument.publish_event(0, "of the run before")
+        before.instrument.end_run(BLOCK)
+        before.finish()
+        graph.remove(before.recorder)
+        late = RecorderNode(namespace=NAMESPACE, parameter_overrides=[Parameter("path", value=str(tmp_path / "late"))])
+        graph.add(late)
+        graph.spin_until(lambda: late._ready and before.instrument.trace.get_subscription_count() == 1)
+        before.instrument.reset(BLOCK)
+        before.instrument.publish_block(0)
+        before.instrument.end_run(BLOCK)
+        graph.spin_until(lambda: late.recorder.counts().ticks == BLOCK)
+        before.recorder = late
+        before.finish()
+    (path,) = tmp_path.glob("late*.mcap")
+    recording = read_recording(path)
+    assert recording.complete and recording.events == [(0.0, "WAITING"), (1e-3, "FINISHED")]
+    assert path.with_suffix(".rrd").exists()  # the view
 
 
 def test_run_without_samples_leaves_no_file(bench: Bench) -> None:
-    bench.recorder.finish(bench.spin_once)
+    bench.finish()
     assert list(bench.path.parent.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["file/run.rrd", ""], ids=["below a file", "a folder"])
+@pytest.mark.parametrize("name", ["file/run.mcap", ""], ids=["below a file", "a folder"])
 def test_path_that_cannot_be_written_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").write_text("")
-    context = Context()
-    rclpy.init(context=context)
-    try:
-        path = Parameter("path", value=str(tmp_path / name))
-        with pytest.raises(ParameterError, match="cannot record to"):
-            RecorderNode(namespace=NAMESPACE, context=context, parameter_overrides=[path])
-    finally:
-        rclpy.try_shutdown(context=context)
+    (tmp_path / "file.mcap").mkdir()
+    path = Parameter("path", value=str(tmp_path / (name or "file.mcap")))
+    with Graph(), pytest.raises(ParameterError, match="cannot record to"):
+        RecorderNode(namespace=NAMESPACE, parameter_overrides=[path])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_process_closes_its_recording_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
-    path = tmp_path / "run.rrd"
+    path = tmp_path / "run.mcap"
     with RecorderProcess(path) as recorder:
         recorder.wait_until_subscribed()
         for first in range(0, 20 * BLOCK, BLOCK):
             recorder.instrument.publish_block(first)
-        recorder.instrument.publish_status(InstrumentStatus.FINISHED, 20 * BLOCK)
+        recorder.instrument.end_run(20 * BLOCK)
         # Delivered, though perhaps not taken: lost packets are repeated only at a heartbeat, up to 3 s later.
         assert all(publisher.wait_for_all_acked(Duration(seconds=20)) for publisher in recorder.instrument.all)
         assert recorder.end(number) == 0, recorder.text
-    assert len(read_recording(path).time_ticks) == 20 * BLOCK
+    recording = read_recording(path)
+    assert recording.complete and len(recording.time_ticks) == 20 * BLOCK

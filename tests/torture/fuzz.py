@@ -182,7 +182,7 @@ class Tape:
         self._path = folder / "run.rrd"
         self.command = node(RECORDER, folder, namespace, path=str(self._path))
         self._graph, self._told = graph, RecorderStatus()
-        self._instrument = graph.add(FakeInstrument(None, namespace))
+        self._instrument = graph.add(FakeInstrument(namespace))
         self._instrument.create_subscription(RecorderStatus, topics.RECORDER_STATUS, self._on_told, topics.LATCHED_QOS)
         self._instrument.controller = self._instrument.get_fully_qualified_name()
         self._events = self._instrument.create_publisher(
