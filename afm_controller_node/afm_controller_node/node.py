@@ -13,6 +13,7 @@ from afm_model.law import SampledLaw
 from afm_model.parts import signals
 from afm_node_common import runner, topics
 from afm_node_common.codec import measurement_codec
+from afm_node_common.decoding import NANOSECONDS
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
 from afm_node_common.estimates import Estimates
@@ -21,7 +22,6 @@ from afm_node_common.parameters import Declared
 from afm_node_common.periodic import PeriodicTask, PeriodicTasks
 from afm_node_common.presence import Presence
 from afm_node_common.process import ControllerNodeParameters
-from afm_node_common.stamps import NANOSECONDS
 from afm_node_common.subscriptions import DroppedMessages
 
 from .diagnostics import Diagnostics

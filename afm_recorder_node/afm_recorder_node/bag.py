@@ -52,6 +52,7 @@ class Bag:
                 if each.topic == PARAMETER_EVENTS or (each.topic.startswith(space) and each.msgtype.startswith(_OURS))
             ]
             published = any(each.msgtype == f"{_OURS}Parameters" for each in kept)
+            message: Any
             for connection, _, raw in bag.messages(kept) if kept else ():
                 topic = connection.topic.removeprefix(space)
                 if connection.topic == PARAMETER_EVENTS:
@@ -98,7 +99,9 @@ def open_bag(path: Path) -> Bag:
         for connection, _, raw in bag.messages(blocks) if blocks else ():
             message: Any = bag.deserialize(raw, connection.msgtype)
             names = ("control_trace", *CHANNELS)
-            spaces |= {connection.topic.removesuffix(f"/{name}") for name in names if connection.topic.endswith(f"/{name}")}
+            spaces |= {
+                connection.topic.removesuffix(f"/{name}") for name in names if connection.topic.endswith(f"/{name}")
+            }
             run_id = int(getattr(message, "run_id", 0))
             runs[run_id] += 1
             first = int(getattr(message, "first_sample", getattr(message, "first_sequence", 0)))

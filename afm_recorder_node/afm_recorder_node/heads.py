@@ -20,7 +20,7 @@ class Head(NamedTuple):
     time_ns: int
     run_id: int
     first: int = 0
-    count: int = 0
+    count: int = 0  # type: ignore[assignment]
     unit: str = ""
 
 

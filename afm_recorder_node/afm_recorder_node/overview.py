@@ -31,7 +31,9 @@ def overview(path: Path, console: Console) -> None:
     ticks = next((each for each in kept if each.name == layout.ROUND_TRIP.name), None)
     about_run = Table(show_header=False, box=None, title=plain(str(path)), title_justify="left", pad_edge=False)
     named, law = parts(about)
-    about_run.add_row("file", f"{_size(path) / 1e6:.4g} MB, {'complete' if about.complete else 'NOT COMPLETE: ' + about.missing}")
+    about_run.add_row(
+        "file", f"{_size(path) / 1e6:.4g} MB, {'complete' if about.complete else 'NOT COMPLETE: ' + about.missing}"
+    )
     about_run.add_row("scenario", plain(scenario(about)))
     about_run.add_row("parts", plain(named))
     about_run.add_row("law", plain(law))

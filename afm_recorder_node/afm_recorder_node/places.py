@@ -2,7 +2,7 @@
 
 import glob
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -18,9 +18,15 @@ class Source(Protocol):
 
     path: Path
     about: dict[str, str]
-    missing: str
 
-    def messages(self, topics: object = None, begin_ns: int = 0, end_ns: int = 2**63) -> Iterator[Entry]:
+    @property
+    def missing(self) -> str:
+        """Why it is not complete; empty if it is."""
+        ...
+
+    def messages(
+        self, topics: Collection[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
+    ) -> Iterator[Entry]:
         """See `Record.messages`."""
         ...
 
@@ -98,4 +104,3 @@ def _below(folder: Path) -> list[Path]:
     bags = [file.parent for file in folder.rglob("metadata.yaml")]
     records = [file for file in folder.rglob(f"*{RECORD}") if file.parent not in bags]
     return sorted([*bags, *records])
-

@@ -147,7 +147,9 @@ class Recorder:
     @property
     def problem(self) -> str:
         """Why a file cannot be written at present; empty if all can."""
-        return next((run.writer.file.problem for run in self._runs.values() if run.writer and run.writer.file.problem), "")
+        return next(
+            (run.writer.file.problem for run in self._runs.values() if run.writer and run.writer.file.problem), ""
+        )
 
     def counts(self) -> RecordedCounts:
         """What the present run has brought up to now."""

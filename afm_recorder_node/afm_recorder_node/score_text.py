@@ -38,7 +38,8 @@ def facts(score: Mapping[str, object]) -> list[str]:
         if isinstance(low, float) and isinstance(high, float):
             factor, unit = prefixed("N", low, high)
             told.append(f"{what.replace('_', ' ')} {factor * low:.4g} to {factor * high:.4g} {unit}")
-    told += [f"{name.replace('_', ' ')} {value}" for name, value in score.items() if type(value) is int and value and name != "run_id"]
+    counted = {name: value for name, value in score.items() if type(value) is int and value and name != "run_id"}
+    told += [f"{name.replace('_', ' ')} {value}" for name, value in counted.items()]
     trip = score.get("round_trip")
     if isinstance(trip, dict):
         told.append(

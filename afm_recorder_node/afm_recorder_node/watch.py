@@ -132,4 +132,3 @@ class ParameterWatch:
             known[name] = new
             if old != new:
                 self._changed(node, name, old, new)
-

@@ -8,7 +8,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from afm_model.run import Run, State
 from afm_node_common import topics
-from afm_node_common.stamps import NANOSECONDS
+from afm_node_common.decoding import NANOSECONDS
 
 _PERIOD = 0.02  # a faster /clock costs every use_sim_time node a third of a core
 _BEGIN = 0.1

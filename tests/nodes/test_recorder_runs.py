@@ -225,9 +225,7 @@ def test_lines_between_others_of_a_scan_are_counted_as_lost() -> None:
 
 def test_what_is_missing_of_a_run_is_named() -> None:
     progress = Progress(1, "control_trace", ["deflection"])
-    assert progress.missing() == [
-        "it has not come to an end: the simulator or the recorder was ended during the run"
-    ]
+    assert progress.missing() == ["it has not come to an end: the simulator or the recorder was ended during the run"]
     progress.over, progress.ticks, progress.samples = True, 100, 200
     progress.stream("control_trace").put(Head(0, 1, 0, 100))
     progress.stream("deflection").put(Head(0, 1, 0, 200))

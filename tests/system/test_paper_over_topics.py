@@ -17,7 +17,8 @@ def score(folder: Path, scenario: str, *options: str) -> dict[str, Any]:
         assert command.wait() == 0, command.text
     assert_nothing_left()
     # No picture was asked for: everything else is there.
-    assert {file.name for file in (folder / "out").iterdir()} == {"logs", "recording.mcap", "recording.rrd", "scorecard.json"}
+    names = {"logs", "recording.mcap", "recording.rrd", "scorecard.json"}
+    assert {file.name for file in (folder / "out").iterdir()} == names
     return dict(json.loads((folder / "out" / "scorecard.json").read_text()))
 
 
