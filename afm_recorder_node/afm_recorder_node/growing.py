@@ -36,7 +36,7 @@ def check_plain(path: Path) -> None:
 
 
 class GrowingFile:
-    """A new file at the first free one of the names run.mcap, run-2.mcap, ..., locked for as long as this process lives.
+    """A new file at the first free one of the names run.mcap, run-2.mcap, ..., locked while this process lives.
 
     Writing raises nothing. What could not be written is kept and tried again with the next write; the file is cut back
     to what was whole, so that it can be read in between.

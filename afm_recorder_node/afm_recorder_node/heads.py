@@ -110,9 +110,7 @@ def _ends(data: bytes, at: int) -> None:
 
 
 def _placed(found: Head, name: str, first: int, period: float, count: int) -> Head:
-    """Check that a block can stand where its numbers say. Blocks are placed by their numbers: one that says two times at
-    once has a wrong number, or a wrong period.
-    """
+    """Check that a block can stand where its numbers say: its stamp must be the time of its first value."""
     if not found.run_id:
         raise InvalidMessage("run_id 0: it must be that of a run")
     if not count:

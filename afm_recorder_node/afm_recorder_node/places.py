@@ -94,7 +94,7 @@ def _record_of(path: Path) -> Path:
         if not path.exists():
             return path
         raise RecordingError(
-            f"{path} is no readable recording: it is made for the viewer, and its record {record.name} is not next to it"
+            f"{path} is no readable recording: it is for the viewer, and its record {record.name} is not next to it"
         )
     return record
 

@@ -86,11 +86,8 @@ def read_recording(path: Path | Source, *, every: int = 1) -> Recording:
         lateral_scale=gathered.scales.get(layout.LATERAL_FORCE.name, float("nan")),
         channels={
             name: Channel(*_joined(rows[name]), gathered.units[name], gathered.scales[name])
-            for name in [
-                *(name for name in CHANNELS if name in gathered.units),
-                *sorted(gathered.units.keys() - CHANNELS.keys()),
-            ]
-        },  # fmt: skip
+            for name in sorted(gathered.units, key=lambda name: ([*CHANNELS, name].index(name), name))
+        },
         **vars(gathered.about()),
     )
 

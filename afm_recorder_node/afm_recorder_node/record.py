@@ -276,7 +276,7 @@ def _opened(path: Path, file: int, salvage: bool) -> Record:
 
 
 def _places(file: int, size: int, at: int = len(MCAP0_MAGIC)) -> tuple[list[_Place], int]:
-    """The records of a file, from a place up to where it breaks off, and the bytes after that which are not such records.
+    """The records of a file from a place up to where it breaks off, and the bytes after that which are none.
 
     A file may end within a record: its recorder was killed, or writes it at this moment.
     """

@@ -21,7 +21,7 @@ class DamagedRecording(RecordingError):
 
 
 class IncompleteRecording(UserWarning):
-    """A recording that has no end, because its recorder is still at work or has died, or that lacks a part of its run."""
+    """A recording that has no end, as that of a recorder that is still at work, or that lacks a part of its run."""
 
 
 @dataclass(frozen=True)

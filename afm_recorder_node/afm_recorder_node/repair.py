@@ -1,4 +1,4 @@
-"""`ros2 run afm_recorder_node repair RECORDING OUT`: copies what is whole of a recording that broke off or is damaged."""
+"""`ros2 run afm_recorder_node repair RECORDING OUT`: copies what is whole of a damaged recording."""
 
 import argparse
 import sys
