@@ -189,6 +189,7 @@ class _Gathered:
         self._names = None if names is None else {*names}
         self._ticks = [each for each in layout.TICKS if self._names is None or each.name in self._names]
         self._waiting: dict[str, list[tuple[_Times, _Array]]] = defaultdict(list)
+        self._rows: dict[str, int] = defaultdict(int)  # that wait
         self._parameters = ParameterValues(source.about.get("namespace", ""))
         self._height: float | None = None
         self._changes: list[ParameterChange] = []
@@ -292,12 +293,13 @@ class _Gathered:
         if not len(times):
             return
         self.signals[signal.name] = signal
-        waiting = self._waiting[signal.name]
-        waiting.append((times, values.reshape(len(times), -1)))
-        if len(times) >= _ROWS or sum(len(each) for each, _ in waiting) >= _ROWS:
+        self._waiting[signal.name].append((times, values.reshape(len(times), -1)))
+        self._rows[signal.name] += len(times)
+        if self._rows[signal.name] >= _ROWS:
             self._send(signal.name)
 
     def _send(self, name: str) -> None:
+        self._rows[name] = 0
         waiting = self._waiting.pop(name, [])
         if waiting:
             times, values = (np.concatenate(part) for part in zip(*waiting, strict=True))
