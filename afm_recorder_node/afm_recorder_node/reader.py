@@ -286,9 +286,7 @@ def _joined(stretches: list[tuple[Times, Array]]) -> tuple[Array, Array]:
     return times / 1e9, values
 
 
-def _aligned(
-    rows: dict[str, list[tuple[Times, Array]]], signals: tuple[Signal, ...]
-) -> tuple[Array, dict[str, Array]]:
+def _aligned(rows: dict[str, list[tuple[Times, Array]]], signals: tuple[Signal, ...]) -> tuple[Array, dict[str, Array]]:
     """Signals by name, on one common time axis [s]; NaN where a signal lacks a time that another one has."""
     joined = {signal.name: _joined(rows[signal.name]) for signal in signals}
     union = joined[signals[0].name][0]
