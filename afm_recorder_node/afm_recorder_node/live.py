@@ -106,7 +106,7 @@ class _Growing:
             self.over = True
         self.over |= self._record.end is not None
         if self.over and self._writer is not None:
-            self._writer.finish(self._record.missing)
+            self._writer.conclude(self._record.missing)
         # Before anything has come, too: a server without a message has no page.
         if number % _AT_ONCE or self.over or self._arranged is None:
             yield self._drawn()
@@ -125,7 +125,7 @@ class _Growing:
         """Everything up to now, with a place in the viewer for what is new."""
         entities: set[str] = set()
         if self._writer is not None:
-            self._writer.canvas.flush()
+            self._writer.flush()
             entities = {each for each in self._writer.canvas.sent if screens.has_place(each)}
         if entities != self._arranged:
             self._arranged = entities

@@ -11,28 +11,22 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
-from numpy.typing import NDArray
 
 from afm_node_common.decoding import InvalidMessage
 
-from . import checks, layout, messages
-from .layout import Signal, instants
-from .names import CHANNELS, is_channel
+from . import layout
+from .layout import Signal
+from .names import CHANNELS
 from .parameter_values import ParameterValues, change_text
 from .places import Source, open_recording
 from .record import Entry
 from .recording import About, Channel, IncompleteRecording, ParameterChange, Recording, RecordingError
 from .scan_lines import ScanLine, images
+from .visitor import Array, Times, Visitor
 
-_Array = NDArray[np.float64]
-_Times = NDArray[np.int64]
-Visit = Callable[[str, _Times, _Array], None]
+Visit = Callable[[str, Times, Array], None]
 """Takes some rows of a signal: name, times (n,) [ns], numbers (n, width) in SI units."""
 Path = str | os.PathLike[str]
-_ROWS = 32_768
-"""Rows of a signal that are given to `visit` at once."""
-_TRACE = "control_trace"
-_WAVEFORM = "afm_msgs/msg/Waveform"
 _FEW = ("status", "events", "parameters", "score")
 """Topics with what a recording holds beside signals and images."""
 
@@ -59,9 +53,9 @@ def read_recording(path: Path | Source, *, every: int = 1) -> Recording:
     IncompleteRecording
         If it has no end, or something is missing in it; `complete` says it too.
     """
-    rows: dict[str, list[tuple[_Times, _Array]]] = defaultdict(list)
+    rows: dict[str, list[tuple[Times, Array]]] = defaultdict(list)
 
-    def keep(name: str, times: _Times, values: _Array) -> None:
+    def keep(name: str, times: Times, values: Array) -> None:
         thinned = slice(-int(rows_seen[name]) % every, None, every)
         rows_seen[name] += len(times)
         rows[name].append((times[thinned].copy(), values[thinned].copy()))
@@ -85,8 +79,8 @@ def read_recording(path: Path | Source, *, every: int = 1) -> Recording:
         deflection_scale=gathered.scales.get(layout.DEFLECTION.name, float("nan")),
         lateral_scale=gathered.scales.get(layout.LATERAL_FORCE.name, float("nan")),
         channels={
-            name: Channel(*_joined(rows[name]), gathered.units[name], gathered.scales[name])
-            for name in sorted(gathered.units, key=lambda name: ([*CHANNELS, name].index(name), name))
+            name: Channel(*_joined(rows[name]), gathered.signals[name].si_unit, gathered.scales[name])
+            for name in sorted(gathered.scales, key=lambda name: ([*CHANNELS, name].index(name), name))
         },
         **vars(gathered.about()),
     )
@@ -141,7 +135,7 @@ def read_signals(
     RecordingError
         Also if there is no signal of a name; the message has those that are near.
     """
-    kept: dict[str, list[tuple[_Times, _Array]]] = defaultdict(list)
+    kept: dict[str, list[tuple[Times, Array]]] = defaultdict(list)
     found = visit_signals(path, names, lambda name, *rows: kept[name].append(rows), begin, end)
     return {name: Channel(*_joined(kept[name]), signal.si_unit, float("nan")) for name, signal in found.items()}
 
@@ -155,7 +149,7 @@ def visit_signals(
     """
     lo, hi = (int(np.clip(1e9 * each, -1, 2**62)) for each in (begin, end))
 
-    def see(name: str, times: _Times, values: _Array) -> None:
+    def see(name: str, times: Times, values: Array) -> None:
         if times[0] < lo or times[-1] > hi:
             inside = (times >= lo) & (times <= hi)
             times, values = times[inside], values[inside]
@@ -173,7 +167,7 @@ def visit_signals(
     return {name: signals.get(name) or layout.signal(name, "") for name in names}
 
 
-class _Gathered:
+class _Gathered(Visitor):
     """What is taken from the messages of a recording.
 
     Parameters
@@ -185,66 +179,28 @@ class _Gathered:
     """
 
     def __init__(self, source: Source, visit: Visit, names: Sequence[str] | None = None) -> None:
-        self._source, self._visit = source, visit
         self._names = None if names is None else {*names}
-        self._ticks = [each for each in layout.TICKS if self._names is None or each.name in self._names]
-        self._waiting: dict[str, list[tuple[_Times, _Array]]] = defaultdict(list)
-        self._rows: dict[str, int] = defaultdict(int)  # that wait
-        self._parameters = ParameterValues(source.about.get("namespace", ""))
+        ticks = [each for each in layout.TICKS if self._names is None or each.name in self._names]
+        super().__init__(source.about, ticks)
+        self._source, self._visit = source, visit
         self._height: float | None = None
         self._changes: list[ParameterChange] = []
         self._events: list[tuple[float, str, str]] = []
         self._lines: list[ScanLine] = []
-        self._state = messages.StateText("", "INFO")
         self._score: dict[str, object] | None = None
-        self.units: dict[str, str] = {}
-        """Of each channel."""
-        self.scales: dict[str, float] = {}
-        """Of each channel, as they were last: SI units per unit as converted."""
-        self.signals: dict[str, Signal] = {}
-        """By name, those that have been seen."""
 
     def topics(self) -> list[str] | None:
         """Topics that are to be read; None: all."""
         if self._names is None:
             return None
-        ticks = [_TRACE] if self._ticks else []
+        ticks = ["control_trace"] if self._ticks else []
         return [*_FEW, *ticks, *(name for name in self._names if name not in layout.TICK_NAMES)]
-
-    def put(self, entry: Entry) -> None:
-        """Take a message."""
-        message, time_ns = entry.message, entry.time_ns
-        if entry.kind == _WAVEFORM:
-            if is_channel(entry.topic):
-                self._waveform(entry.topic, message)
-        elif entry.topic == _TRACE:
-            self._trace(message)
-        elif entry.topic == "status":
-            state = messages.state(message)
-            if state != self._state:
-                self._state = state
-                self._events.append((time_ns / 1e9, state.text, state.level))
-        elif entry.topic == "events":
-            self._events.append((time_ns / 1e9, message.text, messages.level(message)))
-        elif entry.topic == "parameters":
-            for change in self._parameters.put(message, time_ns):
-                self._changes.append(change)
-                self._events.append((change.time, change_text(change), "INFO"))
-        elif entry.topic == "score":
-            self._score = messages.score(message)
-        elif entry.topic == "scan_line":
-            self._lines.append(checks.scan_line(message))
-
-    def finish(self) -> None:
-        """Give `visit` what still waits."""
-        for name in list(self._waiting):
-            self._send(name)
 
     def about(self) -> About:
         """What the recording holds beside its signals."""
         events = sorted(self._events, key=lambda event: event[0])
         return About(
-            parameters=self._parameters.first,
+            parameters=self.known.first,
             parameter_changes=sorted(self._changes, key=lambda change: change.time),
             events=[event[:2] for event in events],
             event_levels=[event[2] for event in events],
@@ -254,56 +210,38 @@ class _Gathered:
             missing=self._source.missing,
         )
 
-    def _waveform(self, name: str, message: object) -> None:
-        m: object = message
-        first, period, samples = int(m.first_sample), float(m.sample_period), np.frombuffer(m.samples)  # type: ignore[attr-defined]
-        checks.block(first, period, len(samples))
-        unit, scale = str(m.unit), float(m.scale)  # type: ignore[attr-defined]
-        if self.units.setdefault(name, unit) != unit:
-            raise InvalidMessage(f"unit {unit[:40]!r} of {name}: this channel is in {self.units[name]!r}")
-        self.scales[name] = scale
-        self._put(layout.signal(name, unit), instants(first, len(samples), period), samples * scale)
+    def rows(self, signal: Signal, times: Times, values: Array) -> None:
+        """See `Visitor.rows`."""
+        self._visit(signal.name, times, values)
 
-    def _trace(self, message: object) -> None:
-        checks.control_trace(message)
-        columns = messages.columns(message)
-        first, period = int(message.first_sequence), float(message.control_period)  # type: ignore[attr-defined]
-        checks.block(first, period, len(columns["deflection"]))
-        times = instants(first, len(columns["deflection"]), period)
-        for signal in self._ticks:
-            if signal is layout.ERROR:
-                error = columns["position"] - columns["reference"]
-                error[:, 2] = self._cantilever() + columns["deflection"] - columns["reference"][:, 2]
-                self._put(signal, times, error)
-            else:
-                self._put(signal, times, columns[signal.name].astype(np.float64))
+    def event(self, time_ns: int, text: str, level: str) -> None:
+        """See `Visitor.event`."""
+        self._events.append((time_ns / 1e9, text, level))
 
-    def _cantilever(self) -> float:
-        """Height of the cantilever's rest position, also where its message comes late."""
+    def parameters(self, entry: Entry, changes: list[ParameterChange]) -> None:
+        """See `Visitor.parameters`."""
+        self._changes += changes
+        self._events += [(change.time, change_text(change), "INFO") for change in changes]
+
+    def score(self, time_ns: int, score: dict[str, object]) -> None:
+        """See `Visitor.score`."""
+        self._score = score
+
+    def line(self, line: ScanLine) -> None:
+        """See `Visitor.line`."""
+        self._lines.append(line)
+
+    @property
+    def height(self) -> float:
+        """Height of the cantilever's rest position [m], also if its message is elsewhere in the file."""
         if self._height is None:
-            known = self._parameters
+            known = self.known
             if np.isnan(known.height):
                 known = ParameterValues(self._source.about.get("namespace", ""))
                 for entry in self._source.messages(("parameters",)):
                     known.put(entry.message, entry.time_ns)
             self._height = known.height
         return self._height
-
-    def _put(self, signal: Signal, times: _Times, values: _Array) -> None:
-        if not len(times):
-            return
-        self.signals[signal.name] = signal
-        self._waiting[signal.name].append((times, values.reshape(len(times), -1)))
-        self._rows[signal.name] += len(times)
-        if self._rows[signal.name] >= _ROWS:
-            self._send(signal.name)
-
-    def _send(self, name: str) -> None:
-        self._rows[name] = 0
-        waiting = self._waiting.pop(name, [])
-        if waiting:
-            times, values = (np.concatenate(part) for part in zip(*waiting, strict=True))
-            self._visit(name, times, values)
 
 
 def _gather(
@@ -335,7 +273,7 @@ def _decoding(source: Source) -> Iterator[None]:
         raise RecordingError(f"{source.path} is no readable recording: {type(error).__name__}: {error}") from error
 
 
-def _joined(stretches: list[tuple[_Times, _Array]]) -> tuple[_Array, _Array]:
+def _joined(stretches: list[tuple[Times, Array]]) -> tuple[Array, Array]:
     """Times [s] and values of one signal, sorted by time."""
     if not stretches:
         return np.empty(0), np.empty(0)
@@ -348,9 +286,7 @@ def _joined(stretches: list[tuple[_Times, _Array]]) -> tuple[_Array, _Array]:
     return times / 1e9, values
 
 
-def _aligned(
-    rows: dict[str, list[tuple[_Times, _Array]]], signals: tuple[Signal, ...]
-) -> tuple[_Array, dict[str, _Array]]:
+def _aligned(rows: dict[str, list[tuple[Times, Array]]], signals: tuple[Signal, ...]) -> tuple[Array, dict[str, Array]]:
     """Signals by name, on one common time axis [s]; NaN where a signal lacks a time that another one has."""
     joined = {signal.name: _joined(rows[signal.name]) for signal in signals}
     union = joined[signals[0].name][0]
