@@ -1,6 +1,6 @@
 """Simulator, controller and recorder as one launch, from a scenario to its score.
 
-ros2 launch afm_bringup instrument.launch.py scenario:=closed_loop_tanh recording:=run.rrd
+ros2 launch afm_bringup instrument.launch.py scenario:=closed_loop_tanh recording:=run.mcap
 
 It ends by itself when the run is finished and the recording closed. A node that dies, or a run that does not come to
 its end, ends the whole launch with exit code 1.
@@ -52,7 +52,7 @@ _ARGUMENTS = {
     ),
     "recording": (
         "true",
-        "file; true: recording.rrd, in another namespace than afm recording-NAMESPACE.rrd; false: none",
+        "file; true: recording.mcap, in another namespace than afm recording-NAMESPACE.mcap; false: none",
     ),
     "scorecard": (
         "true",
@@ -81,7 +81,7 @@ class Instrument:
         self._scenario = [value("scenario")]
         for option in ("overrides", "parts"):
             self._scenario += [f"--{option}", value(option)] if value(option) else []
-        recording = self._file(value("recording"), "recording", ".rrd")
+        recording = self._file(value("recording"), "recording", ".mcap")
         scorecard = self._file(value("scorecard"), "scorecard", ".json")
         settings = [
             ("afm_sim_node", "run.wait_for_recorder", "true" if recording else "false"),

@@ -55,7 +55,7 @@ BEFORE = {
     "docs/first_run.md": [DEMO],
     "docs/figure.md": [DEMO],
     "docs/faults.md": [DEMO, LOOP],
-    "docs/recording.md": [DEMO, IMAGE, "cp out/scan/recording.rrd out/run.rrd", "ln -s out/demo/bag my_bag"],
+    "docs/recording.md": [DEMO, IMAGE, "cp out/scan/recording.rrd out/run.rrd && cp out/scan/recording.mcap out/run.mcap"],
     "docs/tapping.md": [MICROSCOPE + "tapping.yaml"],
     "docs/dynamic.md": [MICROSCOPE + "tapping.yaml"],
     "docs/scan.md": [IMAGE, MICROSCOPE + "my_microscope.yaml"],
@@ -91,7 +91,7 @@ RECORDING = """
 from afm_model import simulate
 from afm_model.run import Replay, recorded_parameters
 from afm_recorder_node.reader import read_recording
-recording = read_recording("out/demo/recording.rrd")
+recording = read_recording("out/demo")
 """
 NEAR = """
 from afm_model.microscope import Microscope
