@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import ControllerParameters, build
-from afm_model.law.predictive.gains import transition
-from afm_model.law.predictive.predictive_constants import values
+from afm_predictive.constants import values
+from afm_predictive.gains import transition
 
 sys.path.insert(0, str(Path(__file__).parent))
 from law_loop import table as of_loop

@@ -34,7 +34,10 @@ from cosmic_ray.plugins import get_operator, operator_names
 from coverage import CoverageData
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = "afm_model", "afm_node_common", "afm_sim_node", "afm_controller_node", "afm_recorder_node", "afm_bringup"
+PACKAGES = (
+    *("afm_model", "afm_predictive", "afm_node_common", "afm_sim_node", "afm_controller_node", "afm_recorder_node"),
+    "afm_bringup",
+)
 SIGNS = "Add", "Sub", "Mul", "Div"
 OTHERS = "Comparison", "Number", "Boolean", "ReplaceAnd", "ReplaceOr", "ReplaceTrue", "ReplaceFalse", "AddNot", "ZeroIt"
 NO_PLACE = {"annassign", "tfpdef", "param", "decorator", "fstring", "raise_stmt"}

@@ -5,18 +5,20 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from action_msgs.msg import GoalStatus
 from afm_msgs.msg import ScanLine
-from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
+from afm_msgs.srv import Exchange, ReadSignals, SetFeedback, SetGains, SetSetpoint
 from std_srvs.srv import Trigger
 from unique_identifier_msgs.msg import UUID
 
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.core.schema import Value
 from afm_model.microscope.backend import Backend, OnLine, OnProgress
+from afm_model.microscope.collect import Reading
 from afm_model.microscope.interrupts import Interrupted, Interrupts
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress
 from afm_model.microscope.verb import Verb
@@ -62,7 +64,7 @@ class Remote(Backend):
         # By this subscription the microscope knows the client of each goal; see `topics.client`.
         self._identity = os.urandom(8)
         self._remote.node.create_subscription(UUID, topics.client(self._identity), lambda goal: None, 10)
-        self._doing = self._stopped = self._wanted_pause = self._paused = False
+        self._doing = self._stopped = self._stay = self._wanted_pause = self._paused = False
         self._remote.node.create_subscription(ScanLine, topics.SCAN_LINE, self._on_line, topics.SCAN_LINE_QOS)
 
     def _on_line(self, message: ScanLine) -> None:
@@ -134,7 +136,12 @@ class Remote(Backend):
                     if (interrupts.there or self._stopped) and cancelled_at == math.inf:
                         cancelled_at = time.monotonic()
                         self._wanted_pause = False
-                        goal.cancel_goal_async()
+                        if self._stays(interrupts):
+                            # Refused where the verb has just come to its end.
+                            with suppress(ParameterError):
+                                remote.ask(Trigger, topics.STOP_VERB)
+                        else:
+                            goal.cancel_goal_async()
                     self._follow_pause()
                     if ended.done():
                         return True
@@ -153,6 +160,9 @@ class Remote(Backend):
                     self.outcome = self._outcome(verb, answer, unanswered, wait=False)
                     raise
                 self.outcome = outcome = self._outcome(verb, ended.result())
+                if outcome.status == FAILED and self._stopped and self._stays(interrupts):
+                    # An action cannot say that somebody else has stopped it.
+                    self.outcome = outcome = replace(outcome, status=CANCELLED)
                 call_back()
                 if outcome.status in (COMPLETE, CANCELLED):
                     remote.settle(news)
@@ -189,9 +199,18 @@ class Remote(Backend):
         status = FAILED if wait else outcome.status
         return Outcome(status, "; ".join(filter(None, (outcome.message, lost))), image)
 
-    def stop(self) -> None:
+    def _stays(self, interrupts: Interrupts) -> bool:
+        return self._stay and not interrupts.there
+
+    def stop(self, *, stay: bool = False) -> None:
         """See `Backend`."""
+        self._stay = stay
         self._stopped = True
+
+    def read_signals(self, *names: str) -> dict[str, Reading]:
+        """See `Backend`; not from another thread, as all but `stop`, `pause` and `resume`."""
+        answer = self._remote.ask(ReadSignals, topics.READ_SIGNALS, names=names)
+        return {name: Reading(*each) for name, *each in zip(answer.read, answer.values, answer.units, strict=True)}
 
     def pause(self) -> None:
         """See `Backend`. The run of the simulator is paused, for everybody."""
@@ -215,7 +234,7 @@ class Remote(Backend):
             raise VerbError(str(error)) from None
 
     def set_loop(self, **settings: Any) -> None:
-        """See `Backend`. Limits of z cannot be set over topics."""
+        """See `Backend`."""
         call = self._remote.call
         kinds = ("force", "voltage", "amplitude", "share")
         given = {name: settings.pop(f"setpoint_{name}") or 0.0 for name in kinds if f"setpoint_{name}" in settings}
@@ -232,12 +251,16 @@ class Remote(Backend):
             call(SetFeedback, topics.SET_FEEDBACK, mode=settings.pop("feedback"))
         if calibrations := {name: settings.pop(name) for name in CALIBRATIONS if name in settings}:
             self.exchange("calibration", calibrations)
+        limits: dict[str, Value] = {name: settings.pop(name) for name in ("low", "high") if name in settings}
+        if limits:
+            self.exchange("onboard", limits)
         if settings:
             raise ParameterError(f"{', '.join(settings)} cannot be set over topics")
 
     def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
         """See `Backend`."""
         services = {"sample": topics.SET_SAMPLE, "plant": topics.SET_PROBE, "calibration": topics.SET_CALIBRATION}
+        services["onboard"] = topics.SET_Z_LIMITS
         self._remote.call(Exchange, services[group], parameters=parameters(changes))
 
     def close(self) -> None:

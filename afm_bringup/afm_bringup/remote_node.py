@@ -118,10 +118,16 @@ class RemoteNode:
             raise VerbError(f"the microscope does not serve {name} (waited {PATIENCE:g} s)")
 
     def call(self, kind: Any, topic: str, **values: Any) -> None:
+        """Call a service that changes something, and wait for news of it; raises as `ask`."""
+        news = self.news
+        self.ask(kind, topic, **values)
+        self.spin_until(lambda: self.news > news, SETTLED)
+
+    def ask(self, kind: Any, topic: str, **values: Any) -> Any:
         """Call a service and wait for its answer; ParameterError with its message if that is no."""
         if topic not in self._services:
             self._services[topic] = self.node.create_client(kind, topic)
-        client, news = self._services[topic], self.news
+        client = self._services[topic]
         self._require(client.service_is_ready, topic)
         there = self.presence(client.service_is_ready)
         answered = client.call_async(kind.Request(**values))
@@ -133,8 +139,8 @@ class RemoteNode:
         if not answered.result().success:
             raise ParameterError(message)
         if message:
-            warnings.warn(message, stacklevel=4)
-        self.spin_until(lambda: self.news > news, SETTLED)
+            warnings.warn(message, stacklevel=5)
+        return answered.result()
 
     def settle(self, news: int, timeout: float = SETTLED) -> None:
         """Wait until the microscope has said that it does nothing any more."""

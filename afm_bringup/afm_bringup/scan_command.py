@@ -64,7 +64,7 @@ def _arguments(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="scan",
         description="Start a microscope, approach, scan an image over topics, withdraw; leave picture, .gwy, "
-        "recording, table. Without a scenario: the letter F and a corner of another material.",
+        ".sxm, recording, table. Without a scenario: the letter F and a corner of another material.",
     )
     parser.add_argument(
         "scenario", nargs="?", default="", help="name of a scenario, or a scenario file, with reference.kind: verbs"

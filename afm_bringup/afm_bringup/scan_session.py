@@ -33,7 +33,7 @@ from .session_start import SessionError, say
 if TYPE_CHECKING:
     from afm_recorder_node.recording import Recording
 
-PNG, SHEET, GWY, TABLE = "scan.png", "channels.png", "scan.gwy", "scan.csv"
+PNG, SHEET, GWY, SXM, TABLE = "scan.png", "channels.png", "scan.gwy", "scan.sxm", "scan.csv"
 _SILENCE = 10.0
 """Wall time from one word of how far it is to the next, where there is no terminal for a bar [s]."""
 _LINES_TIMEOUT = 10.0
@@ -56,7 +56,7 @@ class ScanSession(Session):
         As of `Session`.
     """
 
-    names = (PNG, SHEET, GWY, TABLE)
+    names = (PNG, SHEET, GWY, SXM, TABLE)
 
     def __init__(
         self,
@@ -196,7 +196,7 @@ class ScanSession(Session):
 
     def _write(self, image: Image) -> None:
         """The files of an image, in the folder of what is under way."""
-        from afm_model.files import write_gwy, write_sheet, write_table
+        from afm_model.files import write_gwy, write_sheet, write_sxm, write_table
 
         from .session_pictures import write_scan_picture
 
@@ -205,6 +205,7 @@ class ScanSession(Session):
         write_scan_picture(work / PNG, image, title)
         write_sheet(work / SHEET, image, title)
         write_gwy(work / GWY, image)
+        write_sxm(work / SXM, image)
         write_table(work / TABLE, image)
 
     def _show(self, image: Image, paths: Sequence[Path]) -> None:

@@ -42,6 +42,9 @@ SET_FEEDBACK = "set_feedback"
 SET_SAMPLE = "set_sample"
 SET_PROBE = "set_probe"
 SET_CALIBRATION = "set_calibration"
+SET_Z_LIMITS = "set_z_limits"
+STOP_VERB = "stop_verb"
+READ_SIGNALS = "read_signals"
 
 
 def clock(namespace: str) -> str:

@@ -116,6 +116,9 @@ def _result(verb: Verb, result: Any, image: Image | None) -> Any:
             return image
         if verb.returns is not Standing:
             return found
+        # A verb that was refused stands nowhere.
+        if not found.variables:
+            return None
         return Standing(**{name: each.values.item() for name, each in found.variables.items()})
     if verb.returns is Image:
         if image is not None:

@@ -1,12 +1,13 @@
-"""Services by which the microscope is set between two ticks: setpoint, gains, feedback, calibrations, sample, probe."""
+"""Services between two ticks: settings of the microscope, its signals, another sample or probe, the stop of a verb."""
 
 import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from afm_msgs.srv import Exchange, SetFeedback, SetGains, SetSetpoint
+from afm_msgs.srv import Exchange, ReadSignals, SetFeedback, SetGains, SetSetpoint
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from afm_model.core.errors import ParameterError, VerbError
 from afm_model.onboard.by_amplitude import taps
@@ -39,6 +40,9 @@ class Settings:
         node.create_service(SetGains, topics.SET_GAINS, self._set_gains)
         node.create_service(SetFeedback, topics.SET_FEEDBACK, self._set_feedback)
         node.create_service(Exchange, topics.SET_CALIBRATION, self._set_calibration)
+        node.create_service(Exchange, topics.SET_Z_LIMITS, self._set_z_limits)
+        node.create_service(ReadSignals, topics.READ_SIGNALS, self._read_signals)
+        node.create_service(Trigger, topics.STOP_VERB, self._stop_verb)
         for topic, group in ((topics.SET_SAMPLE, "sample"), (topics.SET_PROBE, "plant")):
             node.create_service(Exchange, topic, partial(self._exchange_part, group))
 
@@ -70,6 +74,34 @@ class Settings:
 
     def _set_calibration(self, request: Any, response: Any) -> Any:
         return self._try(lambda: self._run.operator.use(**values_of(request.parameters)), response)
+
+    def _set_z_limits(self, request: Any, response: Any) -> Any:
+        def change() -> None:
+            limits = values_of(request.parameters)
+            if unknown := [name for name in limits if name not in ("low", "high")]:
+                raise ParameterError(f"{unknown[0]} is not a limit of z: there are low, high")
+            self._run.operator.set_z_limits(**limits)
+
+        return self._try(change, response)
+
+    def _read_signals(self, request: Any, response: Any) -> Any:
+        try:
+            read = self._run.operator.read_signals(*request.names)
+        except ParameterError as error:
+            response.message = sentence(error)
+            return response
+        response.success, response.read = True, list(read)
+        response.values, response.units = [each.value for each in read.values()], [each.unit for each in read.values()]
+        return response
+
+    def _stop_verb(self, request: Any, response: Any) -> Any:
+        operator = self._run.operator
+        response.success = bool(operator.busy)
+        if operator.busy:
+            operator.cancel("stopped", stay=True)
+        else:
+            response.message = "nothing is being done: there is nothing to stop"
+        return response
 
     def _exchange_part(self, group: str, request: Any, response: Any) -> Any:
         def change() -> None:

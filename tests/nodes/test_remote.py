@@ -5,19 +5,22 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 from quick_lever import INSTRUMENT, LAW
+from std_srvs.srv import Trigger
 from support import TIMEOUT, Graph, ros_arguments
 from verbs_bench import APPROACH, ENDLESS
 
 from afm_bringup import remote, remote_node
 from afm_bringup.remote import Remote
-from afm_model.core.errors import VerbError
+from afm_model.core.errors import ParameterError, VerbError
 from afm_model.microscope.image import Line
-from afm_model.microscope.results import CANCELLED, FAILED, Calibration, Progress
-from afm_model.microscope.verbs import FrictionLoop
+from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Calibration, Progress
+from afm_model.microscope.verbs import FrictionLoop, MoveZ
 from afm_model.run import State
+from afm_node_common import topics
 from afm_sim_node.node import SimNode
 
 
@@ -192,3 +195,37 @@ def test_a_calibration_is_put_in_use_as_in_process_and_named_by_results(served: 
     served.client.use(lateral_sensitivity=0.0)
     again = served.client.execute(FrictionLoop(length=10e-9, line_rate=10.0)).result
     assert abs(loop.lateral).max() == pytest.approx(1.5 * abs(again.lateral).max(), rel=0.01)
+
+
+def test_scan_that_is_stopped_keeps_its_tip_on_the_sample_and_the_next_verb_goes_on(served: Served) -> None:
+    served.approach()
+    served.then = partial(served.client.stop, stay=True)
+    outcome = served.client.execute(ENDLESS, on_line=served.on_line)
+    assert (outcome.status, outcome.message) == (CANCELLED, "Scan was stopped; the tip stays on the sample")
+    assert outcome.result.lines_done < ENDLESS.lines
+    state = served.simulator.run.operator.state
+    assert (state.approached, state.near, state.feedback) == (True, True, "on")
+    assert served.client.execute(FrictionLoop(length=10e-9, line_rate=20.0)).status == COMPLETE
+
+
+def test_z_is_held_moved_limited_and_read_over_topics(served: Served) -> None:
+    served.approach()
+    client = served.client
+    client.set_feedback("hold")
+    z = client.read_signals("z", "deflection")
+    assert {name: each.unit for name, each in z.items()} == {"z": "m", "deflection": "m"}
+    assert client.execute(MoveZ(z=z["z"].value - 5e-9)).result.z == pytest.approx(z["z"].value - 5e-9, abs=1e-15)
+    client.set_z_limits(high=z["z"].value + 10e-9)
+    assert served.simulator.run.instrument.parameters.onboard.high == z["z"].value + 10e-9
+    refused = client.execute(MoveZ(z=z["z"].value + 11e-9))
+    assert refused.status == FAILED and "z must be within" in refused.message
+    client.set_z_limits(high=5e-6)
+    with pytest.raises(ParameterError, match="there is no signal colour; there are "):
+        client.read_signals("colour")
+    assert len(client.read_signals()) > 10
+    client.set_feedback("on")
+
+
+def test_nothing_that_is_done_cannot_be_stopped(served: Served) -> None:
+    with pytest.raises(ParameterError, match="nothing is being done: there is nothing to stop"):
+        served.client._remote.ask(Trigger, topics.STOP_VERB)

@@ -31,7 +31,7 @@ ELSEWHERE = {
     r"make ": ".ci/run",
     r"python -m pytest ": ".ci/run",
     r"python examples/learn_tracking.py": "tests/model/studies/test_learning.py",
-    r".* compare .* --robust ": "tests/model/studies/test_wrong_models.py",
+    r".* compare .* --robust ": "tests/predictive/test_wrong_models.py",
     r"python tools/measure_numerics.py --write": "tests/model/test_docs_numbers.py",
 }
 """Commands that something else runs, in the same or in a shorter form."""

@@ -66,8 +66,8 @@ def inner(part: np.ndarray) -> np.ndarray:
 
 
 def test_results_stand_under_their_names_and_nothing_else(made: Made) -> None:
-    names = {"recording.mcap", "recording.rrd", "scan.png", "channels.png", "scan.gwy", "scan.csv", "sample", "logs"}
-    assert {path.name for path in made.folder.iterdir()} == names
+    files = {"recording.mcap", "recording.rrd", "scan.png", "channels.png", "scan.gwy", "scan.sxm", "scan.csv"}
+    assert {path.name for path in made.folder.iterdir()} == files | {"sample", "logs"}
     for name in ("scan.png", "channels.png"):
         with Picture.open(made.folder / name) as picture:
             assert min(picture.size) > 400

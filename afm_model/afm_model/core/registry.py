@@ -24,6 +24,8 @@ from typing import Any
 from .errors import ParameterError
 
 _GROUP = "afm_model."
+_ELSEWHERE = {("law", "predictive"): "afm_predictive"}
+"""Package that offers a part which scenarios of this package choose, and which is installed on its own."""
 _OWN: dict[str, dict[str, Any]] = {}
 _loaded: dict[str, Any] = {}
 """By `module:NAME`."""
@@ -83,6 +85,11 @@ def find(family: str, name: str) -> Any:
         return _OWN[family][name]
     offered = _offered().get(family, {})
     where = offered[name].value if name in offered else name
+    if package := _ELSEWHERE.get((family, where)):
+        raise ParameterError(
+            f"{family} {name} is in the package {package}, which is not installed: pip install ./{package} in a clone, "
+            f"or with ROS 2 build it with the others (make build); or choose one of {', '.join(names(family))}"
+        )
     if ":" not in where[:-1]:
         known = ", ".join(names(family))
         raise ParameterError(

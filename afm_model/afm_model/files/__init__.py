@@ -12,6 +12,8 @@ from .level import lines as level_lines
 from .level import plane as level_plane
 from .picture import picture, sheet, write_picture, write_sheet
 from .scan_hdf5 import ScanFile, read_scan, write_scan
+from .spectrum_dat import read_curve, write_dat
+from .sxm import read_sxm, write_sxm
 from .table import Figures, figures, text_table, write_table
 
 __all__ = [
@@ -27,16 +29,20 @@ __all__ = [
     "level_lines",
     "level_plane",
     "picture",
+    "read_curve",
     "read_scan",
+    "read_sxm",
     "sheet",
     "text_table",
     "write_curve_picture",
     "write_curve_tab",
     "write_curves",
+    "write_dat",
     "write_gsf",
     "write_gwy",
     "write_picture",
     "write_scan",
     "write_sheet",
+    "write_sxm",
     "write_table",
 ]

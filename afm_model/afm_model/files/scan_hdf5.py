@@ -23,6 +23,7 @@ from ..core.schema import build, python_value
 from ..microscope.image import DIRECTIONS, RETRACE, Image, Line, as_image
 from ..microscope.verbs import Lift, Scan
 from .result_files import Disk, checked
+from .sxm import read_sxm
 
 if TYPE_CHECKING:
     import xarray
@@ -224,15 +225,17 @@ def write_scan(path: Path | str, image: "Image | xarray.Dataset", *, overwrite: 
 
 
 def read_scan(path: Path | str) -> Image:
-    """Read a scan from an HDF5 file, as far as it was written.
+    """Read a scan from an HDF5 file, or a .sxm file (see `read_sxm`), as far as it was written.
 
     Raises
     ------
     ResultFileError
         If it cannot be read, or is another kind of file; the message names it and says why.
     ImportError
-        If h5py is not installed.
+        If it is an HDF5 file, and h5py is not installed.
     """
+    if Path(path).suffix.lower() == ".sxm":
+        return read_sxm(path)
     h5py = needed("h5py", "an HDF5 file")
     try:
         with h5py.File(path, "r") as file:

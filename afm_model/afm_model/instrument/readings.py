@@ -11,6 +11,7 @@ from ..core.records import Array, Block, Integers, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.dispatch import observe
 from ..parts.header import BlockHeader
+from ..parts.part import Channel
 from ..parts.signals import Truth
 from .block import Layout, LoopState
 
@@ -38,6 +39,7 @@ class Readings:
     parameters: InstrumentParameters
     ticks: int
     """Control ticks since the start."""
+    channels: tuple[Channel, ...]
     _layout: Layout
     _block: Block
     _loop: Integers
@@ -63,6 +65,10 @@ class Readings:
     def time(self) -> float:
         """Simulated time of the next control tick [s]."""
         return self.ticks * self.parameters.plant.control_period
+
+    def newest(self, row: int) -> float:
+        """Return the present number of a channel, which is its newest sample."""
+        return float(self._block[self._layout.place(self.channels[row].field)])
 
     @property
     def drive(self) -> Array:

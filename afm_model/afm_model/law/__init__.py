@@ -9,11 +9,11 @@ from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
-from .predictive import PREDICTIVE
 from .sampled import SampledLaw, TimingWarning, disagreements, require_plant, warn_of_timing
+from .scanner import free_axis, times
 from .super_twisting import SUPER_TWISTING
 
-register(*paper.PARTS, PID, IMPLICIT, SUPER_TWISTING, OBSERVER, PREDICTIVE, *paper_tracking.PARTS, CHIRP, OUTSIDE)
+register(*paper.PARTS, PID, IMPLICIT, SUPER_TWISTING, OBSERVER, *paper_tracking.PARTS, CHIRP, OUTSIDE)
 
 __all__ = [
     "TANH_GAP",
@@ -23,8 +23,10 @@ __all__ = [
     "TimingWarning",
     "disagreements",
     "error_matrix",
+    "free_axis",
     "lyapunov_matrix",
     "require_plant",
+    "times",
     "ultimate_bound",
     "warn_of_timing",
 ]

@@ -8,6 +8,7 @@ from .arrays import Arrays, Variable, to_xarray, variable
 from .backend import Backend
 from .execution import Execution, Task
 from .image import Image, Line
+from .live import Live
 from .local import Local
 from .microscope import Microscope
 from .operator import Operator
@@ -22,8 +23,10 @@ from .verbs import (
     ContactResonance,
     ForceCurve,
     FrictionLoop,
+    Hold,
     Lift,
     MoveTo,
+    MoveZ,
     Read,
     Scan,
     ScanPath,
@@ -49,15 +52,18 @@ __all__ = [
     "Execution",
     "ForceCurve",
     "FrictionLoop",
+    "Hold",
     "Image",
     "InstrumentView",
     "Lift",
     "Line",
+    "Live",
     "Local",
     "Loop",
     "Microscope",
     "MicroscopeState",
     "MoveTo",
+    "MoveZ",
     "Operator",
     "Outcome",
     "PathRecord",

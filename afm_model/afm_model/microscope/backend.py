@@ -7,6 +7,7 @@ from typing import Any, Self
 from ..core.errors import ParameterError
 from ..core.schema import Value
 from ..parts.loop import NO_DEFLECTION
+from .collect import Reading
 from .image import Line
 from .results import MicroscopeState, Outcome, Progress
 from .verb import Verb
@@ -84,6 +85,14 @@ class LoopSettings(ABC):
         """
         self.set_loop(feedback=mode)
 
+    def set_z_limits(self, low: float | None = None, high: float | None = None) -> None:
+        """Set the least and the largest z [m], positive towards the sample, for the loop and all verbs; None: as it is.
+
+        Limits that z is beyond now are refused.
+        """
+        given = {"low": low, "high": high}
+        self.set_loop(**{name: value for name, value in given.items() if value is not None})
+
 
 class Backend(LoopSettings):
     """Carries out verbs, one after the other. Use it as a context manager, or `close` it."""
@@ -124,10 +133,33 @@ class Backend(LoopSettings):
         """Where the microscope stands."""
 
     @abstractmethod
-    def stop(self) -> None:
-        """End the verb that is being done: the tip is withdrawn, what was measured is kept.
+    def read_signals(self, *names: str) -> dict[str, Reading]:
+        """Read signals as they are now, value and unit by name; at any moment, also during a verb.
+
+        Parameters
+        ----------
+        *names : str
+            As channels of a scan: height, z, error, deflection, lateral, x, y, and every channel that is sampled; none:
+            all that exist.
+
+        Raises
+        ------
+        ParameterError
+            If a signal does not exist.
+        """
+
+    @abstractmethod
+    def stop(self, *, stay: bool = False) -> None:
+        """End the verb that is being done; what was measured is kept.
 
         To be called from a callback, or from another thread than that which waits for the verb.
+
+        Parameters
+        ----------
+        stay : bool
+            False: the tip is withdrawn. True: the scanner comes to rest, and the tip stays on the sample with the
+            feedback as it is set, or z where it is if it was not on the sample; a verb that has opened the loop brings
+            the tip back, and where it cannot the tip is withdrawn.
         """
 
     @abstractmethod

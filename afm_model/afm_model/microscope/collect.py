@@ -6,9 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import ParameterError
 from ..core.jit import kernel
+from ..core.records import place
 from ..instrument import Block, Instrument
 from ..onboard.by_amplitude import taps
+from ..parts.signals import Measurement
 from .image import RETRACE, TRACE, Line
 from .plan import LinePlan
 from .results import TimeSeries
@@ -25,6 +28,13 @@ class Signal(NamedTuple):
     field: str  # of the measurement
     axis: int
     factor: float
+
+
+class Reading(NamedTuple):
+    """A signal at one moment."""
+
+    value: float
+    unit: str
 
 
 def _known(instrument: Instrument) -> dict[str, Signal]:
@@ -71,6 +81,32 @@ def signals(instrument: Instrument, names: Sequence[str]) -> dict[str, Signal]:
     if missing := [name for name in names if name not in known]:
         raise KeyError(missing, sorted(known))
     return {name: known[name] for name in names}
+
+
+def newest(instrument: Instrument, names: Sequence[str]) -> dict[str, Reading]:
+    """Read signals as they are now, by name, see `signals`; at any moment, from any thread.
+
+    Raises
+    ------
+    ParameterError
+        If a signal does not exist; the message names those that do.
+    """
+    try:
+        found = signals(instrument, names)
+    except KeyError as error:
+        missing, known = error.args
+        raise ParameterError(f"there is no signal {', '.join(missing)}; there are {', '.join(known)}") from None
+    read = {}
+    for name, signal in found.items():
+        at = place(Measurement, signal.field) + signal.axis if signal.row < 0 else 0
+        value = float(instrument.measurement[at]) if signal.row < 0 else instrument.newest(signal.row)
+        read[name] = Reading(signal.factor * value, signal.unit)
+    return read
+
+
+def names_of_signals(instrument: Instrument) -> list[str]:
+    """Names of all signals, in order of the alphabet."""
+    return sorted(_known(instrument))
 
 
 @kernel

@@ -47,6 +47,8 @@ class Execution:
         """What it takes at most, as far as known [s]."""
         self.surface = math.inf
         """Offset of z at which the tip was on the sample before the verb opened the loop [m]; infinite: not known."""
+        self.back: Callable[[], tuple[tuple[Step, ...], float]] | None = None
+        """Of a verb that opens the loop: steps that bring the tip back to its setpoint, and how long they take [s]."""
         self.of_lift = ""
         """What is to be known of a lift after which the tip still touches the sample, a sentence."""
         self.remark = ""
@@ -77,9 +79,9 @@ class Execution:
 
     @property
     def rest(self) -> float:
-        """Mean deflection in the last rest of an order [V]."""
+        """Mean deflection in the last rest of an order [V]; 0 if there was none."""
         program = self.view.instrument.orders.program
-        return float(program["total"] / program["samples"])
+        return float(program["total"] / program["samples"]) if program["samples"] else 0.0
 
     @property
     def triggered(self) -> bool:
@@ -97,6 +99,15 @@ def withdrawing(
     offset = view.offset
     target = max(min(offset, surface) - distance, view.reach[0])
     return (Step(orders.RAMP, target=target, rate=rate),), abs(offset - target) / rate
+
+
+def after(first: Step, steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """Steps with another one before them."""
+    later = [
+        step._replace(**{name: to + 1 for name in ("then", "triggered") if (to := getattr(step, name)) != END})
+        for step in steps
+    ]
+    return (first._replace(then=1), *later)
 
 
 def landing(view: InstrumentView, target: float, rate: float, settle: float, rest: float = 0.0) -> tuple[Step, ...]:

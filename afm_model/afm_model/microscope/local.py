@@ -1,7 +1,8 @@
 """A microscope in this process: time passes while a verb is being done, and stands still in between."""
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import Any
 
@@ -12,9 +13,10 @@ from ..instrument.controller import Controller
 from ..law import disagreements, require_plant, warn_of_timing
 from ..parameters import ControllerParameters, InstrumentParameters, changed
 from ..run.engine import Engine
-from ..run.pacing import Compiled
+from ..run.pacing import Compiled, Pacing
 from ..run.state import State
 from .backend import Backend, OnLine, OnProgress
+from .collect import Reading
 from .image import Line
 from .interrupts import Interrupted, Interrupts
 from .operator import Operator, ignore
@@ -54,6 +56,11 @@ class Local(Backend):
         As `with_verbs` and `Instrument` do; if the law has a model of friction that is not that of the plant.
     """
 
+    _lock: AbstractContextManager[Any] = nullcontext()
+    """Held while engine and operator are used; here nobody else uses them."""
+    _clock: Callable[[], float] | None = None
+    """Wall time [s]; None: the run does not look at it."""
+
     def __init__(
         self,
         parameters: InstrumentParameters,
@@ -66,21 +73,24 @@ class Local(Backend):
         require_plant(controller, parameters.plant)
         warn_of_timing(disagreements(controller.law, parameters), stacklevel=3)
         self._controller, self._given_ticks, self._hashed = controller, block_ticks, hashed
-        self._going, self._stopped = threading.Event(), False
+        self._going, self._stopped, self._stay = threading.Event(), False, False
         self._going.set()
         self._begin(parameters)
 
     def _begin(self, parameters: InstrumentParameters) -> None:
         per_tick = round(parameters.plant.control_period / parameters.detector.sample_period)
-        law = Controller(self._controller)
         self.engine = Engine(
             parameters,
-            lambda engine: Compiled(engine, law, by_clock=True),
+            self._pacing,
+            clock=self._clock,
             block_ticks=self._given_ticks or max(1, _BLOCK_SAMPLES // per_tick),
             operate=self._operate,
             hashed=self._hashed,
         )
         self.engine.step()
+
+    def _pacing(self, engine: Engine) -> Pacing:
+        return Compiled(engine, Controller(self._controller), by_clock=True)
 
     def _operate(self, instrument: Instrument) -> Operator:
         self.operator = Operator(instrument)
@@ -117,8 +127,9 @@ class Local(Backend):
         """
         operator, lines = self.operator, list[Line]()
         operator.on_line, call = lines.append, on_line or ignore
-        self.engine.begin(verb)
         self.outcome, self._stopped = None, False
+        with self._lock:
+            self.engine.begin(verb)
         with Interrupts() as interrupts:
             try:
                 while operator.busy:
@@ -132,8 +143,12 @@ class Local(Backend):
                         on_progress(operator.progress)
                     if interrupts.there or self._stopped:
                         self._going.set()
-                        operator.cancel("interrupted" if interrupts.there else "stopped")
-                if interrupts.there or self._stopped:
+                        with self._lock:
+                            operator.cancel(
+                                "interrupted" if interrupts.there else "stopped",
+                                stay=self._stay and not interrupts.there,
+                            )
+                if interrupts.there or (self._stopped and not self._stay):
                     self._end()
             except BaseException:
                 self._end()
@@ -149,7 +164,8 @@ class Local(Backend):
         """Bring a verb to its end, and the tip to a safe place, also where it has just come to its end by itself."""
         operator = self.operator
         operator.on_line = ignore
-        operator.cancel("stopped by an error")
+        with self._lock:
+            operator.cancel("stopped by an error")
         try:
             self._wait()
         finally:
@@ -163,7 +179,8 @@ class Local(Backend):
         """Take the tip away if it is near and time can go on; after a fault nothing moves any more."""
         if not (self.state.near and self.engine.ticking):
             return False
-        self.engine.begin(Withdraw())
+        with self._lock:
+            self.engine.begin(Withdraw())
         self._wait()
         return True
 
@@ -171,9 +188,14 @@ class Local(Backend):
         while self.operator.busy:
             self.step()
 
-    def stop(self) -> None:
+    def stop(self, *, stay: bool = False) -> None:
         """See `Backend`."""
+        self._stay = stay
         self._stopped = True
+
+    def read_signals(self, *names: str) -> dict[str, Reading]:
+        """See `Backend`."""
+        return self.operator.read_signals(*names)
 
     def pause(self) -> None:
         """See `Backend`."""
@@ -199,15 +221,18 @@ class Local(Backend):
 
     def set_loop(self, **settings: Any) -> None:
         """See `Backend`."""
-        self.operator.set_loop(**settings)
+        with self._lock:
+            self.operator.set_loop(**settings)
 
     def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
         """Another sample, probe, detector or piezo; see `exchanged`."""
-        self._begin(exchanged(self.instrument.parameters, self.state, group, changes))
+        with self._lock:
+            self._begin(exchanged(self.instrument.parameters, self.state, group, changes))
 
     def close(self) -> None:
         """See `Backend`."""
-        self.operator.cancel()
+        with self._lock:
+            self.operator.cancel()
         self._wait()
         self._withdraw()
 

@@ -26,6 +26,8 @@ from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario, changed_instrument, following, load_scenario
 from .arrays import to_xarray
 from .backend import Backend, LoopSettings, OnLine, OnProgress
+from .collect import Reading
+from .live import Live
 from .local import Local
 from .results import COMPLETE, MicroscopeState, Outcome
 from .signatures import takes_fields_of, word_of
@@ -39,9 +41,10 @@ if TYPE_CHECKING:
 class Microscope(LoopSettings):
     """What a microscope can do.
 
-    Time passes while it does something, and stands still in between (one that runs somewhere else in real time goes
-    on). Ctrl-C, `stop` and an error in a callback end a verb: the tip is withdrawn, and `outcome` has what was
-    measured. At the end, `close` or a `with`, the tip is withdrawn.
+    Time passes while it does something, and stands still in between. In real time, with `run={"mode": "realtime"}` or
+    somewhere else, it goes on: the loop follows, the sample drifts. Ctrl-C, `stop` and an error in a callback end a
+    verb: the tip is withdrawn (with `stop(stay=True)` it stays), and `outcome` has what was measured. At the end,
+    `close` or a `with`, the tip is withdrawn.
 
     Parameters
     ----------
@@ -51,6 +54,8 @@ class Microscope(LoopSettings):
         The law that moves x and y; that of the scenario if not given.
     on_progress, on_line : callable, optional
         Called now and then with how far a verb is (`Progress`), and with every `Line` of a scan.
+    engaged : bool
+        True: approach before anything else.
     **changes : mapping
         Groups of parameters of the instrument that differ from the preset's: `sample={"width": 50e-9}`. With another
         `kind` as in `afm_model.changed`. The preset's law follows another control period or delay.
@@ -74,23 +79,37 @@ class Microscope(LoopSettings):
         *,
         on_progress: OnProgress | None = None,
         on_line: OnLine | None = None,
+        engaged: bool = False,
         **changes: Mapping[str, Value],
     ) -> None:
         self.on_progress, self.on_line = on_progress, on_line
+        self.backend = self._backend(preset, controller, changes)
+        if engaged and not self.state.approached:
+            try:
+                self.do("approach")
+            except BaseException:
+                self.close()
+                raise
+
+    @staticmethod
+    def _backend(
+        preset: "str | os.PathLike[str] | Scenario | Backend",
+        controller: ControllerParameters | None,
+        changes: Mapping[str, Mapping[str, Value]],
+    ) -> Backend:
         if not isinstance(preset, str | os.PathLike | Scenario):
             if changes or controller is not None:
                 raise ParameterError(
                     f"{', '.join([*changes, *(['controller'] if controller is not None else [])])}: not allowed with a "
                     f"microscope that runs somewhere else, which has its own"
                 )
-            self.backend: Backend = preset
-            return
+            return preset
         scenario = preset if isinstance(preset, Scenario) else load_scenario(preset)
         sim = _changed(scenario, changes)
         if controller is None:
             own = sim.controller_inside
             controller = changed(scenario.controller, following(scenario, sim)) if own is None else own
-        self.backend = Local(sim, controller)
+        return (Live if sim.run.mode == "realtime" else Local)(sim, controller)
 
     def __enter__(self) -> "Microscope":
         return self
@@ -109,9 +128,13 @@ class Microscope(LoopSettings):
         """How the last verb has ended, with its result as it is written to files (`afm_model.files`)."""
         return self.backend.outcome
 
-    def stop(self) -> None:
+    def stop(self, *, stay: bool = False) -> None:
         """See `Backend`: `VerbError` is raised where the verb was begun."""
-        self.backend.stop()
+        self.backend.stop(stay=stay)
+
+    def read_signals(self, *names: str) -> dict[str, Reading]:
+        """See `Backend`."""
+        return self.backend.read_signals(*names)
 
     def pause(self) -> None:
         """See `Backend`."""

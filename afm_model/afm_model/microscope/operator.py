@@ -20,7 +20,7 @@ from ..parts.channels import NORMAL_FORCE
 from ..program.orders import Order, Step
 from ..run.verdict import outside, saturated
 from .backend import LoopSettings
-from .collect import Collector
+from .collect import Collector, Reading, names_of_signals, newest
 from .execution import Execution, Task, withdrawing
 from .image import Line
 from .load import Load
@@ -76,7 +76,7 @@ class Operator(LoopSettings):
         self._load = Load(self._view)
         self._saturated, self._outside, self._errors, self._error_samples = 0, 0.0, 0.0, 0
         self._measured_from = 0  # sample
-        self._slides = self._measures = self._lost = False
+        self._slides = self._on_sample = self._measures = self._lost = False
 
     @property
     def state(self) -> MicroscopeState:
@@ -103,8 +103,13 @@ class Operator(LoopSettings):
         # At a setpoint that a free cantilever exceeds the loop moves the tip away.
         leaves = view.setpoint <= 0.0 or not low < view.z < high
         stays = state.feedback in ("hold", "off") or (state.feedback == "on" and leaves)
-        if state.approached and not state.doing and stays and not view.touching:
+        if state.doing:
+            return
+        if state.approached and stays and not view.touching:
             state.approached = False
+        # A tip that was moved off its sample, and brought back by its loop.
+        elif not state.approached and not stays and state.feedback == "on" and view.follows and view.touching:
+            state.approached = state.near = True
 
     @property
     def busy(self) -> bool:
@@ -122,7 +127,7 @@ class Operator(LoopSettings):
         if told := self.objection(verb):
             raise VerbError(told)
         self._execution = Execution(self._view, self._state, self._tell)
-        self._state.doing, self._slides = type(verb).__name__, verb.slides
+        self._state.doing, self._slides, self._on_sample = type(verb).__name__, verb.slides, verb.on_sample
         self._measures = verb.returns is not Standing
         self._collectors.clear()
         self._status, self._message = COMPLETE, ""
@@ -223,19 +228,45 @@ class Operator(LoopSettings):
         fraction = min(passed / total, 1.0) if self.busy and total > 0.0 else 1.0
         return Progress(fraction, detail if isinstance(detail, str) else detail())
 
-    def cancel(self, reason: str = "cancelled") -> None:
+    def cancel(self, reason: str = "cancelled", *, stay: bool = False) -> None:
         """Stop what is being done, at once: the scanner comes to rest, the tip is withdrawn, then the verb is over.
 
         Parameters
         ----------
         reason : str
             For the message of the outcome.
+        stay : bool
+            The tip is not withdrawn if it need not be, see `Backend.stop`.
         """
         if not self._state.doing or self._status != COMPLETE:
             return
-        self._status, self._message = CANCELLED, f"{self._state.doing} was {reason}; the tip is withdrawn"
+        assert self._execution is not None
+        follows, back = self._view.follows, self._execution.back
+        stay &= follows or back is not None or not self._on_sample
+        rests = "stays on the sample" if self._on_sample else "stays where it is"
+        self._status = CANCELLED
+        self._message = f"{self._state.doing} was {reason}; the tip {rests if stay else 'is withdrawn'}"
         self._close_collectors()
-        self._leave()
+        if stay:
+            self._rest(*(((), 0.0) if follows or back is None else back()))
+        else:
+            self._leave()
+
+    def _rest(self, steps: tuple[Step, ...], duration: float) -> None:
+        """Bring the scanner to rest, and the tip back by these steps; then the verb is over."""
+        assert self._execution is not None
+        execution, name = self._execution, self._state.doing
+
+        def tasks() -> Iterator[Task]:
+            yield Task(Order(self._view.brake(), steps), duration, "coming to rest")
+            if not steps:
+                return
+            if not execution.triggered:
+                raise VerbError(f"{name} was stopped, and its tip did not find the sample again; it is withdrawn")
+            self._state.approached = True
+
+        self._tasks = tasks()
+        self._next()
 
     def withdrawn(self) -> None:
         """Note that the instrument has withdrawn the tip while no verb was being done."""
@@ -308,6 +339,10 @@ class Operator(LoopSettings):
                 f"the sample, or the loop oscillates: scan slower, take a lower setpoint, or change its gains"
             )
 
+    def read_signals(self, *names: str) -> dict[str, Reading]:
+        """See `Backend`."""
+        return newest(self.instrument, names or names_of_signals(self.instrument))
+
     def set_loop(self, **settings: Any) -> None:
         """See `LoopSettings`. A setpoint that the detector does not reach is refused.
 
@@ -318,6 +353,11 @@ class Operator(LoopSettings):
         """
         view, force = self._view, settings.get("setpoint_force", 0.0)
         volts = settings.get("setpoint_voltage") or view.volts(force)
+        for name, side in (("low", 1.0), ("high", -1.0)):
+            if name in settings and side * (view.z - settings[name]) < 0.0:
+                raise ParameterError(
+                    f"{name} = {settings[name]:g} m is not allowed: z = {view.z:g} m is beyond it; move z first"
+                )
         for sentence in saturating("a setpoint", volts, view):
             raise ParameterError(sentence)
         # A loop that knows a voltage only need not be told that there is no force.

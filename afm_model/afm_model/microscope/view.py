@@ -10,6 +10,7 @@ from ..instrument import Instrument
 from ..onboard.by_amplitude import lag, taps
 from ..parameters import changed
 from ..parts.loop import Onboard
+from ..parts.signals import FOLLOW
 from ..parts.timing import ticks_of
 from ..program.orders import Polynomial, quintic
 
@@ -206,6 +207,11 @@ class InstrumentView:
     def offset(self) -> float:
         """Of z from where the loop was opened [m]; 0 while it follows."""
         return float(self.instrument.orders.program.offset)
+
+    @property
+    def follows(self) -> bool:
+        """Whether z is left to its loop, whose feedback may be held: no verb has opened it, and no withdrawal."""
+        return bool(self.instrument.orders.program.mode == FOLLOW)
 
     @property
     def z_range(self) -> tuple[float, float]:

@@ -2,9 +2,26 @@
 
 from pydantic import Field
 
-from ..core.jit import kernel
-from ..core.records import Array, Integers, Record, Vector
-from ..core.schema import Unit
+from ..core.elementary import (
+    cbrt,
+    cos,
+    cosh,
+    exp,
+    expm1,
+    hypot,
+    inverse_cbrt,
+    log,
+    power,
+    sin,
+    sincos,
+    sinh,
+    square,
+    tan,
+    tanh,
+)
+from ..core.jit import kernel, routine
+from ..core.records import Array, Block, Integers, Record, Vector, numbers_at, pointer_at
+from ..core.schema import NonNegative, Positive, Unit
 from .dispatch import surface
 from .groups import (
     DetectorParameters,
@@ -17,14 +34,48 @@ from .groups import (
     SampleParameters,
 )
 from .loop import Onboard
-from .part import Channel, Corrugation, Detector, Fault, Law, LawEstimate, Part, Piezo, Plant, Program, Sample
+from .part import (
+    Channel,
+    Corrugation,
+    Detector,
+    Fault,
+    Law,
+    LawEstimate,
+    Numbers,
+    Part,
+    Piezo,
+    Plant,
+    Program,
+    Sample,
+    Tree,
+)
+from .signals import (
+    LONGEST_HORIZON,
+    Actuation,
+    Delivery,
+    Detection,
+    Displacement,
+    Drive,
+    Measurement,
+    PiezoDrive,
+    Setpoint,
+    Surface,
+    Truth,
+)
 
 __all__ = [
+    "LONGEST_HORIZON",
+    "Actuation",
     "Array",
+    "Block",
     "Channel",
     "Corrugation",
+    "Delivery",
+    "Detection",
     "Detector",
     "DetectorParameters",
+    "Displacement",
+    "Drive",
     "Fault",
     "FaultParameters",
     "Field",
@@ -32,20 +83,47 @@ __all__ = [
     "Law",
     "LawEstimate",
     "LawParameters",
+    "Measurement",
+    "NonNegative",
+    "Numbers",
     "Onboard",
     "OnboardParameters",
     "Part",
     "Piezo",
+    "PiezoDrive",
     "PiezoParameters",
     "Plant",
     "PlantParameters",
+    "Positive",
     "Program",
     "ProgramParameters",
     "Record",
     "Sample",
     "SampleParameters",
+    "Setpoint",
+    "Surface",
+    "Tree",
+    "Truth",
     "Unit",
     "Vector",
+    "cbrt",
+    "cos",
+    "cosh",
+    "exp",
+    "expm1",
+    "hypot",
+    "inverse_cbrt",
     "kernel",
+    "log",
+    "numbers_at",
+    "pointer_at",
+    "power",
+    "routine",
+    "sin",
+    "sincos",
+    "sinh",
+    "square",
     "surface",
+    "tan",
+    "tanh",
 ]

@@ -3,7 +3,7 @@
 import math
 
 from ..instrument.controller import Controller
-from ..parameters import SimParameters
+from ..parameters import ControllerParameters, SimParameters
 from .engine import Engine
 from .pacing import Compiled
 
@@ -22,13 +22,17 @@ class LawInside(Compiled):
     ----------
     engine : Engine
     parameters : SimParameters
-        They have a law inside.
+    controller : ControllerParameters, optional
+        With the law; without, that inside the simulator's parameters.
     """
 
-    def __init__(self, engine: Engine, parameters: SimParameters) -> None:
-        assert parameters.controller_inside is not None
-        super().__init__(engine, Controller(parameters.controller_inside), by_clock=parameters.run.mode == "realtime")
-        self._parameters = parameters
+    def __init__(
+        self, engine: Engine, parameters: SimParameters, controller: ControllerParameters | None = None
+    ) -> None:
+        law = controller or parameters.controller_inside
+        assert law is not None
+        super().__init__(engine, Controller(law), by_clock=parameters.run.mode == "realtime")
+        self._parameters, self._given = parameters, controller
         self._ticks = 1  # of a piece
         self._begun, self._first = 0.0, 0  # of the piece that is being made: wall time and tick
         self._period = 0.0
@@ -41,7 +45,7 @@ class LawInside(Compiled):
     def adapt(self, parameters: SimParameters) -> None:
         """Follow a change of the law's parameters, or of the factor of real time."""
         self._parameters = parameters
-        law = parameters.controller_inside
+        law = self._given or parameters.controller_inside
         assert law is not None
         if law != self.law.parameters:
             self.law.parameters = law

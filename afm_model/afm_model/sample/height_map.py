@@ -18,7 +18,7 @@ class HeightMap(SampleParameters):
     """Heights from a file. The middle of the map is at x = y = 0."""
 
     kind: str = Field("map", description="the sample")
-    file: str = Field("", description="height map: .npy, .gsf, .gwy or an image")
+    file: str = Field("", description="height map: .npy, .gsf, .gwy, .sxm or an image")
     width: Annotated[NonNegative, Unit("m")] = Field(0.0, description="size along x; 0: that of the file")
     length: Annotated[NonNegative, Unit("m")] = Field(0.0, description="size along y; 0: that of the file, or as x")
     height_unit: Annotated[Positive, Unit("m")] = Field(
@@ -38,7 +38,9 @@ def _of(parameters: Tree) -> Relief:
     sample, scales = parameters.sample, parameters.scales
     files = (sample.file, *(getattr(sample, name) for name in _MATERIALS))
     if not sample.file:
-        raise ValueError("sample.file is not given: sample.kind = map needs a height map (.npy, .gsf, .gwy, image)")
+        raise ValueError(
+            "sample.file is not given: sample.kind = map needs a height map (.npy, .gsf, .gwy, .sxm, image)"
+        )
     changed = tuple(file_stamp(path) if path else 0 for path in files)
     return _made(sample, parameters.plant.radius_of_tip(parameters), scales.x0, scales.z0, changed)
 

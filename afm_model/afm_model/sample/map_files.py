@@ -1,4 +1,4 @@
-"""Height maps from files: .npy, .gsf, .gwy, images. Rows go along y, upwards."""
+"""Height maps from files: .npy, .gsf, .gwy, .sxm, images. Rows go along y, upwards."""
 
 import json
 import os
@@ -38,8 +38,8 @@ def read_field(path: str) -> Field:
     Parameters
     ----------
     path : str
-        Of .npy and images the unit is the user's; .gsf and .gwy are in metres. Images are read as grey, 0 to 1, those
-        in floating point as they are.
+        Of .npy and images the unit is the user's; .gsf, .gwy and .sxm are in metres. Images are read as grey,
+        0 to 1, those in floating point as they are.
 
     Raises
     ------

@@ -13,11 +13,11 @@ import struct
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-SUFFIXES = (".npy", ".gsf", ".gwy", ".png", ".tif", ".tiff", ".jpg")
+SUFFIXES = (".npy", ".gsf", ".gwy", ".sxm", ".png", ".tif", ".tiff", ".jpg")
 MOST_VALUES = 2048 * 2048
 """Of a map: the instrument then takes seconds to put it in, and 300 MB meanwhile."""
 MOST_BYTES = 1 << 29
@@ -62,6 +62,8 @@ def _read(path: str) -> _Found:
         return _gsf(Path(path).read_bytes())
     if suffix == ".gwy":
         return _gwy(Path(path).read_bytes())
+    if suffix == ".sxm":
+        return _sxm(Path(path).read_bytes())
     return _image(path)
 
 
@@ -165,6 +167,76 @@ def _object(content: bytes, at: int, depth: int = 0) -> tuple[str, dict[str, Any
         else:
             raise ValueError(f"its component {key} has the kind {kind}, which is not read")
     return name, items, end
+
+
+class Sxm(NamedTuple):
+    """A .sxm file: header and images, in order, each with column 0 on the left and row 0 at the least y."""
+
+    header: dict[str, str]
+    """Text by key, as `SCAN_RANGE`."""
+    units: dict[str, str]
+    """Of the channels, by name, in the order of the file; names have their spaces."""
+    images: dict[tuple[str, str], Any]
+    """Numbers (rows, columns) by name of the channel and direction, `forward` or `backward`; NaN: not measured."""
+
+
+def sxm(content: bytes) -> Sxm:
+    """Read a .sxm file from its bytes.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or shorter than its header says.
+    """
+    head, ended, data = content.partition(b"\n:SCANIT_END:\n")
+    # Two bytes mark where the numbers begin.
+    mark = data[:16].find(b"\x1a\x04")
+    if not content.startswith(b":NANONIS_VERSION:") or not ended or mark < 0:
+        raise ValueError("it is no .sxm file: it must begin with :NANONIS_VERSION:, and have :SCANIT_END: and 1A 04")
+    header: dict[str, str] = {}
+    key = ""
+    for line in head.decode("latin-1").splitlines():
+        if len(line) > 2 and line.startswith(":") and line.endswith(":"):
+            key = line[1:-1]
+            header[key] = ""
+        else:
+            header[key] += f"{line}\n"
+    if missing := [name for name in ("SCAN_PIXELS", "SCAN_RANGE", "SCAN_DIR", "DATA_INFO") if name not in header]:
+        raise ValueError(f"its header has no {missing[0]}")
+    if (kind := header.get("SCANIT_TYPE", "FLOAT MSBFIRST").split()) != ["FLOAT", "MSBFIRST"]:
+        raise ValueError(f"its SCANIT_TYPE is {' '.join(kind)}, which is not read")
+    columns, rows = (int(word) for word in header["SCAN_PIXELS"].split())
+    _allowed(columns, rows)
+    titles, *table = ([word.strip() for word in line.strip().split("\t")] for line in _filled(header["DATA_INFO"]))
+    if not table:
+        raise ValueError("its DATA_INFO has no channel")
+    units: dict[str, str] = {}
+    images: dict[tuple[str, str], Any] = {}
+    at = mark + 2
+    for each in table:
+        row = dict(zip(titles, each, strict=False))
+        name = row["Name"].replace("_", " ")
+        units[name] = row["Unit"]
+        for direction in ("forward", "backward") if row["Direction"] == "both" else (row["Direction"],):
+            stored = np.frombuffer(data, ">f4", columns * rows, at).reshape(rows, columns)
+            at += stored.nbytes
+            # Rows are stored as they were scanned, those of the way back from right to left.
+            upwards = stored if header["SCAN_DIR"].strip() == "up" else stored[::-1]
+            images[name, direction] = upwards[:, ::-1] if direction == "backward" else upwards
+    return Sxm({name: value.strip() for name, value in header.items()}, units, images)
+
+
+def _filled(text: str) -> list[str]:
+    return [line for line in text.splitlines() if line.strip()]
+
+
+def _sxm(content: bytes) -> _Found:
+    """The heights of a .sxm file, on the way forth."""
+    found = sxm(content)
+    if ("Z", "forward") not in found.images:
+        raise ValueError(f"it has no channel Z, its channels are {', '.join(found.units)}")
+    width, height = (float(word) for word in found.header["SCAN_RANGE"].split())
+    return found.images["Z", "forward"], width, height
 
 
 def main() -> None:

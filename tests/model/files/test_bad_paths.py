@@ -13,11 +13,13 @@ from afm_model.files import (
     read_scan,
     write_curve_tab,
     write_curves,
+    write_dat,
     write_gsf,
     write_gwy,
     write_picture,
     write_scan,
     write_sheet,
+    write_sxm,
     write_table,
 )
 from afm_model.files.result_files import Disk
@@ -34,6 +36,8 @@ WRITERS = {
     "csv": (".csv", lambda path: write_table(path, IMAGE)),
     "txt": (".txt", lambda path: write_table(path, IMAGE)),
     "curves": (".h5", lambda path: write_curves(path, CURVE)),
+    "sxm": (".sxm", lambda path: write_sxm(path, IMAGE)),
+    "dat": (".dat", lambda path: write_dat(path, CURVE)),
     "tab": (".tab", lambda path: write_curve_tab(path, CURVE)),
     "scan": (".h5", lambda path: write_scan(path, IMAGE)),
 }

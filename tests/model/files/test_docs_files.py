@@ -37,6 +37,7 @@ def test_examples_of_the_page_run_and_print_what_they_measure(ran):
     assert 0.3 < float(ratio) < 0.52 and unit == "N"
     assert float(printed["level"]) < 0.2e-9
     names = {"scan.gwy", "friction.gsf", "height.png", "scan.png", "scan.csv", "scan.h5", "curves.h5", "curve.tab"}
+    names |= {"scan.sxm", "curve.dat"}
     assert names <= {each.name for each in folder.iterdir()}
     again, first = (gwyfile.load(str(folder / name)) for name in ("again.gwy", "scan.gwy"))
     assert (again["/6/data"].data == first["/6/data"].data).all()

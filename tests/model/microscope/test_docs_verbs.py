@@ -16,6 +16,12 @@ def test_the_example_of_the_page_prints_what_the_page_says(tmp_path):
     assert f"It prints {printed[0]} nN and {printed[1]} nN" in PAGE
 
 
+def test_the_example_of_a_z_that_is_held_runs(tmp_path):
+    pytest.importorskip("xarray")
+    microscope = run_programs("docs/verbs.md", tmp_path, "held").scope["microscope"]
+    assert not microscope.state.near
+
+
 def test_the_example_of_calibrations_in_use_prints_what_the_page_says(tmp_path):
     pytest.importorskip("xarray")
     printed = run_programs("docs/verbs.md", tmp_path, "calibrations").printed["calibrations"].strip()

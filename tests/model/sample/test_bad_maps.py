@@ -22,7 +22,7 @@ from afm_model.sample import map_reader
 from afm_model.sample.map_files import read_field
 from afm_model.sample.map_reader import SUFFIXES, answer
 
-from .test_samples import LEVER, gsf, gwy
+from .test_samples import LEVER, gsf, gwy, sxm
 
 
 def npy(values: np.ndarray) -> bytes:
@@ -71,6 +71,7 @@ def archive() -> bytes:
 
 
 FLAT = np.zeros((8, 8))
+SXM = sxm(FLAT, 1e-6)
 GWY, GSF, EPS = gwy(FLAT, 1e-6), gsf(FLAT, 1e-6), b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\nshowpage\n"
 BAD = {
     "empty.npy": b"",
@@ -84,6 +85,15 @@ BAD = {
     "no_header.npy": b"\x93NUMPY\x01\x00" + struct.pack("<H", 60) + b"(" * 60,
     "large.npy": npy(np.zeros((4096, 2048), np.uint8)),
     "empty.gsf": b"",
+    "empty.sxm": b"",
+    "cut.sxm": SXM[:-700],
+    "large.sxm": SXM.replace(b"PIXELS:\n8 8", b"PIXELS:\n9999 9999"),
+    "negative.sxm": SXM.replace(b"PIXELS:\n8 8", b"PIXELS:\n-8 -8"),
+    "current.sxm": SXM.replace(b"\tZ\tm\t", b"\tCurrent\tA\t"),
+    "no_channel.sxm": SXM.replace(b"\t14\tZ\tm\tboth\t1\t0\n", b""),
+    "no_range.sxm": SXM.replace(b":SCAN_RANGE:", b":RANGE:"),
+    "no_size.sxm": SXM.replace(b"1e-06 1e-06", b"nan nan"),
+    "integers.sxm": SXM.replace(b"FLOAT MSBFIRST", b"INT MSBFIRST"),
     "negative.gsf": GSF.replace(b"XRes = 8", b"XRes = -1").replace(b"YRes = 8", b"YRes = 1"),
     "large.gsf": GSF.replace(b"XRes = 8", b"XRes = 9999999"),
     "words.gsf": GSF.replace(b"XRes = 8", b"XRes = x"),
@@ -149,7 +159,15 @@ def test_reader_that_dies_of_a_file_takes_nobody_with_it(tmp_path, monkeypatch, 
         read_field(str(tmp_path / "a.npy"))
 
 
-GOOD = {".npy": npy(FLAT), ".gsf": GSF, ".gwy": GWY, ".png": png(8, 8), ".tif": png(8, 8), ".jpg": png(8, 8)}
+GOOD = {
+    ".npy": npy(FLAT),
+    ".gsf": GSF,
+    ".gwy": GWY,
+    ".sxm": SXM,
+    ".png": png(8, 8),
+    ".tif": png(8, 8),
+    ".jpg": png(8, 8),
+}
 
 
 @given(

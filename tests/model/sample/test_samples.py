@@ -282,8 +282,20 @@ def gwy(values: np.ndarray, width: float) -> bytes:
     return b"GWYP" + packed("GwyContainer", top)
 
 
-@pytest.mark.parametrize("write", [gsf, gwy], ids=["gsf", "gwy"])
-def test_files_of_gwyddion_are_read_with_their_size_first_row_on_top(tmp_path, rng, write):
+def sxm(values: np.ndarray, width: float) -> bytes:
+    """The same scanned downwards: its first row is the top one, and the way back is another picture, mirrored."""
+    rows, columns = values.shape
+    pairs = {
+        **{"NANONIS_VERSION": "2", "SCANIT_TYPE": "FLOAT MSBFIRST", "SCAN_PIXELS": f"{columns} {rows}"},
+        **{"SCAN_RANGE": f"{width} {width if rows == columns else width / 2}", "SCAN_DIR": "down"},
+        "DATA_INFO": "\tChannel\tName\tUnit\tDirection\tCalibration\tOffset\n\t14\tZ\tm\tboth\t1\t0",
+    }
+    head = "".join(f":{key}:\n{value}\n" for key, value in pairs.items()) + "\n:SCANIT_END:\n\n\n"
+    return head.encode() + b"\x1a\x04" + np.stack([values[::-1], 7.0 + values[::-1, ::-1]]).astype(">f4").tobytes()
+
+
+@pytest.mark.parametrize("write", [gsf, gwy, sxm], ids=["gsf", "gwy", "sxm"])
+def test_files_of_other_programs_are_read_with_their_size_first_row_on_top(tmp_path, rng, write):
     values = rng.standard_normal((6, 9)).astype(np.float32).astype(float)
     path = tmp_path / f"a.{write.__name__}"
     path.write_bytes(write(values, 90e-9))

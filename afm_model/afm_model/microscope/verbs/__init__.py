@@ -14,9 +14,12 @@ from .scan import Scan
 from .scan_path import ScanPath
 from .thermal_tune import ThermalTune
 from .tune import Tune
+from .z import Hold, MoveZ
 
 register(Approach, Withdraw, MoveTo, ForceCurve, FrictionLoop, Scan, ScanPath)
-register(ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve, Lift, ContactResonance, Read)
+register(
+    ThermalTune, CalibrateSensitivity, CalibrateLateral, Tune, AmplitudeCurve, Lift, ContactResonance, Read, MoveZ, Hold
+)
 
 __all__ = [
     "AmplitudeCurve",
@@ -26,8 +29,10 @@ __all__ = [
     "ContactResonance",
     "ForceCurve",
     "FrictionLoop",
+    "Hold",
     "Lift",
     "MoveTo",
+    "MoveZ",
     "Read",
     "Scan",
     "ScanPath",

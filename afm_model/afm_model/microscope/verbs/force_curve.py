@@ -16,7 +16,7 @@ from ...program.force_curve import APPROACH, DWELL, LIFT, RETRACT, SETTLE
 from ...program.orders import Order, Step
 from ..arrays import Arrays, Variable, attributes, variable
 from ..collect import RecordCollector
-from ..execution import Execution, Task, landing
+from ..execution import Execution, Task, after, landing
 from ..results import MicroscopeState, TimeSeries
 from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast, too_much
 from ..view import InstrumentView
@@ -254,6 +254,13 @@ class ForceCurve(Verb):
             Step(orders.RAMP, target=down, rate=self.retract_rate),
         )
         stays = False
+        target = min(down + _AGAIN * self.lift, view.reach[1])
+
+        def landed() -> tuple[Step, ...]:
+            # A short lift does not leave the sample: the setpoint counts from where the deflection is.
+            return landing(view, target, self.approach_rate, self.settle, run.rest)
+
+        run.back = lambda: (after(steps[0], landed()), back + (top - down) / self.retract_rate)
         for number in range(self.count):
             recorder = run.recorder(_NAMES, self.sample_rate)
             measured.append((recorder, False))
@@ -263,10 +270,7 @@ class ForceCurve(Verb):
         if stays:
             pressed = max(view.setpoint, 0.0) * view.vertical_sensitivity
             run.of_lift = view.stays_in_contact("lift", self.lift, pressed)
-        target = min(down + _AGAIN * self.lift, view.reach[1])
-        # A short lift does not leave the sample: the setpoint counts from where the deflection is.
-        again = landing(view, target, self.approach_rate, self.settle, run.rest)
-        yield Task(Order(view.stay(), again), back, "back to the sample")
+        yield Task(Order(view.stay(), landed()), back, "back to the sample")
         if not run.triggered:
             raise VerbError(
                 f"behind the curves the sample was not found again: z went {target - down:.4g} m without the "

@@ -1,0 +1,1 @@
+"""Tests of the law `predictive`, the package afm_predictive."""
