@@ -55,7 +55,11 @@ BEFORE = {
     "docs/first_run.md": [DEMO],
     "docs/figure.md": [DEMO],
     "docs/faults.md": [DEMO, LOOP],
-    "docs/recording.md": [DEMO, IMAGE, "cp out/scan/recording.rrd out/run.rrd && cp out/scan/recording.mcap out/run.mcap"],
+    "docs/recording.md": [
+        *(DEMO, IMAGE),
+        *(f"cp out/scan/recording.{each} out/run.{each}" for each in ("mcap", "rrd")),
+        "ln -s out/demo my_bag",
+    ],
     "docs/tapping.md": [MICROSCOPE + "tapping.yaml"],
     "docs/dynamic.md": [MICROSCOPE + "tapping.yaml"],
     "docs/scan.md": [IMAGE, MICROSCOPE + "my_microscope.yaml"],
