@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model.parts import Channel, channels
+from afm_model.parts.channels import STANDARD
 
 SCANS = "/scan"
 """Below it an image that grows for each channel and direction, and what is made of both directions."""
@@ -31,25 +31,30 @@ SCENE = "/scene"
 """Cantilever, tip and sample in space."""
 
 _PLOTTED = {"m": ("nm", 1e9), "N": ("nN", 1e9), "s": ("us", 1e6)}
-
+Color = tuple[int, int, int]
 # x red, y green, z blue; pale for the reference.
-_COLORS = ((214, 69, 65), (60, 150, 80), (58, 110, 200))
-_PALE = ((240, 160, 155), (150, 205, 160), (155, 185, 235))
+_COLORS: tuple[Color, ...] = ((214, 69, 65), (60, 150, 80), (58, 110, 200))
+_PALE: tuple[Color, ...] = ((240, 160, 155), (150, 205, 160), (155, 185, 235))
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One entity with one or three numbers a row.
-
-    A row holds `factor` times the SI value, which makes it a value in `unit`.
-    """
+    """One entity with one or three numbers a row, each `factor` times the SI value: that is a value in `unit`."""
 
     entity: str
-    unit: str
-    factor: float
     si_unit: str
     axes: tuple[str, ...] = ()
-    colors: tuple[tuple[int, int, int], ...] = (_COLORS[2],)
+    colors: tuple[Color, ...] = (_COLORS[2],)
+
+    @property
+    def unit(self) -> str:
+        """Unit of its plot."""
+        return plotted(self.si_unit)[0]
+
+    @property
+    def factor(self) -> float:
+        """From the SI value to that of the plot."""
+        return plotted(self.si_unit)[1]
 
     @property
     def name(self) -> str:
@@ -68,34 +73,23 @@ class Signal:
         return [f"{title} {axis} [{self.unit}]" for axis in self.axes] or [f"{title} [{self.unit}]"]
 
 
-def _vector(
-    entity: str,
-    unit: str,
-    factor: float,
-    si_unit: str,
-    z: str = "z",
-    colors: tuple[tuple[int, int, int], ...] = _COLORS,
-) -> Signal:
-    return Signal(entity, unit, factor, si_unit, ("x", "y", z), colors)
+def plotted(si_unit: str) -> tuple[str, float]:
+    """Unit of a plot, and the factor from `si_unit` to it."""
+    return _PLOTTED.get(si_unit, (si_unit, 1.0))
 
 
-def _sampled(channel: Channel, color: tuple[int, int, int] = _COLORS[2]) -> Signal:
-    """A channel of the instrument."""
-    return Signal(f"/{channel.name}", *_PLOTTED[channel.unit], channel.unit, colors=(color,))
-
-
-DEFLECTION = _sampled(channels.DEFLECTION)
-LATERAL_FORCE = _sampled(channels.LATERAL_FORCE, _COLORS[0])
-LATERAL_FORCE_Y = _sampled(channels.LATERAL_FORCE_Y, _COLORS[1])
-NORMAL_FORCE = _sampled(channels.NORMAL_FORCE)
-CHANNELS = (DEFLECTION, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE)
+DEFLECTION, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE = CHANNELS = tuple(
+    Signal(f"/{channel.name}", channel.unit, colors=(color,))
+    for channel, color in zip(STANDARD, (_COLORS[2], *_COLORS), strict=True)
+)
 """Sampled at the full rate of the virtual ADC."""
 
-POSITION = _vector("/position", "nm", 1e9, "m", "z of the sample")
-REFERENCE = _vector("/reference", "nm", 1e9, "m", "z of the tip", _PALE)
-ERROR = _vector("/error", "nm", 1e9, "m", "z of the tip")
-DRIVE = _vector("/drive", "V", 1.0, "V")
-ROUND_TRIP = Signal("/round_trip", "us", 1e6, "s")
+_TIP = ("x", "y", "z of the tip")
+POSITION = Signal("/position", "m", ("x", "y", "z of the sample"), _COLORS)
+REFERENCE = Signal("/reference", "m", _TIP, _PALE)
+ERROR = Signal("/error", "m", _TIP, _COLORS)
+DRIVE = Signal("/drive", "V", ("x", "y", "z"), _COLORS)
+ROUND_TRIP = Signal("/round_trip", "s")
 TICKS = (POSITION, REFERENCE, ERROR, DRIVE, ROUND_TRIP)
 """One row for each control tick."""
 TICK_NAMES = frozenset(signal.name for signal in TICKS)
@@ -127,14 +121,9 @@ def instants(first: int, count: int, period: float) -> NDArray[np.int64]:
     return np.rint(index * period_ns).astype(np.int64)
 
 
-def plotted(si_unit: str) -> tuple[str, float]:
-    """Unit of a plot, and the factor from `si_unit` to it."""
-    return _PLOTTED.get(si_unit, (si_unit, 1.0))
-
-
 def signal(name: str, si_unit: str) -> Signal:
     """A signal by its name: one that is known, or a new channel in a unit that a plot can be read in."""
-    return KNOWN.get(name) or Signal(f"/{name}", *plotted(si_unit), si_unit)
+    return KNOWN.get(name) or Signal(f"/{name}", si_unit)
 
 
 def further(entities: Iterable[str]) -> list[str]:

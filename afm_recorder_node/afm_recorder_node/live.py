@@ -150,16 +150,10 @@ class Server:
         """What a browser opens."""
         self.address = f"rerun+http://{ADDRESS}:{data}/proxy"
         """What the native viewer and rerun's own tools open."""
-        options = ["--bind", ADDRESS, "--port", str(data), "--web-viewer-port", str(page)]
+        ports = ["--bind", ADDRESS, "--port", str(data), "--web-viewer-port", str(page)]
+        memory = ["--server-memory-limit", _MEMORY if source is None else "75%"]
         self._process = subprocess.Popen(
-            [
-                RERUN,
-                "--serve-web",
-                *options,
-                "--server-memory-limit",
-                _MEMORY if source is None else "75%",
-                source or "-",
-            ],
+            [RERUN, "--serve-web", *ports, *memory, source or "-"],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             env=os.environ | {"RUST_LOG": "error"},
@@ -195,22 +189,18 @@ class Server:
                 return False
             if select.select([], [file], [], _PERIOD)[1]:
                 left = left[os.write(file, left) :]
-        if self._process.poll() is not None:
-            raise OSError("rerun's server has ended")
+        self._check()
         return True
 
     def wait(self) -> None:
-        """Wait until viewers can connect.
-
-        Raises
-        ------
-        OSError
-            If the server has ended.
-        """
+        """Wait until viewers can connect. Raises as `put`."""
         while not self.ready:
-            if self._process.poll() is not None:
-                raise OSError("rerun's server has ended")
+            self._check()
             time.sleep(_PERIOD)
+
+    def _check(self) -> None:
+        if self._process.poll() is not None:
+            raise OSError("rerun's server has ended")
 
     @property
     def ready(self) -> bool:
@@ -244,10 +234,7 @@ def _listens(pid: int, port: int) -> bool:
 def serve(path: Path) -> None:
     """Serve the recordings that grow at a path until a signal comes; prints the link when viewers can connect.
 
-    Raises
-    ------
-    OSError
-        If the server has ended.
+    Raises OSError if the server has ended.
     """
     limit, told = math.inf, False
 

@@ -1,4 +1,4 @@
-"""How the viewer arranges a recording: a screen for each kind of run. Needs no ROS."""
+"""How the viewer arranges a run: a screen for each kind of run. Needs no ROS."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,7 +11,7 @@ from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, LATERAL_FORCE_Y, NO
 from .streams import Range
 
 Ranges = Mapping[tuple[str, int], Range]
-"""Least and largest number of a signal, by entity and axis (0 for one number), as they stand in the recording."""
+"""Least and largest number of a signal, by entity and axis (0 for one number), as they are drawn."""
 
 _PLOT = 270.0
 """Height of a plot on a laptop, in points."""
@@ -20,7 +20,7 @@ _LABEL = 22.0
 
 
 def kind(entities: Iterable[str]) -> str:
-    """control, scan, force curve or calibration: what kind of run a recording with these entities is."""
+    """control, scan, force curve or calibration: what kind of run these entities are of."""
     there = list(entities)
     if pictures.pictures(there):
         return "scan"
@@ -35,7 +35,7 @@ def has_place(entity: str) -> bool:
 
 
 def blueprint(entities: Iterable[str], ranges: Ranges | None = None) -> rrb.Blueprint:
-    """The screen of a recording by its kind; behind it, in a second tab, all signals.
+    """The screen of a run by its kind; behind it, in a second tab, all signals.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def tabbed(shown: Sequence[rrb.Container], signals: rrb.Container) -> rrb.Bluepr
     """Screens of what was found, the first one in front, with the signals behind them."""
     return rrb.Blueprint(
         rrb.Tabs(*shown, signals, active_tab=0) if shown else signals,
-        # At the end of the recording, where an image is as complete as it will be.
+        # At the end of the run, where an image is as complete as it will be.
         rrb.TimePanel(state="collapsed", timeline=layout.TIMELINE, play_state="following" if shown else None),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
@@ -74,12 +74,7 @@ def readable(low: float, high: float, height: float = _PLOT) -> Range | None:
     The viewer writes powers of ten and their multiples at an axis, of the least power at which they do not crowd: a
     signal between -84 and 84 gets nothing but a 0.
 
-    Parameters
-    ----------
-    low, high : float
-        Of the signal.
-    height : float
-        Of the plot, in points.
+    `height` is that of the plot, in points.
     """
     if not (math.isfinite(low) and math.isfinite(high) and high > low):
         return None
@@ -140,14 +135,7 @@ def _signals(plots: Plots, further: Sequence[str]) -> rrb.Container:
                 *plots.three("Position, pale: reference", POSITION, REFERENCE, z="Sample z, pale: reference of the tip")
             ),
             rrb.Tabs(*plots.three("Tracking error", ERROR, z="Tracking error of the tip, z")),
-            rrb.Tabs(
-                rrb.Spatial2DView(
-                    name="Friction loop: lateral force over x",
-                    origin=layout.FRICTION_LOOP,
-                    contents="$origin/**",
-                ),
-                _scene(),
-            ),
+            rrb.Tabs(plane("Friction loop: lateral force over x", layout.FRICTION_LOOP), _scene()),
             rrb.Tabs(plots.one("Lateral force, x", LATERAL_FORCE), plots.one("Lateral force, y", LATERAL_FORCE_Y)),
             rrb.Tabs(*plots.three("Drive", DRIVE)),
             rrb.Tabs(plots.one("Deflection", DEFLECTION), plots.one("Normal force", NORMAL_FORCE)),
@@ -172,44 +160,35 @@ def _signals(plots: Plots, further: Sequence[str]) -> rrb.Container:
 
 def _scan(plots: Plots, images: Sequence[str]) -> rrb.Container:
     """Images as they grow; what they have come to, the signals and the events below."""
-    return rrb.Vertical(
-        pictures.view(images),
-        rrb.Horizontal(
-            rrb.TextDocumentView(name="Result", origin=layout.RESULT),
-            rrb.Tabs(*_measured(plots), _scene(), active_tab=0),
-            _events(),
-            column_shares=[4, 4, 3],
-        ),
-        row_shares=[5, 3],
-        name="Scan",
-    )
+    table = rrb.TextDocumentView(name="Result", origin=layout.RESULT)
+    below = rrb.Horizontal(table, _measured(plots), _events(), column_shares=[4, 4, 3])
+    return rrb.Vertical(pictures.view(images), below, row_shares=[5, 3], name="Scan")
 
 
 def _result(plots: Plots, diagrams: Mapping[str, str], name: str) -> rrb.Container:
     """Curves of a result over what they depend on, and its numbers as a table; signals and events beside them."""
     table = rrb.TextDocumentView(name="Result", origin=layout.RESULT)
-    drawn = [rrb.Spatial2DView(name=title, origin=entity, contents="$origin/**") for entity, title in diagrams.items()]
-    signals, events = rrb.Tabs(*_measured(plots), _scene(), active_tab=0), _events()
+    drawn = [plane(title, entity) for entity, title in diagrams.items()]
+    signals, events = _measured(plots), _events()
     if not drawn:
         return rrb.Vertical(rrb.Horizontal(table, events), signals, row_shares=[1, 1], name=name)
-    beside: list[rrb.Container | rrb.View] = [signals, events]
-    one = len(drawn) == 1
-    return rrb.Vertical(
-        rrb.Horizontal(*drawn, *([rrb.Vertical(*beside)] if one else [])),
-        rrb.Horizontal(table, *([] if one else beside)),
-        row_shares=[5, 2],
-        name=name,
-    )
+    if len(drawn) == 1:
+        rows = rrb.Horizontal(*drawn, rrb.Vertical(signals, events)), rrb.Horizontal(table)
+    else:
+        rows = rrb.Horizontal(*drawn), rrb.Horizontal(table, signals, events)
+    return rrb.Vertical(*rows, row_shares=[5, 2], name=name)
 
 
-def _measured(plots: Plots) -> list[rrb.View]:
-    """What a microscope measures, over time."""
-    return [
-        plots.one("Deflection", DEFLECTION),
-        plots.one("Sample z", POSITION, axis=2),
-        plots.one("Lateral force, x", LATERAL_FORCE),
-        plots.one("Normal force", NORMAL_FORCE),
-    ]
+def _measured(plots: Plots) -> rrb.Tabs:
+    """What a microscope measures, over time, and the scene."""
+    signals = [plots.one("Deflection", DEFLECTION), plots.one("Sample z", POSITION, axis=2)]
+    forces = [plots.one("Lateral force, x", LATERAL_FORCE), plots.one("Normal force", NORMAL_FORCE)]
+    return rrb.Tabs(*signals, *forces, _scene(), active_tab=0)
+
+
+def plane(name: str, entity: str) -> rrb.Spatial2DView:
+    """A drawing in a plane."""
+    return rrb.Spatial2DView(name=name, origin=entity, contents="$origin/**")
 
 
 def _events() -> rrb.View:

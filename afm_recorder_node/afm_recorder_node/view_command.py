@@ -21,7 +21,7 @@ from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, NORMAL_FORCE, POSIT
 from .live import Server
 from .places import open_recording, recordings
 from .recording import RecordingError
-from .screens import Plots, Ranges, tabbed
+from .screens import Plots, Ranges, plane, tabbed
 from .streams import Range, send_blueprint
 from .view_writer import ViewWriter
 from .views import light, make_view, written
@@ -87,6 +87,13 @@ def arrangement(entities: Mapping[str, Iterable[str]], ranges: Ranges | None = N
     pictured = {name: found for name, each in entities.items() if (found := pictures.pictures(each))}
     drawn = {name: titled for name, each in entities.items() if (titled := results.titles(each))}
     plots = Plots(ranges or {}, [f"/{name}" for name in entities])
+    texts = [
+        rrb.Tabs(
+            rrb.TextDocumentView(name=f"{name}: {color}", origin=f"/{name}{layout.RUN}"),
+            rrb.TextLogView(name="Events", origin=f"/{name}{layout.EVENTS}"),
+        )
+        for name, (color, _) in zip(entities, COLORS, strict=False)
+    ]
     signals = rrb.Vertical(
         rrb.Grid(
             rrb.Tabs(*plots.three(f"Tracking error ({colored})", ERROR)),
@@ -94,18 +101,10 @@ def arrangement(entities: Mapping[str, Iterable[str]], ranges: Ranges | None = N
             rrb.Tabs(plots.one("Lateral force, x", LATERAL_FORCE), plots.one("Normal force", NORMAL_FORCE)),
             rrb.Tabs(*plots.three("Position", POSITION)),
             rrb.Tabs(plots.one("Deflection", DEFLECTION), plots.one("Round trip", ROUND_TRIP)),
-            rrb.Tabs(*(_plane(f"Friction loop: {name}", f"/{name}{layout.FRICTION_LOOP}") for name in entities)),
+            rrb.Tabs(*(plane(f"Friction loop: {name}", f"/{name}{layout.FRICTION_LOOP}") for name in entities)),
             grid_columns=3,
         ),
-        rrb.Horizontal(
-            *(
-                rrb.Tabs(
-                    rrb.TextDocumentView(name=f"{name}: {color}", origin=f"/{name}{layout.RUN}"),
-                    rrb.TextLogView(name="Events", origin=f"/{name}{layout.EVENTS}"),
-                )
-                for name, (color, _) in zip(entities, COLORS, strict=False)
-            )
-        ),
+        rrb.Horizontal(*texts),
         row_shares=[3, 1],
         name="Signals",
     )
@@ -116,17 +115,13 @@ def arrangement(entities: Mapping[str, Iterable[str]], ranges: Ranges | None = N
     if drawn:
         columns = (
             rrb.Vertical(
-                *(_plane(f"{name}: {title}", f"/{name}{entity}") for entity, title in found.items()),
+                *(plane(f"{name}: {title}", f"/{name}{entity}") for entity, title in found.items()),
                 rrb.TextDocumentView(name="Result", origin=f"/{name}{layout.RESULT}"),
             )
             for name, found in drawn.items()
         )
         screens.append(rrb.Horizontal(*columns, name="Results"))
     return tabbed(screens, signals)
-
-
-def _plane(name: str, entity: str) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(name=name, origin=entity, contents="$origin/**")
 
 
 @contextmanager
