@@ -16,6 +16,7 @@ from afm_model.core.prefix import text
 from afm_model.microscope.verbs import Scan
 
 from . import layout
+from .diagram import round_step
 from .streams import Canvas
 
 POSES = 600
@@ -114,7 +115,7 @@ class Scene:
         larger = (
             1.0
             if heights == 0.0 or _AS_IT_IS[0] <= heights / half <= _AS_IT_IS[1]
-            else _round_down(_SHARE * half / heights)
+            else 1.0 / round_step(heights / (_SHARE * half))
         )
         if surface is None:
             surface = _plate(middle, half, level)
@@ -202,12 +203,6 @@ def _along(path: _Array) -> _Array | None:
 def _plate(middle: _Array, half: float, level: float) -> _Array:
     corners = [[[middle[0] + half * i, middle[1] + half * j, level] for i in (-1.0, 1.0)] for j in (-1.0, 1.0)]
     return np.array(corners)
-
-
-def _round_down(value: float) -> float:
-    """1, 2 or 5 times a power of ten, the largest that is not larger."""
-    power = 10.0 ** math.floor(math.log10(value))  # no part of a run
-    return power * max(each for each in (1.0, 2.0, 5.0) if each * power <= value * (1.0 + 1e-9))
 
 
 # Shapes: vertices (n, 3) and triangles (m, 3).

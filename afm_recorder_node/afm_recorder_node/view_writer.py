@@ -7,6 +7,7 @@ import numpy as np
 import rerun as rr
 
 from afm_model.core.shown import shown
+from afm_model.parameters.strict_yaml import yaml_text
 from afm_node_common.decoding import InvalidMessage
 
 from . import layout
@@ -14,7 +15,7 @@ from .friction_loop import FrictionLoop
 from .gathering import Result
 from .layout import Signal
 from .messages import Level
-from .parameter_writer import ParameterWriter
+from .parameter_values import change_text
 from .places import Source
 from .record import Entry
 from .recording import ParameterChange
@@ -58,8 +59,9 @@ class ViewWriter(Visitor):
         super().__init__(about)
         self.canvas = Canvas(stream, below, ranges)
         self._title, self._color = about.get("title") or title, color
-        self._parameters, self._scans = ParameterWriter(self.canvas), ScanWriter(self.canvas)
+        self._scans = ScanWriter(self.canvas)
         self._loop, self._scene = FrictionLoop(), Scene()
+        self._steps: dict[str, float] = {}  # entities of numbers that have changed, and their last values
         self._end_ns, self._refused, self._why = 0, 0, ""
         self._describe()
 
@@ -84,7 +86,8 @@ class ViewWriter(Visitor):
     def conclude(self, missing: str) -> None:
         """Draw what shows the run as a whole, and what is `missing` of it; no message follows."""
         self.finish()
-        self._parameters.finish(self._end_ns)
+        for entity, value in self._steps.items():  # a step lasts until the end
+            self.canvas.series(entity, np.array([self._end_ns]), np.array([value]))
         self._scans.finish()
         if missing:
             self.event(self._end_ns, f"This recording is not complete: {missing}", "ERROR")
@@ -113,13 +116,26 @@ class ViewWriter(Visitor):
         self.canvas.event(time_ns, shown(text), level)
 
     def parameters(self, entry: Entry, changes: list[ParameterChange]) -> None:
-        """See `Visitor.parameters`."""
+        """Draw the parameters of all nodes as text, and their changes as events; of a number as a plot of steps too."""
         if entry.message.changes:
             self._end_ns = max(self._end_ns, entry.time_ns)
         else:
-            self._parameters.known(self.known.first)
+            # The layout of a ROS parameter file, so that it can be copied from the viewer and used again.
+            text = yaml_text({node: {"ros__parameters": values} for node, values in self.known.first.items()})
+            self.canvas.static(layout.PARAMETERS, rr.TextDocument(text))
         for change in changes:
-            self._parameters.changed(entry.time_ns, change)
+            self.event(entry.time_ns, change_text(change), "INFO")
+            if isinstance(change.old, int | float) and isinstance(change.new, int | float):
+                self._step(entry.time_ns, f"{change.node} {change.name}", change.old, change.new)
+
+    def _step(self, time_ns: int, name: str, old: float, new: float) -> None:
+        entity = "/".join([layout.PARAMETERS, *map(rr.escape_entity_path_part, name.split(" ", 1))])
+        times, values = [time_ns], [float(new)]
+        if entity not in self._steps:
+            self.canvas.static(entity, rr.SeriesLines(names=name, interpolation_mode="StepAfter"))
+            times, values = [0, time_ns], [float(old), float(new)]
+        self.canvas.series(entity, np.array(times), np.array(values))
+        self._steps[entity] = float(new)
 
     def score(self, time_ns: int, score: dict[str, Any]) -> None:
         """See `Visitor.score`."""

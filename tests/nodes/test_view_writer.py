@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded import HEIGHT, Run, begin, event, parameters, record, status, waveform
-from support import TIMEOUT
+from support import TIMEOUT, processes, wait_until
 from viewed import chunks, column, events, series, view
 
 from afm_model.run import State
@@ -25,7 +25,7 @@ from afm_recorder_node import layout
 from afm_recorder_node.layout import instants
 from afm_recorder_node.recording import DamagedRecording, RecordingError
 from afm_recorder_node.views import make_view
-from afm_recorder_node.views_worker import Worker
+from afm_recorder_node.views_worker import News, Worker
 
 # Two multiplications lie between what is recorded and what is plotted.
 ROUND_OFF = 4 * np.finfo(np.float64).eps
@@ -221,10 +221,13 @@ def _umask() -> int:
 
 
 def all_news(worker: Worker, count: int) -> dict[str, str]:
-    found, limit = [], time.monotonic() + TIMEOUT
-    while len(found) < count and time.monotonic() < limit:
-        found += worker.news()
-        time.sleep(0.01)
+    found: list[News] = []
+
+    def enough() -> bool:
+        found.extend(worker.news())
+        return len(found) >= count
+
+    wait_until(enough, lambda: found, lambda: time.sleep(0.01))
     return {target.name: error for target, error in found}
 
 
@@ -244,6 +247,21 @@ def test_worker_makes_one_view_after_the_other_and_tells_what_it_cannot(tmp_path
     worker.make(tmp_path / "0.mcap", tmp_path / "again.rrd")
     assert [(target.name, error) for target, error in worker.finish()] == [("again.rrd", "")]
     assert worker._process is None
+
+
+def test_worker_ends_with_its_recorder_and_not_with_a_ctrl_c(tmp_path: Path) -> None:
+    code = (
+        "import time; from afm_recorder_node.views_worker import Worker\n"
+        "worker = Worker(); worker.start(); print(worker._process.pid, flush=True)\n"
+        "time.sleep(600)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as recorder:
+        assert recorder.stdout is not None
+        worker = int(recorder.stdout.readline())
+        # What a terminal interrupts is the group of the recorder.
+        assert os.getpgid(worker) == worker != os.getpgid(recorder.pid)
+        recorder.kill()
+    wait_until(lambda: worker not in processes(), processes, lambda: time.sleep(0.05))
 
 
 def test_growing_record_has_a_view_of_what_is_there(tmp_path: Path) -> None:
