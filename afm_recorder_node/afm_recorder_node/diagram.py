@@ -113,7 +113,7 @@ class _Scale:
         margin = _MARGIN * (high - low)
         low, high = low - margin, high + margin
         factor, unit = prefixed(axis.unit, low, high)
-        return cls(low, high, round_step((high - low) / _TICKS), factor, unit or "1")
+        return cls(low, high, round_step(factor * (high - low) / _TICKS) / factor, factor, unit or "1")
 
     @property
     def ticks(self) -> _Array:

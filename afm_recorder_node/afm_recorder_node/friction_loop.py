@@ -1,6 +1,6 @@
 """The friction loop of a run: lateral force against position along x, drawn when it ends.
 
-The viewer plots over time only. So the loop is a drawing in a plane, with its ends written beside it.
+The viewer plots over time only. So the loop is a drawing in a plane, with its ends written next to it.
 The numbers are those of position and lateral force.
 """
 

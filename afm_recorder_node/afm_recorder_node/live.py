@@ -1,6 +1,6 @@
 """`ros2 run afm_recorder_node live RECORDING`: shows a recording in a web browser while it grows. Needs no ROS.
 
-rerun serves the viewers from a process of its own. It gets the view that this process draws of the growing record. The
+rerun serves the viewers from another process. It gets the view that this process draws of the growing record. The
 recorder knows nothing of either: a server inside it held it up for 18 s when a viewer stopped reading (rerun 0.41).
 """
 
@@ -236,7 +236,7 @@ def serve(path: Path) -> None:
 
     Raises OSError if the server has ended.
     """
-    limit, told = math.inf, False
+    limit, printed = math.inf, False
 
     def stop(*_: object) -> None:
         nonlocal limit
@@ -246,12 +246,12 @@ def serve(path: Path) -> None:
         return time.monotonic() > limit
 
     def run(server: Server) -> None:
-        nonlocal told
+        nonlocal printed
         for messages in follow(path):
             if not server.put(messages, late) or late():
                 return
-            if not told and server.ready:
-                told = True
+            if not printed and server.ready:
+                printed = True
                 print(f"{server.link}\nor: rerun {server.address}", flush=True)
             if not messages:
                 time.sleep(_PERIOD)
@@ -265,7 +265,7 @@ def serve(path: Path) -> None:
         with Server() as server:
             run(server)
     except OSError:
-        if told:
+        if printed:
             raise
         # Somebody else has taken a port since it was found free.
         with Server(0, 0) as server:

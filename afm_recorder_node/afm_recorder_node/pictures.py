@@ -11,7 +11,7 @@ from .layout import SCANS
 
 _UNITS = {"height": "nm", "error": "V", "lateral": "nN", "friction": "nN", "crosstalk": "nN", "x": "nm", "y": "nm"}
 _TOGETHER = (("height",), ("friction", "crosstalk"), ("lateral",), ("error",))
-"""Channels that share a place in the viewer, the most important first; each other one has a place of its own."""
+"""Channels that share a place in the viewer, the most important first; each other one has its own place."""
 _COLORS: Literal["inferno"] = "inferno"
 
 

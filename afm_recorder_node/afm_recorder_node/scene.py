@@ -2,7 +2,7 @@
 
 What is drawn does not grow with the run: some hundred poses, evenly spaced over the run. The size of the scene
 is that of the path of the tip over the sample, or of its image; heights and deflection are enlarged by the same
-factor, which is written beside it. The shape of cantilever and tip is no one's.
+factor, which is written next to it. The shape of cantilever and tip is no one's.
 """
 
 import math
@@ -131,8 +131,8 @@ class Scene:
             canvas.static(f"{SAMPLE}/path", rr.LineStrips3D([track], colors=[_DARK], radii=[-0.6]))
         _mesh(canvas, f"{CANTILEVER}/beam", *_beam(), _STEEL)
         _mesh(canvas, f"{CANTILEVER}/tip", *_cone(), _DARK)
-        told = f"{text(2e-9 * half, 'm', 3)} wide, heights and deflection x {larger:g}"
-        words = rr.Points3D([[0.0, -1.15, -0.35]], labels=[told], colors=[_WORDS], radii=[-0.1], show_labels=True)
+        about = f"{text(2e-9 * half, 'm', 3)} wide, heights and deflection x {larger:g}"
+        words = rr.Points3D([[0.0, -1.15, -0.35]], labels=[about], colors=[_WORDS], radii=[-0.1], show_labels=True)
         canvas.static(f"{layout.SCENE}/words", words)
         moved = np.column_stack([(middle - position[:, :2]) / half, up - distance])
         canvas.rows(SAMPLE, times, rr.Transform3D.columns(translation=moved))

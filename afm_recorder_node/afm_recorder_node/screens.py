@@ -35,7 +35,7 @@ def has_place(entity: str) -> bool:
 
 
 def blueprint(entities: Iterable[str], ranges: Ranges | None = None) -> rrb.Blueprint:
-    """The screen of a run by its kind; behind it, in a second tab, all signals.
+    """The screen of a run by its kind; in a second tab, all signals.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def blueprint(entities: Iterable[str], ranges: Ranges | None = None) -> rrb.Blue
 
 
 def tabbed(shown: Sequence[rrb.Container], signals: rrb.Container) -> rrb.Blueprint:
-    """Screens of what was found, the first one in front, with the signals behind them."""
+    """Screens of what was found, the first one in front, the signals last."""
     return rrb.Blueprint(
         rrb.Tabs(*shown, signals, active_tab=0) if shown else signals,
         # At the end of the run, where an image is as complete as it will be.
@@ -166,7 +166,7 @@ def _scan(plots: Plots, images: Sequence[str]) -> rrb.Container:
 
 
 def _result(plots: Plots, diagrams: Mapping[str, str], name: str) -> rrb.Container:
-    """Curves of a result over what they depend on, and its numbers as a table; signals and events beside them."""
+    """Curves of a result over what they depend on, and its numbers as a table; signals and events next to them."""
     table = rrb.TextDocumentView(name="Result", origin=layout.RESULT)
     drawn = [plane(title, entity) for entity, title in diagrams.items()]
     signals, events = _measured(plots), _events()

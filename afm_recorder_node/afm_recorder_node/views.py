@@ -141,8 +141,8 @@ def _verify(path: Path, expected: Mapping[str, int]) -> None:
     except (RuntimeError, ValueError) as error:
         raise OSError(f"it cannot be read back: {error}") from error
     if wrong := {name for name in {*found, *expected} if found[name] != expected.get(name, 0)}:
-        told = ", ".join(f"{found[name]} of {expected.get(name, 0)} rows of {name}" for name in sorted(wrong))
-        raise OSError(f"it was read back with {told}")
+        rows = ", ".join(f"{found[name]} of {expected.get(name, 0)} rows of {name}" for name in sorted(wrong))
+        raise OSError(f"it was read back with {rows}")
 
 
 def _name(hidden: Path, target: Path) -> None:
@@ -195,11 +195,11 @@ def main() -> int:
     light()
     os.nice(_LOW)
     for line in sys.stdin:
-        # Each in a process of its own: rerun keeps threads and memory of every stream.
+        # Each in a process apart: rerun keeps threads and memory of every stream.
         if not (child := os.fork()):
             end_with_parent()
-            told = _made(*json.loads(line))
-            os.write(1, json.dumps(told).encode() + b"\n")
+            error = _made(*json.loads(line))
+            os.write(1, json.dumps(error).encode() + b"\n")
             os._exit(0)
         if status := os.waitpid(child, 0)[1]:
             print(json.dumps(f"rerun has ended with {os.waitstatus_to_exitcode(status)}"), flush=True)

@@ -22,7 +22,7 @@ class News(NamedTuple):
 
 
 class Worker:
-    """Makes views in a process of its own, one after the other. No call waits for it but `finish`."""
+    """Makes views in another process, one after the other. No call waits for it but `finish`."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None

@@ -121,6 +121,11 @@ def test_diagram_has_round_numbers_at_its_axes_and_every_point_at_its_place() ->
     assert part == pytest.approx(100.0 / 168.0, rel=1e-6)
     assert (places["0.8"][0] - places["0.2"][0]) / (right - left) == pytest.approx(0.6, rel=1e-6)
     assert Diagram(Axis("z", "m"), Axis("force", "N"), []).draw() == {}
+    # Of the unit that is shown: degrees of a phase in radians.
+    turn = Curve(np.array([0.0, 1.0]), np.array([-np.pi / 2, np.pi / 2]), "measured", BLUE)
+    shown = {each.component_descriptor().component: each.as_arrow_array().to_pylist()
+             for each in Diagram(Axis("f", "Hz"), Axis("phase", "rad"), [turn]).draw()["words"]}  # fmt: skip
+    assert {"-50", "0", "50", "phase [°]"} <= set(shown["Points2D:labels"][0])
 
 
 @pytest.mark.parametrize(("about", "step"), [(0.9, 1.0), (1.0, 1.0), (1.1, 2.0), (33.6e-9, 5e-8), (0.03, 0.05)])

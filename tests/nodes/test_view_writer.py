@@ -101,7 +101,7 @@ def test_missing_block_is_a_gap_and_further_channels_are_drawn_in_their_unit(tmp
     assert (series(path, "/truth/temperature")[1] == 1.0).all()
 
 
-def test_message_that_cannot_be_drawn_is_left_out_and_said(tmp_path: Path) -> None:
+def test_message_that_cannot_be_drawn_is_left_out_and_counted(tmp_path: Path) -> None:
     run = Run(20)
     bad = [("deflection", waveform(0, np.ones(10), "V")), ("events", waveform(0, np.ones(10)))]
     path = view(tmp_path / "run.rrd", [*run.block(0, 20), *bad])
@@ -111,7 +111,7 @@ def test_message_that_cannot_be_drawn_is_left_out_and_said(tmp_path: Path) -> No
     ]
 
 
-def test_states_events_and_changed_parameters_are_told_at_their_times(tmp_path: Path) -> None:
+def test_states_events_and_changed_parameters_are_shown_at_their_times(tmp_path: Path) -> None:
     messages = [
         parameters("afm_sim_node", {"plant.kind": "compliant", "plant.dt": 1e-6}),
         parameters("afm_controller_node", {"law.alpha": 20.0, "law.kind": "tanh"}),
@@ -200,7 +200,7 @@ def largest_file(size: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("size", [1_000, 200_000])
-def test_full_disk_and_closed_folder_are_told_and_leave_nothing(tmp_path: Path, size: int) -> None:
+def test_full_disk_and_closed_folder_are_reported_and_leave_nothing(tmp_path: Path, size: int) -> None:
     source = record(tmp_path / "run.mcap", Run(20_000).messages())
     with largest_file(size), pytest.raises(OSError, match=r"run\.rrd cannot be written: File too large"):
         make_view(source, tmp_path / "run.rrd")
@@ -231,7 +231,7 @@ def all_news(worker: Worker, count: int) -> dict[str, str]:
     return {target.name: error for target, error in found}
 
 
-def test_worker_makes_one_view_after_the_other_and_tells_what_it_cannot(tmp_path: Path) -> None:
+def test_worker_makes_one_view_after_the_other_and_reports_what_it_cannot(tmp_path: Path) -> None:
     worker = Worker()
     for number in range(3):
         worker.make(record(tmp_path / f"{number}.mcap", Run(100).messages()), tmp_path / f"{number}.rrd")
@@ -239,7 +239,7 @@ def test_worker_makes_one_view_after_the_other_and_tells_what_it_cannot(tmp_path
     found = all_news(worker, 4)
     assert [found[f"{number}.rrd"] for number in range(3)] == ["", "", ""] and "absent.mcap" in found["absent.rrd"]
     assert len(series(tmp_path / "2.rrd", "/drive")[0]) == 100
-    # One that is killed is told, and the next view is made by another.
+    # One that is killed is reported, and the next view is made by another.
     assert worker._process is not None
     worker._process.kill()
     worker.make(tmp_path / "0.mcap", tmp_path / "lost.rrd")
