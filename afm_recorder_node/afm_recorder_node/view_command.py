@@ -1,7 +1,7 @@
 """`ros2 run afm_recorder_node view A.mcap B.mcap`: recordings in a web browser, several side by side. Needs no ROS.
 
-The viewer shows one recording at a time, and a plot only what is in it. So several are drawn into one, each below its own
-entity, with an arrangement that shows the same signal of all of them in one plot.
+The viewer shows one recording at a time, and a plot only what is in it. So several are drawn into one, each below its
+own entity, with an arrangement that shows the same signal of all of them in one plot.
 """
 
 import argparse
