@@ -4,6 +4,7 @@ import os
 import struct
 import zlib
 from collections.abc import Collection, Iterator
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from io import BytesIO
@@ -22,7 +23,7 @@ from rosbags.typesys.store import Typestore
 
 from afm_model.core.errors import reason
 
-from .record_writer import ABOUT, END
+from .record_writer import ABOUT, CHECKSUM, END, checksum
 from .recording import DamagedRecording, RecordingError
 
 _HEAD = struct.Struct("<BQ")
@@ -125,7 +126,7 @@ class Record:
             for place in _places(file, os.fstat(file).st_size, self._read_to)[0]:
                 self._read_to = place.end
                 if place.opcode == Opcode.CHUNK:
-                    if not _is_sound(file, place):
+                    if _numbers(file, place) is None:
                         raise DamagedRecording(f"{self.path} is damaged: bytes {place.begin} to {place.end}")
                     yield from map(self._entry, self._unpacked(file, place))
                 elif place.opcode == Opcode.METADATA:
@@ -183,9 +184,12 @@ class Record:
             yield before
 
     def note(self, found: Metadata) -> None:
-        """Take what is known of the run."""
+        """Take what is known of the run. Raises DamagedRecording."""
         if found.name == ABOUT:
-            self.about = found.metadata
+            about = {name: value for name, value in found.metadata.items() if name != CHECKSUM}
+            if found.metadata.get(CHECKSUM) != checksum(about):
+                raise DamagedRecording(f"{self.path} is damaged: what it says of its run is not what was written")
+            self.about = about
         elif found.name == END:
             self.end = found.metadata
 
@@ -248,22 +252,20 @@ def _opened(path: Path, file: int, salvage: bool) -> Record:
     closed = size > 2 * len(MCAP0_MAGIC) and os.pread(file, len(MCAP0_MAGIC), size - len(MCAP0_MAGIC)) == MCAP0_MAGIC
     whole = closed and not broken and places[-1].opcode == Opcode.FOOTER
     unchanged = whole and _is_unchanged(file, places)
-    bad = [] if unchanged else [each for each in places if each.opcode == Opcode.CHUNK and not _is_sound(file, each)]
-    if (bad or broken or (closed and not unchanged)) and not salvage:
-        where = bad[0] if bad else places[-1]
+    chunks = [each for each in places if each.opcode == Opcode.CHUNK]
+    bad, between = ([], 0) if unchanged else _damage(file, chunks)
+    if (bad or between or broken or (closed and not unchanged)) and not salvage:
+        what = f"bytes {bad[0].begin} to {bad[0].end}" if bad else "what stands between its messages"
         raise DamagedRecording(
-            f"{path} is damaged: bytes {where.begin} to {where.end} are not what was written; "
-            "`ros2 run afm_recorder_node repair` copies the rest"
-            if bad
-            else f"{path} is damaged: what stands between its messages is not what was written; "
-            "`ros2 run afm_recorder_node repair` copies the rest"
+            f"{path} is damaged: {what} is not what was written; `ros2 run afm_recorder_node repair` copies the rest"
         )
-    record.damaged = sum(each.end - each.begin for each in bad) + (broken if salvage else 0)
+    record.damaged = sum(each.end - each.begin for each in bad) + (between + broken if salvage else 0)
     record._indexed = bool(unchanged)
-    record._chunks = [each for each in places if each.opcode == Opcode.CHUNK and each not in bad]
+    record._chunks = [each for each in chunks if each not in bad]
     for place in places:
         if place.opcode == Opcode.METADATA:
-            record.note(_parsed(Metadata, file, place))
+            with suppress(*_ERRORS) if salvage else nullcontext():
+                record.note(_parsed(Metadata, file, place))
         elif unchanged and place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             record.learn(_parsed(Schema if place.opcode == Opcode.SCHEMA else Channel, file, place))
     if not whole:
@@ -338,13 +340,29 @@ def _crc(file: int, begin: int, end: int) -> int:
     return crc
 
 
-def _is_sound(file: int, place: _Place) -> bool:
-    """Whether a chunk is what was written."""
+def _damage(file: int, chunks: list[_Place]) -> tuple[list[_Place], int]:
+    """Chunks that are not what was written, and bytes between chunks where others have been."""
+    bad, between, following, end = list[_Place](), 0, 0, 0
+    for place in chunks:
+        numbers = _numbers(file, place)
+        if numbers is None:
+            bad.append(place)
+            following = -1  # not known
+        elif numbers:
+            if following not in (-1, numbers[0]):
+                between += place.begin - end
+            following = numbers[-1] + 1
+        end = place.end
+    return bad, between
+
+
+def _numbers(file: int, place: _Place) -> list[int] | None:
+    """Numbers of the messages in a chunk, without a gap in the whole record; None: it is not what was written."""
     try:
-        breakup_chunk(_chunk(file, place), validate_crc=True)
+        records = breakup_chunk(_chunk(file, place), validate_crc=True)
     except _ERRORS:
-        return False
-    return True
+        return None
+    return [each.sequence for each in records if isinstance(each, Message)]
 
 
 def _chunk(file: int, place: _Place) -> Chunk:

@@ -1,6 +1,8 @@
 """One record: the messages of one run as they came, in one MCAP file. Needs no ROS."""
 
+import json
 import platform
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -11,6 +13,14 @@ from .growing import GrowingFile
 LIBRARY = "afm_recorder_node"
 ABOUT, END = "afm", "afm_end"
 """Metadata of a record: at its begin, and at its end. A record without the second has broken off."""
+
+CHECKSUM = "crc32"
+"""Name of the checksum in the first."""
+
+
+def checksum(about: Mapping[str, str]) -> str:
+    """Checksum of what is known at the begin: as long as a record has no end, nothing else covers it."""
+    return f"{zlib.crc32(json.dumps(sorted(about.items())).encode()):08x}"
 
 
 class _Tail:
@@ -54,7 +64,8 @@ class RecordWriter:
         self._tail = _Tail()
         self._writer = Writer(self._tail, compression=CompressionType.ZSTD, enable_data_crcs=True)  # type: ignore[arg-type]
         self._writer.start(profile="ros2", library=LIBRARY)
-        self._writer.add_metadata(ABOUT, {"python": platform.python_version(), **about})
+        about = {"python": platform.python_version(), **about}
+        self._writer.add_metadata(ABOUT, about | {CHECKSUM: checksum(about)})
         self._schemas: dict[str, int] = {}
         self._channels: dict[tuple[str, str], int] = {}
         self.count = 0
