@@ -87,7 +87,7 @@ class Record:
     _indexed: bool = False  # whether the types of all messages are known before the chunks are read
     _schemas: dict[int, Schema] = field(default_factory=dict)
     _channels: dict[int, Channel] = field(default_factory=dict)
-    _types: Typestore = field(default_factory=Typestore)
+    _types: dict[int, Typestore] = field(default_factory=dict)  # by schema
 
     @property
     def missing(self) -> str:
@@ -135,7 +135,7 @@ class Record:
     def _entry(self, raw: tuple[Channel, Schema, Message]) -> Entry:
         channel, schema, message = raw
         try:
-            read = self._types.deserialize_cdr(message.data, schema.name)
+            read = self._types[schema.id].deserialize_cdr(message.data, schema.name)
         # Whatever it makes of bytes that are not the message.
         except Exception as error:
             raise RecordingError(f"{self.path}: a {schema.name} cannot be read: {error}") from error
@@ -200,17 +200,18 @@ class Record:
         elif isinstance(record, Schema) and record.id not in self._schemas:
             self._schemas[record.id] = record
             try:
-                found = _types_in(record.data.decode(), record.name)
-                self._types.register({name: what for name, what in found.items() if name not in self._types.fielddefs})
+                self._types[record.id] = _types_in(record.data.decode(), record.name)
             # What the parser makes of a text that is no definition is of any kind.
             except Exception as error:
                 raise RecordingError(f"{self.path}: the definition of {record.name} cannot be read: {error}") from error
 
 
 @lru_cache(64)
-def _types_in(definition: str, name: str) -> dict[str, Any]:
-    """The types of a definition: a parser written in Python takes 10 ms."""
-    return get_types_from_msg(definition, name)
+def _types_in(definition: str, name: str) -> Typestore:
+    """The types of a definition: to parse it and to make their readers takes 10 ms."""
+    types = Typestore()
+    types.register(get_types_from_msg(definition, name))
+    return types
 
 
 def open_record(path: Path, *, salvage: bool = False) -> Record:

@@ -159,8 +159,9 @@ def test_record_that_lacks_something_says_what(tmp_path: Path) -> None:
 
 def test_folder_view_and_record_are_the_same_recording(tmp_path: Path) -> None:
     path = recorded.record(tmp_path / "out" / "run.mcap", Run(10).messages())
+    (tmp_path / "other.rrd").write_bytes(b"for the viewer")
     with pytest.raises(RecordingError, match=r"its record other\.mcap is not next to it"):
-        read_recording(tmp_path / "out" / "other.rrd")
+        read_recording(tmp_path / "other.rrd")
     path.with_suffix(".rrd").write_bytes(b"for the viewer")
     for place in (path, path.with_suffix(".rrd"), path.parent, tmp_path):
         assert len(read_recording(place).time_ticks) == 10

@@ -1,7 +1,6 @@
 """A record that has changed since it was written, or breaks off, is reported; what is whole of it can be copied."""
 
 import random
-import subprocess
 import sys
 import warnings
 from dataclasses import fields
@@ -18,9 +17,9 @@ from afm_bringup.replay_command import main as replay
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.record import Record, open_record
 from afm_recorder_node.recording import DamagedRecording, IncompleteRecording, Recording, RecordingError
-from afm_recorder_node.repair import repair
+from afm_recorder_node.repair import main, repair
 
-TICKS, BLOCK = 3000, 500
+TICKS, BLOCK = 900, 150
 
 
 def made(path: Path, close: bool = True) -> Path:
@@ -72,9 +71,9 @@ def test_no_changed_bit_gives_other_contents_without_a_word(tmp_path: Path, clos
     whole, said_before = read(made(tmp_path / "run.mcap", close))
     content = (tmp_path / "run.mcap").read_bytes()
     path, rng, reported = tmp_path / "changed.mcap", random.Random(1), 0
-    heads = [chunk.begin + k for chunk in open_record(path.with_name("run.mcap"))._chunks[2:4] for k in range(50)]
-    ends = [*range(250), *range(len(content) - 60, len(content))]
-    places = [*rng.sample(range(len(content)), 60), *heads, *ends]
+    heads = [chunk.begin + k for chunk in open_record(path.with_name("run.mcap"))._chunks[2:4] for k in range(36)]
+    ends = [*range(0, 180, 2), *range(len(content) - 20, len(content))]
+    places = [*rng.sample(range(len(content)), 58), *heads, *ends]
     for place in places:
         changed = bytearray(content)
         changed[place] ^= 1 << rng.randrange(8)
@@ -117,7 +116,9 @@ def test_what_does_not_belong_to_a_record_at_its_end_is_reported(tmp_path: Path,
     assert len(read(tmp_path / "repaired.mcap")[0].time_ticks) == TICKS
 
 
-def test_repair_leaves_out_a_changed_chunk_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_repair_leaves_out_a_changed_chunk_and_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = made(tmp_path / "run.mcap")
     whole, _ = read(path)
     third = sorted(open_record(path)._chunks, key=lambda place: place.begin)[3]
@@ -128,17 +129,17 @@ def test_repair_leaves_out_a_changed_chunk_and_says_so(tmp_path: Path, capsys: p
         read_recording(path)
     assert replay([str(path)]) == 1
     assert "is damaged" in capsys.readouterr().err
-    program = [sys.executable, "-m", "afm_recorder_node.repair", path, tmp_path / "repaired.mcap"]
-    result = subprocess.run(program, capture_output=True, text=True, timeout=60)
-    assert result.returncode == 0 and "are left out" in result.stderr
+    monkeypatch.setattr(sys, "argv", ["repair", str(path), str(tmp_path / "repaired")])
+    assert main() == 0
+    assert "are left out" in capsys.readouterr().err
     repaired, said = read(tmp_path / "repaired.mcap")
     assert said == {IncompleteRecording} and "bytes of the recording were damaged" in repaired.missing
     kept = np.isin(whole.time_ticks, repaired.time_ticks)
     assert np.count_nonzero(~kept) == BLOCK and not kept[2 * BLOCK : 3 * BLOCK].any()
     assert np.array_equal(repaired.drive, whole.drive[kept]) and repaired.parameters == whole.parameters
     assert path.read_bytes() == content
-    again = subprocess.run(program, capture_output=True, text=True, timeout=60)
-    assert again.returncode == 1 and "nothing is overwritten" in again.stderr
+    assert main() == 1
+    assert "nothing is overwritten" in capsys.readouterr().err
 
 
 def test_repaired_record_of_a_killed_recorder_is_read_by_programs_of_others(tmp_path: Path) -> None:
