@@ -102,8 +102,9 @@ class Progress:
         found = []
         if not self.over:
             found.append("it has not come to an end: the simulator or the recorder was ended during the run")
-        if self.stream(self.trace).begin > 0:
-            found.append(f"it begins at tick {self.stream(self.trace).begin}: the instrument ran before the recorder")
+        begin = self.stream(self.trace).begin, max(self.stream(name).begin for name in self.channels)
+        if max(begin) > 0:
+            found.append(f"it begins at tick {begin[0]}, sample {begin[1]}: the instrument ran before the recorder")
         ticks = self.stream(self.trace).lost
         samples = max((each.lost for name, each in self.streams.items() if name != self.trace), default=0)
         if ticks or samples:

@@ -37,24 +37,24 @@ def believed_in_process() -> list[dict[str, float]]:
 
 @pytest.mark.parametrize("inside", [False, True])
 def test_estimates_of_a_law_are_channels_of_the_recording(tmp_path: Path, inside: bool) -> None:
-    path = tmp_path / "run.rrd"
+    path = tmp_path / "run.mcap"
     scenario = write_scenario(
         tmp_path / "run.yaml",
         afm_sim_node=INSTRUMENT | (LAW if inside else {}),
         afm_controller_node=LAW,
-        afm_recorder_node={"path": str(path)},
+        afm_recorder_node={"path": str(path), "view": False},
     )
     with Graph(["--ros-args", "--params-file", str(scenario)]) as graph:
         observer, recorder, simulator = graph.add(Observer()), graph.add(RecorderNode()), graph.add(SimNode())
         law = simulator if inside else graph.add(ControllerNode())
         graph.spin_until(lambda: observer.recorder.ready and law.estimates.wanted)
         assert observer.call(graph, topics.PLAY).success
-        graph.spin_until(lambda: observer.scores and recorder.recorder.scored)
+        graph.spin_until(lambda: observer.scores and recorder.recorder.present.scored)
         told = believed_in_process()
-        streams = recorder.recorder._intake.streams
-        graph.spin_until(lambda: {f"/law/{name}" for name in told[0]} <= set(streams))
-        own = [streams[f"/law/{name}"] for name in told[0]]
-        graph.spin_until(lambda: all(stream.expected == TICKS // RASTER for stream in own))
+        streams = recorder.recorder.present.streams
+        graph.spin_until(lambda: {f"law/{name}" for name in told[0]} <= set(streams))
+        own = [streams[f"law/{name}"] for name in told[0]]
+        graph.spin_until(lambda: all(stream.next == TICKS // RASTER for stream in own))
         recorder.finish(lambda timeout: graph.spin())
     recording = read_recording(path)
     for name in told[0]:

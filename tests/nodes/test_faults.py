@@ -64,7 +64,7 @@ def push(measurement: Measurement) -> list[PiezoDrive]:
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
 def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
+    path = tmp_path / "run.mcap"
     parameters = {
         "plant.control_period": PERIOD,
         "run.duration": TICKS * PERIOD,
@@ -80,13 +80,14 @@ def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp
         "fault.burst.start": BURST[0] * PERIOD,
         "fault.burst.duration": (BURST[1] - BURST[0]) * PERIOD,
     }
-    file = write_scenario(tmp_path / "run.yaml", afm_sim_node=parameters, afm_recorder_node={"path": str(path)})
+    records = {"path": str(path), "view": False}
+    file = write_scenario(tmp_path / "run.yaml", afm_sim_node=parameters, afm_recorder_node=records)
     with Graph(["--ros-args", "--params-file", str(file)]) as graph:
         observer = graph.add(Orderer())
         recorder = graph.add(RecorderNode())
         simulator = graph.add(SimNode())
         graph.add(HandController(push))
-        graph.spin_until(lambda: recorder.recorder.known.get("afm_sim_node"))
+        graph.spin_until(lambda: recorder._published)
         assert observer.call(graph, topics.PLAY).success
         graph.spin_until(lambda: simulator.run.instrument.ticks > 2 * BURST[1])
         assert observer.call(graph, topics.PAUSE).success
@@ -123,10 +124,10 @@ def test_a_fault_ordered_on_the_way_is_told_recorded_and_replayed(mode: str, tmp
         assert told["fault ordered_1 begins: friction of 1.2"] == tick + 1
         assert told["fault ordered_1 ends"] == tick + 101
         assert told["fault mine ends"] == told["fault ordered_2 ends"] > tick + 200
-        graph.spin_until(lambda: recorder.recorder.has(score.ticks, score.ticks))
+        graph.spin_until(lambda: recorder.recorder.present.has(score.ticks, score.ticks))
         if mode == "lockstep":
             # After a reset everything that was ordered, or cleared, happens again at the same ticks.
-            graph.spin_until(lambda: recorder.recorder.scored)
+            graph.spin_until(lambda: recorder.recorder.present.scored)
             assert observer.call(graph, topics.RESET).success
             assert observer.call(graph, topics.PLAY).success
             graph.spin_until(lambda: len(observer.scores) == 2 and len(observer.events) == 16)

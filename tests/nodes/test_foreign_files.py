@@ -2,12 +2,13 @@
 
 import sys
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 
 import pytest
+import recorded
 import yaml
-from recorded import Run
+from afm_msgs.msg import Score
+from recorded import Run, Topic
 
 from afm_bringup import check_command, replay_command
 from afm_model import ScenarioError, load_scenario
@@ -17,7 +18,6 @@ from afm_model.parameters import SimParameters
 from afm_node_common.process import InProcess
 from afm_recorder_node import inspect_command
 from afm_recorder_node.reader import read_recording
-from afm_recorder_node.writer import RecordingWriter
 
 CHOICES = [
     *(f"{group}.kind" for group in ("sample", "piezo", "plant", "reference", "detector", "onboard", "fault", "law")),
@@ -47,21 +47,22 @@ def ran(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def recording(path: Path, values: dict[str, object], change: tuple[str, str] | None = None) -> Path:
-    with closing(RecordingWriter(path)) as writer:
-        writer.parameters("afm_sim_node", flatten(SimParameters()) | values)
-        writer.parameters("afm_controller_node", {"law.kind": "tanh"} | values)
-        Run(20).write(writer, 0, 20)
-        if change is not None:
-            writer.parameter_change(10, "afm_sim_node", *change[:1], None, change[1])
-        writer.score(40_000, {"ticks": 20, "trajectory_sha256": "ab"})
-    return path
+    def known(node: str, values: dict[str, object]) -> Topic:
+        return recorded.parameters(node, {name: value for name, value in values.items() if value != []})
+
+    messages = [known("afm_sim_node", flatten(SimParameters()) | values)]
+    messages += [known("afm_controller_node", {"law.kind": "tanh"} | values), *Run(20).block(0, 20)]
+    if change is not None:
+        messages.append(recorded.parameters("afm_sim_node", dict([change]), changed_at=1e-8))
+    messages.append(("score", Score(ticks=20, trajectory_sha256="ab", run_id=1)))
+    return recorded.record(path, messages)
 
 
 @pytest.mark.parametrize("choice", CHOICES)
 def test_no_question_to_a_recording_imports_what_it_names(
     choice: str, ran: Callable[[], bool], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = str(recording(tmp_path / "run.rrd", {choice: "evilmod:X"}))
+    path = str(recording(tmp_path / "run.mcap", {choice: "evilmod:X"}))
     for question in ([path], [path, "--table"], [path, "--signal", "deflection"], [path, "--compare", path]):
         assert inspect_command.main(question) == 0, capsys.readouterr().err
     assert choice == "process.parts" or "evilmod:X" in capsys.readouterr().out  # shown as it is
@@ -76,7 +77,7 @@ def test_no_question_to_a_recording_imports_what_it_names(
 def test_no_change_of_a_parameter_in_a_recording_imports_what_it_names(
     ran: Callable[[], bool], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = str(recording(tmp_path / "run.rrd", {}, ("fault.kind", "evilmod:X")))
+    path = str(recording(tmp_path / "run.mcap", {}, ("fault.kind", "evilmod:X")))
     assert inspect_command.main([path]) == 0
     assert replay_command.main([path]) == 1
     assert "--parts evilmod:X" in capsys.readouterr().err and not ran()

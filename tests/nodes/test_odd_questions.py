@@ -5,26 +5,21 @@ import resource
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from recorded import Run
+from recorded import Run, event, record
 from support import executable
 
 from afm_bringup import compare_command, identify_command, score_command
-from afm_recorder_node import export_command, inspect_command
-from afm_recorder_node.reader import read_recording
-from afm_recorder_node.recording import RecordingError
-from afm_recorder_node.writer import RecordingWriter
+from afm_recorder_node import inspect_command
 
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    with closing(RecordingWriter(tmp_path / "run.rrd")) as writer:
-        writer.event(0, "RUNNING\x1b[31m\nall is well")
-        Run(300).write(writer, 0, 300)
-    return tmp_path / "run.rrd"
+    messages = [event(0.0, "RUNNING\x1b[31m\nall is well"), *Run(300).messages(300)]
+    return record(tmp_path / "run.mcap", messages)
 
 
 @contextmanager
@@ -64,7 +59,7 @@ def test_odd_questions_are_answered_in_a_sentence(
     assert code == 2 and told in said and "Traceback" not in said, said
 
 
-@pytest.mark.parametrize("command", ["compare", "compare --robust", "identify", "scorecard", "export"])
+@pytest.mark.parametrize("command", ["compare", "compare --robust", "identify", "scorecard"])
 def test_where_results_cannot_be_written_it_is_said_before_the_work(
     command: str, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -76,17 +71,16 @@ def test_where_results_cannot_be_written_it_is_said_before_the_work(
     monkeypatch.setattr(compare_command, "_robust", work)
     monkeypatch.setattr(score_command, "_score", work)
     monkeypatch.setattr(identify_command, "read_recording", work)
-    monkeypatch.setattr(export_command, "read_recording", work)
     name, *more = command.split()
     source = {"compare": ["pid"], "scorecard": ["closed_loop_tanh"]}.get(name, [str(recording)])
-    monkeypatch.setattr(sys, "argv", [name, *source, *more, "--mcap" if name == "export" else "--out", place])
+    monkeypatch.setattr(sys, "argv", [name, *source, *more, "--out", place])
     module = {"compare": compare_command, "scorecard": score_command, "identify": identify_command}
-    assert module.get(name, export_command).main() == 1
+    assert module[name].main() == 1
     assert capsys.readouterr().err == f"error: {place} cannot be written: Not a directory\n"
 
 
 def test_a_name_that_is_no_text_is_printed_with_escapes(recording: Path) -> None:
-    odd = os.fsencode(recording.parent) + b"/\xff\x1b[31m.rrd"
+    odd = os.fsencode(recording.parent) + b"/\xff\x1b[31m.mcap"
     os.rename(recording, odd)
     for package, command, more in (
         ("afm_recorder_node", "inspect", ["--table"]),
@@ -111,10 +105,3 @@ def test_text_in_a_recording_is_no_command_to_the_terminal(recording: Path, caps
     assert inspect_command.main([str(recording)]) == 0
     said = capsys.readouterr().out
     assert "\x1b" not in said and "RUNNING\\x1b[31m\\nall is well" in said
-
-
-def test_a_full_disk_is_named_where_a_copy_of_a_recording_does_not_fit(recording: Path, tmp_path: Path) -> None:
-    broken = tmp_path / "broken.rrd"
-    broken.write_bytes(recording.read_bytes()[:-100])
-    with small_files(1000), pytest.raises(RecordingError, match=r"broken.rrd cannot be read: the copy for it cannot"):
-        read_recording(broken)

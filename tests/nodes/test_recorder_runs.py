@@ -234,7 +234,7 @@ def test_what_is_missing_of_a_run_is_named() -> None:
     progress.stream("deflection").unwritten = 7
     progress.lines.put(1, 2)
     assert progress.missing() == [
-        "it begins at tick 20: the instrument ran before the recorder",
+        "it begins at tick 20, sample 0: the instrument ran before the recorder",
         "2 lines of scans (trace and retrace counted each) are missing",
         "0 ticks and 7 samples a channel could not be written",
     ]

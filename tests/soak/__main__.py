@@ -53,7 +53,7 @@ def main() -> int:
         # On a machine with more to do a run by the clock diverges: it is to have this one for itself.
         print(f"error: {error}", file=sys.stderr)
         return 1
-    recording = read_recording(arguments.out / "recording.rrd", every=1000)
+    recording = read_recording(arguments.out / "recording.mcap", every=1000)
     titles = [
         f"{arguments.minutes / 2:g} minutes of {arguments.scenario}, 1000 x {len(recording.time_ticks)} ticks recorded"
     ]

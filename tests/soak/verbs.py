@@ -42,7 +42,7 @@ class VerbSoak:
         self._out, self._rng = out, random.Random(1)
         parameters = out / "parameters.yaml"
         parameters.write_text(yaml.safe_dump({"/**/afm_sim_node": {"ros__parameters": INSTRUMENT | LAW}}))
-        arguments = {SIMULATOR: ["--params-file", parameters], RECORDER: ["-p", f"path:={out / 'run.rrd'}"]}
+        arguments = {SIMULATOR: ["--params-file", parameters], RECORDER: ["-p", f"path:={out / 'run.mcap'}"]}
         self._commands = {
             name: Command(
                 executable(name, name), "--ros-args", *arguments[name], "-r", f"__ns:=/{topics.NAMESPACE}", folder=out
@@ -82,17 +82,17 @@ class VerbSoak:
 
     def _completed(self) -> bool:
         """Whether there is a recording of each round before, and none of them is open any more."""
-        for path in self._out.glob("run*.rrd"):
-            if not path.stem.endswith((".partial", ".closing")):
-                path.unlink()
-                self.recordings += 1
+        for path in self._out.glob("run*.rrd"):  # the views are made last
+            path.unlink()
+            path.with_suffix(".mcap").unlink()
+            self.recordings += 1
         folder = Path(f"/proc/{self._commands[RECORDER].process.pid}/fd")
         files = []
         for entry in folder.iterdir():
             # It may be closed meanwhile.
             with suppress(FileNotFoundError):
                 files.append(os.readlink(entry))
-        return self.recordings == self.rounds and sum(".rrd" in file for file in files) == 1
+        return self.recordings == self.rounds and sum(".mcap" in file for file in files) == 1
 
     def round(self) -> dict[str, Sample]:
         """Some verbs, then another sample, another probe or a reset, with which the next recording begins.

@@ -3,21 +3,23 @@
 import contextlib
 import io
 import sys
+import warnings
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from random import Random
+from typing import Any
 
-import rerun as rr
-from recorded import Run
+import recorded
+from afm_msgs.msg import Score
+from recorded import Topic
 from support import Graph
 
 from afm_bringup import identify_command, replay_command
 from afm_model.core.schema import flatten
 from afm_model.parameters import SimParameters
-from afm_model.parameters.strict_yaml import yaml_text
-from afm_recorder_node import inspect_command, layout
-from afm_recorder_node.writer import RecordingWriter
+from afm_recorder_node import inspect_command
+from afm_recorder_node.recording import IncompleteRecording
 from torture.family import Try
 from torture.outcome import Outcome
 
@@ -40,14 +42,24 @@ _PIECES = (
 )
 
 
-def _text(rng: Random, values: dict[str, object]) -> str:
-    """Parameters as a recorder writes them, with something wrong in them as a rule."""
-    text = yaml_text({"afm_sim_node": {"ros__parameters": values}})
-    for _ in range(rng.randrange(4)):
-        at = rng.randrange(len(text) + 1)
-        piece = rng.choice([*_PIECES, "".join(chr(rng.randrange(32, 0x2500)) for _ in range(rng.randrange(1, 30)))])
-        text = text[:at] + piece * rng.choice([1, 1, 1, 50]) + text[at + rng.choice([0, 0, 5, 500]) :]
-    return text
+def _text(rng: Random) -> str:
+    piece = rng.choice([*_PIECES, "".join(chr(rng.randrange(1, 0x2500)) for _ in range(rng.randrange(1, 30)))])
+    return piece * rng.choice([1, 1, 1, 50])
+
+
+def _messages(rng: Random) -> Iterator[Topic]:
+    """A run as a recorder writes it, with something wrong in its texts."""
+    values: dict[str, Any] = dict(flatten(SimParameters()))
+    for name in rng.sample(_KINDS, rng.randrange(1, 3)):
+        values[name] = rng.choice(["evilmod:X", "evilmod:", ":", "\x1b[31m", "os:system", "flat\n"])
+    for name in rng.sample(sorted(values), rng.randrange(4)):
+        values[rng.choice([name, name + _text(rng), _text(rng)])] = rng.choice([_text(rng), None, float("nan"), [True]])
+    plain = (bool, int, float, str)
+    known = {name: each for name, each in values.items() if each is None or isinstance(each, (*plain, list)) and each != []}
+    yield recorded.parameters(rng.choice(["afm_sim_node", "afm_sim_node", _text(rng)]), known)
+    yield from recorded.Run(20).block(0, 20)
+    yield recorded.event(1e-5, _text(rng))
+    yield "score", Score(ticks=20, trajectory_sha256=_text(rng), reason=_text(rng), run_id=1)
 
 
 @contextmanager
@@ -58,15 +70,10 @@ def family(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
     sys.path.insert(0, str(folder))
 
     def one(rng: Random, outcome: Outcome) -> None:
-        values: dict[str, object] = dict(flatten(SimParameters()))
-        for name in rng.sample(_KINDS, rng.randrange(1, 3)):
-            values[name] = rng.choice(["evilmod:X", "evilmod:", ":", "\x1b[31m", "os:system", "flat\n"])
-        path = folder / f"{outcome.number}.rrd"
+        path = folder / f"{outcome.number}.mcap"
         path.unlink(missing_ok=True)
-        with closing(RecordingWriter(path)) as writer:
-            Run(20).write(writer, 0, 20)
-            entity = rng.choice((layout.PARAMETERS, layout.PARAMETERS, layout.PARAMETERS, layout.SCORE))
-            writer._sink.static(entity, rr.TextDocument(_text(rng, values)))
+        about = {"title": _text(rng), "namespace": "/afm"}
+        recorded.record(path, _messages(rng), {"missing": _text(rng) if rng.random() < 0.3 else ""}, about)
         codes = []
         for main, options in (
             (inspect_command.main, []),
@@ -74,7 +81,12 @@ def family(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
             (replay_command.main, []),
             (identify_command.main, []),
         ):
-            with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+            with (
+                contextlib.redirect_stdout(io.StringIO()) as out,
+                contextlib.redirect_stderr(io.StringIO()) as err,
+                warnings.catch_warnings(),
+            ):
+                warnings.simplefilter("ignore", IncompleteRecording)
                 codes.append(main([str(path), *options]))
             told = out.getvalue() + err.getvalue()
             assert "\x1b" not in told and "Traceback" not in told, told[-300:]

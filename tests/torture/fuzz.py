@@ -179,7 +179,7 @@ class Tape:
     """A recorder, and somebody who sends it blocks."""
 
     def __init__(self, graph: Graph, folder: Path, namespace: str) -> None:
-        self._path = folder / "run.rrd"
+        self._path = folder / "run.mcap"
         self.command = node(RECORDER, folder, namespace, path=str(self._path))
         self._graph, self._told = graph, RecorderStatus()
         self._instrument = graph.add(FakeInstrument(namespace))
@@ -223,10 +223,11 @@ class Tape:
 
     def check(self) -> None:
         """End the recorder; its recording holds the blocks and nothing else."""
+        ticks = self._blocks * BLOCK
+        self._instrument.end_run(ticks)
         self.command.process.send_signal(signal.SIGINT)
         assert self.command.wait(self._graph) == 0, self.command.text
         recording = read_recording(self._path)
-        ticks = self._blocks * BLOCK
         assert recording.complete and len(recording.time_ticks) == ticks, f"{len(recording.time_ticks)} of {ticks}"
         assert np.array_equal(recording.drive[:, 0], np.arange(ticks, dtype=float)), "the numbers are others"
 

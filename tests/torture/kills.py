@@ -11,7 +11,7 @@ from support import Graph
 
 from torture.family import Make, Try
 from torture.outcome import Outcome
-from torture.trio import CONTROLLER, LOCKSTEP, REALTIME, RECORDER, RUNNING, SIMULATOR, Trio, lost, read, ticks_of
+from torture.trio import CONTROLLER, LOCKSTEP, REALTIME, RECORDER, RUNNING, SIMULATOR, Trio, has_end, lost, read, ticks_of
 
 _SILENT = (InstrumentStatus.STALLED, InstrumentStatus.RETRACTED)
 
@@ -21,13 +21,13 @@ def recorder(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
     """The recorder is killed while it records, starts or ends; the next one on the same path goes on."""
     trio = Trio(graph, folder, namespace)
     trio.start_all()
-    partial = folder / "run.partial.rrd"
 
     def one(rng: Random, outcome: Outcome) -> None:
         moment, recorded = rng.choices(("recording", "starting", "ending"), (8, 1, 1))[0], 0.0
         if moment == "starting":
             trio.end(RECORDER, begun=False)
-            trio.path.unlink(missing_ok=True)
+            for file in folder.glob("*.mcap"):
+                file.unlink()
             trio.start(RECORDER)
             trio.pass_time(rng.uniform(0.0, 2.5))
             at = until = trio.kill(RECORDER)
@@ -41,34 +41,32 @@ def recorder(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
                 at = trio.kill(RECORDER)
             else:
                 at = until = trio.kill(RECORDER)
-        complete = trio.path.exists()
-        file = trio.path if complete else partial
-        if moment == "starting" and (not file.exists() or not file.stat().st_size):
-            outcome.what = "killed while starting: no file yet"
+        files = list(folder.glob("*.mcap"))
+        assert len(files) <= 1, f"one run, and the records {files}"
+        before = {file: file.read_bytes() for file in files}
+        if moment == "starting" and not any(before.values()):
+            outcome.what = "killed while starting: no run yet"
         else:
-            recording = read(file)
-            assert recording.complete == complete
+            recording = read(files[0])
             ticks = ticks_of(recording, trio.listener)
-            outcome.what = f"killed while {moment}: {'complete' if complete else 'breaks off, readable'}"
+            outcome.what = f"killed while {moment}: {'whole' if has_end(recording) else 'breaks off, readable'}"
             if moment != "starting":
                 outcome.lost = lost(trio.listener, ticks, until)
                 # What came in the last second may be lost, the parameters too.
                 assert recorded < 1.0 or recording.parameters.get("afm_sim_node"), "the parameters are missing"
-        size = partial.stat().st_size if partial.exists() else 0
-        trio.path.unlink(missing_ok=True)
         trio.start(RECORDER)
-        interrupted = folder / "run.interrupted.rrd"
-        if size:
-            trio.until(interrupted.exists)
-            assert interrupted.stat().st_size == size, "what was set aside is not what was there"
-            trio.until(lambda: str(interrupted) in trio.commands[RECORDER].text)
-            outcome.told["the next recorder names what it set aside"] = time.monotonic() - at
-            interrupted.unlink()
+        trio.until(lambda: trio.listener.recorded and trio.listener.recorded[-1][0] > at)
+        for file, content in before.items():
+            trio.until(lambda: "never replaced" in trio.commands[RECORDER].text)
+            outcome.told["the next recorder says that it takes another name"] = time.monotonic() - at
+            assert file.read_bytes() == content, "what was left is not what was there"
+            file.unlink()
 
     yield one
     trio.wait_until_recorded()
     trio.end()
-    assert read(trio.path).complete, "the last recording is not complete"
+    (file,) = folder.glob("*.mcap")
+    assert has_end(read(file)), "the last recording has no end"
     trio.destroy()
 
 
@@ -169,9 +167,10 @@ def _killed_while_it_runs(trio: Trio, rng: Random, outcome: Outcome) -> None:
         assert ticks_before > 0
     trio.end()
     if again:
-        assert read(trio.path.with_stem("run-2")).complete, "the second recording is not complete"
+        second = read(trio.path.with_stem("run-2"))
+        assert second.complete, f"the second recording is not complete: {second.missing}"
     recording = read(trio.path)
-    assert recording.complete, "the recording is not complete"
+    assert has_end(recording), "the recording has no end"
     ticks = ticks_of(recording, trio.listener)
     lost(trio.listener, ticks, at)  # none is missing in between
     # Ticks that the simulator had made and not yet published as a block.

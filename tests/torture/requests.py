@@ -91,7 +91,7 @@ def family(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
     victims = (
         Victim(graph, folder, f"{namespace}_a", SIMULATOR, **INSTRUMENT, **LAW),
         Victim(graph, folder, f"{namespace}_b", CONTROLLER, **{"law.kind": "tanh"}),
-        Victim(graph, folder, f"{namespace}_c", RECORDER, path=str(folder / "run.rrd")),
+        Victim(graph, folder, f"{namespace}_c", RECORDER, path=str(folder / "run.mcap")),
     )
 
     def one(rng: Random, outcome: Outcome) -> None:

@@ -15,7 +15,7 @@ from afm_node_common.shared_memory import unused, used_by
 from torture.family import Make, Try
 from torture.listener import Listener
 from torture.outcome import Outcome
-from torture.trio import REALTIME, RUNNING, lost, read, ticks_of
+from torture.trio import REALTIME, RUNNING, has_end, lost, read, ticks_of
 
 RUNNER = "session"
 
@@ -53,11 +53,11 @@ def killed(target: str) -> Make:
                 graph.remove(listener)
             outcome.left += [line for pid, line in processes().items() if pid not in others]
             outcome.left += sorted(path for path, _ in unused(memory))
-            (file,) = (file for file in out.rglob("*.rrd") if file.stat().st_size)
+            (file,) = (file for file in out.rglob("*.mcap") if file.stat().st_size)
             recording = read(file)
             outcome.lost = lost(listener, ticks_of(recording, listener), at)
             assert target == RUNNER or f"What was recorded is kept: {file}" in text, text
-            kept = "complete" if recording.complete else "breaks off, readable"
+            kept = "whole" if has_end(recording) else "breaks off, readable"
             outcome.what = f"the recording is kept: {kept}; the rest has ended"
 
         yield one

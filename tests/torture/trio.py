@@ -55,7 +55,7 @@ class Trio:
     ) -> None:
         # The nodes tell full paths.
         self.graph, self.folder, self.namespace = graph, folder.resolve(), namespace
-        self.path = self.folder / "run.rrd"
+        self.path = self.folder / "run.mcap"
         self._environment = dict(environment or {})
         folder.mkdir(parents=True, exist_ok=True)
         content = yaml.safe_load(scenario_file(scenario).read_text())
@@ -74,7 +74,7 @@ class Trio:
         for name in names:
             arguments = ["--ros-args", "--params-file", self._parameters, "-r", f"__ns:=/{self.namespace}"]
             if name == RECORDER:
-                arguments += ["-p", f"path:={self.path}"]
+                arguments += ["-p", f"path:={self.path}", "-p", "view:=false"]
             words = ["env", *(f"{key}={value}" for key, value in self._environment.items())]
             self.commands[name] = Command(*words, executable(name, name), *arguments, folder=self.folder)
 
@@ -205,6 +205,11 @@ def read(path: Path) -> Recording:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IncompleteRecording)
         return read_recording(path)
+
+
+def has_end(recording: Recording) -> bool:
+    """Whether its recorder has ended it, whatever is missing in it."""
+    return "it has no end" not in recording.missing
 
 
 def ticks_of(recording: Recording, listener: Listener) -> Ticks:
