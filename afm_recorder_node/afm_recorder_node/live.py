@@ -40,8 +40,8 @@ _PERIOD = 0.1
 """Wall time between two looks at the files [s]."""
 _LAST = 0.5
 """Wall time after a signal for which viewers still get what has been recorded [s]."""
-_AT_ONCE = 256
-"""Messages that are drawn before they are served."""
+_AT_ONCE = 1 << 18
+"""Rows that are drawn before they are served, more or less; rerun makes some 30 bytes of one."""
 _LISTENS = "0A"
 """State of a socket in /proc/net/tcp."""
 RERUN = str(files("rerun_cli") / "rerun")
@@ -92,14 +92,16 @@ class _Growing:
         self._stream.set_sinks(self._bytes)
         self._writer: ViewWriter | None = None
         self._arranged: set[str] | None = None
+        self._served = 0  # rows
 
     def news(self) -> Iterator[bytes]:
         """What has come since the last call. Memory holds a part of it at a time."""
-        number = 0
+        come = False
         try:
-            for number, entry in enumerate(self._record.more(), 1):
-                self._begun().put(entry)
-                if number % _AT_ONCE == 0:
+            for entry in self._record.more():
+                come, writer = True, self._begun()
+                writer.put(entry)
+                if writer.canvas.sent.total() >= self._served + _AT_ONCE:
                     yield self._drawn()
         except RecordingError as error:
             print(f"error: {error}", file=sys.stderr, flush=True)
@@ -108,7 +110,7 @@ class _Growing:
         if self.over and self._writer is not None:
             self._writer.conclude(self._record.missing)
         # Before anything has come, too: a server without a message has no page.
-        if number % _AT_ONCE or self.over or self._arranged is None:
+        if come or self.over or self._arranged is None:
             yield self._drawn()
         if self.over:
             self._stream.disconnect()
@@ -126,6 +128,7 @@ class _Growing:
         entities: set[str] = set()
         if self._writer is not None:
             self._writer.flush()
+            self._served = self._writer.canvas.sent.total()
             entities = {each for each in self._writer.canvas.sent if screens.has_place(each)}
         if entities != self._arranged:
             self._arranged = entities

@@ -204,7 +204,7 @@ def test_page_gets_other_ports_if_somebody_has_taken_those_that_were_free(tmp_pa
 
 
 @pytest.mark.long
-def test_memory_is_bounded_while_a_viewer_reads_nothing_of_1500_megabytes(tmp_path: Path) -> None:
+def test_memory_is_bounded_while_a_viewer_reads_nothing_of_a_long_run(tmp_path: Path) -> None:
     noise, growing = np.random.default_rng(0).random(32_768), tmp_path / "run.mcap"
     writer = begin(growing, [])
     begun = growing.stat().st_size
@@ -215,14 +215,15 @@ def test_memory_is_bounded_while_a_viewer_reads_nothing_of_1500_megabytes(tmp_pa
     with live(growing) as page, viewer(page.text, tmp_path) as client:
         client.wait_until(lambda: got(tmp_path))
         client.process.send_signal(signal.SIGSTOP)
-        for _ in range(1_500_000_000 // len(block)):
+        # 13 million samples, of each of which rerun makes some 30 bytes.
+        for _ in range(100_000_000 // len(block)):
             writer.file.write(block)
         write(writer, 0)
         with viewer(page.text, later) as second:
             # What comes last has come: all has gone through the server.
             second.wait_until(lambda: got(later) == [ROWS], timeout=5 * TIMEOUT)
         assert most(server()) < 1e9
-        assert most(page.process.pid) < 4e8
+        assert most(page.process.pid) < 3e8
 
 
 def most(pid: int) -> int:
