@@ -11,7 +11,7 @@ from figures import control, page, style
 from figures.runs import ROOT
 
 PAGE = ROOT / "docs" / "images.md"
-ALSO = (("pid", "right"), ("predictive", "right"))
+ALSO = (("pid", "right"), ("load", "right"))
 """In the table only."""
 
 

@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import law_bounds
 import law_noise
 import measure_predictive
+from laboratory import laboratory
 from law_pages import DOCS, PAGES, marks, put, table
 
 from afm_bringup.compare_robust import robust_laws, robust_picture, robust_table
@@ -33,7 +34,7 @@ KNOWLEDGE = ("known", "observed", "learned")
 """What `predictive` knows of the surface: all, nothing, the line that it has been along."""
 PREDICTIVE = tuple(f"predictive surface={surface}" for surface in KNOWLEDGE)
 OTHERS = (
-    *(name for name in names("law") if name not in ("open_loop", "chirp", "external", "pid", "predictive")),
+    *(name for name in names("law") if name not in ("open_loop", "chirp", "external", "pid", "load", "predictive")),
     "observer friction=learned",
     "pid slowness=0.15",
 )
@@ -254,6 +255,7 @@ def of_equations() -> dict[str, str]:
 
 TABLES: dict[str, Callable[[], str]] = {
     "laws": laws,
+    "laboratory": laboratory,
     "wrong": wrong,
     "asked": asked,
     "mixed": all_wrong,

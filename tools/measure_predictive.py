@@ -15,11 +15,9 @@ from typing import Any
 import numpy as np
 
 from afm_model import Controller, ControllerParameters, SimParameters, Simulation, build, simulate
-from afm_model.parameters.microscope_parameters import resolved
 from afm_model.run import Latency, simulate_realtime
 
 sys.path.insert(0, str(Path(__file__).parent))
-from laboratory import CERAMIC
 from law_pages import show, table
 
 PERIOD = 2.0 * math.pi / 50.0
@@ -148,58 +146,6 @@ def late() -> list[str]:
     return table(["", "no spare period", "one spare period"], rows).splitlines()
 
 
-LINES = 0.1
-"""Period of the scan of a laboratory microscope [s]."""
-LABORATORY = {
-    "microscope.lever": "ppp_lfmr",
-    "microscope.scanner": "flexure_90um",
-    "microscope.pair": "si_sio2",
-    "microscope.setpoint_force": 10e-9,
-}
-SENSORS = {"detector.deflection_noise_density": 3e-13, "detector.position_noise": 5e-11}
-IMPERFECT: tuple[tuple[str, dict[str, Any], dict[str, Any]], ...] = (
-    ("ideal", {}, {}),
-    ("hysteresis 12 %, creep 2 %", CERAMIC, {}),
-    ("and 50 pm of noise", CERAMIC | SENSORS, {"law.feedback": "measured"}),
-)
-"""The scanner and its sensors, and what `predictive` is told of it."""
-
-
-def scan(
-    law: dict[str, Any], plant: dict[str, Any], amplitude: float, period: float, delay: int
-) -> tuple[SimParameters, ControllerParameters]:
-    """Four lines of a sine along x and y on a laboratory microscope with its own z loop; the last two are scored."""
-    common = LABORATORY | {"microscope.control_period": period, "microscope.delay_ticks": delay}
-    sim = {"sample.kind": "flat", "onboard.kind": "pi", "run.duration": 4.0 * LINES, "score.start": 2.0 * LINES}
-    sim |= {f"reference.amplitude_{axis}": amplitude for axis in "xy"}
-    sim |= {f"reference.omega_{axis}": 2.0 * math.pi / LINES for axis in "xy"}
-    timing = {"law.period": period, "law.delay_ticks": delay}
-    return (
-        build(SimParameters, resolved(SimParameters, common | sim | plant)),
-        build(ControllerParameters, resolved(ControllerParameters, common | timing | law)),
-    )
-
-
-def laboratory(titles: Iterable[str] = (), amplitudes: Iterable[float] = (5e-9, 1e-6, 20e-6)) -> list[str]:
-    """Largest errors of `pid`, `observer` and this law where friction does not move the scanner."""
-    rates = [RATES[0], RATES[1], RATES[3]]
-    rows = []
-    for title, plant, told in IMPERFECT:
-        if titles and title not in titles:
-            continue
-        for amplitude in amplitudes:
-            cells = []
-            for _, period, delay, _ in rates:
-                errors = []
-                for law in ({"law.kind": "pid"}, {"law.kind": "observer"}, {"law.kind": "predictive"} | told):
-                    score = simulate(*scan(law, plant, amplitude, period, delay)).score
-                    errors.append(f"{max(score.max_percent[:2]):.2g}")
-                cells.append("; ".join(errors))
-            size = f"{1e9 * amplitude:g} nm" if amplitude < 1e-6 else f"{1e6 * amplitude:g} um"
-            rows.append([f"{title}, {size}", *cells])
-    return table(["pid; observer; predictive [%]", *(rate[0] for rate in rates)], rows).splitlines()
-
-
 def cost() -> list[str]:
     """Time of an answer, the best of some stretches [us]."""
     rows = []
@@ -225,7 +171,7 @@ def cost() -> list[str]:
     return table(["", "us an answer"], rows).splitlines()
 
 
-TABLES = {"knowledge": knowledge, "noise": noise, "late": late, "laboratory": laboratory, "cost": cost}
+TABLES = {"knowledge": knowledge, "noise": noise, "late": late, "cost": cost}
 
 
 def main() -> int:

@@ -2,7 +2,7 @@
 
 from afm_model.parts import Law
 
-from .constants import ANSWERS, Constants, is_stiff, kept, values
+from .constants import ANSWERS, Constants, kept, values
 from .control import control
 from .law import PredictiveLaw, check, estimates, remark, warnings
 from .state import State, start
@@ -23,7 +23,6 @@ PREDICTIVE = Law(
     "scanner, cantilever, contact, its friction; of the sample its shortest wave and height (surface=known: all); "
     "noise of the sensors",
     plants=("compliant", "paper"),
-    needs_no_friction=is_stiff,
     memory=("sent", lambda parameters: 3 * ANSWERS * kept(parameters)),
 )
 

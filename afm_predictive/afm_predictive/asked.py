@@ -28,8 +28,7 @@ def start_softly(y: Measurement, p: Constants, s: State) -> None:
     """
     if s.started == 0.0:
         far_x, far_y = y.position[0] / p.x0 - s.p[0], y.position[1] / p.x0 - s.p[1]
-        # Where friction does not move the scanner it does not throw the tip either.
-        far = p.stiff == 0 and s.fastest > 0.0 and hypot(far_x, far_y) > _FAR
+        far = s.fastest > 0.0 and hypot(far_x, far_y) > _FAR
         s.lead[0], s.lead[1] = (far_x, far_y) if far else (0.0, 0.0)
     left, step = hypot(s.lead[0], s.lead[1]), s.fastest * p.hold
     if left > step:
@@ -172,6 +171,4 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
                 + s.slow[axis]
                 + s.softer[axis] * stretched(axis, q, s)
             )
-            if p.stiff != 0:
-                held += s.held_rate[axis] * (first + (i + 0.5) * p.tau - 0.5 * s.delay * p.slot)
             ask_of(axis, i, held, p, s)

@@ -91,8 +91,6 @@ from places that are estimated."""
 _SOON, _SOON_MEASURED = 3.0, 4.5
 """Where it takes so long until the drive that answers a measurement is over, friction is sought from lower on [1/w0];
 the same with positions alone, where a map that is written meanwhile is worse for it."""
-_NOWHERE = 1e-12
-"""Way [m] by which friction moves the scanner that counts as none."""
 _STEP = 0.125
 """Longest step of the prediction [1/w0], which begins anew at each measurement."""
 _STEP_COPY = 0.05
@@ -157,7 +155,6 @@ class Constants(Record):
     ripple: float  # of the strength, from that curvature
     of_height: float  # relative change of friction with the height that is most likely; 0: it is not used
     measured: int
-    stiff: int  # one: friction moves the scanner by next to nothing
     # In packets the surface is continued from the last places:
     reach: float  # how far from the last of them, phase of the shortest wave
     most_ahead: float  # and to how far from the mean, over the range of the surface
@@ -232,15 +229,6 @@ def least_bound(law: Tree, hold: float) -> float:
     return 0.75 if law.packet == 1 and soon else 0.45
 
 
-def is_stiff(parameters: Tree) -> bool:
-    """Whether friction, at the load of the setpoint zero on a flat sample, moves the scanner by next to nothing."""
-    scanner, cantilever, contact = parameters.scanner, parameters.cantilever, parameters.contact
-    load = cantilever.W - cantilever.m_c * square(2.0 * math.pi * cantilever.f_c) * cantilever.a
-    friction = bound_of_load(contact.friction_at_pull_off, 1.0, load / contact.pull_off_force)
-    softest = scanner.mass_ratio * cantilever.m_c * square(2.0 * math.pi * min(scanner.f_x, scanner.f_y))
-    return bool(friction < _NOWHERE * softest)
-
-
 def values(parameters: Tree) -> Numbers:
     """Values of Constants."""
     law, scanner, cantilever, contact = parameters.law, parameters.scanner, parameters.cantilever, parameters.contact
@@ -286,8 +274,7 @@ def values(parameters: Tree) -> Numbers:
 
     small = 0.01 / r
     f_0, up, down = bound(0.0, load_0), bound(small, load_0), bound(-small, load_0)
-    stiff = is_stiff(parameters)
-    identified = law.friction == "identified" and not stiff
+    identified = law.friction == "identified"
     dn = 1e-3 * L_s
     delta_load = (indentation(0.0, load_0 + dn) - indentation(0.0, load_0 - dn)) / (2.0 * dn)
     height_noise = hypot(FLOOR, law.deflection_noise / z0 if measured else 0.0)
@@ -321,7 +308,7 @@ def values(parameters: Tree) -> Numbers:
         "refined": slot > LONG and n + division.fine <= INTERVALS,
         # In a long hold the drive is refined for that. In packets positions alone do not tell rest.
         "frees": slot <= LONG and not (measured and slots > 1),
-        "taken": math.inf if stiff else _TAKEN_MEASURED if measured else _TAKEN,
+        "taken": _TAKEN_MEASURED if measured else _TAKEN,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),
         "ring": exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
         "steps": steps,
@@ -335,7 +322,7 @@ def values(parameters: Tree) -> Numbers:
         "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(slowly) * hold,
         "levels": measured and slots == 1 and law.surface == "learned",
         "first_drift": _DRIFT if law.drift == "estimated" and law.surface == "learned" else 0.0,
-        "sees_drag": law.drift == "estimated" and not (measured or stiff),
+        "sees_drag": law.drift == "estimated" and not measured,
         "finds_zero": identified and law.lateral_zero == "estimated",
         "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],
@@ -363,7 +350,6 @@ def values(parameters: Tree) -> Numbers:
         # Of waves that are all alike up to the largest wave number: the mean of its square is a third.
         "of_height": ripple / law.height * z0 / 3.0 if measured and slots == 1 and law.surface != "learned" else 0.0,
         "measured": measured,
-        "stiff": stiff,
         "reach": _REACH_MEASURED if measured else _REACH,
         "most_ahead": _MOST_AHEAD_MEASURED if measured else _MOST_AHEAD,
         "bumps": [0.0, ripple * identified],

@@ -23,7 +23,6 @@ from .sample_estimate import (
     take_ratio,
 )
 from .state import State
-from .stiff_scanner import begin_load, observe_stiff
 from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
 from .zeros import find_zero, find_zeros_at_start
 
@@ -33,7 +32,7 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Put position and rate of the scanner at measurement k into the state."""
     x, y_, z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
     # What led to a fallback is no estimate to go on from.
-    if s.started == 0.0 or s.distrust == 1.0 or (p.measured == 0 and p.stiff == 0):
+    if s.started == 0.0 or s.distrust == 1.0 or p.measured == 0:
         if p.remembers != 0:
             pass_drives(k, y, False, p, s)
         speed = p.x0 * p.w0
@@ -42,23 +41,15 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
         s.V_Y = y.velocity[1] / speed if p.measured == 0 else 0.0
         s.V_Z = y.velocity[2] / (p.z0 * p.w0) if p.measured == 0 else 0.0
         begin_observer(p, s)
-        for axis in range(2 * p.stiff):
-            begin_load(axis, p, s)
     else:
         s.X, s.Y, s.Z = s.estimate[0], s.estimate[1], s.estimate[2]
         s.V_X, s.V_Y, s.V_Z = s.estimate[3], s.estimate[4], s.estimate[5]
-        if p.stiff != 0:
-            observe_stiff(k, x, y_, y, p, s)
-        else:
-            observe_scanner(k, x, y_, y, p, s)
-        if p.measured != 0:
-            missed = z - s.Z
-            if p.adapts != 0 and p.first[2, 2] > 0.0:
-                learn_stiffness_of_z(missed, p, s)
-            s.Z += p.L[s.unknown, 0] * missed
-            s.V_Z += p.L[s.unknown, 1] * missed
-        else:
-            s.Z, s.V_Z = z, y.velocity[2] / (p.z0 * p.w0)
+        observe_scanner(k, x, y_, y, p, s)
+        missed = z - s.Z
+        if p.adapts != 0 and p.first[2, 2] > 0.0:
+            learn_stiffness_of_z(missed, p, s)
+        s.Z += p.L[s.unknown, 0] * missed
+        s.V_Z += p.L[s.unknown, 1] * missed
     s.estimate[0], s.estimate[1], s.estimate[2] = s.X, s.Y, s.Z
     s.estimate[3], s.estimate[4], s.estimate[5] = s.V_X, s.V_Y, s.V_Z
 

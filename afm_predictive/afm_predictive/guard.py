@@ -72,8 +72,7 @@ def see_turn(p: Constants, s: State) -> None:
         x, y = s.turned[0, 0], s.turned[0, 1]
         s.fastest, s.reach = fastest, 0.5 * hypot(s.p[0] - x, s.p[1] - y)
         s.from_x, s.from_y = 0.5 * (s.p[0] + x), 0.5 * (s.p[1] + y)
-        if p.stiff == 0:
-            forget(p, s)
+        forget(p, s)
         s.least = s.most = s.pitch = s.way = 0.0
     keep_map(s)
     s.turned[0, 0], s.turned[0, 1], s.turned[1, 0], s.turned[1, 1] = s.p[0], s.p[1], v_x, v_y

@@ -168,13 +168,7 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
 
 def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     """What it believes of the microscope, each with its standard deviation, and how far it distrusts its model."""
-    if p.stiff:
-        for i, axis in enumerate("xy"):
-            yield LawEstimate(f"slow_force_{axis}", "N", float(s.held[i] * p.lateral_force))
-            deviation = p.lateral_force * math.sqrt(max(s.of_held[i, 2, 2], 0.0))
-            yield LawEstimate(f"slow_force_{axis}_deviation", "N", float(deviation))
-    else:
-        yield from _of_friction(p, s)
+    yield from _of_friction(p, s)
     for i, axis in enumerate("xyz"):
         yield LawEstimate(f"sensor_zero_{axis}", "m", float(s.unstretched[i] * (p.z0 if axis == "z" else p.x0)))
     yield LawEstimate("delay", "s", float(s.delay * p.slot / p.w0))

@@ -81,10 +81,6 @@ class State(Record):
     weights: Annotated[Array, (5,)]
     change: Annotated[Array, (5,)]
     across: float  # variance of the position across the motion
-    # stiff_scanner.py: load on x and y, its rate; covariance of position, rate and these.
-    held: Annotated[Array, (2,)]
-    held_rate: Annotated[Array, (2,)]
-    of_held: Annotated[Array, (2, 4, 4)]
     X: float  # the scanner as measured or estimated, then as predicted
     Y: float
     Z: float

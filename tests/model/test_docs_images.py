@@ -37,11 +37,11 @@ def test_slow_z_loop_smears_edges_and_the_law_of_x_and_y_decides_where_they_are(
     assert number(told["right", "the paper's law"][3]) == pytest.approx(1e9 * right.width, rel=0.1)
 
 
-def test_predictive_leaves_what_the_z_loop_lags_behind():
+def test_load_leaves_what_the_z_loop_lags_behind():
     told = {row[1]: row for row in table("control") if row[0] == "right"}
-    found = control.faults(control.scan("predictive", "right", 4))
-    assert 1e9 * found.largest == pytest.approx(number(told["predictive"][4]), rel=0.1)
-    assert 1e9 * found.height == pytest.approx(number(told["predictive"][2]), rel=0.1)
+    found = control.faults(control.scan("load", "right", 4))
+    assert 1e9 * found.largest == pytest.approx(number(told["load"][4]), rel=0.1)
+    assert 1e9 * found.height == pytest.approx(number(told["load"][2]), rel=0.1)
 
 
 def test_z_loop_that_swings_is_seen_in_the_deflection_and_not_in_the_height():

@@ -14,6 +14,7 @@ import law_noise  # noqa: E402
 import make_laws  # noqa: E402
 import measure_predictive  # noqa: E402
 from figures.page import read as read_table  # noqa: E402
+from laboratory import laboratory  # noqa: E402
 from law_pages import PAGES, marks, page_of, put  # noqa: E402
 
 from afm_bringup.compare_robust import robust_table  # noqa: E402
@@ -112,8 +113,8 @@ def test_measured_tables_are_what_the_law_does_now():
 
 
 def test_table_of_a_laboratory_microscope_is_what_the_laws_do_now():
-    rows = {row[0]: row[1:] for row in read("predictive laboratory")}
-    _, _, now = measure_predictive.laboratory(["and 50 pm of noise"], [5e-9])
+    rows = {row[0]: row[1:] for row in read("laws laboratory")}
+    _, _, now = laboratory(["and 50 pm of noise"], [5e-9]).splitlines()
     title, *cells = [cell.strip() for cell in now.strip("|").split("|")]
     assert rows[title] == cells
 
@@ -127,7 +128,7 @@ def test_every_table_of_the_pages_is_made_by_one_command():
 
 def test_tables_of_all_laws_and_of_predictive_are_in_their_pages():
     assert [page.name for page in PAGES] == ["laws.md", "predictive.md"]
-    assert marks(PAGES[0]) == ["laws laws"]
+    assert marks(PAGES[0]) == ["laws laws", "laws laboratory"]
     assert {page_of(f"predictive {name}") for name in measure_predictive.TABLES} == {PAGES[1]}
 
 

@@ -228,10 +228,9 @@ def test_docstrings_cite_equations_of_the_laws_that_exist():
         re.findall(r"\\tag\{(\d\.\d+)\}", (DOCS / page).read_text()) for page in ("laws.md", "predictive.md")
     )
     assert tags == sorted(set(tags)) and all(tag < "8" for tag in tags)
-    # Their page goes on from there. By what they belong to, not in order: (8.11) is about stability, at the end.
-    assert sorted(of_predictive) == sorted(f"8.{n}" for n in range(1, 16))
+    assert len(of_predictive) == len(set(of_predictive)) and all(tag.startswith("8.") for tag in of_predictive)
     tags += of_predictive
-    cites = [n for source in (ROOT / "afm_model" / "afm_model").rglob("*.py") for n in cited_laws(source)]
+    cites = [n for source in ROOT.glob("afm_*/afm_*/**/*.py") for n in cited_laws(source)]
     assert cites and set(cites) <= set(tags)
 
 

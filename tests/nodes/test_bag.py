@@ -92,7 +92,9 @@ def test_measurements_of_a_record_played_to_a_controller_alone_give_its_drives_t
         for measurement in kept[topics.MEASUREMENT]:
             publisher.publish(measurement)
             graph.spin_until(lambda count=measurement.sequence + 1: len(answers) == count)
-    assert [serialize_message(each) for each in answers] == [serialize_message(each) for each in kept[topics.PIEZO_DRIVE]]
+    assert [serialize_message(each) for each in answers] == [
+        serialize_message(each) for each in kept[topics.PIEZO_DRIVE]
+    ]
 
 
 def test_bag_of_live_topics_is_inspected_and_replayed_to_the_last_bit(

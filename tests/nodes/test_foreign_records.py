@@ -59,7 +59,9 @@ def test_messages_that_no_instrument_sends_are_refused(
 @pytest.mark.parametrize("what", BYTES)
 def test_bytes_that_are_no_message_are_refused(what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kind, text, data = BYTES[what]
-    writer = RecordWriter(GrowingFile(tmp_path / "run.mcap"), lambda kind: text or definition(kind), {"namespace": "/afm"})
+    writer = RecordWriter(
+        GrowingFile(tmp_path / "run.mcap"), lambda kind: text or definition(kind), {"namespace": "/afm"}
+    )
     writer.put("events" if "Event" in kind else "control_trace", kind, 0, 0, data)
     refused(writer.close({"missing": ""}), capsys)
 

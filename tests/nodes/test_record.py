@@ -172,7 +172,8 @@ def test_growing_record_is_followed_message_by_message(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "content"), [("absent.mcap", None), ("empty.mcap", b""), ("text.mcap", b"hello"), ("head.mcap", b"\x89MCAP")]
+    ("name", "content"),
+    [("absent.mcap", None), ("empty.mcap", b""), ("text.mcap", b"hello"), ("head.mcap", b"\x89MCAP")],
 )
 def test_file_that_is_no_recording_is_named_and_not_repaired(tmp_path: Path, name: str, content: bytes | None) -> None:
     path = tmp_path / name

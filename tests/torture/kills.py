@@ -11,7 +11,19 @@ from support import Graph
 
 from torture.family import Make, Try
 from torture.outcome import Outcome
-from torture.trio import CONTROLLER, LOCKSTEP, REALTIME, RECORDER, RUNNING, SIMULATOR, Trio, has_end, lost, read, ticks_of
+from torture.trio import (
+    CONTROLLER,
+    LOCKSTEP,
+    REALTIME,
+    RECORDER,
+    RUNNING,
+    SIMULATOR,
+    Trio,
+    has_end,
+    lost,
+    read,
+    ticks_of,
+)
 
 _SILENT = (InstrumentStatus.STALLED, InstrumentStatus.RETRACTED)
 

@@ -68,7 +68,7 @@ LAWS: dict[str, dict[str, Value]] = {
     "the paper's law": {"law.kind": "tanh"},
     "pid": {"law.kind": "pid", "law.period": PERIOD},
     "observer": {"law.kind": "observer", "law.period": PERIOD},
-    "predictive": {"law.kind": "predictive", "law.period": PERIOD},
+    "load": {"law.kind": "load", "law.period": PERIOD},
 }
 MOST = 1e-8 * 2.0 * math.pi * _SCANNER.f_z / _SCANNER.Q
 """Integral gain of the z loop at which the scanner's resonance makes it oscillate [m/(V s)], docs/microscope.md."""

@@ -5,6 +5,7 @@ from . import paper, paper_tracking
 from .chirp import CHIRP
 from .external import OUTSIDE, ExternalLaw
 from .implicit import IMPLICIT
+from .load import LOAD
 from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from .observer import OBSERVER
 from .paper import PaperLaw
@@ -13,7 +14,7 @@ from .sampled import SampledLaw, TimingWarning, disagreements, require_plant, wa
 from .scanner import free_axis, times
 from .super_twisting import SUPER_TWISTING
 
-register(*paper.PARTS, PID, IMPLICIT, SUPER_TWISTING, OBSERVER, *paper_tracking.PARTS, CHIRP, OUTSIDE)
+register(*paper.PARTS, PID, IMPLICIT, SUPER_TWISTING, OBSERVER, LOAD, *paper_tracking.PARTS, CHIRP, OUTSIDE)
 
 __all__ = [
     "TANH_GAP",

@@ -64,11 +64,10 @@ TIMING = ("period", "delay_ticks")
 def require_plant(controller: Tree, plant: PlantParameters) -> None:
     """Raise ParameterError if the law of a controller has a model of friction that is not that of the plant."""
     law = find("law", controller.law.kind)
-    if law.plants and plant.kind not in law.plants and not law.needs_no_friction(controller):
+    if law.plants and plant.kind not in law.plants:
         raise ParameterError(
-            f"law.kind = {law.name} is not allowed with plant.kind = {plant.kind} and a scanner that friction moves: "
-            f"its model of friction is that of plant.kind = {' or '.join(law.plants)}; take a law that needs none, "
-            "such as pid, or tell the controller of a stiff scanner, as microscope.scanner does"
+            f"law.kind = {law.name} is not allowed with plant.kind = {plant.kind}: its model of friction is that of "
+            f"plant.kind = {' or '.join(law.plants)}; choose a law without a model of friction, such as load or pid"
         )
 
 

@@ -207,8 +207,6 @@ class Law(Part):
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
     plants: tuple[str, ...] = ()
     """Kinds of plant whose friction it has a model of; on others it is refused. Empty: it has none."""
-    needs_no_friction: Callable[[Tree], bool] = lambda parameters: False
-    """Whether it needs no model of friction with these parameters, and is allowed on any plant."""
 
 
 @dataclass(frozen=True, kw_only=True)

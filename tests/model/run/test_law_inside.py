@@ -155,7 +155,7 @@ def test_law_with_a_model_of_friction_is_refused_on_a_plant_that_has_another(tmp
         "/**/afm_sim_node:\n  ros__parameters: {plant.kind: lever, sample.kind: flat, onboard.kind: pi}\n"
         "/**/afm_controller_node:\n  ros__parameters: {law.kind: predictive}\n"
     )
-    words = "law.kind = predictive is not allowed with plant.kind = lever and a scanner that friction moves: its"
+    words = "law.kind = predictive is not allowed with plant.kind = lever: its model of friction is that of"
     with pytest.raises(ScenarioError, match=words):
         load_scenario(path)
     lever = build(SimParameters, PLANT | {"plant.kind": "lever", "sample.kind": "flat", "onboard.kind": "pi"})
