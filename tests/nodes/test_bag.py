@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import recorded
-from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Measurement, Parameters, PiezoDrive, Score, Waveform
+from afm_msgs.msg import ControlTrace, Event, InstrumentStatus, Measurement, PiezoDrive, Score, Waveform
 from mcap.reader import make_reader
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.node import Node

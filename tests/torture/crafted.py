@@ -56,7 +56,7 @@ def _messages(rng: Random) -> Iterator[Topic]:
         values[rng.choice([name, name + _text(rng), _text(rng)])] = rng.choice([_text(rng), None, float("nan"), [True]])
     plain = (bool, int, float, str)
     known = {
-        name: each for name, each in values.items() if each is None or isinstance(each, (*plain, list)) and each != []
+        name: each for name, each in values.items() if each is None or (isinstance(each, (*plain, list)) and each != [])
     }
     yield recorded.parameters(rng.choice(["afm_sim_node", "afm_sim_node", _text(rng)]), known)
     yield from recorded.Run(20).block(0, 20)
