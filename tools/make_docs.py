@@ -18,6 +18,7 @@ from afm_model.fault import KINDS
 from afm_model.fault.entry import DRIVES, SENSORS
 from afm_model.parameters import Group, SetupSection, specifications
 from afm_model.run import TRANSITIONS, Cause, State
+from afm_nanonis.table import LOCK_INS, MEASURING, MOTION, SETTINGS
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_recorder_node.parameters import RecorderParameters
 from afm_sim_node.declared import TUNABLE as SIM_TUNABLE
@@ -33,6 +34,8 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
 EXAMPLES = ("kalman", "patches")
 AXIS = re.compile(r"\b[xyz]\b")
+FLAG = re.compile(r"[!<].*|/.*")
+"""Of an argument of the Nanonis protocol: what leaves a setting as it is."""
 
 
 def allowed(spec: Specification) -> str:
@@ -174,6 +177,17 @@ def transitions() -> str:
     return "\n".join(lines)
 
 
+def commands() -> str:
+    """Every command of the Nanonis protocol, Set and Get of a setting together."""
+    lines = ["| command | arguments | returns | | what |", "|---|---|---|---|---|"]
+    for text in (MEASURING, MOTION, SETTINGS, LOCK_INS):
+        for row in text.strip().splitlines():
+            name, given, back, how, what = (cell.strip() for cell in row.split("|"))
+            types = (" ".join(FLAG.sub("", word) for word in cell.split()) for cell in (given, back))
+            lines.append(f"| {name} | {' | '.join(types)} | {how.split()[0]} | {what} |".replace("|  |", "| |"))
+    return "\n".join(lines)
+
+
 def between_marks(page: str, mark: str, text: str) -> str:
     """`page` with `text` between `<!-- mark -->` and the next `<!-- end -->`."""
     before, begin, rest = page.partition(f"<!-- {mark} -->\n")
@@ -195,6 +209,7 @@ def pages() -> dict[Path, str]:
         controllers = between_marks(controllers, path.stem, f"```python\n{path.read_text().rstrip()}\n```")
     return {
         DOCS / "controllers.md": between_marks(controllers, "rules", rules()),
+        DOCS / "nanonis.md": between_marks((DOCS / "nanonis.md").read_text(), "commands", commands()),
         DOCS / "faults.md": between_marks((DOCS / "faults.md").read_text(), "kinds", kinds()),
         DOCS / "safe_states.md": between_marks((DOCS / "safe_states.md").read_text(), "transitions", transitions()),
         DOCS / "parameters.md": parameters(),

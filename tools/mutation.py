@@ -36,7 +36,7 @@ from coverage import CoverageData
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = (
     *("afm_model", "afm_predictive", "afm_node_common", "afm_sim_node", "afm_controller_node", "afm_recorder_node"),
-    "afm_bringup",
+    *("afm_bringup", "afm_nanonis"),
 )
 SIGNS = "Add", "Sub", "Mul", "Div"
 OTHERS = "Comparison", "Number", "Boolean", "ReplaceAnd", "ReplaceOr", "ReplaceTrue", "ReplaceFalse", "AddNot", "ZeroIt"

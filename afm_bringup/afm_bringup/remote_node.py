@@ -1,5 +1,6 @@
 """A node that talks to a microscope on topics: finds it, serves callbacks while it waits, notices when it has ended."""
 
+import itertools
 import os
 import time
 import warnings
@@ -24,6 +25,8 @@ PATIENCE = 10.0
 """Wall time in which a microscope is found, and in which it answers a setting [s]."""
 GONE = 5.0
 """Wall time without its action server after which a microscope has ended [s]."""
+_NUMBERS = itertools.count()
+"""Of the clients of this process: their nodes have different names."""
 SETTLED = 1.0
 """Wall time in which it says how it stands after a verb or a setting [s]."""
 
@@ -39,7 +42,9 @@ class RemoteNode:
         self._context = Context()
         # Ctrl-C is Python's: it cancels the verb, and the tip is withdrawn before this process ends.
         init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self.node = Node(f"microscope_client_{os.getpid()}", namespace=namespace, context=self._context)
+        number = next(_NUMBERS)
+        name = f"microscope_client_{os.getpid()}{f'_{number}' if number else ''}"
+        self.node = Node(name, namespace=namespace, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._actions: dict[str, ActionClient] = {}

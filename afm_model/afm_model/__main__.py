@@ -1,9 +1,11 @@
-"""`python -m afm_model SCENARIO`: run a scenario in process and print its score."""
+"""`afm SCENARIO`, `python -m afm_model SCENARIO`: run it and print its score; `afm COMMAND`: see `command`."""
 
 import argparse
 import json
 import sys
 import warnings
+from collections.abc import Callable, Sequence
+from importlib.metadata import entry_points
 
 from . import (
     DivergenceError,
@@ -22,8 +24,18 @@ from .law import TimingWarning
 from .studies.start_checks import start_warnings
 
 
+def command(name: str) -> Callable[[Sequence[str]], int] | None:
+    """The command that an installed package offers by this name, an entry point of the group `afm_model.command`."""
+    for point in entry_points(group="afm_model.command", name=name):
+        found: Callable[[Sequence[str]], int] = point.load()
+        return found
+    return None
+
+
 def main() -> int:
     """Entry point; the exit code is 2 if the scenario was refused."""
+    if len(sys.argv) > 1 and (other := command(sys.argv[1])) is not None:
+        return other(sys.argv[2:])
     parser = argparse.ArgumentParser(prog="python -m afm_model", description="Run a scenario in process, without ROS.")
     parser.add_argument("scenario", help=f"one of {', '.join(scenario_names())}, or a file")
     add_parts(parser)

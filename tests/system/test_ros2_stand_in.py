@@ -21,6 +21,7 @@ PACKAGES = {
     "afm_controller_node": {"afm_controller_node"},
     "afm_recorder_node": {"afm_recorder_node", "export", "inspect", "repair"},
     "afm_bringup": {"session"},
+    "afm_nanonis": {"server"},
 }
 
 

@@ -1,0 +1,8 @@
+"""`python -m afm_nanonis SCENARIO`: see `command`."""
+
+import sys
+
+from .command import main
+
+if __name__ == "__main__":
+    sys.exit(main())
