@@ -21,8 +21,8 @@ PASSING = (APPROACH, MOVE, Z, WITHDRAW)
 """Another one waits for the end of these; a scan or a spectrum must be stopped first."""
 _AGAIN = 0.05
 """Wall time between two requests to stop what is just being begun [s]."""
-_PATIENCE = 60.0
-"""Wall time for which a start waits for what passes, and a stop for the end of what was stopped [s]."""
+_PATIENCE, _PASSING = 60.0, 20.0
+"""Wall time for which a stop waits for the end of what was stopped, and a start for that of what passes [s]."""
 Work = Callable[[], object]
 
 
@@ -79,7 +79,7 @@ class Jobs:
             If a scan or a spectrum is running, or `prepare` raises it.
         """
         with self._changed:
-            limit = time.monotonic() + _PATIENCE
+            limit = time.monotonic() + _PASSING
             while self.doing:
                 if self.doing not in PASSING or not self._changed.wait(limit - time.monotonic()):
                     raise ProtocolError(f"{self.doing} is running: stop it first")

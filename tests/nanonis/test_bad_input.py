@@ -16,7 +16,17 @@ from .conftest import Served
 
 LENGTHS = [-1, -(2**31), 2**31 - 1, 1 << 25]
 QUIET = {"Scan.Action", "ZSpectr.Start", "ZCtrl.Withdraw", "Osci1T.DataGet", "Osci2T.DataGet", "TCPLog.Start"}
-QUIET |= {"AutoApproach.OnOffSet", "Bias.Pulse", "Util.SessionPathSet", "Scan.WaitEndOfScan", "Scan.WaitEndOfLine"}
+QUIET |= {
+    "ZCtrl.OnOffSet",
+    "ZCtrl.Home",
+    "FolMe.XYPosSet",
+    "PLLFreqSwp.Start",
+    "AutoApproach.OnOffSet",
+    "Bias.Pulse",
+    "Util.SessionPathSet",
+    "Scan.WaitEndOfScan",
+    "Scan.WaitEndOfLine",
+}
 """Not sent with bodies of chance: they take time, or leave something behind."""
 
 
