@@ -46,7 +46,8 @@ def value_of(value: Any) -> Any:
     name = _VALUES[kind - 1]
     found = getattr(value, f"{name}_value")
     if name == "byte_array":
-        return [each[0] if isinstance(each, bytes) else int(each) for each in found]
+        # rosbags reads them as numbers with a sign.
+        return [each[0] if isinstance(each, bytes) else int(each) & 0xFF for each in found]
     if name.endswith("_array"):
         return found.tolist() if hasattr(found, "tolist") else list(found)
     return found

@@ -105,7 +105,7 @@ def open_bag(path: Path) -> Bag:
             run_id = int(getattr(message, "run_id", 0))
             runs[run_id] += 1
             first = int(getattr(message, "first_sample", getattr(message, "first_sequence", 0)))
-            if first < starts.get((connection.topic, run_id), 0):
+            if first <= starts.get((connection.topic, run_id), -1):
                 raise RecordingError(f"{path} holds several runs: {connection.topic} begins again at number {first}")
             starts[connection.topic, run_id] = first
     if not runs:

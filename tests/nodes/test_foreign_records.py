@@ -45,8 +45,6 @@ def refused(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         told = capsys.readouterr().err
         assert told.startswith("error: ") and told.count("\n") == 1 and len(told) < 1000, told
         assert str(path) in told
-    assert inspect_command.main([str(path), "--table"]) == 1
-    assert "Traceback" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("what", KINDS)

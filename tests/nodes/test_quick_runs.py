@@ -61,7 +61,7 @@ class Lab:
         self.graph.spin_until(lambda: self.observer.status.run_id != before)
 
     def check(self, name: str, missed: range) -> None:
-        """Every record of a recorder holds one run only, and is whole except of runs in which the recorder came or went.
+        """Check that each record holds one run only, and all of it if its recorder was there all the time.
 
         Parameters
         ----------

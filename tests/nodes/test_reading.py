@@ -1,5 +1,6 @@
 """A record gives back what was published: every number, at its exact time, in SI units."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ def test_part_of_a_signal_is_read_alone_and_an_unknown_one_is_answered_with_its_
 @given(cuts=st.lists(st.integers(1, 299), max_size=6, unique=True))
 def test_recording_does_not_depend_on_the_blocks(tmp_path_factory: pytest.TempPathFactory, cuts: list[int]) -> None:
     run, edges = Run(300), sorted([0, *cuts, 300])
-    blocks = [list(run.block(*pair)) for pair in zip(edges, edges[1:], strict=False)]
+    blocks = [list(run.block(*pair)) for pair in pairwise(edges)]
     if len(cuts) % 2:
         blocks.reverse()  # what is put in any order comes out sorted
     path = tmp_path_factory.mktemp("blocks") / "run.mcap"

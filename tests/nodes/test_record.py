@@ -97,8 +97,8 @@ def test_record_cut_anywhere_is_read_up_to_its_last_whole_chunk(tmp_path: Path) 
         path.write_bytes(content[:size])
         try:
             cut, said = read(path)
-        except RecordingError as error:
-            assert "nothing stands in it yet" in str(error) and not seen
+        except RecordingError:
+            assert not seen  # no chunk stands in it yet
             continue
         assert said == {IncompleteRecording} and not cut.complete and begins(cut, whole)
         assert len(cut.time_samples) == 2 * len(cut.time_ticks) and len(cut.time_ticks) % BLOCK == 0

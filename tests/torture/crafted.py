@@ -54,10 +54,8 @@ def _messages(rng: Random) -> Iterator[Topic]:
         values[name] = rng.choice(["evilmod:X", "evilmod:", ":", "\x1b[31m", "os:system", "flat\n"])
     for name in rng.sample(sorted(values), rng.randrange(4)):
         values[rng.choice([name, name + _text(rng), _text(rng)])] = rng.choice([_text(rng), None, float("nan"), [True]])
-    plain = (bool, int, float, str)
-    known = {
-        name: each for name, each in values.items() if each is None or (isinstance(each, (*plain, list)) and each != [])
-    }
+    kinds = (bool, int, float, str, list, type(None))
+    known = {name: each for name, each in values.items() if isinstance(each, kinds) and each != []}
     yield recorded.parameters(rng.choice(["afm_sim_node", "afm_sim_node", _text(rng)]), known)
     yield from recorded.Run(20).block(0, 20)
     yield recorded.event(1e-5, _text(rng))
