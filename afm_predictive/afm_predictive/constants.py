@@ -17,7 +17,7 @@ SLOTS = LONGEST_HORIZON + 1
 ANSWERS = 128
 """Last answers that are kept. Of an older one nothing is left but its last drive, which the measurement tells."""
 LONG = 4.0
-"""Longest time for which a drive is held without being refined [1/w0]."""
+"""Longest time for which a drive is held before a start warns [1/w0]."""
 LONGEST_DELAY = 30
 """Control periods."""
 LATER = 2
@@ -113,7 +113,6 @@ class Constants(Record):
     horizon: int  # fine intervals in the horizon
     back: int  # fine intervals in a response, over which z is asked for beside the reference; 0: it is not
     tau: float  # length of a fine interval
-    refined: int  # one: the drive of a slot is long and refined
     frees: int  # one: a tip that rests behind the reference is freed
     taken: float  # radians of the shortest wave by which an error is taken back at most
     turn: float  # lambda of the direction of friction
@@ -305,8 +304,7 @@ def values(parameters: Tree) -> Numbers:
         # In packets the next drive follows soon, and in a long hold z cannot follow.
         "back": round(division.response / (slot / division.fine)) * (slots == 1 and slot <= LONG),
         "tau": slot / division.fine,
-        "refined": slot > LONG and n + division.fine <= INTERVALS,
-        # In a long hold the drive is refined for that. In packets positions alone do not tell rest.
+        # In packets positions alone do not tell rest.
         "frees": slot <= LONG and not (measured and slots > 1),
         "taken": _TAKEN_MEASURED if measured else _TAKEN,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),

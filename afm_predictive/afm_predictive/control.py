@@ -5,7 +5,7 @@ from afm_model.parts import Measurement, PiezoDrive, kernel, routine, square
 from .asked import ask, take_reference
 from .constants import KNOWN, LEARNED, Constants
 from .continuation import look_ahead
-from .decide import decide, refine
+from .decide import decide
 from .flight import answer, extend, find_delay, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
@@ -111,13 +111,10 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         level(p, s)
     if p.remembers != 0:
         plan_effective(p, s)
-    # A drive is refined with what the next hold asks for.
-    ask(s.delay * p.slot, p.horizon + max(p.count - 1, p.refined) * p.fine, p, s)
+    ask(s.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
     for i in range(s.delay + p.count):
         if i >= s.delay:
             decide((i - s.delay) * p.fine, i, p, s)
-            if i == s.delay and p.refined == 1:
-                refine(i, p, s)
             if s.distrust > 0.0:
                 fall_back((i - s.delay) * p.fine, i, p, s)
         if i < max(s.delay + p.count - 1, p.slots):

@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from afm_model import ControllerParameters, build
 from afm_predictive.asked import ask
-from afm_predictive.constants import values
-from afm_predictive.decide import decide, left_by, refine
+from afm_predictive.decide import decide
 from afm_predictive.nominal_plant import bound_at
 
 from .predictive_records import records
@@ -29,28 +27,6 @@ def decided(rng, **law):
     s.Z = s.path[0, 2, 0] + rng.uniform(-0.02, 0.02)
     decide(0, 0, p, s)
     return p, s
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_a_refined_drive_leaves_no_more_error_than_that_of_least_squares_and_is_near_it(seed):
-    p, s = decided(np.random.default_rng(seed))
-    first, scanner = np.array(s.plan[0]), [s[name] for name in SCANNER]
-    before = left_by(first[0], first[1], 0, p, s)
-    refine(0, p, s)
-    changed = s.plan[0] - first
-    assert left_by(s.plan[0, 0], s.plan[0, 1], 0, p, s) <= before
-    # Twice the ripple of friction, along the reference.
-    assert math.hypot(changed[0], changed[1]) <= 2.0 * p.ripple * s.friction[p.fine // 2]
-    assert changed[0] == pytest.approx(changed[1], abs=1e-12) and changed[2] == 0.0
-    assert [s[name] for name in SCANNER] == scanner
-
-
-def test_a_drive_for_a_reference_at_rest_is_not_refined(rng):
-    p, s = decided(rng)
-    s.path[:, :2, 1] = 0.0
-    first = np.array(s.plan[0])
-    refine(0, p, s)
-    assert np.array_equal(s.plan[0], first)
 
 
 def given_at_rest(behind, p, s):
@@ -80,11 +56,3 @@ def test_it_is_given_no_more_than_a_surface_makes_of_a_difference():
     s.friction[:] *= 0.9
     forward, more = given_at_rest(2.0, p, s)
     assert more == pytest.approx([*(2.0 * p.ripple * s.friction[0] * forward), 0.0], rel=1e-3, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("period", "packet", "refined"), [(1e-3, 1, 1), (1e-3, 20, 0), (4e-4, 1, 0), (5e-4, 1, 1), (3e-3, 1, 0)]
-)
-def test_long_holds_are_refined_as_far_as_the_law_can_look_ahead(period, packet, refined):
-    told = {"law.kind": "predictive", "law.period": period, "law.packet": packet}
-    assert values(build(ControllerParameters, told))["refined"] == refined
