@@ -126,7 +126,6 @@ class Constants(Record):
     adapts: int  # what the model does not explain is estimated, with these deviations at the start
     first: Annotated[Array, (3, UNEXPLAINED)]
     walk: Annotated[Array, (3, UNEXPLAINED)]  # variance by which that grows in a control period
-    levels: int  # a map tells changes from where the tip is; in packets and with measured rates it counts as it is
     first_drift: float  # deviation at the start of the rate at which the sample moves along the line that is learned
     sees_drag: int  # rates tell that the sample moves
     finds_zero: int  # the zero of the lateral signal is estimated
@@ -318,7 +317,6 @@ def values(parameters: Tree) -> Numbers:
         "adapts": identified and any(map(any, first)),
         "first": first,
         "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(slowly) * hold,
-        "levels": measured and slots == 1 and law.surface == "learned",
         "first_drift": _DRIFT if law.drift == "estimated" and law.surface == "learned" else 0.0,
         "sees_drag": law.drift == "estimated" and not measured,
         "finds_zero": identified and law.lateral_zero == "estimated",

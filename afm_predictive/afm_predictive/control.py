@@ -9,7 +9,7 @@ from .decide import decide
 from .flight import answer, extend, find_delay, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
-from .nominal_plant import drive_in_force, level, predict, take_load
+from .nominal_plant import drive_in_force, predict, take_load
 from .observer import begin_observer, observe_scanner
 from .piezo_memory import effective, pass_drives, plan_drives, plan_effective
 from .sample_estimate import (
@@ -107,8 +107,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         find_zero(y, p, s)
     s.last = k
     s.at_x, s.at_y = s.X, s.Y
-    if p.levels:
-        level(p, s)
     if p.remembers != 0:
         plan_effective(p, s)
     ask(s.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)

@@ -159,6 +159,6 @@ def begin_anew(p: Constants, s: State) -> None:
     for i in range(NODES):
         s.map_H[i] = s.map_ratio[i] = 0.0
     s.drag[:] = 0.0
-    s.signal = s.way = s.pitch = s.offset_H = 0.0
+    s.signal = s.way = s.pitch = 0.0
     for axis in range(2):
         s.sum_pa[axis] = s.sum_pp[axis] = 0.0

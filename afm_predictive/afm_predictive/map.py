@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from afm_model.parts import kernel, routine, square
 
 from .constants import Constants
-from .continuation import mean_ratio
 from .drift import carry_drift, find_drift, forget_drift
 
 if TYPE_CHECKING:
@@ -40,8 +39,6 @@ FORGET = 0.02
 """Weight of one measurement in that mean."""
 JUMP = 6.0
 """Standard deviations beyond which an innovation is another surface."""
-_OTHER = 4.0
-"""Ripples of friction beyond which it is, too."""
 NOISE = 1.5e-4
 """Variance of a measurement over that of the prior: 0.15 nm of the default height."""
 
@@ -108,10 +105,10 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
         return
     most = CONSISTENT if p.measured == 0 else CONSISTENT_MEASURED
     if s.misfit_H < most:
-        s.height = H + s.offset_H
+        s.height = H
         s.mapped_H = 1.0
     if s.gripped != 0.0 and s.misfit < most:
-        s.here = ratio + s.offset
+        s.here = ratio
         s.mapped = 1.0
 
 
@@ -119,7 +116,7 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
 def begin_map(p: Constants, s: "State") -> None:
     """Nothing is written."""
     forget_drift(p, s)
-    s.written = s.gripped = s.offset = s.misfit = s.misfit_H = 0.0
+    s.written = s.gripped = s.misfit = s.misfit_H = 0.0
     for i in range(NODES):
         s.visited[i] = math.inf
         for j in range(i + 1):
@@ -209,15 +206,6 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     # A load that a drive has just changed still rings.
     ringing = p.ring * s.rise * p.f_load / p.ripple
     variance = NOISE + swing * swing + ringing * ringing + q * q * s.doubt
-    if ratio > 0.0 and s.gripped != 0.0 and p.levels:
-        change = ratio
-        for a in range(4):
-            change -= w[a] * s.map_ratio[(i + a) % NODES]
-        most = square(_OTHER * mean_ratio(s)) + JUMP * JUMP * variance
-        if square(change / p.ripple) > most:
-            # Friction that held a tip at rest, as behind a fallback, is less than its bound: it was no map of this.
-            begin_map(p, s)
-            return
     if s.written == 0.0:
         for j in range(NODES):
             s.map_H[j] = H

@@ -2,14 +2,13 @@
 deflection.
 """
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from afm_model.contact import friction_impulse
 from afm_model.parts import Block, Measurement, hypot, kernel, numbers_at, pointer_at, routine
 from afm_model.sample import paper_surface
 
-from .constants import ANSWERS, LEARNED, MEAN, RATIO, SLOPE_X, SLOPE_Y, VALUE, Constants
+from .constants import ANSWERS, LEARNED, MEAN, SLOPE_X, SLOPE_Y, VALUE, Constants
 from .continuation import FRICTION, HEIGHT, go_on
 from .map import read_map
 
@@ -24,8 +23,6 @@ _FINE = 0.28
 """Phase in a control period up to which height is continued so well that it tells friction."""
 _TURNED = 10.0
 """Drive for the travel over friction, up to which friction turns the drive."""
-_NOISE = 3.0
-"""Standard deviations up to which the ratio is off its map by noise."""
 
 
 @kernel
@@ -90,22 +87,6 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
     elif p.of_height > 0.0:
         # What is high is curved most likely, and height is measured better than friction.
         s.strength = 1.0 - of_height(p, s) * (s.height - s.H[MEAN])
-
-
-@kernel
-def level(p: Constants, s: "State") -> None:
-    """The map tells how height and ratio change from here; what they are here is measured.
-
-    Of the ratio a deviation that is no noise counts at once, others over the time of a wave.
-    """
-    s.offset_H = 0.0
-    look(s.X, s.Y, p, s)
-    if s.mapped_H > 0.0:
-        s.offset_H = s.H[VALUE] - s.height
-    if s.mapped > 0.0:
-        off = s.ratio[VALUE] - s.here
-        noise = off * off < _NOISE * _NOISE * s.P[RATIO, RATIO]
-        s.offset += off * (min(p.wave_number * s.fastest * p.hold / (2.0 * math.pi), 1.0) if noise else 1.0)
 
 
 @kernel

@@ -52,7 +52,6 @@ def take_height_seen(z: float, p: Constants, s: State) -> None:
         # What it has been off the measured height may be so in what was told.
         noise += s.contradicts * square(p.height)
     elif s.mapped_H > 0.0:
-        innovation += s.offset_H
         noise += slopes_of_map(x, y, p, s)
     else:
         return

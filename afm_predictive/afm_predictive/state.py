@@ -135,8 +135,6 @@ class State(Record):
     offset_ahead: Annotated[Array, (2,)]
     goes_on: Annotated[Array, (2,)]  # one: the table counts
     mapped: float
-    offset_H: float  # of the height and the ratio followed from the map
-    offset: float
     mapped_H: float  # one: the place looked at is on the map, with its height; with its ratio
     here: float  # strength at the place looked at
     height: float  # the sample at one place, as afm_model.parts.signals.Surface

@@ -95,7 +95,6 @@ def believe_zero(p: Constants, s: State) -> None:
     less = change * s.strokes[1, _WAY] / s.strokes[1, _NOMINAL]
     s.ratio[VALUE] -= less
     s.ratio[MEAN] -= less
-    s.offset -= less * p.levels
     for i in range(POINTS):
         s.found[i, FRICTION] -= less
     s.P[RATIO, RATIO] += square(less)

@@ -1,4 +1,4 @@
-"""Claims about the drive of a long hold in the friction-predicting law."""
+"""Claims about what a tip that rests is given by the friction-predicting law."""
 
 import math
 
@@ -10,8 +10,6 @@ from afm_predictive.decide import decide
 from afm_predictive.nominal_plant import bound_at
 
 from .predictive_records import records
-
-SCANNER = ("X", "Y", "Z", "V_X", "V_Y", "V_Z")
 
 
 def decided(rng, **law):

@@ -12,9 +12,8 @@ from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import RATES, Case, run_case
 from afm_predictive import PREDICTIVE
 from afm_predictive.asked import continue_reference, take_reference
-from afm_predictive.constants import RATIO
-from afm_predictive.map import NODES, SPACING, begin_map, read_map, write_map
-from afm_predictive.nominal_plant import REACH, beyond, level, look
+from afm_predictive.map import NODES, read_map, write_map
+from afm_predictive.nominal_plant import REACH, beyond
 from afm_predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 
 from .predictive_records import records
@@ -138,56 +137,6 @@ def test_in_packets_a_tip_that_was_thrown_and_stands_still_again_hardly_changes_
         changes.append(np.abs(s.map_ratio - before).max())
     assert changes[1] < 1.01 * most * changes[0]
     assert changes[1] > 0.99 * changes[0] or packet > 1
-
-
-@pytest.mark.parametrize(
-    ("law", "doubt", "ripples", "anew"),
-    [
-        ({"feedback": "measured"}, 0.0, 3.9, False),
-        ({"feedback": "measured"}, 0.0, 4.1, True),
-        ({"feedback": "measured"}, 0.0, -4.1, True),
-        # Nine of 36 variances more: five ripples.
-        ({"feedback": "measured"}, 0.25, 4.9, False),
-        ({"feedback": "measured"}, 0.25, 5.1, True),
-        ({"feedback": "measured", "packet": 20, "period": 1e-3}, 0.0, 4.1, False),
-        ({}, 0.0, 4.1, False),
-    ],
-)
-def test_with_positions_alone_friction_that_is_on_no_map_begins_a_new_one(law, doubt, ripples, anew, rng):
-    p, s = records(surface="learned", **law)
-    travel(p, s, np.arange(0.0, 40.0, 0.28), 0.0, rng)
-    s.ratio[MEAN], s.doubt = 1.0, doubt * (s.pitch / SPACING) ** 2
-    s.X = s.Y = s.p[0] = s.p[1] = 40.0 / math.sqrt(2.0)
-    ratio = 1.0 + 0.1 * height(40.0) + ripples * p.ripple
-    write_map(0.02, ratio, p, s)
-    if anew:
-        assert not np.isfinite(s.visited).any()
-        # The next one is as if it were the first.
-        write_map(0.02, ratio, p, s)
-        assert s.map_ratio == pytest.approx(np.full(NODES, ratio), abs=1e-12)
-        assert s.map_H == pytest.approx(np.full(NODES, 0.02), abs=1e-12)
-        assert np.count_nonzero(np.isfinite(s.visited)) <= 5
-    else:
-        assert np.count_nonzero(np.isfinite(s.visited)) > 40
-
-
-@pytest.mark.parametrize(("deviations", "counts"), [(2.9, 0.05), (-2.9, 0.05), (3.1, 1.0), (-3.1, 1.0)])
-def test_friction_that_is_off_its_map_by_noise_counts_over_a_wave_and_by_more_at_once(deviations, counts, rng):
-    p, s = records(surface="learned", feedback="measured")
-    travel(p, s, np.arange(0.0, 40.0, 0.28), 0.0, rng)
-    # A twentieth of the wave in a period at most; the tip is in the middle of the line.
-    s.fastest = 0.05 * 2.0 * math.pi / (p.wave_number * p.hold)
-    s.X = s.Y = s.at_x = s.at_y = 20.0 / math.sqrt(2.0)
-    s.P[RATIO, RATIO] = 1e-6
-    look(s.X, s.Y, p, s)
-    mapped, change = float(s.here), 1e-3 * deviations
-    # Beside what it was off before.
-    for off in (0.0, 0.01):
-        s.offset, s.ratio[VALUE] = off, mapped + off + change
-        level(p, s)
-        assert s.offset - off == pytest.approx(counts * change, rel=1e-9)
-    begin_map(p, s)
-    assert s.offset == 0.0
 
 
 @pytest.mark.parametrize("factor", [0.8, 1.2])

@@ -102,7 +102,7 @@ def test_a_surface_that_is_not_the_one_that_was_told_and_one_never_seen_tell_no_
 def test_the_slope_of_a_map_tells_the_place_along_its_line_but_not_in_packets(packet):
     p, s = records(surface="learned", packet=packet, period=2e-4 * packet)
     s.pitch, s.line_tx, s.line_ty, s.least, s.most, s.written, s.way = 0.5, 0.6, 0.8, -20.0, 20.0, 1.0, 1e9
-    s.covariance[:] = s.visited[:] = s.misfit_H = s.offset_H = 0.0
+    s.covariance[:] = s.visited[:] = s.misfit_H = 0.0
     nodes = np.arange(len(s.map_H))
     # A line, on the 64 nodes before and behind the start.
     s.map_H[:] = 0.02 * np.where(nodes < 64, nodes, nodes - 128)
