@@ -88,6 +88,9 @@ places that are estimated."""
 _MOST_AHEAD, _MOST_AHEAD_MEASURED = 0.7, 0.4
 """How far from the mean it is continued at most, over the range of the surface, of which a wave reaches half; the same
 from places that are estimated."""
+_BUMPS, _LESS_BUMPS = 0.8, 0.55
+"""Ripple of friction that positions alone are corrected with, over that of the largest wave, friction being nominal;
+the same where a map or the last places tell a part of it."""
 _SOON, _SOON_MEASURED = 3.0, 4.5
 """Where it takes so long until the drive that answers a measurement is over, friction is sought from lower on [1/w0];
 the same with positions alone, where a map that is written meanwhile is worse for it."""
@@ -151,13 +154,13 @@ class Constants(Record):
     height: float  # largest height and wave number assumed
     wave_number: float
     ripple: float  # of the strength, from that curvature
-    of_height: float  # relative change of friction with the height that is most likely; 0: it is not used
     measured: int
     # In packets the surface is continued from the last places:
     reach: float  # how far from the last of them, phase of the shortest wave
     most_ahead: float  # and to how far from the mean, over the range of the surface
     # Over a known surface, over one that is not:
     bumps: Annotated[Array, (2,)]  # ripple of the ratio over the surface as it is known
+    bumps_left: float  # part of it that positions alone are corrected with, friction being nominal
     corner: Vector  # where a straight reference turns back; 0: not known
     position_noise: float
     z_noise: float  # the same along z
@@ -343,12 +346,11 @@ def values(parameters: Tree) -> Numbers:
         "height": law.height / z0,
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
-        # Of waves that are all alike up to the largest wave number: the mean of its square is a third.
-        "of_height": ripple / law.height * z0 / 3.0 if measured and slots == 1 and law.surface != "learned" else 0.0,
         "measured": measured,
         "reach": _REACH_MEASURED if measured else _REACH,
         "most_ahead": _MOST_AHEAD_MEASURED if measured else _MOST_AHEAD,
         "bumps": [0.0, ripple * identified],
+        "bumps_left": _BUMPS if slots == 1 and law.surface != "learned" else _LESS_BUMPS,
         "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],
         "position_noise": noise,
         "z_noise": noise * x0 / z0,

@@ -19,8 +19,6 @@ REACH = 0.7
 """Phase of the shortest wave up to which a slope is continued."""
 NEAR_BY = 0.01
 """Step of a derivative along the sample [x0]."""
-_FINE = 0.28
-"""Phase in a control period up to which height is continued so well that it tells friction."""
 _TURNED = 10.0
 """Drive for the travel over friction, up to which friction turns the drive."""
 
@@ -61,12 +59,6 @@ def look_at_known(x: float, y: float, p: Constants, s: "State") -> None:
     s.height += s.zero_of_height
 
 
-@kernel
-def of_height(p: Constants, s: "State") -> float:
-    """By how much friction is lower where the surface is higher, of a surface that is not known."""
-    return p.of_height if p.wave_number * s.fastest * p.hold < _FINE else 0.0
-
-
 @routine
 def look(x: float, y: float, p: Constants, s: "State") -> None:
     """Height, curvature and strength of friction of the sample at (x, y)."""
@@ -84,9 +76,6 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
     s.height = go_on(x, y, HEIGHT, s) if s.goes_on[HEIGHT] > 0.0 else faded(s.H, d_x, d_y, phase, gone)
     if p.surface == LEARNED:
         read_map(x, y, p, s)
-    elif p.of_height > 0.0:
-        # What is high is curved most likely, and height is measured better than friction.
-        s.strength = 1.0 - of_height(p, s) * (s.height - s.H[MEAN])
 
 
 @kernel

@@ -31,7 +31,6 @@ from .nominal_plant import (
     look,
     look_at_known,
     nominal_bound,
-    of_height,
     speed_over_sample,
     stretched,
     take_load,
@@ -71,9 +70,6 @@ _HOLDS = 0.5
 """Part of its bound up to which friction holds a tip for certain."""
 _DRAGS, _MOVES = 1e-2, 4e-5
 """Rates up to and from which a tip that is held tells that the sample moves: 25 and 0.1 nm/s [x0 w0]."""
-_BUMPS, _LESS_BUMPS = 0.8, 0.55
-"""Ripple of friction that positions alone are corrected with, over that of the largest wave, friction being nominal;
-the same where height, a map or the last places tell a part of it."""
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
 
@@ -203,9 +199,7 @@ def strength(s: "State") -> float:
 @kernel
 def bumps(p: Constants, s: "State") -> float:
     """Ripple of the ratio over the surface as it is known."""
-    # Single drives, and nothing but its own value and slope tells friction.
-    alone = p.of_height > 0.0 and of_height(p, s) == 0.0
-    return p.bumps[s.unknown] * min((_BUMPS if alone else _LESS_BUMPS) * mean_ratio(s), 1.0)
+    return p.bumps[s.unknown] * min(p.bumps_left * mean_ratio(s), 1.0)
 
 
 @kernel

@@ -8,8 +8,6 @@ import pytest
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, parameters_of, run_case
-from afm_predictive.constants import MEAN, VALUE
-from afm_predictive.nominal_plant import look
 from afm_predictive.sample_estimate import doubt_surface
 
 from .predictive_records import records
@@ -124,36 +122,3 @@ def test_a_tip_in_the_air_measures_no_height():
         assert law.state.unknown == 0
     # For longer than a wave of the surface.
     assert lifted > 200
-
-
-def test_friction_is_foretold_from_height_as_drawn_surfaces_have_it(rng):
-    p, s = records(feedback="measured", period=2e-4, surface="observed")
-    s.fastest = 0.1
-    # Waves along the diagonal with all wave numbers up to the largest alike.
-    places, k = rng.uniform(0.0, 2e3, 4000), (np.arange(40) + 0.5) / 40
-    phases = np.outer(places, k)
-    drawn = rng.normal(size=(2, 40)) * float(p.height) / math.sqrt(8.0 * 40)
-    waves = np.cos(phases) * drawn[0] + np.sin(phases) * drawn[1]
-    H, curvature = waves.sum(axis=1), float(p.wave_number) ** 2 * (waves @ np.square(k))
-    change = curvature * float(p.f_1 / p.f_0)
-    assert float(p.of_height) == pytest.approx(-change @ H / (H @ H), rel=0.2)
-    s.H[MEAN], s.H[VALUE] = 0.05, 0.08
-    look(s.X, s.Y, p, s)
-    assert s.strength == pytest.approx(1.0 - 0.03 * p.of_height)
-    # Not where the height ahead is not known so well.
-    s.fastest = 0.5
-    look(s.X, s.Y, p, s)
-    assert s.strength == 1.0
-
-
-@pytest.mark.parametrize(
-    "law", [{}, {"feedback": "measured", "packet": 20}, {"feedback": "measured", "surface": "learned"}]
-)
-def test_height_foretells_no_friction_where_rates_continuation_or_map_tell_more(law):
-    assert records(**{"surface": "observed", "period": 1e-3} | law)[0].of_height == 0.0
-
-
-def test_with_positions_alone_and_nothing_known_height_tells_friction_before_it_is_measured():
-    # Without it 3.2.
-    told = run_case(CASE["hysteresis .5 %"], RATES[1], contender("predictive surface=observed"), 1.0)
-    assert told["third"] < 2.7
