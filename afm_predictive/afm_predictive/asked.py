@@ -92,8 +92,8 @@ def continue_reference(axis: int, first: float, n: int, p: Constants, s: State) 
 
 @kernel
 def rate(i: int, axis: int, s: State) -> float:
-    """Of the reference over the sample in the middle of a fine interval."""
-    return 0.5 * (s.path[i, axis, 1] + s.path[i + 1, axis, 1]) - s.drag[axis]
+    """Of the reference in the middle of a fine interval."""
+    return 0.5 * (s.path[i, axis, 1] + s.path[i + 1, axis, 1])
 
 
 @kernel
@@ -158,7 +158,7 @@ def ask(first: float, n: int, p: Constants, s: State) -> None:
         v_x, v_y = heads(i, rate(i, 0, s), rate(i, 1, s), s)
         # A drive that is held cannot turn with friction inside its slot: there the scanner rests for a moment.
         middle = i - i % p.fine + p.fine // 2
-        m_x, m_y = heads(middle, s.path[middle, 0, 1] - s.drag[0], s.path[middle, 1, 1] - s.drag[1], s)
+        m_x, m_y = heads(middle, s.path[middle, 0, 1], s.path[middle, 1, 1], s)
         if v_x * m_x + v_y * m_y <= 0.0:
             v_x, v_y = m_x, m_y
         speed = math.sqrt(v_x * v_x + v_y * v_y)

@@ -76,8 +76,6 @@ _UNEVEN = 3e-5
 the deflection tells, what is not static."""
 _ASTRAY = 1.3e-4
 """Rms change of the position across the motion in a time unit, that the copy does not know [x0]."""
-_DRIFT = 1e-3
-"""Deviation of the rate at which the sample moves along the line, and never more: 2.5 nm/s [x0 w0]."""
 _UNSEEN = 10.0
 """Acceleration along z that is not known, over a surface that is not: what z is estimated wrong by is taken for it."""
 _TAKEN, _TAKEN_MEASURED = 3.0, 1.0
@@ -129,8 +127,6 @@ class Constants(Record):
     adapts: int  # what the model does not explain is estimated, with these deviations at the start
     first: Annotated[Array, (3, UNEXPLAINED)]
     walk: Annotated[Array, (3, UNEXPLAINED)]  # variance by which that grows in a control period
-    first_drift: float  # deviation at the start of the rate at which the sample moves along the line that is learned
-    sees_drag: int  # rates tell that the sample moves
     finds_zero: int  # the zero of the lateral signal is estimated
     remembers: int  # hysteresis or creep of the piezo are estimated
     threshold: Annotated[Array, (STOPS,)]  # of the stops
@@ -320,8 +316,6 @@ def values(parameters: Tree) -> Numbers:
         "adapts": identified and any(map(any, first)),
         "first": first,
         "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(slowly) * hold,
-        "first_drift": _DRIFT if law.drift == "estimated" and law.surface == "learned" else 0.0,
-        "sees_drag": law.drift == "estimated" and not measured,
         "finds_zero": identified and law.lateral_zero == "estimated",
         "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],

@@ -18,7 +18,6 @@ from .sample_estimate import (
     doubt_surface,
     measured_height,
     place_variance,
-    see_drag,
     take_height,
     take_ratio,
 )
@@ -91,12 +90,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     if p.finds_delay != 0:
         find_delay(k, y, p, s)
     recall(k, y, p, s)
-    # Where the tip was on the sample is there by now.
-    s.at_x += max(k - s.last, 1) * p.hold * s.drag[0]
-    s.at_y += max(k - s.last, 1) * p.hold * s.drag[1]
     observe(k, y, p, s)
-    if p.sees_drag:
-        see_drag(k, y, p, s)
     if p.adapts and p.measured == 0:
         explain(k, y, p, s)
     elif p.adapts:

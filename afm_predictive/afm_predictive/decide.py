@@ -96,7 +96,7 @@ def decide(at: int, slot: int, p: Constants, s: State) -> None:
             f = bound_at(s.X, s.Y, s.Z, p, s)
             s.plan[slot, 0] -= s.gain_of[0] * f * e_x / size
             s.plan[slot, 1] -= s.gain_of[1] * f * e_y / size
-    elif s.V_X == s.drag[0] and s.V_Y == s.drag[1] and -(e_x * r_x + e_y * r_y) > way * way:
+    elif s.V_X == 0.0 and s.V_Y == 0.0 and -(e_x * r_x + e_y * r_y) > way * way:
         # A tip that rests behind the reference is held by friction where it is, not by that of the reference. A surface
         # makes no more of a difference.
         more = max(bound_at(s.X, s.Y, s.Z, p, s) - s.friction[at], 0.0)

@@ -11,8 +11,7 @@ from afm_model.parts import Measurement, exp, hypot, kernel, square
 from .constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Constants
 from .continuation import forget_places
 from .gain_of_y import forget_gain_of_y
-from .map import NODES, begin_map, keep_map
-from .nominal_plant import speed_over_sample
+from .map import NODES, begin_map
 from .sample_estimate import REST
 from .state import State
 from .unexplained import GAIN_LIMITS, NOTHING, SEEMS, believe
@@ -74,7 +73,6 @@ def see_turn(p: Constants, s: State) -> None:
         s.from_x, s.from_y = 0.5 * (s.p[0] + x), 0.5 * (s.p[1] + y)
         forget(p, s)
         s.least = s.most = s.pitch = s.way = 0.0
-    keep_map(s)
     s.turned[0, 0], s.turned[0, 1], s.turned[1, 0], s.turned[1, 1] = s.p[0], s.p[1], v_x, v_y
     s.fastest_before, s.fastest_since = s.fastest_since, 0.0
 
@@ -91,7 +89,7 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     if s.started != 0.0 and k - s.last == 1:
         missed = hypot(y.position[0] / p.x0 - s.expected[0, 0], y.position[1] / p.x0 - s.expected[1, 0])
     e_x, e_y = s.X - s.p[0], s.Y - s.p[1]
-    speed = speed_over_sample(s.V_X, s.V_Y, s)
+    speed = hypot(s.V_X, s.V_Y)
     slips = speed > REST * s.fastest
     leaves = e_x * s.V_X + e_y * s.V_Y > 0.0
     noise = SEEMS * p.position_noise if p.measured != 0 else 0.0
@@ -158,7 +156,6 @@ def begin_anew(p: Constants, s: State) -> None:
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
     for i in range(NODES):
         s.map_H[i] = s.map_ratio[i] = 0.0
-    s.drag[:] = 0.0
     s.signal = s.way = s.pitch = 0.0
     for axis in range(2):
         s.sum_pa[axis] = s.sum_pp[axis] = 0.0

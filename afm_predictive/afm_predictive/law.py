@@ -84,11 +84,6 @@ class PredictiveLaw(SampledLaw):
         description="creep of the piezo along x and y, the part of a step of the drive that follows in a decade; "
         "with feedback=measured: that of y is taken to be as that of x",
     )
-    drift: Literal["none", "estimated"] = Field(
-        "estimated",
-        description="how fast the sample moves, which no sensor of the scanner sees: along a line that is learned, and "
-        "with feedback=full from a tip that rests; none: it stays where it is",
-    )
     delay: Literal["nominal", "estimated"] = Field(
         "estimated",
         description="control periods until a drive is in force: nominal: law.delay_ticks; estimated: what the "
@@ -198,12 +193,6 @@ def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
     variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
-    for i, axis in enumerate("xy"):
-        yield LawEstimate(f"drift_{axis}", "m/s", float(-s.drag[i] * p.x0 * p.w0))
-    # Until the map is certain to have moved no rate is believed.
-    rate, deviation = (s.drift, math.sqrt(s.of_drift[1, 1])) if s.shift != 0.0 else (0.0, p.first_drift)
-    yield LawEstimate("drift", "m/s", float(rate * p.x0 * p.w0))
-    yield LawEstimate("drift_deviation", "m/s", float(deviation * p.x0 * p.w0))
     yield LawEstimate("lateral_zero", "N", float(s.zero * lateral_force))
     yield LawEstimate("lateral_zero_deviation", "N", float(math.sqrt(s.variance_of_zero) * p.f_0 * lateral_force))
 

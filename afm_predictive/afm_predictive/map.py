@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from afm_model.parts import kernel, routine, square
 
 from .constants import Constants
-from .drift import carry_drift, find_drift, forget_drift
 
 if TYPE_CHECKING:
     from .state import State
@@ -86,7 +85,6 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
     # The ring is longer than the line, or it knows nothing.
     if not on or room(s) < 0.0:
         return
-    along += s.shift / s.pitch
     first = math.floor(along)
     w = weights(along - first)
     i = first - 1
@@ -115,7 +113,6 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
 @kernel
 def begin_map(p: Constants, s: "State") -> None:
     """Nothing is written."""
-    forget_drift(p, s)
     s.written = s.gripped = s.misfit = s.misfit_H = 0.0
     for i in range(NODES):
         s.visited[i] = math.inf
@@ -147,24 +144,6 @@ def misfit_of(innovation: float, size: float, variance: float) -> float:
     return min(square(innovation / size) / variance, FARTHEST)
 
 
-@kernel
-def before_stroke(i: int, f: float, s: "State") -> tuple[float, float]:
-    """Height and its slope on the map as it was at the last turn, a fraction f of an interval beyond node i + 1."""
-    g, height, slope = 1.0 - f, 0.0, 0.0
-    w = weights(f)
-    for a, weight in enumerate((-0.5 * g * g, 1.5 * f * f - 2.0 * f, 2.0 * g - 1.5 * g * g, 0.5 * f * f)):
-        height += w[a] * s.map_before[(i + a) % NODES]
-        slope += weight * s.map_before[(i + a) % NODES]
-    return height, slope / s.pitch
-
-
-@kernel
-def keep_map(s: "State") -> None:
-    """Keep the heights as they are, at a turn."""
-    for i in range(NODES):
-        s.map_before[i] = s.map_H[i]
-
-
 @routine
 def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
     """Kalman update by a height, and a ratio if that is positive, measured where the scanner is."""
@@ -173,10 +152,6 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         return
     asked, on = place(s.p[0], s.p[1], s)
     s.least, s.most = min(s.least, asked), max(s.most, asked)
-    carry_drift(p, s)
-    if abs(s.shift) > s.pitch * max(room(s), 0.0):
-        # The ring has no more nodes for what has come to the line.
-        begin_map(p, s)
     along, on = place(s.X, s.Y, s)
     if not on:
         return
@@ -191,8 +166,7 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         return
     # What the tip has passed between two measurements is known by both.
     before, _ = place(s.at_x, s.at_y, s)
-    before = min(max(before, s.least), s.most) + s.shift / s.pitch
-    along += s.shift / s.pitch
+    before = min(max(before, s.least), s.most)
     first = math.floor(along)
     w = weights(along - first)
     i = first - 1
@@ -230,11 +204,6 @@ def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
         variance += w[a] * s.gain[at]
         innovation -= w[a] * s.map_H[at]
         change -= w[a] * s.map_ratio[at]
-    if room(s) >= 0.0 and seen_before(i, s):
-        # Within a correlation length all that is measured is off the map by the same.
-        of_height = max(LENGTH / (q * step), 1.0) * variance * square(p.height)
-        height, slope = before_stroke(i, along - first, s)
-        innovation -= slope * find_drift(H - height, slope, of_height, s)
     s.misfit_H += FORGET * (misfit_of(innovation, p.height, variance) - s.misfit_H)
     if ratio > 0.0:
         s.misfit += FORGET * (misfit_of(change, p.ripple, variance) - s.misfit)

@@ -5,7 +5,7 @@ deflection.
 from typing import TYPE_CHECKING, Any
 
 from afm_model.contact import friction_impulse
-from afm_model.parts import Block, Measurement, hypot, kernel, numbers_at, pointer_at, routine
+from afm_model.parts import Block, Measurement, kernel, numbers_at, pointer_at, routine
 from afm_model.sample import paper_surface
 
 from .constants import ANSWERS, LEARNED, MEAN, SLOPE_X, SLOPE_Y, VALUE, Constants
@@ -129,12 +129,6 @@ def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
 
 
 @kernel
-def speed_over_sample(v_x: float, v_y: float, s: "State") -> float:
-    """Of a tip that goes at this rate."""
-    return hypot(v_x - s.drag[0], v_y - s.drag[1])
-
-
-@kernel
 def as_one_mass(p_x: float, p_y: float, unlike: float, radius: float) -> tuple[float, float]:
     """The momentum p turned to where friction lies near rest, for axes of unequal masses.
 
@@ -164,9 +158,6 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
     n_x, n_y = s.gain_of[0] / (1.0 + d_x), s.gain_of[1] / (1.0 + d_y)
     unlike = 4.0 * (n_x - n_y) / (n_x + n_y) if s.gain_of[0] != s.gain_of[1] else 0.0
     n_z = 1.0 / (1.0 + d_z)
-    # Friction opposes the motion over the sample, which may move itself.
-    drag_x, drag_y = s.drag[0], s.drag[1]
-    at_drag_x, at_drag_y = drag_x / n_x, drag_y / n_y
     sum_x = sum_y = 0.0
     X, Y, Z, V_X, V_Y, V_Z = s.X, s.Y, s.Z, s.V_X, s.V_Y, s.V_Z
     for _ in range(steps):
@@ -174,14 +165,14 @@ def move(u_x: float, u_y: float, u_z: float, h: float, steps: int, p: Constants,
         Y += half * V_Y
         Z += half * V_Z
         f = bound_at(X, Y, Z, p, s)
-        p_x = m_x * ((1.0 - d_x) * V_X + h * left_at_rest(0, u_x, X, p, s)) - at_drag_x
-        p_y = m_y * ((1.0 - d_y) * V_Y + h * left_at_rest(1, u_y, Y, p, s)) - at_drag_y
+        p_x = m_x * ((1.0 - d_x) * V_X + h * left_at_rest(0, u_x, X, p, s))
+        p_y = m_y * ((1.0 - d_y) * V_Y + h * left_at_rest(1, u_y, Y, p, s))
         q_x, q_y = as_one_mass(p_x, p_y, unlike, h * f) if unlike != 0.0 else (p_x, p_y)
-        j_x, j_y, stick = friction_impulse(q_x, q_y, V_X - drag_x, V_Y - drag_y, n_x, n_y, h * f)
+        j_x, j_y, stick = friction_impulse(q_x, q_y, V_X, V_Y, n_x, n_y, h * f)
         sum_x += j_x
         sum_y += j_y
-        V_X = drag_x + (0.0 if stick else (p_x - j_x) * n_x)
-        V_Y = drag_y + (0.0 if stick else (p_y - j_y) * n_y)
+        V_X = 0.0 if stick else (p_x - j_x) * n_x
+        V_Y = 0.0 if stick else (p_y - j_y) * n_y
         held = held_along_z(s.height - p.delta, p)
         V_Z = n_z * ((1.0 - d_z) * V_Z + h * (left_at_rest(2, u_z, Z, p, s) - held))
         X += half * V_X

@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING, Any
 
-from afm_model.parts import Measurement, hypot, kernel, routine, square
+from afm_model.parts import hypot, kernel, routine, square
 
 from .constants import (
     AT_X,
@@ -31,11 +31,8 @@ from .nominal_plant import (
     look,
     look_at_known,
     nominal_bound,
-    speed_over_sample,
     stretched,
-    take_load,
 )
-from .piezo_memory import effective
 
 if TYPE_CHECKING:
     from .state import State
@@ -66,10 +63,6 @@ _AWAY = 2.0
 """How far the sample is at most from where it was touched last, over its largest height."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
-_HOLDS = 0.5
-"""Part of its bound up to which friction holds a tip for certain."""
-_DRAGS, _MOVES = 1e-2, 4e-5
-"""Rates up to and from which a tip that is held tells that the sample moves: 25 and 0.1 nm/s [x0 w0]."""
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
 
@@ -259,26 +252,6 @@ def variance(axis: int, friction: float, q: float, s: "State") -> float:
     return max(total, 0.0)
 
 
-@kernel
-def see_drag(k: int, y: Measurement, p: Constants, s: "State") -> None:
-    """Take the rate of a tip that friction holds for certain for that of the sample.
-
-    Such a tip goes steadily; in the air, where nothing holds it, it does not.
-    """
-    rate = hypot(s.V_X, s.V_Y)
-    off_x, off_y = s.X - s.at_x - p.hold * (s.V_X - s.drag[0]), s.Y - s.at_y - p.hold * (s.V_Y - s.drag[1])
-    steady = k - s.last == 1 and hypot(off_x, off_y) < _MOVES * p.hold
-    # One that has not slipped yet has been set down.
-    if rate > _DRAGS or not (steady or s.slips == 0.0):
-        return
-    look(s.X, s.Y, p, s)
-    take_load(y, p, s)
-    u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
-    held = hypot(balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s))
-    if held < _HOLDS * s.here * nominal_bound(s.load, p, s):
-        s.drag[0], s.drag[1] = (s.V_X, s.V_Y) if rate > _MOVES else (0.0, 0.0)
-
-
 @routine
 def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -> float:
     """Follow the bound of friction over the nominal one.
@@ -299,7 +272,7 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     """
     look(s.X, s.Y, p, s)
     nominal = nominal_bound(s.load, p, s)
-    speed = speed_over_sample(s.V_X, s.V_Y, s)
+    speed = hypot(s.V_X, s.V_Y)
     if speed <= REST * s.fastest:
         b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
         size = math.sqrt(b_x * b_x + b_y * b_y)
@@ -316,7 +289,7 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         if held > s.here + p.ripple:
             raise_map(held - s.here, s)
         return 0.0
-    v_x = s.V_X - s.drag[0]
+    v_x = s.V_X
     if abs(v_x) <= (TELLS if p.slots == 1 else _TELLS_IN_PACKETS) * speed:
         return 0.0
     measured = force * speed / (v_x * nominal)

@@ -89,7 +89,6 @@ class State(Record):
     V_Z: float
     Q: float  # the tip
     load: float  # on it
-    drag: Annotated[Array, (2,)]  # rate of the sample along x and y, with which a tip that rests moves
     doubt: float  # variance of an estimated position
     approach: float  # by which the sample is asked for nearer, while there is no friction; its height where there was
     touched: float
@@ -156,12 +155,6 @@ class State(Record):
     pitch: float
     least: float
     most: float
-    # drift.py: how far the sample has moved along it since the map was begun, as believed and as found; its rate; the
-    # covariance of both.
-    shift: float
-    shift_found: float
-    drift: float
-    of_drift: Annotated[Array, (2, 2)]
     way: float  # gone on it
     written: float
     gripped: float
@@ -170,7 +163,6 @@ class State(Record):
     map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior, of a node
     # and those up to it
     map_ratio: Annotated[Array, (NODES,)]
-    map_before: Annotated[Array, (NODES,)]  # heights at the last turn
     covariance: Annotated[Array, (NODES, NODES)]
     prior: Annotated[Array, (2 * NODES,)]
     visited: Annotated[Array, (NODES,)]  # way at the first visit

@@ -233,7 +233,7 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
     tells y from x, also where the tip stops and starts between two measurements. Used from the first time on that it
     contradicts what is believed.
     """
-    v_x, v_y = s.V_X - s.drag[0], s.V_Y - s.drag[1]
+    v_x, v_y = s.V_X, s.V_Y
     speed = hypot(v_x, v_y)
     if speed <= _SLIDES * s.fastest or abs(v_x) < _TELLS * speed:
         return
@@ -310,11 +310,10 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
     if known:
         learn_of_z(drive_in_force(2, y, p, s), p, s)
-    # Over the sample, which may move itself.
-    v_x, v_y = s.V_X - s.drag[0], s.V_Y - s.drag[1]
-    from_x, from_y = s.seen[0, 1] - s.drag[0], s.seen[1, 1] - s.drag[1]
+    v_x, v_y = s.V_X, s.V_Y
+    from_x, from_y = s.seen[0, 1], s.seen[1, 1]
     before, speed = hypot(from_x, from_y), hypot(v_x, v_y)
-    d_x, d_y = s.X - s.seen[0, 0] - p.hold * s.drag[0], s.Y - s.seen[1, 0] - p.hold * s.drag[1]
+    d_x, d_y = s.X - s.seen[0, 0], s.Y - s.seen[1, 0]
     q_x, q_y = stretched(0, s.X - 0.5 * d_x, s), stretched(1, s.Y - 0.5 * d_y, s)
     way = hypot(d_x, d_y)
     # How far the motion is from a steady one, over its way.

@@ -26,7 +26,6 @@ from .nominal_plant import (
     look,
     look_at_known,
     nominal_bound,
-    speed_over_sample,
 )
 from .state import State
 
@@ -199,7 +198,7 @@ def find_zero(y: Measurement, p: Constants, s: State) -> None:
     """Learn from a tip that rests, and on a stroke; at a turn along x compare it with the one before."""
     if s.known_at_rest > 0.0 and s.started != 0.0:
         find_zero_at_rest(y, p, s)
-    signal, speed = y.lateral_force / p.lateral_force, speed_over_sample(s.v[0], s.v[1], s)
+    signal, speed = y.lateral_force / p.lateral_force, hypot(s.v[0], s.v[1])
     # What rests between two measurements holds less than its bound. Positions alone tell no rate of a tip that is lost.
     goes = s.V_X if p.measured == 0 or s.distrust < 1.0 else s.v[0]
     went = (s.X - s.at_x) / p.hold if p.measured == 0 or p.slots > 1 or s.distrust == 1.0 else s.v[0]
@@ -214,7 +213,7 @@ def find_zero(y: Measurement, p: Constants, s: State) -> None:
             mean = 0.5 * (signal + s.stroke_signal)
             now[_SIGNAL] += mean * step
             now[_SQUARE] += mean * mean * step
-            now[_NOMINAL] += nominal_bound(s.load, p, s) * (s.v[0] - s.drag[0]) / speed * step
+            now[_NOMINAL] += nominal_bound(s.load, p, s) * s.v[0] / speed * step
             now[_WAY] += step
     elif sense != 0.0:
         if s.sense != 0.0:
