@@ -127,7 +127,6 @@ class Constants(Record):
     adapts: int  # what the model does not explain is estimated, with these deviations at the start
     first: Annotated[Array, (3, UNEXPLAINED)]
     walk: Annotated[Array, (3, UNEXPLAINED)]  # variance by which that grows in a control period
-    finds_zero: int  # the zero of the lateral signal is estimated
     remembers: int  # hysteresis or creep of the piezo are estimated
     threshold: Annotated[Array, (STOPS,)]  # of the stops
     lag_left: Annotated[Array, (LAGS,)]  # what of a lag is left after a slot, and its mean in the slot
@@ -316,7 +315,6 @@ def values(parameters: Tree) -> Numbers:
         "adapts": identified and any(map(any, first)),
         "first": first,
         "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(slowly) * hold,
-        "finds_zero": identified and law.lateral_zero == "estimated",
         "remembers": identified and any(first[0][3:]),
         "threshold": [f_0 * each for each in _THRESHOLDS],
         "lag_left": [exp(-slot / (each * w0)) for each in _LAG_TIMES],

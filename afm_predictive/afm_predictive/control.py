@@ -23,7 +23,7 @@ from .sample_estimate import (
 )
 from .state import State
 from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
-from .zeros import find_zero, find_zeros_at_start
+from .zeros import find_zeros_at_start
 
 
 @routine
@@ -62,7 +62,7 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
     ratio = s.grip
     if p.identified and p.measured == 0:
         u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
-        ratio = take_ratio(y.lateral_force / p.lateral_force - s.zero, u_x, u_y, p, s)
+        ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     approach(ratio, p, s)
     if p.surface == KNOWN and ratio > TOUCHES:
         doubt_surface(p, s)
@@ -97,8 +97,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         explain_measured(y, p, s)
     take_sample(y, p, s)
     watch(k, y, p, s)
-    if p.finds_zero != 0:
-        find_zero(y, p, s)
     s.last = k
     s.at_x, s.at_y = s.X, s.Y
     if p.remembers != 0:

@@ -15,7 +15,6 @@ from .map import NODES, begin_map
 from .sample_estimate import REST
 from .state import State
 from .unexplained import GAIN_LIMITS, NOTHING, SEEMS, believe
-from .zeros import forget_zero
 
 _FAR = 0.5
 """Innovation, or error that grows while the tip slips, over what standing still would cost."""
@@ -147,7 +146,6 @@ def begin_anew(p: Constants, s: State) -> None:
     A bound of friction that is to be found is approached from below.
     """
     forget(p, s)
-    forget_zero(s)
     forget_places(s)
     s.unknown, s.contradicts = int(p.surface != KNOWN), 0.0
     s.calm_ticks, s.slips, s.patience, s.reserve_end = 0.0, 0.0, 0.0, -1

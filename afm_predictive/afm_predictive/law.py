@@ -64,10 +64,6 @@ class PredictiveLaw(SampledLaw):
     lateral_gain: Literal["nominal", "estimated"] = Field(
         "estimated", description="force on the scanner per lateral signal, over that of the model"
     )
-    lateral_zero: Literal["nominal", "estimated"] = Field(
-        "estimated",
-        description="lateral signal without friction, from a tip at rest, then from the way there and back; nominal: 0",
-    )
     slow_force: Literal["nominal", "estimated"] = Field(
         "estimated", description="force that the model does not contain, such as that of creep and drift"
     )
@@ -193,8 +189,6 @@ def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
     variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
-    yield LawEstimate("lateral_zero", "N", float(s.zero * lateral_force))
-    yield LawEstimate("lateral_zero_deviation", "N", float(math.sqrt(s.variance_of_zero) * p.f_0 * lateral_force))
 
 
 def remark(state: Any) -> str:

@@ -171,9 +171,6 @@ def take_ratio_seen(
         slow = hypot(s.V_X, s.V_Y) < _STOPS * math.sqrt(s.P[SPEED, SPEED])
         slow = slow and innovation < -_STOPS * math.sqrt(variance)
         unsure = hypot(p.force_noise, p.stiffness[0] * math.sqrt(s.P[AT_X, AT_X]))
-        if hypot(s.v[0], s.v[1]) <= REST * s.fastest:
-            # In a pause of the reference a zero that is wrong by little counts thousands of times.
-            unsure = hypot(unsure, p.f_0 * math.sqrt(s.variance_of_zero))
         holds = abs(held) < _STOPS * unsure
         holds = holds and innovation < -max(SURE * math.sqrt(variance), _STOPS * _RINGS * p.hold)
         if slow or holds:
@@ -240,7 +237,7 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     """Run the copy up to measurement k, and correct it and the ratio by the positions x, y_ and the lateral force."""
     from_x, from_y, periods = s.X, s.Y, max(k - s.last, 1)
     rested = s.V_X == 0.0 and s.V_Y == 0.0
-    force = y.lateral_force / p.lateral_force - s.zero
+    force = y.lateral_force / p.lateral_force
     pass_drives(k, y, True, p, s)
     u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
     if p.slots == 1 and periods == 1:

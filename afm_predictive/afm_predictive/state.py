@@ -101,22 +101,10 @@ class State(Record):
     H: Annotated[Array, (FOLLOWED,)]
     ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it
-    # zeros.py: the zero believed; the one found over friction, and its variance; what a tip at rest has told;
-    # sense of the reference along x; the stroke before and this one; signal and reference at the last measurement, and
-    # whether the tip went as asked.
+    # zeros.py:
     zero_of_drive: Vector  # what was left over at the start; the places where the springs are not stretched then
     unstretched: Vector
     zero_of_height: float  # what the z sensor is off, if not the piezo is
-    zero: float
-    zero_found: float
-    variance_of_zero: float
-    other_zero: float  # that the last pair of strokes told, if it was another one
-    known_at_rest: float
-    sense: float
-    strokes: Annotated[Array, (2, 7)]
-    stroke_signal: float
-    asked_x: float
-    steady: float
     # How height and ratio go on, continuation.py: the last places, what was found there, how many count.
     place: Annotated[Array, (POINTS, 2)]
     found: Annotated[Array, (POINTS, 2)]

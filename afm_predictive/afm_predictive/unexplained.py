@@ -177,7 +177,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     used only while they explain a force that counts: their noise would move the copy of the plant, which is trusted
     more than a position.
     """
-    signal = y.lateral_force / p.lateral_force - s.zero
+    signal = y.lateral_force / p.lateral_force
     q = y.position[0] / p.x0
     believe_learned(0, p, s)
     u = effective(0, y, p, s)
@@ -303,7 +303,7 @@ def learn_stiffness_of_z(missed: float, p: Constants, s: State) -> None:
 @kernel
 def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Learn from measurement k; the scanner is in the state as it is there."""
-    signal = y.lateral_force / p.lateral_force - s.zero
+    signal = y.lateral_force / p.lateral_force
     u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
     # A drive that came late, or was cut off, is not the one predicted with.
     known = s.started != 0.0 and k - s.last == 1

@@ -11,7 +11,6 @@ NOTHING_WRONG = {
     **{f"{name}_{axis}": 0.0 for name in ("hysteresis", "creep") for axis in "xy"},
     "slow_force_x": 0.0,
     "stiffness_x": 1.0,
-    "lateral_zero": 0.0,
 }
 # With a resonance told f times too high a drive seems to push f^2 times too much, and friction as much more.
 WRONG = {
