@@ -10,7 +10,6 @@ from afm_model.parts import Measurement, exp, hypot, kernel, square
 
 from .constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Constants
 from .continuation import forget_places
-from .gain_of_y import forget_gain_of_y
 from .map import NODES, begin_map
 from .sample_estimate import REST
 from .state import State
@@ -50,7 +49,6 @@ def forget(p: Constants, s: State) -> None:
             for j in range(UNEXPLAINED):
                 s.unsure[axis, i, j] = square(p.first[axis, i]) if i == j else 0.0
         believe(axis, NOTHING, s)
-    forget_gain_of_y(s)
 
 
 @kernel

@@ -3,7 +3,6 @@
 from afm_model.parts import Block, kernel
 
 from .constants import AT_X, AT_Y
-from .gain_of_y import learn_gain_of_y
 from .state import State
 
 SURE = 5.0
@@ -46,12 +45,8 @@ def weigh(noise: float, s: State) -> float:
 
 
 @kernel
-def correct(innovation: float, variance: float, told: float, learns: bool, s: State) -> None:
-    """Correct by the measurement last weighed, which is off by so much from the copy with the corrections so far.
-
-    The two others are those of `gain_of_y.learn_gain_of_y`.
-    """
-    learn_gain_of_y(innovation, variance, told, learns, s)
+def correct(innovation: float, variance: float, s: State) -> None:
+    """Correct by the measurement last weighed, which is off by so much from the copy with the corrections so far."""
     for i in range(5):
         s.change[i] += s.gains[i] * innovation / variance
         for j in range(5):
@@ -59,11 +54,11 @@ def correct(innovation: float, variance: float, told: float, learns: bool, s: St
 
 
 @kernel
-def take(i: int, off: float, noise: float, learns: bool, s: State) -> None:
+def take(i: int, off: float, noise: float, s: State) -> None:
     """Correct by a measurement of state i, off by so much from the copy, with this variance."""
     s.weights[:] = 0.0
     s.weights[i] = 1.0
-    correct(off - s.change[i], weigh(noise, s), 0.0, learns, s)
+    correct(off - s.change[i], weigh(noise, s), s)
 
 
 @kernel

@@ -25,14 +25,12 @@ from .constants import (
     WAY_Y,
     Constants,
 )
-from .gain_of_y import believe_gain_of_y, carry_gain_of_y
 from .kalman import DOUBTS, NIS, SURE, along_variance, carry_covariance, correct, take, weigh
 from .nominal_plant import NEAR_BY, balance, bound_at, look, nominal_bound, take_load
 from .piezo_memory import effective, pass_drives
 from .place_by_height import take_height_seen
 from .sample_estimate import REST, bumps, strength
 from .state import State
-from .unexplained import knows_gain_of_x
 
 UNKNOWN = 0.25
 """Standard deviation of the ratio at the start."""
@@ -61,7 +59,6 @@ def begin_observer(p: Constants, s: State) -> None:
     s.P[AT_X, AT_X] = s.P[AT_Y, AT_Y] = square(p.position_noise)
     s.P[RATIO, RATIO] = square(UNKNOWN) * p.identified
     s.P[SLOPE, SLOPE] = square(bumps(p, s) * p.wave_number)
-    s.moved_by_more[:] = 0.0
     s.moved_by_c[:] = 0.0
     s.across = s.grip = s.off_force = 0.0
     s.nis = s.nis_of_height = 1.0
@@ -106,7 +103,6 @@ def carry(way: float, t_x: float, t_y: float, nominal: float, p: Constants, s: S
 @kernel
 def rest(s: State) -> None:
     """What rests has no speed that is uncertain."""
-    s.moved_by_more[SPEED] = 0.0
     for i in range(5):
         s.P[SPEED, i] = s.P[i, SPEED] = 0.0
 
@@ -125,7 +121,6 @@ def rests_for_certain(t_x: float, t_y: float, size: float, p: Constants, s: Stat
 @kernel
 def doubt(miss: float, t_x: float, t_y: float, p: Constants, s: State) -> None:
     """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
-    s.moved_by_more[:] = 0.0
     speed = min(abs(miss) / p.hold, s.fastest)
     for i, t in ((AT_X, t_x), (AT_Y, t_y)):
         s.P[i, i] += miss * miss
@@ -154,9 +149,7 @@ def see_ratio(t_x: float, t_y: float, size: float, nominal: float, p: Constants,
 
 
 @kernel
-def take_ratio_seen(
-    innovation: float, noise: float, told: float, missed: float, held: float, p: Constants, s: State
-) -> bool:
+def take_ratio_seen(innovation: float, noise: float, missed: float, held: float, p: Constants, s: State) -> bool:
     """Correct by the ratio that is seen in the lateral force, by the row `s.weights`; whether the tip seems to slip.
 
     It is never more than that of the bound. Less tells something while the tip slips only: while the copy does, or
@@ -181,7 +174,7 @@ def take_ratio_seen(
     if not expected:
         s.P[RATIO, RATIO] += square(innovation) * p.identified
         variance = weigh(noise, s)
-    correct(innovation, variance, told, False, s)
+    correct(innovation, variance, s)
     return innovation * innovation <= SURE * SURE * variance and slips
 
 
@@ -260,7 +253,6 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
     rests = rests_for_certain(t_x, t_y, size, p, s)
     for _ in range(0 if rests and way == 0.0 else min(periods, ANSWERS)):
         carry(way / periods, t_x, t_y, nominal, p, s)
-        carry_gain_of_y(way / periods, t_x, t_y, ratio * nominal, p, s)
     P[RATIO, RATIO] += square(p.wander[s.unknown] * strength(s)) * periods
     if rests:
         rest(s)
@@ -286,20 +278,14 @@ def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s
         if p.slots > 1:
             # What moves less than expected may rest: friction that was not seen is not believed in.
             most = max(ratio, seen)
-        # Where more gain leaves less along y, the direction of the balance is nearer to x.
         held = balance(0, u_x, s.X, p, s) - force
-        if take_ratio_seen(seen - ratio, of_seen, ratio * t_y * t_y, missed, held, p, s):
+        if take_ratio_seen(seen - ratio, of_seen, missed, held, p, s):
             s.grip = max(seen, 0.0)
             s.slips += 1.0
-    # Not while friction is not known either, nor the gain of x.
-    learns = p.adapts != 0 and s.grip > 0.0 and missed == 0.0
-    learns = learns and s.ratio[GONE] > 2.0 * math.pi and knows_gain_of_x(p, s)
-    take(AT_X, x - s.X, noise, learns, s)
-    take(AT_Y, y_ - s.Y, noise, learns, s)
+    take(AT_X, x - s.X, noise, s)
+    take(AT_Y, y_ - s.Y, noise, s)
     if s.started != 0.0:
         take_height_seen(y.position[2] / p.z0, p, s)
-    if p.adapts != 0:
-        believe_gain_of_y(p, s)
     s.across = along_variance(-t_y, t_x, s)
     s.X += s.change[AT_X]
     s.Y += s.change[AT_Y]

@@ -68,4 +68,4 @@ def take_height_seen(z: float, p: Constants, s: State) -> None:
         s.nis_of_height += NIS * (min(innovation * innovation / variance, SURE * SURE) - s.nis_of_height)
     if not sure:
         innovation = math.copysign(SURE * math.sqrt(variance), innovation)
-    correct(innovation, variance, 0.0, False, s)
+    correct(innovation, variance, s)

@@ -69,11 +69,6 @@ class State(Record):
     nis_of_height: float
     moved_by_c: Annotated[Array, (2,)]  # what more stiffness of z does to position and rate of the copy
     off_force: float  # by which friction of the copy was off the measured one
-    # gain_of_y.py: the gain of y over that of x, found since that, variance, what it does to the states of observer.py.
-    more_gain: float
-    more_found: float
-    variance_of_more: float
-    moved_by_more: Annotated[Array, (5,)]
     P: Annotated[Array, (5, 5)]  # covariance of the states of observer.py
     carried: Annotated[Array, (5, 5)]  # what a Kalman filter needs between two steps
     half: Annotated[Array, (5, 5)]

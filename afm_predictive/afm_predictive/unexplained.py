@@ -37,8 +37,6 @@ SEEMS = 5.0
 """Standard deviations of a position by which a tip may seem to have moved."""
 NOTHING = (1.0, 0.0, 0.0, *MEMORY * (0.0,))
 """Gamma, b, c, openings and creep of a model that explains all."""
-_KNOWN = 0.1
-"""Deviation of the gain of x over that at the start below which it counts as known."""
 SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
 COUNTS = 0.003
@@ -164,12 +162,6 @@ def expect(slot: int, p: Constants, s: State) -> None:
 
 
 @kernel
-def knows_gain_of_x(p: Constants, s: State) -> bool:
-    """Whether it is known so well that what is found of y is not that of x."""
-    return s.unsure[0, 0, 0] < square(_KNOWN * p.first[0, 0])
-
-
-@kernel
 def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """Learn from positions alone: what a drive holds in place but for friction, the motion being slow.
 
@@ -212,7 +204,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     s.told = 1.0 if s.counts > least * least else 0.0
     if s.told == 0.0:
         believe(0, NOTHING, s)
-    # Spring and hysteresis are taken to be as wrong as along x, since no force tells them; the gain is found. With a
+    # Spring and hysteresis and the gain are taken to be as wrong as along x, since no force tells them. With a
     # gain of x alone friction would seem to lie in another direction, and to be of another strength. As long as the tip
     # has not slipped along x nothing is known of it.
     if s.slips > 0.0:
@@ -221,8 +213,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
             s.takes[1, i] = s.takes[0, i]
     else:
         believe(1, NOTHING, s)
-    s.gain_of[1] = min(max(s.gain_of[1] + s.more_gain, GAIN_LIMITS[0]), GAIN_LIMITS[1])
-    s.unsure[1, 0, 0] = s.unsure[0, 0, 0] + s.variance_of_more
+    s.unsure[1, 0, 0] = s.unsure[0, 0, 0]
 
 
 @kernel

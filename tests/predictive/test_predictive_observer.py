@@ -95,7 +95,7 @@ def test_measurements_correct_as_the_kalman_filter_says(rng):
         H = rng.normal(size=5)
         s.weights[:] = H
         # Of the copy with the corrections so far.
-        correct(innovation - H @ change, weigh(noise, s), 0.0, False, s)
+        correct(innovation - H @ change, weigh(noise, s), s)
         gain = P @ H / (H @ P @ H + noise)
         change += gain * (innovation - H @ change)
         P = P - np.outer(gain, H @ P)
@@ -145,7 +145,7 @@ def test_the_ratio_seen_in_the_lateral_force_depends_on_the_place_as_its_row_say
 def test_friction_that_holds_more_than_is_believed_raises_the_bound_at_once_even_at_rest():
     p, s = records()
     s.V_X = 0.0
-    take_ratio_seen(0.15, 1e-7, 0.5, 0.0, SLIPS, p, s)
+    take_ratio_seen(0.15, 1e-7, 0.0, SLIPS, p, s)
     assert s.change[RATIO] == pytest.approx(0.15, abs=1e-4)
 
 
@@ -153,20 +153,20 @@ def test_less_friction_than_is_believed_tells_nothing_at_rest():
     p, s = records()
     s.V_X = 0.0
     before = s.P[RATIO, RATIO]
-    assert not take_ratio_seen(-0.5, 1e-7, 0.5, 0.0, SLIPS, p, s)
+    assert not take_ratio_seen(-0.5, 1e-7, 0.0, SLIPS, p, s)
     assert (s.change[RATIO], s.P[RATIO, RATIO]) == (0.0, before)
 
 
 def test_less_friction_while_the_tip_slips_is_believed_at_once():
     p, s = records()
-    take_ratio_seen(-0.5, 1e-7, 0.5, 0.0, SLIPS, p, s)
+    take_ratio_seen(-0.5, 1e-7, 0.0, SLIPS, p, s)
     assert s.change[RATIO] == pytest.approx(-0.5, abs=1e-4)
 
 
 def test_less_friction_at_a_speed_that_may_be_zero_is_rest():
     p, s = records()
     s.P[RATIO, RATIO], s.P[SPEED, SPEED] = 1e-8, 0.05**2
-    assert not take_ratio_seen(-0.01, 1e-7, 0.5, 0.0, SLIPS, p, s)
+    assert not take_ratio_seen(-0.01, 1e-7, 0.0, SLIPS, p, s)
     assert (s.V_X, s.P[SPEED, SPEED], s.change[RATIO]) == (0.0, 0.0, 0.0)
 
 
@@ -194,9 +194,9 @@ def test_much_less_friction_than_is_believed_is_rest_where_it_is_all_that_the_dr
     p, s = records()
     s.P[RATIO, RATIO], s.P[SPEED, SPEED] = 1e-8, 1e-8
     # Friction that is less by so little is noise, or that of a load that rings.
-    take_ratio_seen(-0.0005, 1e-7, 0.5, 0.0, held, p, s)
+    take_ratio_seen(-0.0005, 1e-7, 0.0, held, p, s)
     assert s.V_X == 0.1
-    take_ratio_seen(-0.02, 1e-7, 0.5, 0.0, held, p, s)
+    take_ratio_seen(-0.02, 1e-7, 0.0, held, p, s)
     assert (s.V_X, bool(s.P[SPEED, SPEED] == 0.0)) == ((0.0, True) if rests else (0.1, False))
 
 
