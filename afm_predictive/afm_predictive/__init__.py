@@ -2,7 +2,7 @@
 
 from afm_model.parts import Law
 
-from .constants import ANSWERS, Constants, kept, values
+from .constants import ANSWERS, Constants, longest, values
 from .control import control
 from .law import PredictiveLaw, check, estimates, remark, warnings
 from .state import State, start
@@ -23,7 +23,7 @@ PREDICTIVE = Law(
     "scanner, cantilever, contact, its friction; of the sample its shortest wave and height (surface=known: all); "
     "noise of the sensors",
     plants=("compliant", "paper"),
-    memory=("sent", lambda parameters: 3 * ANSWERS * kept(parameters)),
+    memory=("sent", lambda parameters: 3 * ANSWERS * longest(parameters)),
 )
 
 __all__ = ["PREDICTIVE", "PredictiveLaw"]

@@ -20,8 +20,6 @@ LONG = 4.0
 """Longest time for which a drive is held before a start warns [1/w0]."""
 LONGEST_DELAY = 30
 """Control periods."""
-LATER = 2
-"""Control periods by which the delay may be longer than told."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
 STOPS = 2
@@ -104,9 +102,7 @@ class Constants(Record):
     hold: float  # control period [1/w0]
     slot: float  # time between two drives of an answer
     slots: int  # slots in a control period
-    delay: int  # slots until the drive of an answer is in force, as told; the most that is found; one: it is sought
-    most_delay: int
-    finds_delay: int
+    delay: int  # slots until the drive of an answer is in force, as told
     count: int  # drives in an answer, without the reserve
     reserve: int  # drives of the reserve
     longest: int  # drives of an answer with all that, those in force before it included
@@ -185,22 +181,10 @@ class Constants(Record):
     of_drive: Annotated[Array, (2,)]
 
 
-def longest(parameters: Tree, more: int = 0) -> int:
-    """Drives of the longest answer, those in force before it included, with so many more control periods of delay."""
+def longest(parameters: Tree) -> int:
+    """Return the number of drives of an answer, those in force before it included."""
     law = parameters.law
-    return int(law.packet * (law.delay_ticks + more + 1 + law.spare) + law.reserve)
-
-
-def more_delay(parameters: Tree) -> int:
-    """Control periods by which the delay can be found to be longer than told."""
-    if parameters.law.delay == "nominal":
-        return 0
-    return next((more for more in range(LATER, 0, -1) if longest(parameters, more) <= SLOTS), 0)
-
-
-def kept(parameters: Tree) -> int:
-    """Drives that are kept of each answer: as many as it can have at the longest delay that is found."""
-    return longest(parameters, more_delay(parameters))
+    return int(law.packet * (law.delay_ticks + 1 + law.spare) + law.reserve)
 
 
 def first_deviations(law: Tree) -> list[list[float]]:
@@ -291,11 +275,9 @@ def values(parameters: Tree) -> Numbers:
         "slot": slot,
         "slots": slots,
         "delay": law.delay_ticks * slots,
-        "most_delay": (law.delay_ticks + more_delay(parameters)) * slots,
-        "finds_delay": law.delay == "estimated",
         "count": slots * (1 + spare),
         "reserve": law.reserve,
-        "longest": kept(parameters),
+        "longest": longest(parameters),
         "fine": division.fine,
         "horizon": n,
         # In packets the next drive follows soon, and in a long hold z cannot follow.

@@ -6,7 +6,7 @@ from .asked import ask, take_reference
 from .constants import KNOWN, LEARNED, Constants
 from .continuation import look_ahead
 from .decide import decide
-from .flight import answer, extend, find_delay, first_of_reserve, recall, remember
+from .flight import answer, extend, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
 from .nominal_plant import drive_in_force, predict, take_load
@@ -87,8 +87,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     if s.started == 0.0:
         find_zeros_at_start(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)
-    if p.finds_delay != 0:
-        find_delay(k, y, p, s)
     recall(k, y, p, s)
     observe(k, y, p, s)
     if p.adapts and p.measured == 0:
@@ -101,17 +99,17 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     s.at_x, s.at_y = s.X, s.Y
     if p.remembers != 0:
         plan_effective(p, s)
-    ask(s.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
-    for i in range(s.delay + p.count):
-        if i >= s.delay:
-            decide((i - s.delay) * p.fine, i, p, s)
+    ask(p.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
+    for i in range(p.delay + p.count):
+        if i >= p.delay:
+            decide((i - p.delay) * p.fine, i, p, s)
             if s.distrust > 0.0:
-                fall_back((i - s.delay) * p.fine, i, p, s)
-        if i < max(s.delay + p.count - 1, p.slots):
+                fall_back((i - p.delay) * p.fine, i, p, s)
+        if i < max(p.delay + p.count - 1, p.slots):
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
         if i < p.slots:
             expect(i, p, s)
-    planned = s.delay + p.count
+    planned = p.delay + p.count
     if p.reserve > 0:
         extend(k, p, s)
         planned += s.reserve_end - first_of_reserve(k, p, s)

@@ -1,4 +1,4 @@
-"""Drives on their way, slot by slot, the delay until they are in force, and the reserve behind those of an answer.
+"""Drives on their way, slot by slot, and the reserve behind those of an answer.
 
 Each answer adds a few drives to the reserve and keeps the others. They bridge a controller, or a machine, that stands
 still for longer than an answer can be planned ahead in one go. The scanner is predicted from where the last reserve
@@ -15,8 +15,6 @@ from .guard import fall_back
 from .nominal_plant import drive_in_force, drives_of, predict
 from .state import State
 
-_IN_A_ROW = 10
-"""Answers that tell of more delay until it is believed."""
 _MADE_UP = 8
 """Control periods without an answer that the next one makes up for in the reserve at most: that takes time as well."""
 _STRAYS, _STRAYED = 2.0, 4.0
@@ -37,36 +35,15 @@ def newest_answered(newest: int, s: State) -> int:
 
 
 @kernel
-def find_delay(k: int, y: Measurement, p: Constants, s: State) -> None:
-    """Take for the delay what measurement k tells of it: the drive in force until now answers an earlier measurement.
-
-    No drive comes before its delay, so less is believed at once. More may be a controller that was late: it is believed
-    once so many answers in a row have told more.
-    """
-    if y.drive_sequence <= s.in_force:
-        return
-    s.in_force = y.drive_sequence
-    found = min((k - 1 - y.drive_sequence) * p.slots, p.most_delay)
-    if found > s.delay:
-        s.later += 1
-        s.least_later = min(s.least_later, found)
-        if s.later < _IN_A_ROW:
-            return
-        found = s.least_later
-    s.delay, s.later, s.least_later = max(found, 0), 0, p.most_delay
-    s.off_told = (s.delay - p.delay) // p.slots
-
-
-@kernel
 def recall(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Write into the plan the drives that are in force until the answer to measurement k is.
 
     An answer is in force from the delay after its measurement on, or from its arrival if that is later; what has not
     arrived yet is taken to be there in the next period. Where none is known the drive that is in force stays.
     """
-    for j in range(s.delay):
+    for j in range(p.delay):
         ahead = j // p.slots
-        newest = k - s.delay // p.slots + ahead
+        newest = k - p.delay // p.slots + ahead
         if ahead == 0:
             newest = min(newest, y.newest_drive_sequence)
         answered = newest_answered(newest, s)
@@ -103,9 +80,9 @@ def answer(planned: int, u: PiezoDrive, p: Constants, s: State) -> None:
     times.
     """
     for axis in range(3):
-        u.voltage[axis] = volts(s.delay, axis, p, s)
+        u.voltage[axis] = volts(p.delay, axis, p, s)
     u.horizon_count = 0
-    if planned > s.delay + 1:
+    if planned > p.delay + 1:
         u.horizon_period = p.slot / p.w0
         u.horizon_count = planned - 1
         for axis in range(3):
@@ -117,7 +94,7 @@ def answer(planned: int, u: PiezoDrive, p: Constants, s: State) -> None:
 @kernel
 def first_of_reserve(k: int, p: Constants, s: State) -> int:
     """Number of the first slot behind the drives planned for measurement k."""
-    return k * p.slots + s.delay + p.count
+    return k * p.slots + p.delay + p.count
 
 
 @kernel
@@ -140,7 +117,7 @@ def extend(k: int, p: Constants, s: State) -> None:
 
     To be called with the scanner predicted to the last slot of the plan.
     """
-    first, last = first_of_reserve(k, p, s), s.delay + p.count - 1
+    first, last = first_of_reserve(k, p, s), p.delay + p.count - 1
     if first <= s.reserve_end <= first + p.reserve:
         take_up(s)
     else:

@@ -112,7 +112,7 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     elif s.distrust > 0.0:
         s.calm_ticks += 1.0
         # What was sent before has to have come into force.
-        if s.calm_ticks > (2.0 + s.delay / p.slots) * max(1.0, s.patience):
+        if s.calm_ticks > (2.0 + p.delay / p.slots) * max(1.0, s.patience):
             s.distrust *= exp(-p.hold / _RETURN)
             s.distrust = s.distrust if s.distrust > _WHOLE else 0.0
 
@@ -147,7 +147,6 @@ def begin_anew(p: Constants, s: State) -> None:
     forget_places(s)
     s.unknown, s.contradicts = int(p.surface != KNOWN), 0.0
     s.calm_ticks, s.slips, s.patience, s.reserve_end = 0.0, 0.0, 0.0, -1
-    s.delay, s.off_told, s.in_force, s.later, s.least_later = p.delay, 0, -1, 0, p.most_delay
     for i in range(FOLLOWED):
         s.ratio[i] = p.least_bound if i == VALUE or i == MEAN else 0.0
     for i in range(NODES):

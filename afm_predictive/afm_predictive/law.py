@@ -80,11 +80,6 @@ class PredictiveLaw(SampledLaw):
         description="creep of the piezo along x and y, the part of a step of the drive that follows in a decade; "
         "with feedback=measured: that of y is taken to be as that of x",
     )
-    delay: Literal["nominal", "estimated"] = Field(
-        "estimated",
-        description="control periods until a drive is in force: nominal: law.delay_ticks; estimated: what the "
-        "measurements tell, from law.delay_ticks on",
-    )
     corner_x: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="preview: places +-corner_x at which a reference straight along x turns back; 0: none is known"
     )
@@ -162,7 +157,6 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
     yield from _of_friction(p, s)
     for i, axis in enumerate("xyz"):
         yield LawEstimate(f"sensor_zero_{axis}", "m", float(s.unstretched[i] * (p.z0 if axis == "z" else p.x0)))
-    yield LawEstimate("delay", "s", float(s.delay * p.slot / p.w0))
     yield LawEstimate("distrust", "1", float(s.distrust))
     yield LawEstimate("fallbacks", "1", float(s.fallbacks))
 
@@ -205,8 +199,4 @@ def remark(state: Any) -> str:
             "a force along z is larger than the law learns, and the load is off by it: the zero of the z sensor is no "
             "longer that of the piezo, or the z piezo drifts"
         )
-    if state.off_told != 0:
-        periods = "control period" if abs(state.off_told) == 1 else "control periods"
-        way = "later" if state.off_told > 0 else "earlier"
-        told.append(f"drives come into force {abs(state.off_told)} {periods} {way} than law.delay_ticks; that is used")
     return "; ".join(told)

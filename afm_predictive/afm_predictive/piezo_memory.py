@@ -137,7 +137,7 @@ def plan_effective(p: Constants, s: State) -> None:
     for axis in range(2):
         if not remembers(axis, s):
             continue
-        for j in range(s.delay):
+        for j in range(p.delay):
             s.sent_ahead[j, axis] = s.plan[j, axis]
             s.plan[j, axis] = advance(axis, s.sent_ahead[j, axis], p, s)
 
@@ -148,8 +148,8 @@ def plan_drives(planned: int, p: Constants, s: State) -> None:
     for axis in range(2):
         if not remembers(axis, s):
             continue
-        for j in range(s.delay):
+        for j in range(p.delay):
             s.plan[j, axis] = s.sent_ahead[j, axis]
-        for j in range(s.delay, planned):
+        for j in range(p.delay, planned):
             s.plan[j, axis] = drive_for(axis, s.plan[j, axis], p, s)
             advance(axis, s.plan[j, axis], p, s)

@@ -27,11 +27,6 @@ class State(Record):
     lengths: Annotated[Integers, (ANSWERS,)]  # of the drives of each answer
     sent: int  # address of the drives of each answer
     last: int  # number of the last measurement
-    delay: int  # slots until the drive of an answer is in force; control periods by which that is more than told
-    off_told: int
-    in_force: int  # the measurement that the last drive in force answers; how many told of more delay, the least of it
-    later: int
-    least_later: int
     estimate: Annotated[Array, (6,)]  # position and rate there
     seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
     signal: float  # lateral force there

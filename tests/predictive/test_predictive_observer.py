@@ -64,14 +64,13 @@ def test_the_covariance_is_carried_as_the_free_scanner_and_friction_say(rng):
 
 
 @pytest.mark.parametrize(
-    ("mean", "part", "fastest"),
-    # Slow enough for height to tell a part of it, and not.
-    [(0.5, 0.275, 0.1), (1.0, 0.55, 0.1), (2.0, 1.0, 0.1), (0.5, 0.4, 0.5), (1.0, 0.8, 0.5), (2.0, 1.0, 0.5)],
+    ("mean", "part"),
+    [(0.5, 0.4), (1.0, 0.8), (2.0, 1.0)],
 )
-def test_the_bend_of_a_surface_that_is_not_known_makes_ratio_and_slope_uncertain(mean, part, fastest):
+def test_the_bend_of_a_surface_that_is_not_known_makes_ratio_and_slope_uncertain(mean, part):
     p, s = records(surface="observed")
     s.P[:] = 0.0
-    s.ratio[MEAN], s.fastest = mean, fastest
+    s.ratio[MEAN] = mean
     carry(0.2, DIAGONAL, DIAGONAL, 12.0, p, s)
     q = p.wave_number * math.sqrt(2.0)
     assert math.sqrt(s.P[SLOPE, SLOPE]) == pytest.approx(part * p.ripple * q * q * 0.2, rel=1e-12)
