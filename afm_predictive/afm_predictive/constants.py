@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 
 from afm_model.contact import bound_of_load, indentation_of_u, radius_at_zero_load, u_of_load
-from afm_model.parts import LONGEST_HORIZON, Array, Numbers, Record, Tree, Vector, cbrt, exp, expm1, hypot, log, square
+from afm_model.parts import LONGEST_HORIZON, Array, Numbers, Record, Tree, Vector, cbrt, exp, hypot, square
 
 from .gains import gains, grid, observer_gains, transition
 
@@ -22,16 +22,8 @@ LONGEST_DELAY = 30
 """Control periods."""
 SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
-STOPS = 2
-"""Stops of the hysteresis of the piezo: piezo_memory.py."""
-LAGS = 6
-"""Time constants of its creep."""
-MEMORY = STOPS + 1
-"""What the drives before take: stops, creep."""
-UNEXPLAINED = 3 + MEMORY
-"""Numbers of an axis that the model does not explain: gamma, b, c, openings, creep."""
-CREEP = 3 + STOPS
-"""The last of them."""
+UNEXPLAINED = 3
+"""Numbers of an axis that the model does not explain: gamma, b, c."""
 VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
 """What is followed of height and friction: value and slopes; covariances of value and slope; direction of the last
 step; mean, phase gone in it."""
@@ -42,28 +34,17 @@ POINTS = 12
 """Last places from which the surface is continued in packets: continuation.py."""
 TABLE = 33
 """Places for which it is continued."""
-_THRESHOLDS = (0.05, 0.2)
-"""Of the stops, over the bound of friction: by twice that the drive turns with the motion."""
-_LAG_TIMES = (1e-3, 4e-3, 16e-3, 64e-3, 256e-3, 1.024)
-"""Time constants of creep [s]. What is faster is over within a period of packets; what is slower is a slow force."""
-A_DECADE = log(10.0) / log(4.0)
-"""Creep in a decade of time, over that of a lag."""
 FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
-FIRST = (0.3, 1.0, 0.03, *STOPS * (0.05,), 0.007)
-"""Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2], opening, creep.
-
-With more of an opening a turn of a motion that is not steady is taken for hysteresis.
-"""
-_OPENING_PACKET = 0.1
-"""That of an opening in packets, where few measurements tell it."""
-FIRST_Z = (0.0, 0.003, 0.03, *MEMORY * (0.0,))
+FIRST = (0.3, 1.0, 0.03)
+"""Standard deviations of what the model does not explain, at the start: gamma, b [w0^2 x0], c [w0^2]."""
+FIRST_Z = (0.0, 0.003, 0.03)
 """The same along z [w0^2 z0]. With positions alone the stiffness alone is estimated there, and in packets nothing."""
-_WALK = (1e-3, 2e-2, 5e-4, *STOPS * (1e-4,), 1e-5)
+_WALK = (1e-3, 2e-2, 5e-4)
 """Random walks of these in one time unit."""
-_WALK_Z = (0.0, 1e-5, 1e-4, *MEMORY * (0.0,))
+_WALK_Z = (0.0, 1e-5, 1e-4)
 """The same along z."""
-_SLOWLY = (0.02, 0.002, 0.005, *MEMORY * (0.02,))
+_SLOWLY = (0.02, 0.002, 0.005)
 """Parts of these random walks that positions alone may follow: their noise would move the copy of the plant."""
 _SLOWLY_Z = len(_SLOWLY) * (0.1,)
 """The same along z."""
@@ -123,10 +104,6 @@ class Constants(Record):
     adapts: int  # what the model does not explain is estimated, with these deviations at the start
     first: Annotated[Array, (3, UNEXPLAINED)]
     walk: Annotated[Array, (3, UNEXPLAINED)]  # variance by which that grows in a control period
-    remembers: int  # hysteresis or creep of the piezo are estimated
-    threshold: Annotated[Array, (STOPS,)]  # of the stops
-    lag_left: Annotated[Array, (LAGS,)]  # what of a lag is left after a slot, and its mean in the slot
-    lag_mean: Annotated[Array, (LAGS,)]
     of_both: float  # part of a force on tip and scanner, along z, that the scanner feels
     w: float
     a: float
@@ -190,10 +167,9 @@ def longest(parameters: Tree) -> int:
 def first_deviations(law: Tree) -> list[list[float]]:
     """Standard deviations, at the start, of what the model does not explain of each axis; 0: it is believed."""
     full = law.feedback == "full"
-    given = law.lateral_gain, law.slow_force, law.stiffness, *STOPS * (law.hysteresis,), law.creep
-    of_x = FIRST if law.packet == 1 else (*FIRST[:3], *STOPS * (_OPENING_PACKET,), FIRST[CREEP])
+    given = law.lateral_gain, law.slow_force, law.stiffness
     of_c = 0.0 if law.packet > 1 else FIRST_Z[2]
-    sizes = of_x, of_x, FIRST_Z if full else (0.0, 0.0, of_c, *FIRST_Z[3:])
+    sizes = FIRST, FIRST, FIRST_Z if full else (0.0, 0.0, of_c)
     return [[size if way == "estimated" else 0.0 for size, way in zip(each, given, strict=True)] for each in sizes]
 
 
@@ -297,10 +273,6 @@ def values(parameters: Tree) -> Numbers:
         "adapts": identified and any(map(any, first)),
         "first": first,
         "walk": np.square((_WALK, _WALK, _WALK_Z)) * np.square(slowly) * hold,
-        "remembers": identified and any(first[0][3:]),
-        "threshold": [f_0 * each for each in _THRESHOLDS],
-        "lag_left": [exp(-slot / (each * w0)) for each in _LAG_TIMES],
-        "lag_mean": [-expm1(-slot / (each * w0)) * each * w0 / slot for each in _LAG_TIMES],
         "identified": identified,
         "of_both": 1.0 / (mu + 1.0),
         "w": w,

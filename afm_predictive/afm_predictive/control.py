@@ -11,7 +11,6 @@ from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
 from .nominal_plant import drive_in_force, predict, take_load
 from .observer import begin_observer, observe_scanner
-from .piezo_memory import effective, pass_drives, plan_drives, plan_effective
 from .sample_estimate import (
     TOUCHES,
     approach,
@@ -32,8 +31,6 @@ def observe(k: int, y: Measurement, p: Constants, s: State) -> None:
     x, y_, z = y.position[0] / p.x0, y.position[1] / p.x0, y.position[2] / p.z0
     # What led to a fallback is no estimate to go on from.
     if s.started == 0.0 or s.distrust == 1.0 or p.measured == 0:
-        if p.remembers != 0:
-            pass_drives(k, y, False, p, s)
         speed = p.x0 * p.w0
         s.X, s.Y, s.Z = x, y_, z
         s.V_X = y.velocity[0] / speed if p.measured == 0 else 0.0
@@ -61,7 +58,7 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
         take_height(p, s)
     ratio = s.grip
     if p.identified and p.measured == 0:
-        u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
+        u_x, u_y = drive_in_force(0, y, p, s), drive_in_force(1, y, p, s)
         ratio = take_ratio(y.lateral_force / p.lateral_force, u_x, u_y, p, s)
     approach(ratio, p, s)
     if p.surface == KNOWN and ratio > TOUCHES:
@@ -97,8 +94,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     watch(k, y, p, s)
     s.last = k
     s.at_x, s.at_y = s.X, s.Y
-    if p.remembers != 0:
-        plan_effective(p, s)
     ask(p.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
     for i in range(p.delay + p.count):
         if i >= p.delay:
@@ -121,7 +116,5 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
         for i in range(planned):
             for axis in range(3):
                 s.plan[i, axis] = drive_in_force(axis, y, p, s)
-    elif p.remembers != 0:
-        plan_drives(planned, p, s)
     remember(k, planned, p, s)
     answer(planned, u, p, s)

@@ -10,8 +10,6 @@ from afm_model.law import SampledLaw
 from afm_model.parts import Field, LawEstimate, NonNegative, Positive, Tree, Unit
 
 from .constants import (
-    A_DECADE,
-    CREEP,
     FIRST_Z,
     INTERVALS,
     LONG,
@@ -19,7 +17,6 @@ from .constants import (
     OF_VALUE,
     RATIO,
     SLOTS,
-    STOPS,
     SURFACES,
     VALUE,
     longest,
@@ -69,16 +66,6 @@ class PredictiveLaw(SampledLaw):
     )
     stiffness: Literal["nominal", "estimated"] = Field(
         "estimated", description="stiffness of the scanner over that of the model; of z the sensitivity is part of it"
-    )
-    hysteresis: Literal["none", "estimated"] = Field(
-        "estimated",
-        description="hysteresis of the piezo along x and y, the part by which it is less sensitive behind a turn of "
-        "the drive; with feedback=measured: that of y is taken to be as that of x",
-    )
-    creep: Literal["none", "estimated"] = Field(
-        "estimated",
-        description="creep of the piezo along x and y, the part of a step of the drive that follows in a decade; "
-        "with feedback=measured: that of y is taken to be as that of x",
     )
     corner_x: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="preview: places +-corner_x at which a reference straight along x turns back; 0: none is known"
@@ -164,7 +151,7 @@ def estimates(p: Any, s: Any) -> Iterator[LawEstimate]:
 def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
     """What it believes where friction moves the scanner."""
     # Each name of a record is looked up once: that takes longer than all that is computed here.
-    gain_of, slow, softer, takes, unsure, stiffness = s.gain_of, s.slow, s.softer, s.takes, s.unsure, p.stiffness
+    gain_of, slow, softer, unsure, stiffness = s.gain_of, s.slow, s.softer, s.unsure, p.stiffness
     lateral_force = p.lateral_force
     for i, axis in enumerate("xyz"):
         force, of_model = p.normal_force if axis == "z" else lateral_force, stiffness[i]
@@ -172,10 +159,8 @@ def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
             ("lateral_gain", "1", gain_of[i], unsure[i, 0, 0], 1.0),
             ("slow_force", "N", slow[i] * force, unsure[i, 1, 1], force),
             ("stiffness", "1", 1.0 + softer[i] / of_model, unsure[i, 2, 2], 1.0 / of_model),
-            ("hysteresis", "1", takes[i, :STOPS].sum(), unsure[i, 3:CREEP, 3:CREEP].sum(), 1.0),
-            ("creep", "1", takes[i, STOPS] * A_DECADE, unsure[i, CREEP, CREEP], A_DECADE),
         ]
-        # Along z there is no friction, and no hysteresis is learned.
+        # Along z there is no friction.
         for name, unit, value, variance, scale in told[1:3] if axis == "z" else told:
             yield LawEstimate(f"{name}_{axis}", unit, float(value))
             yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(variance, 0.0))))

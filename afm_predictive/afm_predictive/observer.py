@@ -19,6 +19,7 @@ from .constants import (
     SLOPE,
     SLOPE_X,
     SLOPE_Y,
+    SLOTS,
     SPEED,
     VALUE,
     WAY_X,
@@ -26,8 +27,17 @@ from .constants import (
     Constants,
 )
 from .kalman import DOUBTS, NIS, SURE, along_variance, carry_covariance, correct, take, weigh
-from .nominal_plant import NEAR_BY, balance, bound_at, look, nominal_bound, take_load
-from .piezo_memory import effective, pass_drives
+from .nominal_plant import (
+    NEAR_BY,
+    balance,
+    bound_at,
+    drive_in_force,
+    drive_of_period,
+    look,
+    move,
+    nominal_bound,
+    take_load,
+)
 from .place_by_height import take_height_seen
 from .sample_estimate import REST, bumps, strength
 from .state import State
@@ -225,14 +235,27 @@ def lean(u_x: float, u_y: float, p: Constants, s: State) -> tuple[float, float, 
     return (b_x / size, b_y / size, size) if size > 0.0 else (1.0, 0.0, 0.0)
 
 
+@kernel
+def follow_drives(k: int, y: Measurement, p: Constants, s: State) -> None:
+    """Move the copy on through the drives that were in force until measurement k."""
+    for ahead in range(min(max(k - s.last, 1), SLOTS)):
+        for j in range(p.slots):
+            u_x, u_y = drive_of_period(s.last + ahead, j, 0, y, p, s), drive_of_period(s.last + ahead, j, 1, y, p, s)
+            u_z = drive_of_period(s.last + ahead, j, 2, y, p, s)
+            if p.slots == 1 and s.last + ahead >= k - 1:
+                # Whatever the delay is: the drive that was in force.
+                u_x, u_y, u_z = drive_in_force(0, y, p, s), drive_in_force(1, y, p, s), drive_in_force(2, y, p, s)
+            move(u_x, u_y, u_z, p.dt_copy, p.steps_copy, p, s)
+
+
 @routine
 def observe_scanner(k: int, x: float, y_: float, y: Measurement, p: Constants, s: State) -> None:
     """Run the copy up to measurement k, and correct it and the ratio by the positions x, y_ and the lateral force."""
     from_x, from_y, periods = s.X, s.Y, max(k - s.last, 1)
     rested = s.V_X == 0.0 and s.V_Y == 0.0
     force = y.lateral_force / p.lateral_force
-    pass_drives(k, y, True, p, s)
-    u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
+    follow_drives(k, y, p, s)
+    u_x, u_y = drive_in_force(0, y, p, s), drive_in_force(1, y, p, s)
     if p.slots == 1 and periods == 1:
         follow_force(force, u_x, u_y, rested, p, s)
     take_load(y, p, s)

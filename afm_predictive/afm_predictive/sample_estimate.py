@@ -11,7 +11,6 @@ from .constants import (
     FOLLOWED,
     GONE,
     MEAN,
-    MEMORY,
     OF_BOTH,
     OF_SLOPE,
     OF_VALUE,
@@ -234,17 +233,15 @@ def doubt_surface(p: Constants, s: "State") -> None:
 
 
 @kernel
-def write_row(axis: int, friction: float, q: float, memory: Any, s: "State") -> None:
-    """Write what a force left over tells of gamma, b, c, openings and creep into `s.tells`."""
+def write_row(friction: float, q: float, s: "State") -> None:
+    """Write what a force left over tells of gamma, b and c into `s.tells`."""
     s.tells[0], s.tells[1], s.tells[2] = friction, 1.0, q
-    for i in range(MEMORY):
-        s.tells[3 + i] = memory[axis, i]
 
 
 @kernel
 def variance(axis: int, friction: float, q: float, s: "State") -> float:
     """Of the force that unexplained.py expects to be left over."""
-    write_row(axis, friction, q, s.memory_now, s)
+    write_row(friction, q, s)
     P, h, total = s.unsure, s.tells, 0.0
     for i in range(UNEXPLAINED):
         for j in range(UNEXPLAINED):

@@ -7,7 +7,7 @@ import numpy as np
 
 from afm_model.parts import Array, Integers, Numbers, Record, Tree, Vector, exp
 
-from .constants import ANSWERS, FOLLOWED, INTERVALS, LAGS, MEMORY, POINTS, SLOTS, TABLE, UNEXPLAINED
+from .constants import ANSWERS, FOLLOWED, INTERVALS, POINTS, SLOTS, TABLE, UNEXPLAINED
 from .map import LENGTH, NODES, SPACING
 
 
@@ -31,15 +31,13 @@ class State(Record):
     seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
     signal: float  # lateral force there
     place_x: float  # of positions alone: where x was before its last correction, and rests since
-    # What the model does not explain, unexplained.py: gamma, b, c, openings and creep as they are estimated, and their
-    # covariance; as they are believed. Along z only b and c: there is no friction, and no hysteresis is learned.
+    # What the model does not explain, unexplained.py: gamma, b, c as they are estimated, and their
+    # covariance; as they are believed. Along z only b and c: there is no friction.
     learned: Annotated[Array, (3, UNEXPLAINED)]
     unsure: Annotated[Array, (3, UNEXPLAINED, UNEXPLAINED)]
     gain_of: Annotated[Array, (3,)]
     slow: Annotated[Array, (3,)]
     softer: Annotated[Array, (3,)]
-    takes: Annotated[Array, (3, MEMORY)]
-    likely: Annotated[Array, (UNEXPLAINED,)]  # places to compute; row of the measurement
     weight: Annotated[Array, (UNEXPLAINED,)]
     tells: Annotated[Array, (UNEXPLAINED,)]
     # What was predicted for this measurement: position, rate; drive; of x and y mean friction until then.
@@ -47,17 +45,6 @@ class State(Record):
     impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
     told: float  # one: the tip has slipped; two: the direction of y told; of positions alone: the model is contradicted
     counts: float  # of positions alone: the mean square force that what is learned explains
-    # piezo_memory.py: stops and what creep has still to bring at the measurement, mean until then, along the plan; the
-    # lags of creep; the drives there.
-    memory_now: Annotated[Array, (3, MEMORY)]
-    memory_mean: Annotated[Array, (2, MEMORY)]
-    memory_ahead: Annotated[Array, (2, MEMORY)]
-    lag_now: Annotated[Array, (2, LAGS)]
-    lag_ahead: Annotated[Array, (2, LAGS)]
-    drive_now: Annotated[Array, (2,)]
-    drive_ahead: Annotated[Array, (2,)]
-    drive_passed: Annotated[Array, (3,)]
-    sent_ahead: Annotated[Array, (SLOTS, 2)]
     grip: float  # of positions alone: measured ratio; no measurement: zero
     # Of positions alone: mean square of the innovations over their variance, of positions along the motion, of heights.
     nis: float

@@ -1,23 +1,20 @@
-"""What the model does not explain: gain of the lateral signal, slow force, stiffness, memory of the piezo.
+"""What the model does not explain: gain of the lateral signal, slow force, stiffness.
 
-A Kalman filter an axis, docs/predictive.md (8.6). The force that the last drive has left over moves no free scanner: it
-is friction, a slow force b (drift), what a spring that is c stiffer holds, and what the piezo takes from the drive by
-hysteresis, stops D_i, and creep C (piezo_memory.py),
+A Kalman filter for each axis, docs/predictive.md (8.4). The force that the last drive has left over moves no free scanner:
+it is friction, a slow force b (drift, creep, hysteresis), and what a spring that is c stiffer holds,
 
-    F = gamma f + b + c q + sum_i o_i D_i + k C,
+    F = gamma f + b + c q,
 
-where f is friction as the lateral signal tells it. Friction turns with the motion, b and c q do not, D_i and C with the
-drive, C for a while: that parts them.
+where f is friction as measured by the lateral signal. Friction turns with the motion, b and c q do not: that separates them.
 """
 
 import math
 from typing import Any
 
-from afm_model.parts import Block, Measurement, hypot, kernel, square
+from afm_model.parts import Measurement, hypot, kernel, square
 
-from .constants import AT_X, CREEP, FLOOR, MEMORY, STOPS, UNEXPLAINED, Constants
-from .nominal_plant import balance, drive_in_force, friction_turns_drive, stretched
-from .piezo_memory import effective
+from .constants import AT_X, FLOOR, UNEXPLAINED, Constants
+from .nominal_plant import balance, drive_in_force, stretched
 from .sample_estimate import REST, TELLS, variance, write_row
 from .state import State
 
@@ -27,16 +24,12 @@ _SLIDING = 3e-3
 _NO_NOISE = 0.0075
 """Of positions alone: deviation of a force beside the noise of the sensors, over friction. What no number of the model
 explains is no noise, and would be explained by all of them."""
-_MOST = (*STOPS * (0.25,), 0.03)
-"""Largest openings and creep; they take from a drive, and never add."""
-_CERTAIN, _LEAST_CREEP = 2.0, 1e-3
-"""Standard deviations from which on there is creep, and its least: on a long run noise exceeds two deviations, too."""
 _SLOW = 2.0
 """Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
 SEEMS = 5.0
 """Standard deviations of a position by which a tip may seem to have moved."""
-NOTHING = (1.0, 0.0, 0.0, *MEMORY * (0.0,))
-"""Gamma, b, c, openings and creep of a model that explains all."""
+NOTHING = (1.0, 0.0, 0.0)
+"""Gamma, b, c of a model that explains all."""
 SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
 COUNTS = 0.003
@@ -68,59 +61,17 @@ def left_over(axis: int, q: float, v: float, u: float, p: Constants, s: State) -
 
 @kernel
 def believe(axis: int, numbers: Any, s: State) -> None:
-    """Believe in these gamma, b, c, openings and creep of an axis."""
+    """Believe in these gamma, b, c of an axis."""
     s.gain_of[axis], s.slow[axis], s.softer[axis] = numbers[0], numbers[1], numbers[2]
-    for i in range(MEMORY):
-        s.takes[axis, i] = numbers[3 + i]
 
 
 @kernel
-def put(axis: int, i: int, value: float, numbers: Any, s: State) -> None:
-    """Put number i of an axis to a value, and the others to what is most likely then."""
-    P, off = s.unsure, value - numbers[i]
-    if P[axis, i, i] > 0.0:
-        for j in range(UNEXPLAINED):
-            if j != i:
-                numbers[j] += off * P[axis, j, i] / P[axis, i, i]
-    numbers[i] = value
-
-
-@kernel
-def limit(axis: int, numbers: Any, s: State) -> None:
-    """Keep the numbers of an axis within their limits."""
-    for i in range(MEMORY):
-        most = min(max(numbers[3 + i], 0.0), _MOST[i])
-        if most != numbers[3 + i]:
-            put(axis, 3 + i, most, numbers, s)
-    for i in range(MEMORY):
-        numbers[3 + i] = min(max(numbers[3 + i], 0.0), _MOST[i])
-    numbers[0] = min(max(numbers[0], GAIN_LIMITS[0]), GAIN_LIMITS[1])
-
-
-@kernel
-def believe_learned(axis: int, p: Constants, s: State) -> None:
-    """Believe in what is estimated of an axis, and in creep where it is certain and friction turns the drive."""
-    for i in range(UNEXPLAINED):
-        s.likely[i] = s.learned[axis, i]
-    certain = s.likely[CREEP] >= max(_CERTAIN * math.sqrt(s.unsure[axis, CREEP, CREEP]), _LEAST_CREEP)
-    # On a long way hysteresis of a form that no stop has would be taken for creep.
-    if not certain or not friction_turns_drive(axis, p, s):
-        put(axis, CREEP, 0.0, s.likely, s)
-        limit(axis, s.likely, s)
-    believe(axis, s.likely, s)
-
-
-@kernel
-def update(
-    axis: int, innovation: float, friction: float, q: float, memory: Block, noise: float, p: Constants, s: State
-) -> None:
-    """Kalman update of an axis by a force that what is believed does not explain, with this friction, place, memory."""
-    write_row(axis, friction, q, memory, s)
+def update(axis: int, innovation: float, friction: float, q: float, noise: float, p: Constants, s: State) -> None:
+    """Kalman update of an axis by a force that what is believed does not explain, with this friction and place."""
+    write_row(friction, q, s)
     P, h, x = s.unsure, s.tells, s.learned
     innovation -= h[0] * (x[axis, 0] - s.gain_of[axis]) + h[1] * (x[axis, 1] - s.slow[axis])
     innovation -= h[2] * (x[axis, 2] - s.softer[axis])
-    for i in range(MEMORY):
-        innovation -= h[3 + i] * (x[axis, 3 + i] - s.takes[axis, i])
     total = noise * noise
     # Along z there are b and c alone.
     begin, end = (1, 3) if axis == 2 else (0, UNEXPLAINED)
@@ -146,8 +97,8 @@ def update(
                 P[axis, i, j] *= part
                 P[axis, j, i] *= part
     if axis < 2:
-        limit(axis, x[axis], s)
-        believe_learned(axis, p, s)
+        x[axis, 0] = min(max(x[axis, 0], GAIN_LIMITS[0]), GAIN_LIMITS[1])
+        believe(axis, x[axis], s)
 
 
 @kernel
@@ -171,8 +122,8 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     """
     signal = y.lateral_force / p.lateral_force
     q = y.position[0] / p.x0
-    believe_learned(0, p, s)
-    u = effective(0, y, p, s)
+    believe(0, s.learned[0], s)
+    u = drive_in_force(0, y, p, s)
     left = s.gain_of[0] * (balance(0, u, q, p, s) - signal)
     # Place and friction that explain it are free of its noise, which would pass for a spring that holds nothing.
     moves = abs(s.V_X) > REST * s.fastest
@@ -188,10 +139,8 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     s.seen[0, 1] = s.V_X
     went = hypot(q - s.at_x, y.position[1] / p.x0 - s.at_y)
     if went < _SLOW * s.fastest * p.hold + SEEMS * p.position_noise:
-        update(0, left, friction, stretched(0, s.place_x, s), s.memory_now, noise, p, s)
+        update(0, left, friction, stretched(0, s.place_x, s), noise, p, s)
     force = (s.gain_of[0] - 1.0) * signal + s.slow[0] + s.softer[0] * stretched(0, q, s)
-    for i in range(MEMORY):
-        force += s.takes[0, i] * s.memory_now[0, i]
     of_force = variance(0, signal, stretched(0, q, s), s)
     # What counts while x moves does so behind a pause, too.
     if moves:
@@ -204,13 +153,11 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     s.told = 1.0 if s.counts > least * least else 0.0
     if s.told == 0.0:
         believe(0, NOTHING, s)
-    # Spring and hysteresis and the gain are taken to be as wrong as along x, since no force tells them. With a
+    # Spring and gain are taken to be as wrong as along x, since no force tells them. With a
     # gain of x alone friction would seem to lie in another direction, and to be of another strength. As long as the tip
     # has not slipped along x nothing is known of it.
     if s.slips > 0.0:
         s.gain_of[1], s.softer[1] = s.gain_of[0], s.softer[0] * p.stiffness[1] / p.stiffness[0]
-        for i in range(MEMORY):
-            s.takes[1, i] = s.takes[0, i]
     else:
         believe(1, NOTHING, s)
     s.unsure[1, 0, 0] = s.unsure[0, 0, 0]
@@ -241,13 +188,13 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
         noise = (
             hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, stretched(0, s.X, s), s))) / t_x
         )
-        update(1, across / t_x, f_y, stretched(1, s.Y, s), s.memory_now, noise, p, s)
+        update(1, across / t_x, f_y, stretched(1, s.Y, s), noise, p, s)
 
 
 @kernel
 def update_of_z(innovation: float, of_c: float, noise: float, p: Constants, s: State) -> None:
     """Kalman update of z by a force, or a position, in which c is seen so strongly."""
-    update(2, innovation, 0.0, of_c, s.memory_now, noise, p, s)
+    update(2, innovation, 0.0, of_c, noise, p, s)
     # More than what is likely at the start is another mistake, such as of the delay.
     for i in range(1, 3):
         s.learned[2, i] = min(max(s.learned[2, i], -p.first[2, i]), p.first[2, i])
@@ -295,7 +242,7 @@ def learn_stiffness_of_z(missed: float, p: Constants, s: State) -> None:
 def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Learn from measurement k; the scanner is in the state as it is there."""
     signal = y.lateral_force / p.lateral_force
-    u_x, u_y = effective(0, y, p, s), effective(1, y, p, s)
+    u_x, u_y = drive_in_force(0, y, p, s), drive_in_force(1, y, p, s)
     # A drive that came late, or was cut off, is not the one predicted with.
     known = s.started != 0.0 and k - s.last == 1
     known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
@@ -312,7 +259,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     if known and max(before, speed) <= REST * s.fastest:
         # At rest friction is what the drive in force leaves.
         held = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal)
-        update(0, held, signal, stretched(0, s.X, s), s.memory_now, p.f_0 * FLOOR + p.force_noise, p, s)
+        update(0, held, signal, stretched(0, s.X, s), p.f_0 * FLOOR + p.force_noise, p, s)
     elif known and _SLIDES * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
         phase = p.wave_number * (abs(d_x) + abs(d_y))
         noise = p.f_0 * (_SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise
@@ -328,12 +275,12 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
             p_y = s.expected[1, 3] - s.gain_of[1] * mean * d_y / d_x
             across = (p_y * d_x - p_x * d_y) / (way * way)
         resists = left_over(0, s.X, s.V_X, u_x, p, s) - across * d_y
-        update(0, resists, mean, q_x, s.memory_mean, noise, p, s)
+        update(0, resists, mean, q_x, noise, p, s)
         if tells:
             turned = abs(d_x * v_y - d_y * v_x) + abs(d_x * from_y - d_y * from_x)
             noise += p.f_0 * turned / (way * s.fastest)
             resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
-            update(1, resists, mean * d_y / d_x, q_y, s.memory_mean, noise, p, s)
+            update(1, resists, mean * d_y / d_x, q_y, noise, p, s)
             s.told = max(s.told, 1.0)
     elif known and p.slots == 1 and way > _SLIDES * s.fastest * p.hold:
         # A tip that is thrown tells no force, but what x alone tells from then on is not that of y.
