@@ -30,10 +30,6 @@ step; mean, phase gone in it."""
 FOLLOWED = GONE + 1
 AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
 """States of the filter of positions alone: observer.py."""
-POINTS = 12
-"""Last places from which the surface is continued in packets: continuation.py."""
-TABLE = 33
-"""Places for which it is continued."""
 FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
 FIRST = (0.3, 1.0, 0.03)
@@ -59,12 +55,6 @@ _UNSEEN = 10.0
 """Acceleration along z that is not known, over a surface that is not: what z is estimated wrong by is taken for it."""
 _TAKEN, _TAKEN_MEASURED = 3.0, 1.0
 """Error that is taken back in a response at most, in radians of the shortest wave; the same of an estimated one."""
-_REACH, _REACH_MEASURED = 8.0, 2.5
-"""Phase of the shortest wave from the last place up to which the surface is continued: that of the table; the same from
-places that are estimated."""
-_MOST_AHEAD, _MOST_AHEAD_MEASURED = 0.7, 0.4
-"""How far from the mean it is continued at most, over the range of the surface, of which a wave reaches half; the same
-from places that are estimated."""
 _BUMPS, _LESS_BUMPS = 0.8, 0.55
 """Ripple of friction that positions alone are corrected with, over that of the largest wave, friction being nominal;
 the same where a map or the last places tell a part of it."""
@@ -123,9 +113,6 @@ class Constants(Record):
     wave_number: float
     ripple: float  # of the strength, from that curvature
     measured: int
-    # In packets the surface is continued from the last places:
-    reach: float  # how far from the last of them, phase of the shortest wave
-    most_ahead: float  # and to how far from the mean, over the range of the surface
     # Over a known surface, over one that is not:
     bumps: Annotated[Array, (2,)]  # ripple of the ratio over the surface as it is known
     bumps_left: float  # part of it that positions alone are corrected with, friction being nominal
@@ -293,8 +280,6 @@ def values(parameters: Tree) -> Numbers:
         "wave_number": law.wave_number * x0,
         "ripple": ripple,
         "measured": measured,
-        "reach": _REACH_MEASURED if measured else _REACH,
-        "most_ahead": _MOST_AHEAD_MEASURED if measured else _MOST_AHEAD,
         "bumps": [0.0, ripple * identified],
         "bumps_left": _BUMPS if slots == 1 and law.surface != "learned" else _LESS_BUMPS,
         "corner": [law.corner_x / x0, law.corner_y / x0, 0.0],

@@ -4,7 +4,6 @@ from afm_model.parts import Measurement, PiezoDrive, kernel, routine, square
 
 from .asked import ask, take_reference
 from .constants import KNOWN, LEARNED, Constants
-from .continuation import look_ahead
 from .decide import decide
 from .flight import answer, extend, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
@@ -63,8 +62,6 @@ def take_sample(y: Measurement, p: Constants, s: State) -> None:
     approach(ratio, p, s)
     if p.surface == KNOWN and ratio > TOUCHES:
         doubt_surface(p, s)
-    if p.slots > 1 and s.unknown != 0:
-        look_ahead(measured_height(s.Z, p, s), ratio, p, s)
     if p.surface == LEARNED:
         s.doubt = 0.0
         if p.measured != 0:

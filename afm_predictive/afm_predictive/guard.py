@@ -9,7 +9,6 @@ import math
 from afm_model.parts import Measurement, exp, hypot, kernel, square
 
 from .constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Constants
-from .continuation import forget_places
 from .map import NODES, begin_map
 from .sample_estimate import REST
 from .state import State
@@ -144,7 +143,6 @@ def begin_anew(p: Constants, s: State) -> None:
     A bound of friction that is to be found is approached from below.
     """
     forget(p, s)
-    forget_places(s)
     s.unknown, s.contradicts = int(p.surface != KNOWN), 0.0
     s.calm_ticks, s.slips, s.patience, s.reserve_end = 0.0, 0.0, 0.0, -1
     for i in range(FOLLOWED):

@@ -9,7 +9,6 @@ from afm_model.parts import Block, Measurement, kernel, numbers_at, pointer_at, 
 from afm_model.sample import paper_surface
 
 from .constants import ANSWERS, LEARNED, MEAN, SLOPE_X, SLOPE_Y, VALUE, Constants
-from .continuation import FRICTION, HEIGHT, go_on
 from .map import read_map
 
 if TYPE_CHECKING:
@@ -64,16 +63,14 @@ def look(x: float, y: float, p: Constants, s: "State") -> None:
     """Height, curvature and strength of friction of the sample at (x, y)."""
     s.mapped = s.mapped_H = 0.0
     d_x, d_y = x - s.at_x, y - s.at_y
-    phase = gone = 0.0
-    if s.goes_on[HEIGHT] == 0.0 or s.goes_on[FRICTION] == 0.0:
-        phase, gone = fade(d_x, d_y, p)
-    s.here = go_on(x, y, FRICTION, s) if s.goes_on[FRICTION] > 0.0 else faded(s.ratio, d_x, d_y, phase, gone)
+    phase, gone = fade(d_x, d_y, p)
+    s.here = faded(s.ratio, d_x, d_y, phase, gone)
     if s.unknown == 0:
         look_at_known(x, y, p, s)
         return
     s.curvature = 0.0
     s.strength = 1.0
-    s.height = go_on(x, y, HEIGHT, s) if s.goes_on[HEIGHT] > 0.0 else faded(s.H, d_x, d_y, phase, gone)
+    s.height = faded(s.H, d_x, d_y, phase, gone)
     if p.surface == LEARNED:
         read_map(x, y, p, s)
 

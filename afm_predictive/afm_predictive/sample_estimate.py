@@ -22,7 +22,6 @@ from .constants import (
     WAY_Y,
     Constants,
 )
-from .continuation import mean_ratio
 from .map import JUMP, raise_map
 from .nominal_plant import (
     balance,
@@ -62,6 +61,8 @@ _AWAY = 2.0
 """How far the sample is at most from where it was touched last, over its largest height."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
+_LEAST_RATIO = 0.1
+"""Of friction, of which what is uneven about it is a part."""
 _INDEX = 10.0
 """Largest tracking index, change in a step over noise: a surface that is sampled coarsely is not trusted beyond it."""
 
@@ -177,6 +178,12 @@ def approach(ratio: float, p: Constants, s: "State") -> None:
         s.touched += APPROACH
     for i in (VALUE, MEAN):
         s.H[i] = min(max(s.H[i], lowest), highest)
+
+
+@kernel
+def mean_ratio(s: "State") -> float:
+    """Mean bound of friction over the nominal one, of which what is uneven about it is a part."""
+    return max(s.ratio[MEAN], _LEAST_RATIO)
 
 
 @kernel

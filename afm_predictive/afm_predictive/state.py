@@ -7,7 +7,7 @@ import numpy as np
 
 from afm_model.parts import Array, Integers, Numbers, Record, Tree, Vector, exp
 
-from .constants import ANSWERS, FOLLOWED, INTERVALS, POINTS, SLOTS, TABLE, UNEXPLAINED
+from .constants import ANSWERS, FOLLOWED, INTERVALS, SLOTS, UNEXPLAINED
 from .map import LENGTH, NODES, SPACING
 
 
@@ -82,22 +82,6 @@ class State(Record):
     zero_of_drive: Vector  # what was left over at the start; the places where the springs are not stretched then
     unstretched: Vector
     zero_of_height: float  # what the z sensor is off, if not the piezo is
-    # How height and ratio go on, continuation.py: the last places, what was found there, how many count.
-    place: Annotated[Array, (POINTS, 2)]
-    found: Annotated[Array, (POINTS, 2)]
-    places: Annotated[Array, (2,)]
-    along: Annotated[Array, (POINTS,)]  # their phases from the last one, along the way and beside it
-    beside: Annotated[Array, (POINTS,)]
-    circle_along: Annotated[Array, (POINTS, 2)]  # sine and cosine of them
-    circle_beside: Annotated[Array, (POINTS, 2)]
-    alike: Annotated[Array, (POINTS, POINTS)]  # covariance over that of the surface, its factor, weights
-    factor: Annotated[Array, (POINTS, POINTS)]
-    weigh: Annotated[Array, (POINTS, 2)]
-    ahead: Annotated[Array, (TABLE, 2, 2)]  # the table about the last place; wave vector of its phases
-    wave_x: float
-    wave_y: float
-    offset_ahead: Annotated[Array, (2,)]
-    goes_on: Annotated[Array, (2,)]  # one: the table counts
     mapped: float
     mapped_H: float  # one: the place looked at is on the map, with its height; with its ratio
     here: float  # strength at the place looked at

@@ -1,11 +1,12 @@
 """What the model does not explain: gain of the lateral signal, slow force, stiffness.
 
-A Kalman filter for each axis, docs/predictive.md (8.4). The force that the last drive has left over moves no free scanner:
-it is friction, a slow force b (drift, creep, hysteresis), and what a spring that is c stiffer holds,
+A Kalman filter for each axis, docs/predictive.md (8.4). The force that the last drive has left over moves no free
+scanner: it is friction, a slow force b (drift, creep, hysteresis), and what a spring that is c stiffer holds,
 
     F = gamma f + b + c q,
 
-where f is friction as measured by the lateral signal. Friction turns with the motion, b and c q do not: that separates them.
+where f is friction as measured by the lateral signal. Friction turns with the motion, b and c q do
+not: that separates them.
 """
 
 import math
