@@ -7,7 +7,6 @@ python tools/measure_predictive.py --write    # and put them into docs/predictiv
 import argparse
 import math
 import sys
-import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -146,32 +145,7 @@ def late() -> list[str]:
     return table(["", "no spare period", "one spare period"], rows).splitlines()
 
 
-def cost() -> list[str]:
-    """Time of an answer, the best of some stretches [us]."""
-    rows = []
-    for told, period, delay, law in (
-        ("50 us + 1, no knowledge", 5e-5, 1, {}),
-        ("50 us + 6, no knowledge", 5e-5, 6, {}),
-        ("50 us + 1, learned", 5e-5, 1, {"law.surface": "learned"}),
-        ("200 us + 1, no knowledge", 2e-4, 1, {}),
-        ("1 ms + 1, no knowledge", 1e-3, 1, {}),
-        ("1 ms + 1, packet of 40", 1e-3, 1, PACKET),
-    ):
-        sim, controller = parameters(period, delay, law, {}, 0.5)
-        result, answering = simulate(sim, controller), Controller(controller)
-        given = [np.asarray(m).reshape(1).view(np.float64) for m in result.measurements[:100]]
-        best = math.inf
-        for _ in range(20):
-            answering.reset()
-            begin = time.perf_counter()
-            for k, measurement in enumerate(given):
-                answering.answer(measurement, k * period)
-            best = min(best, (time.perf_counter() - begin) / len(given))
-        rows.append([told, f"{1e6 * best:.0f}"])
-    return table(["", "us an answer"], rows).splitlines()
-
-
-TABLES = {"knowledge": knowledge, "noise": noise, "late": late, "cost": cost}
+TABLES = {"knowledge": knowledge, "noise": noise, "late": late}
 
 
 def main() -> int:

@@ -1,6 +1,6 @@
 """What the model does not explain: gain of the lateral signal, slow force, stiffness.
 
-A Kalman filter for each axis, docs/predictive.md (8.4). The force that the last drive has left over moves no free
+A Kalman filter for each axis, docs/predictive.md (8.6). The force that the last drive has left over moves no free
 scanner: it is friction, a slow force b (drift, creep, hysteresis), and what a spring that is c stiffer holds,
 
     F = gamma f + b + c q,
@@ -36,6 +36,8 @@ SAME = 0.005
 COUNTS = 0.003
 """Of positions alone: rms force over that of friction that contradicts the model, later half of it; twice as much does
 so at once. In packets half of all that."""
+_OF_Y = 0.05
+"""Deviation of the gain of y from that of x, which no force shows with positions alone."""
 _SPAN = 100.0
 """Time of that mean [1/w0]."""
 _COUNTS_ACROSS = 0.003
@@ -161,7 +163,7 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
         s.gain_of[1], s.softer[1] = s.gain_of[0], s.softer[0] * p.stiffness[1] / p.stiffness[0]
     else:
         believe(1, NOTHING, s)
-    s.unsure[1, 0, 0] = s.unsure[0, 0, 0]
+    s.unsure[1, 0, 0] = s.unsure[0, 0, 0] + square(_OF_Y)
 
 
 @kernel

@@ -93,7 +93,6 @@ def test_with_noise_resonances_are_right_within_a_thousandth_and_within_their_er
 def test_law_told_resonances_one_or_two_percent_wrong_is_healed_by_the_file_of_an_identification(tmp_path):
     # A law that takes what it is told for the truth: by itself it would find out in a period what is wrong.
     believes = {f"law.{name}": "nominal" for name in ("lateral_gain", "slow_force", "stiffness")}
-    believes["law.hysteresis"] = believes["law.creep"] = "none"
     nominal = load_scenario("closed_loop_predictive")
     wrong = {"f_x": 1.02, "f_y": 0.99, "f_z": 1.01}
     true = {f"scanner.{name}": factor * getattr(nominal.sim.scanner, name) for name, factor in wrong.items()}

@@ -8,7 +8,6 @@ from .predictive_records import estimates
 
 NOTHING_WRONG = {
     **{f"lateral_gain_{axis}": 1.0 for axis in "xy"},
-    **{f"{name}_{axis}": 0.0 for name in ("hysteresis", "creep") for axis in "xy"},
     "slow_force_x": 0.0,
     "stiffness_x": 1.0,
 }

@@ -291,11 +291,3 @@ def test_a_z_sensor_that_gets_another_zero_than_the_piezo_is_told(rate, surface)
     )
     for case in (CASE["the truth"], CASE["sensitivity of the piezo +5 %"], CASE["friction x 2"], CASE["height x 2"]):
         assert "z sensor" not in simulate(*parameters_of(case, RATES[rate], law)).remark
-
-
-def test_what_a_tip_that_rested_behind_a_fallback_wrote_is_no_map():
-    # It was taken for one that slips with little friction: at each pass 5 to 7 % were left.
-    case, law = CASE["sensitivity of the piezo +5 %"], contender("predictive surface=learned")
-    result = simulate(*parameters_of(case, RATES[1], law, 1.0, 1))
-    assert "fell back" in result.remark
-    assert max(result.score.max[:2]) < 0.015 * 5e-9

@@ -36,10 +36,3 @@ def test_what_is_known_of_a_scanner_outlasts_a_pause():
     # Forgotten in the pause, it cost 2 to 7 %.
     error, _ = paused("resonances +2 %", 0.1)
     assert error < 0.8
-
-
-def test_a_tip_that_rests_is_not_taken_for_one_that_slips_without_friction():
-    # In thousands of measurements the noise of the force, and a zero of it that is not quite right, seem to move it.
-    # Then the ratio had fallen to 0.003, and 6 % were left behind the pause.
-    error, ratio = paused("lateral zero off by 2 nN", 0.7)
-    assert np.all(abs(ratio - 1.0) < 0.05) and error < 2.0

@@ -88,7 +88,6 @@ def after_a_move(way: float) -> Callable[[float], tuple[float, float]]:
         (5e-6, 2, "observed", "flat", 0.1),
         (5e-7, 0, "learned", "paper", 0.05),
         (5e-7, 1, "learned", "paper", 0.2),
-        (5e-7, 2, "known", "paper", 1.5),
     ],
 )
 def test_a_scan_after_a_move_is_followed_as_if_there_had_been_none(way, rate, surface, sample, most):

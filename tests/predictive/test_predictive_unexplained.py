@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from afm_model import SimParameters, build
-from afm_model.piezo.ceramic import CERAMIC
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, run_case
 from afm_predictive.unexplained import learn_across
@@ -68,22 +66,3 @@ def test_packets_bear_a_resonance_of_one_axis_that_is_told_wrong(surface, most):
     case = CASE["resonance of x +2 %"]
     row = run_case(case, RATES[2], contender(f"predictive surface={surface}"))
     assert row["worst"] < most and not row["lost"]
-
-
-def test_hysteresis_leaves_the_force_that_the_page_says():
-    # docs/predictive.md, what it cannot do: between the branches of a loop much larger than the stroke, 2.8 a A in
-    # position.
-    opening, amplitude = 0.05, 5e-9
-    told = {"piezo.kind": "ceramic", "piezo.hysteresis_x": opening, "reference.amplitude_x": amplitude}
-    sim = build(SimParameters, told)
-    p = CERAMIC.values(sim)
-    threshold, weight = p["threshold"][:, 0], p["weight"][:, 0]
-    play, width = np.zeros_like(threshold), 20.0 * amplitude / sim.piezo.sensitivity_x
-    branches = []
-    loop = np.linspace(0.0, width, 500), np.linspace(width, -width, 1001), np.linspace(-width, 0.0, 500)
-    for way in np.concatenate(loop):
-        play = np.maximum(way - threshold, np.minimum(way + threshold, play))
-        if way == 0.0:
-            branches.append(float(weight @ play))
-    apart = (branches[1] - branches[2]) * sim.piezo.sensitivity_x
-    assert apart == pytest.approx(2.8 * opening * amplitude, rel=0.02)

@@ -149,11 +149,11 @@ def test_a_mixture_is_all_numbers_wrong_within_the_limits_of_their_rows_and_the_
 
 
 @pytest.mark.parametrize("surface", ["known", "observed", "learned"])
-@pytest.mark.parametrize(("rate", "most"), [("50 us + 1", 2.0), ("200 us + 1", 30.0)])
-@pytest.mark.parametrize("seeds", [(1, 3, 5, 6), pytest.param((0, 2, 4, 7), marks=pytest.mark.long)])
-def test_all_of_it_told_wrong_at_once_is_borne(rate, most, surface, seeds):
+@pytest.mark.parametrize(("rate", "most"), [("50 us + 1", 2.0), ("200 us + 1", 15.0)])
+def test_all_of_it_told_wrong_at_once_but_the_delay_is_tolerated(rate, most, surface):
     # Known: a sample that is told slightly wrong is followed as it is seen; it cost ten times as much.
-    for seed in seeds:
+    for seed in (1, 5, 7, 9):
+        assert mixed(seed).ticks == 0
         row = run_case(mixed(seed), RATE[rate], contender(f"predictive surface={surface}"))
         assert row["third"] < most and row["lost"] == ""
 
