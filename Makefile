@@ -75,7 +75,7 @@ maps: with-tests ## draw again where each law holds: docs/figures/maps, bode (so
 	@. ./env.sh && python tools/make_maps.py $(call arguments,,--laws pid --cycles 0.6 --out out/quick/figures)
 
 laws: with-tests ## make the tables of docs/laws.md and docs/predictive.md again, and the picture of wrong models (some minutes)
-	@. ./env.sh && python tools/make_laws.py $(call arguments,--write,"predictive cost")
+	@. ./env.sh && python tools/make_laws.py $(call arguments,--write,"predictive late")
 
 bench: with-tests ## measure speed, each figure with its floor (about 10 minutes on an idle machine)
 	@. ./env.sh && python tests/bench $(call arguments,,kernel --out out/quick/bench.json)
