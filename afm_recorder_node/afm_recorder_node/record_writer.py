@@ -66,6 +66,8 @@ class RecordWriter:
         self._writer.start(profile="ros2", library=LIBRARY)
         about = {"python": platform.python_version(), **about}
         self._writer.add_metadata(ABOUT, about | {CHECKSUM: checksum(about)})
+        # At once: what a recorder leaves that is killed now says of which run it is.
+        self.file.write(self._tail.take())
         self._schemas: dict[str, int] = {}
         self._channels: dict[tuple[str, str], int] = {}
         self.count = 0

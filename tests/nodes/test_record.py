@@ -158,6 +158,14 @@ def test_repaired_record_of_a_killed_recorder_is_read_by_programs_of_others(tmp_
         assert bag.message_count == count
 
 
+def test_record_without_a_message_says_of_which_run_it_is(tmp_path: Path) -> None:
+    writer = recorded.begin(tmp_path / "run.mcap", [], {"run_id": "7"})
+    assert open_record(writer.file.path).about["run_id"] == "7"
+    recording, said = read(writer.file.path)
+    assert said == {IncompleteRecording} and not recording.complete and len(recording.time_ticks) == 0
+    writer.file.discard()
+
+
 def test_growing_record_is_followed_message_by_message(tmp_path: Path) -> None:
     run, writer = Run(300), recorded.begin(tmp_path / "run.mcap", [status(0.0, 1)])
     record = Record(writer.file.path)
