@@ -13,6 +13,7 @@ from . import (
     ParameterError,
     PartError,
     ScenarioError,
+    __version__,
     load_scenario,
     scenario_names,
     simulate,
@@ -37,6 +38,7 @@ def main() -> int:
     if len(sys.argv) > 1 and (other := command(sys.argv[1])) is not None:
         return other(sys.argv[2:])
     parser = argparse.ArgumentParser(prog="python -m afm_model", description="Run a scenario in process, without ROS.")
+    parser.add_argument("--version", action="version", version=f"afm {__version__}")
     parser.add_argument("scenario", help=f"one of {', '.join(scenario_names())}, or a file")
     add_parts(parser)
     arguments = parser.parse_args()

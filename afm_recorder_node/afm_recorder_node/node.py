@@ -23,6 +23,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
+from afm_model import __version__
 from afm_model.microscope.image import RETRACE
 from afm_node_common import topics
 from afm_node_common.decoding import InvalidMessage, nanoseconds
@@ -75,7 +76,7 @@ class RecorderNode(Node):
             definition,
             trace=topics.CONTROL_TRACE,
             channels=list(CHANNELS),
-            about={"namespace": self.get_namespace(), "title": asked.title},
+            about={"namespace": self.get_namespace(), "title": asked.title, "version": __version__},
             event=self._event,
             opened=self._on_opened,
             done=self._on_done,

@@ -37,6 +37,13 @@ def test_manifests_of_a_package_say_the_same(package: Path) -> None:
         assert dict(re.findall(r'^ {4}(version|maintainer|license|description)="(.*)",$', setup, re.MULTILINE)) == said
 
 
+def test_version_is_the_one_of_the_manifests_in_the_command_and_in_the_citation() -> None:
+    version = ElementTree.parse(PACKAGES[0] / "package.xml").getroot().findtext("version")
+    said = subprocess.run([sys.executable, "-m", "afm_model", "--version"], capture_output=True, text=True, check=True)
+    assert said.stdout == f"afm {version}\n"
+    assert f"version: {version}\n" in (ROOT / "CITATION.cff").read_text()
+
+
 @pytest.mark.parametrize("package", IN_PYTHON, ids=lambda path: path.name)
 def test_types_of_an_installed_package_are_found(package: Path) -> None:
     spec = find_spec(package.name)
