@@ -44,6 +44,8 @@ def decoded(kind: str, data: bytes) -> tuple[Any, int]:
         found = get_types_from_msg(definition(kind), kind)
         _types.register({name: what for name, what in found.items() if name not in _types.fielddefs})
     try:
+        if data[0] != 0 or data[1] > 1:
+            raise ValueError("it begins with another encapsulation than that of plain CDR")
         form = _types.get_msgdef(kind)
         read = form.deserialize_cdr_le if data[1] else form.deserialize_cdr_be
         message, length = read(data[4:], 0, form.cls, _types)

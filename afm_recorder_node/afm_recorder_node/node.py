@@ -32,7 +32,7 @@ from afm_node_common.parameters import declare
 from afm_node_common.presence import Presence
 from afm_node_common.runner import run
 from afm_node_common.stamps import stamp
-from afm_node_common.subscriptions import DroppedMessages, Subscriptions
+from afm_node_common.subscriptions import Subscriptions
 
 from . import checks, heads
 from .definitions import decoded, definition, kind_of, serialized
@@ -84,11 +84,12 @@ class RecorderNode(Node):
         self._status = InstrumentStatus()
         self._ready = False
         self._take_at = self._look_at = 0.0
-        self._drops = DroppedMessages(self)
+        subscriptions = Subscriptions(self)
+        self._drops = subscriptions.drops
         self._health = HealthPublisher(self)
         self._presence = Presence(self, subscribe=False)
         self._published: dict[str, int] = {}  # nodes that publish their parameters, and the run of the last ones
-        self._watch = ParameterWatch(self, Subscriptions(self), self._on_known, self._on_changed)
+        self._watch = ParameterWatch(self, subscriptions, self._on_known, self._on_changed)
         self._units: dict[str, str] = {}
         self._refused: set[str] = set()
         self._inboxes: dict[str, tuple[Inbox, Callable[[str, bytes], None]]] = {}

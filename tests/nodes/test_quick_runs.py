@@ -132,4 +132,5 @@ def test_each_record_of_quick_runs_holds_its_run_whole_and_no_other(tmp_path: Pa
             assert recorder.wait(graph) == 0, recorder.text
     one.check("first", range(0))
     one.check("late", range(came + ready))
-    two.check("killed", range(came, ready))
+    # The record of the run before may be closed only half a second after its end.
+    two.check("killed", range(came - 1, ready))
