@@ -30,7 +30,6 @@ setup(
     entry_points={
         "console_scripts": [
             f"{NAME} = {NAME}.__main__:main",
-            f"export = {NAME}.export_command:main",
             f"inspect = {NAME}.inspect_command:main",
             f"live = {NAME}.live:main",
             f"repair = {NAME}.repair:main",
