@@ -5,6 +5,7 @@ import socket
 import struct
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 
 import pytest
@@ -14,6 +15,7 @@ from afm_nanonis.table import COMMANDS
 from .client import Client, Refused
 from .conftest import Served
 
+TIMEOUT = 60.0
 LENGTHS = [-1, -(2**31), 2**31 - 1, 1 << 25]
 QUIET = {"Scan.Action", "ZSpectr.Start", "ZCtrl.Withdraw", "Osci1T.DataGet", "Osci2T.DataGet", "TCPLog.Start"}
 QUIET |= {
@@ -132,18 +134,23 @@ def test_a_thousand_connections_are_served_or_closed_and_a_later_one_is_served(s
         open_ones.append(socket.create_connection(("127.0.0.1", served.server.ports[1]), 30.0))
     for each in open_ones:
         each.close()
-    limit = time.monotonic() + 60.0
-    while True:
-        try:
+
+    def served_again() -> bool:
+        with suppress(ConnectionError):
             alive(served)
-            break
-        except ConnectionError:
-            assert time.monotonic() < limit
-    names = [thread.name for thread in threading.enumerate()]
-    limit = time.monotonic() + 60.0
-    while len([name for name in names if name == "afm_nanonis"]) > 10:
-        assert time.monotonic() < limit
-        names = [thread.name for thread in threading.enumerate()]
+            return True
+        return False
+
+    until(served_again)
+    until(lambda: sum(thread.name == "afm_nanonis" for thread in threading.enumerate()) <= 10)
+
+
+def until(predicate: Callable[[], bool]) -> None:
+    """Look again and again."""
+    limit = time.monotonic() + TIMEOUT
+    while not predicate():
+        if time.monotonic() > limit:
+            raise TimeoutError(f"still waiting after {TIMEOUT:g} s")
 
 
 def test_client_that_is_gone_in_a_scan_leaves_the_scan_to_the_others(served: Served, engaged: Client) -> None:

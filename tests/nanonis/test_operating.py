@@ -23,7 +23,8 @@ def until(client: Client, predicate: Callable[[], object]) -> None:
     """Ask again and again, as clients do."""
     limit = time.monotonic() + TIMEOUT
     while not predicate():
-        assert time.monotonic() < limit
+        if time.monotonic() > limit:
+            raise TimeoutError(f"still waiting after {TIMEOUT:g} s")
 
 
 def z(client: Client) -> float:
