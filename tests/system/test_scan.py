@@ -102,8 +102,12 @@ def test_recording_holds_the_same_image_to_the_last_bit(made: Made) -> None:
     assert image.complete and image.scan.size_x == SIZE
     for title, key in (("Height", ("height", "trace")), ("Lateral Force Retrace", ("lateral", "retrace"))):
         np.testing.assert_array_equal(made.fields[title], image.data[key])
-    verify = [Path(sys.executable).with_name("rerun"), "rrd", "verify", made.folder / "recording.rrd"]
-    assert subprocess.run(verify, capture_output=True, timeout=60).returncode == 0
+    rerun = Path(sys.executable).with_name("rerun")
+    for question in (
+        ("rrd", "verify", made.folder / "recording.rrd"),
+        ("mcap", "check", made.folder / "recording.mcap"),
+    ):
+        assert subprocess.run([rerun, *question], capture_output=True, timeout=60).returncode == 0
 
 
 def test_inspect_tells_the_scan_and_its_verbs(made: Made, capsys: pytest.CaptureFixture[str]) -> None:
