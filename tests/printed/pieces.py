@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = ["README.md", "CONTRIBUTING.md", *sorted(f"docs/{each.name}" for each in ROOT.glob("docs/*.md"))]
 PROGRAMS = (
     *("make", "ros2", "python", "pip", "rerun", "docker", "jupyter", "dask", "colcon", "sudo", "rqt_plot"),
-    *(r"\.", "export", "cd", "cp", "rm", "mkdir", "for"),
+    *("afm", r"\.", "export", "cd", "cp", "rm", "mkdir", "for"),
 )
 COMMAND = re.compile(rf"(?:[A-Z_]+=(?:\$\(|\S+ ))|(?:{'|'.join(PROGRAMS)}) ")
 

@@ -22,6 +22,8 @@ NOT_HERE = {
     r"ros2 (launch|bag) ": "it needs a full ROS 2 (test_launch.py, test_bag_qos.py run what is ours)",
     r"ros2 security |for node .* ros2 security |export ROS_SECURITY|.* --enclave ": "it "
     "needs the ros2 security of a full ROS 2",
+    r"import socket\nfrom nanonis_spm|from nanonisTCP ": "it needs a client of others from PyPI (tests/nanonis/test_clients.py "
+    "runs the suites of both)",
     r"rm examples/cpp_controller|colcon build |.*ros2 run cpp_controller": "it needs the rclcpp of a full ROS 2 "
     "(test_controller_examples.py compiles it without)",
 }
@@ -31,6 +33,8 @@ ELSEWHERE = {
     r"make ": ".ci/run",
     r"python -m pytest ": ".ci/run",
     r"python examples/learn_tracking.py": "tests/model/studies/test_learning.py",
+    r"afm nanonis ": "tests/nanonis/test_commands.py",
+    r"SCENARIO=|.*--params-file \$SCENARIO|ros2 run afm_nanonis server ": "tests/nanonis/test_commands.py",
     r".* compare .* --robust ": "tests/predictive/test_wrong_models.py",
     r"python tools/measure_numerics.py --write": "tests/model/test_docs_numbers.py",
 }
@@ -70,9 +74,9 @@ def fate(piece: Piece) -> str:
     LookupError
         If nothing does.
     """
+    if piece.kind in ("command", "program") and (reason := _first(NOT_HERE, piece)):
+        return f"not here: {reason}"
     if piece.kind == "command":
-        if reason := _first(NOT_HERE, piece):
-            return f"not here: {reason}"
         if (other := _first(ELSEWHERE, piece) or _same(piece)) is not None:
             return other
     if piece.kind == "text":
