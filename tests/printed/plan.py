@@ -22,8 +22,8 @@ NOT_HERE = {
     r"ros2 (launch|bag) ": "it needs a full ROS 2 (test_launch.py, test_bag_qos.py run what is ours)",
     r"ros2 security |for node .* ros2 security |export ROS_SECURITY|.* --enclave ": "it "
     "needs the ros2 security of a full ROS 2",
-    r"import socket\nfrom nanonis_spm|from nanonisTCP ": "it needs a client of others from PyPI (tests/nanonis/test_clients.py "
-    "runs the suites of both)",
+    r"import socket\nfrom nanonis_spm|from nanonisTCP ": "it needs a client of others from PyPI "
+    "(tests/nanonis/test_clients.py runs the suites of both)",
     r"rm examples/cpp_controller|colcon build |.*ros2 run cpp_controller": "it needs the rclcpp of a full ROS 2 "
     "(test_controller_examples.py compiles it without)",
 }
