@@ -34,7 +34,7 @@ from afm_model.microscope.verbs.scan_path import PathRecord
 from afm_node_common import topics
 from afm_node_common.verb_codec import outcome_of
 from afm_recorder_node import checks
-from afm_recorder_node.results import Gathering
+from afm_recorder_node.gathering import Gathering
 
 PARAMETERS = {name: value for name, value in INSTRUMENT.items() if not name.startswith("sample.")} | LAW
 PARAMETERS |= {f"sample.{name}": value for name, value in WEDGE.items()}

@@ -19,7 +19,7 @@ from afm_node_common.decoding import values_of
 PACKAGES = {
     "afm_sim_node": {"afm_sim_node"},
     "afm_controller_node": {"afm_controller_node"},
-    "afm_recorder_node": {"afm_recorder_node", "export", "inspect", "repair"},
+    "afm_recorder_node": {"afm_recorder_node", "inspect", "repair", "view"},
     "afm_bringup": {"session"},
     "afm_nanonis": {"server"},
 }
