@@ -35,6 +35,7 @@ from afm_node_common import topics
 from afm_node_common.verb_codec import outcome_of
 from afm_recorder_node import checks
 from afm_recorder_node.gathering import Gathering
+from afm_recorder_node.results import markdown
 
 PARAMETERS = {name: value for name, value in INSTRUMENT.items() if not name.startswith("sample.")} | LAW
 PARAMETERS |= {f"sample.{name}": value for name, value in WEDGE.items()}
@@ -205,7 +206,7 @@ def test_results_are_published_for_a_recorder_as_the_client_gets_them(bench: Ben
             for name, each in here.items():
                 assert there[name].values.tobytes() == np.asarray(each.values, np.float64).tobytes(), name
                 assert dict(there[name].attributes) == dict(each.attributes)
-        assert checks.result(result).words.startswith(f"### {named(verb)}")
+        assert markdown(result).startswith(f"### {named(verb)}")
     bench.client.destroy_subscription(subscription)
 
 
