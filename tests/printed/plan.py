@@ -34,7 +34,7 @@ ELSEWHERE = {
     r"python -m pytest ": ".ci/run",
     r"python examples/learn_tracking.py": "tests/model/studies/test_learning.py",
     r"afm nanonis ": "tests/nanonis/test_commands.py",
-    r"SCENARIO=|.*--params-file \$SCENARIO|ros2 run afm_nanonis server ": "tests/nanonis/test_commands.py",
+    r"ros2 run afm_nanonis server ": "tests/nanonis/test_commands.py",
     r".* compare .* --robust ": "tests/predictive/test_wrong_models.py",
     r"python tools/measure_numerics.py --write": "tests/model/test_docs_numbers.py",
 }
