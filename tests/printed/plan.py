@@ -96,7 +96,7 @@ def _first(rules: dict[str, str], piece: Piece) -> str | None:
 
 def _same(piece: Piece) -> str | None:
     """Where a command stands first, if not here; what sets up a terminal or starts a node is run again."""
-    if re.match(r"\. |cd |cp |export |ros2 run (afm_\w+_node) \1 ", piece.text):
+    if re.match(r"\. |cd |cp |export |[A-Z_]+=\$|ros2 run (afm_\w+_node) \1 ", piece.text):
         return None
     first = next(each for each in every_piece() if bare(each) == bare(piece))
     return None if first.page == piece.page else f"{first.page}:{first.line}"
