@@ -51,8 +51,9 @@ def test_bits_are_the_same_on_arm64() -> None:
 @pytest.mark.parametrize("which", ["oldest", "newest"])
 def test_bits_are_the_same_with_the_oldest_and_the_newest_packages_allowed(which: str, tmp_path: Path) -> None:
     """Installed as by a user, into an environment of its own; the oldest are the bounds of setup.py."""
-    package = tmp_path / "afm_model"
-    shutil.copytree(BITS.parents[1] / "afm_model", package, ignore=shutil.ignore_patterns("build", "__pycache__"))
+    package, law = tmp_path / "afm_model", tmp_path / "afm_predictive"
+    for each in (package, law):
+        shutil.copytree(BITS.parents[1] / each.name, each, ignore=shutil.ignore_patterns("build", "__pycache__"))
     bounds = re.findall(r'"(\w+)>=([\d.]+)"', (package / "setup.py").read_text())
     assert {"numpy", "scipy", "numba"} <= {name for name, _ in bounds}
     oldest = tmp_path / "oldest.txt"
@@ -60,5 +61,5 @@ def test_bits_are_the_same_with_the_oldest_and_the_newest_packages_allowed(which
     python = tmp_path / "venv" / "bin" / "python"
     base: Any = sys
     subprocess.run([base._base_executable, "-m", "venv", python.parents[1]], check=True)
-    subprocess.run([python, "-m", "pip", "install", "-q", "-c", oldest, f"{package}[files]"], check=True)
+    subprocess.run([python, "-m", "pip", "install", "-q", "-c", oldest, f"{package}[files]", law], check=True)
     assert differing([python, BITS], PYTHONPATH="", NUMBA_CACHE_DIR=str(tmp_path / "kernels")) == []
