@@ -27,4 +27,6 @@ if [ ! -e ready ]; then
     chmod +x python
     touch ready
 fi
+# With its entry point, by which the law is found.
+pip install -q --no-deps --upgrade --target "$folder/site" "$here/../afm_predictive"
 PYTHONPATH=$folder/site:$here/../afm_model:$here/.. NUMBA_CACHE_DIR=$folder/kernels exec ./python "$here/bits.py" "$@"
