@@ -18,7 +18,7 @@ from .gathering import Part
 from .scan_lines import ScanLine
 
 _LAST = 2**63 - 1
-"""Largest time in nanoseconds."""
+"""Largest number of a sample, and largest time in nanoseconds, that is recorded."""
 _UNIT_LENGTH = 16
 _ARRAYS = 100
 """Of a result at most."""
@@ -40,12 +40,18 @@ def control_trace(message: Any) -> None:
             raise InvalidMessage(f"{len(values)} values of {name} with {count} of deflection: it must be {wanted}")
 
 
-def block(first: int, period: float, count: int) -> None:
-    """Check the numbers of a block: first value, period [s], how many."""
+def block(first: int, period: float, count: int, name: str = "number") -> None:
+    """Check the numbers of a block: first value, period [s], how many; `name` of the first one is for the message."""
     if not (math.isfinite(period) and period > 0.0):
         raise InvalidMessage(f"period {period:g} s: it must be finite and > 0 s")
-    if (first + count) * period * 1e9 > _LAST:
-        raise InvalidMessage(f"number {first} at a period of {period:g} s: a record ends after 292 years")
+    if first + count > _LAST or (first + count) * period * 1e9 > _LAST:
+        raise InvalidMessage(f"{name} {first} at a period of {period:g} s: a record ends after 292 years")
+
+
+def check_unit(unit: str) -> None:
+    """Check the unit of a channel; U+FFFD stands in place of bytes that are no text."""
+    if not ("\ufffd" not in unit and unit.isprintable() and len(unit) <= _UNIT_LENGTH):
+        raise InvalidMessage(f"unit {unit[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
 
 
 def stamp(message: Any) -> None:
@@ -66,8 +72,7 @@ def scan_line(message: Any) -> ScanLine:
     for name, unit in zip(names, message.units, strict=True):
         if not _NAME.fullmatch(name):
             raise InvalidMessage(f"channel {name[:40]!r}: it must be a name such as height or truth/place_x")
-        if not (unit.isprintable() and len(unit) <= _UNIT_LENGTH):
-            raise InvalidMessage(f"unit {unit[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
+        check_unit(unit)
     try:
         scan = build(
             Scan,

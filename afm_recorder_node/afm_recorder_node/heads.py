@@ -7,9 +7,8 @@ from typing import NamedTuple
 from afm_node_common.codec import LITTLE_ENDIAN_CDR
 from afm_node_common.decoding import NANOSECONDS, InvalidMessage
 
-_LAST = 2**63 - 1
-"""Largest number of a sample, and largest time in nanoseconds, that is recorded."""
-_UNIT_LENGTH = 16
+from . import checks
+
 _BLOCK = struct.Struct("<QdI")
 _COUNT = struct.Struct("<I")
 
@@ -62,8 +61,7 @@ def waveform(data: bytes) -> Head:
     if not math.isfinite(scale) or scale == 0.0:
         raise InvalidMessage(f"scale {scale:g}: it must be finite and not 0")
     text = unit[:-1].decode(errors="replace")
-    if not ("\ufffd" not in text and text.isprintable() and len(text) <= _UNIT_LENGTH):
-        raise InvalidMessage(f"unit {text[:40]!r}: it must be a unit of at most {_UNIT_LENGTH} characters")
+    checks.check_unit(text)
     return _placed(found, "first_sample", first, period, count)._replace(unit=text)
 
 
@@ -115,10 +113,7 @@ def _placed(found: Head, name: str, first: int, period: float, count: int) -> He
         raise InvalidMessage("run_id 0: it must be that of a run")
     if not count:
         raise InvalidMessage("it holds no values")
-    if not (math.isfinite(period) and period > 0.0):
-        raise InvalidMessage(f"period {period:g} s: it must be finite and > 0 s")
-    if first + count > _LAST or (first + count) * period * 1e9 > _LAST:
-        raise InvalidMessage(f"{name} {first} at a period of {period:g} s: a record ends after 292 years")
+    checks.block(first, period, count, name)
     stamp, time = found.time_ns * 1e-9, first * period
     if abs(stamp - time) > max(period, 1e-6) + 1e-9 * time:
         raise InvalidMessage(f"stamp {stamp:g} s of {name} {first} at a period of {period:g} s: it must be {time:g} s")

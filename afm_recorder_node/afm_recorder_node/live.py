@@ -23,7 +23,7 @@ import rerun as rr
 
 from . import layout, screens
 from .growing import grows
-from .places import RECORD
+from .names import RECORD
 from .record import Record
 from .recording import RecordingError
 from .streams import let_go, send_blueprint

@@ -1,7 +1,9 @@
-"""Names of the channels of an instrument. Needs no ROS."""
+"""Names of the channels of an instrument, and of the files of a recording. Needs no ROS."""
 
 from afm_model.parts.channels import STANDARD
 
+RECORD, VIEW = ".mcap", ".rrd"
+"""Suffixes of a record, and of the view that is made from it."""
 CHANNELS = {channel.name: channel.unit for channel in STANDARD}
 """SI unit of each channel that there always is, by the name of its topic."""
 _TAKEN = frozenset(

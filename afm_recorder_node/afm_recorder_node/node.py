@@ -37,9 +37,9 @@ from afm_node_common.subscriptions import Subscriptions
 from . import checks, heads
 from .definitions import decoded, definition, kind_of, serialized
 from .health import Health, HealthPublisher
-from .names import CHANNELS, is_channel
+from .names import CHANNELS, RECORD, VIEW, is_channel
 from .parameters import RecorderParameters
-from .recorder import RECORD, Message, Recorder
+from .recorder import Message, Recorder
 from .views_worker import News, Worker
 from .watch import ParameterWatch, full_name
 
@@ -264,7 +264,7 @@ class RecorderNode(Node):
 
     def _on_done(self, path: Path) -> None:
         if self._worker is not None:
-            self._worker.make(path, path.with_suffix(".rrd"))
+            self._worker.make(path, path.with_suffix(VIEW))
 
     # Now and then.
 

@@ -6,10 +6,9 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+from .names import RECORD, VIEW
 from .record import Entry, NotOurs, open_record
 from .recording import RecordingError
-
-RECORD, VIEW = ".mcap", ".rrd"
 
 
 @runtime_checkable

@@ -10,6 +10,7 @@ from afm_model.core.errors import ParameterError
 
 from .growing import GrowingFile
 from .heads import Head
+from .names import VIEW
 from .record_writer import RecordWriter
 from .runs import Progress
 
@@ -22,8 +23,6 @@ _EARLY = 4000
 _NAMES_TRIED = 20
 _TOLD = 100
 """Events about gaps in a record, at most."""
-RECORD, VIEW = ".mcap", ".rrd"
-"""Suffixes of a record, and of the view that is made from it."""
 
 
 class Log(Protocol):

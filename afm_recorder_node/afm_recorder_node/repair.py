@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 
 from .growing import GrowingFile
+from .names import RECORD
 from .record import open_record
 from .record_writer import RecordWriter
-from .recorder import RECORD
 from .recording import RecordingError
 
 
