@@ -50,6 +50,7 @@ setup(
             "composed = afm_bringup.__main__:composed",
             "contained = afm_bringup.__main__:contained",
             "identify = afm_bringup.__main__:identify",
+            "joint_bridge = afm_bringup.__main__:joint_bridge",
             "replay = afm_bringup.__main__:replay",
             "scan = afm_bringup.__main__:scan",
             "scorecard = afm_bringup.__main__:scorecard",

@@ -14,6 +14,7 @@ scorecard = partial(start, "afm_bringup.score_command")
 check_scenario = partial(start, "afm_bringup.check_command")
 check_controller = partial(start, "afm_bringup.controller_command")
 identify = partial(start, "afm_bringup.identify_command")
+joint_bridge = partial(start, "afm_bringup.joint_bridge")
 replay = partial(start, "afm_bringup.replay_command")
 
 if __name__ == "__main__":
