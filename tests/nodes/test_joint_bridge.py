@@ -200,9 +200,10 @@ def test_score_says_how_many_answers_of_a_controller_on_a_1_khz_wall_clock_were_
         bridge.wait_until(lambda: observer.scores, graph)
         bridge.interrupt()
         assert bridge.wait(graph) == 0, bridge.text
-    answered = [drive.sequence for drive in drives]
+    # The newest measurement is answered after the end of the run, too.
+    answered = [drive.sequence for drive in drives if drive.sequence != drives[-1].sequence]
     again = len(answered) - len(set(answered))
-    # This observer may have come later, and the last drives after the end.
+    # This observer may have found the bridge later than the simulator has, or the other way round.
     assert observer.scores[0].drives_outdated == pytest.approx(again, rel=0.2)
     assert again > len(set(answered))
 
