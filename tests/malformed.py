@@ -6,7 +6,7 @@ import struct
 import numpy as np
 from afm_msgs.msg import Measurement, PiezoDrive
 
-from afm_model.core import records
+from afm_model.compiled import records
 from afm_model.parts import signals
 
 SIZE = {PiezoDrive: 3, Measurement: records.size(signals.Measurement)}

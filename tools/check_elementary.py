@@ -13,8 +13,22 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = (
-    *("core", "parts", "contact", "plant", "law", "sample", "program", "fault", "piezo", "onboard", "detector"),
-    *("parameters", "instrument", "run", "microscope"),
+    *(
+        "compiled",
+        "core",
+        "parts",
+        "contact",
+        "cantilever",
+        "plant",
+        "law",
+        "sample",
+        "program",
+        "fault",
+        "piezo",
+        "onboard",
+        "detector",
+    ),
+    *("parameters", "instrument", "run", "lanes", "microscope"),
 )
 FOLDERS = (*(ROOT / "afm_model" / "afm_model" / room for room in ROOMS), ROOT / "afm_predictive" / "afm_predictive")
 FUNCTIONS = {"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh"}

@@ -7,8 +7,8 @@ from afm_msgs.msg import Measurement, PiezoDrive
 from rclpy.node import Node
 
 from afm_model import Controller, flatten
+from afm_model.compiled.records import size
 from afm_model.core.errors import MalformedError
-from afm_model.core.records import size
 from afm_model.law import SampledLaw
 from afm_model.parts import signals
 from afm_node_common import runner, topics

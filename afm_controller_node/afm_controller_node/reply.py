@@ -8,8 +8,8 @@ import ctypes
 import numpy as np
 
 from afm_model import Controller
-from afm_model.core.jit import kernel
-from afm_model.core.records import Block, Integers, record_at, size
+from afm_model.compiled.jit import kernel
+from afm_model.compiled.records import Block, Integers, record_at, size
 from afm_model.parts.dispatch import control
 from afm_model.parts.signals import Drive, Measurement, PiezoDrive
 from afm_node_common.codec import measurement_codec

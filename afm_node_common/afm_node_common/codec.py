@@ -20,8 +20,8 @@ from geometry_msgs.msg import Vector3
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 
+from afm_model.compiled.records import size
 from afm_model.core.errors import MalformedError
-from afm_model.core.records import size
 from afm_model.parts import signals
 
 from .decoding import NANOSECONDS, nanoseconds

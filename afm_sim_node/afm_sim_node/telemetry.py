@@ -6,7 +6,7 @@ import numpy as np
 from afm_msgs.msg import Telemetry as TelemetryMessage
 from rclpy.node import Node
 
-from afm_model.core.records import Record, record_at, size
+from afm_model.compiled.records import Record, record_at, size
 from afm_model.parts.signals import Measurement
 from afm_model.run import Run
 from afm_node_common import topics

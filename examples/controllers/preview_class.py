@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from afm_model import SimParameters, preview_reference
-from afm_model.core.records import record_at
+from afm_model.parts import record_at
 from afm_model.parts.signals import Measurement
 
 

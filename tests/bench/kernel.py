@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import InstrumentParameters, build
-from afm_model.core.records import pointer_at, record_at, size
+from afm_model.compiled.records import pointer_at, record_at, size
 from afm_model.instrument.block import Layout
 from afm_model.parts.header import BlockHeader
 from afm_model.parts.signals import Drive

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
-from afm_model.core.lanes import LANES, Own
-from afm_model.core.records import numbers_at, place, record_at, size
+from afm_model.compiled.lanes import LANES, Own
+from afm_model.compiled.records import numbers_at, place, record_at, size
 from afm_model.instrument import lanes as together
 from afm_model.instrument.block import LoopState
 from afm_model.instrument.tick import MOVED
+from afm_model.lanes.together import run_together
 from afm_model.parts.dispatch import observe, step
 from afm_model.parts.header import BlockHeader
 from afm_model.parts.signals import Actuation, Truth
 from afm_model.plant import Constants, State, compliant
-from afm_model.run.together import run_together
 from afm_model.sample import paper
 
 _Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from machine import running
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
-from afm_model.core.records import size
+from afm_model.compiled.records import size
 from afm_model.parts import signals
 from afm_node_common import topics
 from afm_node_common.codec import measurement_codec

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import InstrumentParameters, build, changed
-from afm_model.core.jit import kernel
-from afm_model.core.records import record_at, size
+from afm_model.compiled.jit import kernel
+from afm_model.compiled.records import record_at, size
 from afm_model.instrument.block import Layout
 from afm_model.parts.header import BlockHeader
 from afm_model.parts.signals import Drive

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from afm_model.core import jit, kernel_cache
-from afm_model.core.sources import Sources, has_kernels, write
+from afm_model.compiled import cache as kernel_cache
+from afm_model.compiled import jit
+from afm_model.compiled.sources import Sources, has_kernels, write
 
 SESSION = """
 import json, sys
@@ -123,7 +124,7 @@ def toy(tmp_path):
 
     made = Toy()
     made.package.mkdir()
-    for name in ("jit.py", "kernel_cache.py", "pieces.py", "sources.py"):
+    for name in ("jit.py", "cache.py", "pieces.py", "sources.py"):
         (made.package / name).write_text((Path(jit.__file__).parent / name).read_text())
         os.utime(made.package / name, (1e9, 1e9))
     for name in TOY:
@@ -159,7 +160,7 @@ def test_kernels_call_one_another_and_themselves_and_functions_of_others_call_th
     script = tmp_path / "calls.py"
     script.write_text("""
 import numba
-from afm_model.core.jit import callback, kernel, routine
+from afm_model.compiled.jit import callback, kernel, routine
 
 @kernel
 def twice(x):
@@ -193,7 +194,7 @@ def test_routine_is_called_by_a_kernel_that_calls_it_twice_and_not_compiled_into
     line = "    x += math.exp(-x) * math.sqrt(x)\n"
     script.write_text(f"""
 import math
-from afm_model.core.jit import kernel, routine
+from afm_model.compiled.jit import kernel, routine
 
 @routine
 def long(x):
@@ -228,7 +229,7 @@ def test_what_one_process_compiles_another_one_waits_for(toy):
         "outer._cache.load_overload((types.float64,), outer.targetctx)\nprint('begins', flush=True)\ninput()\nresult"
     )
     first = toy.script.replace("result", begins, 1)
-    waits = "from toy import kernel_cache\nkernel_cache.time.sleep = lambda _: print('waits', flush=True)\nresult"
+    waits = "from toy import cache\ncache.time.sleep = lambda _: print('waits', flush=True)\nresult"
     second = toy.script.replace("result", waits, 1)
     environment = os.environ | {"NUMBA_CACHE_DIR": str(toy.cache), "PYTHONDONTWRITEBYTECODE": "1"}
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "env": environment}
@@ -312,7 +313,7 @@ def test_kernels_are_kept_for_this_user_under_any_umask(toy):
 
 def test_source_edited_while_a_process_runs_is_kept_for_no_other(tmp_path):
     source = tmp_path / "edited.py"
-    source.write_text("from afm_model.core.jit import kernel\n")
+    source.write_text("from afm_model.compiled.jit import kernel\n")
     os.utime(source, (2e9, 2e9))
     assert not Sources(None).fingerprint("edited", str(source))[1]
     os.utime(source, (1e9, 1e9))
@@ -334,7 +335,7 @@ def test_kernels_of_the_loop_do_not_depend_on_files_and_studies(tmp_path):
     before = after()
     others = "files/gwyddion.py", "microscope/operator.py", "run/run.py", "studies/sweep.py", "analysis/force_curves.py"
     assert after(*others) == before
-    assert len({before, after("core/records.py"), after("sample/paper.py"), after("instrument/tick.py")}) == 4
+    assert len({before, after("compiled/records.py"), after("sample/paper.py"), after("instrument/tick.py")}) == 4
 
 
 def test_what_is_unused_or_too_much_is_removed_once_a_day(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from afm_model import ScoreSummary
-from afm_model.core.records import Record, size
+from afm_model.compiled.records import Record, size
 from afm_model.instrument.score import COUNTS, RANGES, VECTORS, columns
 from afm_model.parts import signals
 

@@ -21,7 +21,7 @@ import pytest
 from clusters import cluster_here
 
 from afm_model import ParameterError, Scenario, SweepError, simulate, sweep
-from afm_model.core import kernel_cache
+from afm_model.compiled import cache as kernel_cache
 from afm_model.law import TimingWarning
 from afm_model.parameters import ControllerParameters, SimParameters, build, changed
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
-from afm_model.core import records
+from afm_model.compiled import records
 from afm_model.core.errors import MalformedError
 from afm_model.parts import signals
 from afm_node_common import topics

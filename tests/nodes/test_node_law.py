@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from afm_bringup.node_law import NodeLaw, _sections_for_node, node_contender
 from afm_bringup.scenario_input import write_parameters
 from afm_model import Command, DriveError, ParameterError, Scenario, SimParameters, build
+from afm_model.compiled.records import size
 from afm_model.core.errors import MalformedError
-from afm_model.core.records import size
 from afm_model.parts.signals import Measurement
 from afm_model.studies import CONDITIONS, Comparison, Trial, run_trials
 from afm_model.studies.contender import Common

@@ -6,7 +6,7 @@ from typing import Any
 from model.tables import record_of
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build, simulate
-from afm_model.core.records import record_at
+from afm_model.compiled.records import record_at
 from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, parameters_of

@@ -17,8 +17,8 @@ from afm_model import (
     build,
     simulate,
 )
+from afm_model.compiled.records import record_at
 from afm_model.core import registry
-from afm_model.core.records import record_at
 from afm_model.parts.signals import Measurement
 from afm_model.run import Latency, simulate_realtime
 

@@ -7,7 +7,7 @@ import pytest
 from model.tables import record_of
 
 from afm_model import Command, Controller, ControllerParameters, Instrument, SimParameters, build, changed, simulate
-from afm_model.core.records import record_at
+from afm_model.compiled.records import record_at
 from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, Case, Rate, parameters_of, run_case

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from afm_model import ControllerParameters, SimParameters, build, simulate
-from afm_model.core.records import record_at
+from afm_model.compiled.records import record_at
 from afm_model.instrument.controller import Controller
 from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import Contender, contender

@@ -7,9 +7,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from afm_model.compiled.records import pointer_at, record_at
 from afm_model.contact.friction import bound_of_load, project_disc
 from afm_model.contact.jkr import effective_radius_ratio
-from afm_model.core.records import pointer_at, record_at
 from afm_model.parts import surface
 from afm_model.parts.header import BlockHeader
 from afm_model.parts.signals import Actuation

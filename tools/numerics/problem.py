@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from afm_model import changed, load_scenario
-from afm_model.core.records import record_at
+from afm_model.compiled.records import record_at
 from afm_model.instrument.block import Layout
 from afm_model.parts.header import BlockHeader
 from afm_model.plant import State

@@ -3,7 +3,7 @@
 Nothing here knows the simulated instrument: the functions take arrays from any microscope.
 """
 
-from ..core.tilted import along_normal, tilted_deflection, tilted_stiffness
+from ..cantilever.tilted import along_normal, tilted_deflection, tilted_stiffness
 from .contact_resonance import contact_stiffness
 from .estimate import Estimate, correlated_mean, correlation_length
 from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ..core.beam import WAVE_NUMBERS
+from ..cantilever.beam import WAVE_NUMBERS
 from .estimate import Estimate, positive
 
 _STEP = 1e-6

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.beam import MODES
+from ..cantilever.beam import MODES
 from .estimate import positive, same_length
 from .tapping import answers, check_cantilever
 

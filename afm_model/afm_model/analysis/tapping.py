@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.beam import MODE, MODES
+from ..cantilever.beam import MODE, MODES
 from .estimate import positive
 
 

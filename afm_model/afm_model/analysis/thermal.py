@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.tilted import tilted_deflection
+from ..cantilever.tilted import tilted_deflection
 from .estimate import Estimate
 
 _Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.jit import kernel
-from ..core.lane_ways import rare, settled
-from ..core.records import Block
+from ..compiled.jit import kernel
+from ..compiled.records import Block
+from ..compiled.ways import rare, settled
 from ..core.splines import slopes
 from .maugis import branch
 

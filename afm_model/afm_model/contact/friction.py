@@ -2,8 +2,8 @@
 
 import math
 
+from ..compiled.jit import kernel
 from ..core.elementary import cbrt, square
-from ..core.jit import kernel
 
 _AREA = square(cbrt(4.0))
 """Contact area at zero load over that at pull-off."""

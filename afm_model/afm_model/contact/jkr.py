@@ -18,8 +18,8 @@ K. L. Johnson, K. Kendall, A. D. Roberts, Proc. R. Soc. Lond. A 324 (1971) 301, 
 import math
 from typing import Any
 
+from ..compiled.jit import kernel
 from ..core.elementary import cbrt, inverse_cbrt, square
-from ..core.jit import kernel
 
 U_FIXED_GRIPS = cbrt(1.0 / 6.0)
 """u at which the contact breaks when the displacement is held (fixed grips), docs/theory.md (9)."""

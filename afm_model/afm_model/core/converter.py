@@ -2,7 +2,7 @@
 
 import math
 
-from .jit import kernel
+from ..compiled.jit import kernel
 
 
 @kernel

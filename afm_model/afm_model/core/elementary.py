@@ -11,20 +11,14 @@ found by interpolation in Chebyshev points with 40 digits.
 """
 
 import math
-import struct
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from llvmlite import ir as _ir
-from numba import types as _types
-from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
-from .jit import inlined, routine
-from .pieces import INLINED
+from ..compiled.bits import bits_of, from_bits
+from ..compiled.jit import inlined, routine
 
-ir: Any = _ir
-types: Any = _types
 _Number = TypeVar("_Number", float, NDArray[np.float64])
 
 _ROUND = 6755399441055744.0
@@ -36,47 +30,11 @@ _ONE = 0x3FF0000000000000
 """Bits of 1."""
 
 
-def _bits(x: float) -> int:
-    """The 64 bits of a number as a signed whole one."""
-    return int(struct.unpack("<q", struct.pack("<d", x))[0])
-
-
-def _from_bits(i: int) -> float:
-    """The number of these bits."""
-    return float(struct.unpack("<d", struct.pack("<Q", i & 0xFFFFFFFFFFFFFFFF))[0])
-
-
-def _cast(to: Any, of: Any, code: Any) -> Any:
-    """An intrinsic that takes the bits of one type as another."""
-
-    def typed(typing_context: Any, value: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.bitcast(arguments[0], code)
-
-        return to(of), generate
-
-    return intrinsic(typed)
-
-
-_to_integer: Any = _cast(types.int64, types.float64, ir.IntType(64))
-_to_float: Any = _cast(types.float64, types.int64, ir.DoubleType())
-
-
-@overload(_bits, jit_options=INLINED)
-def _compiled_bits(x):  # type: ignore[no-untyped-def]  # numba compares this signature with that of the implementation
-    return lambda x: _to_integer(x)
-
-
-@overload(_from_bits, jit_options=INLINED)
-def _compiled_from_bits(i):  # type: ignore[no-untyped-def]  # as above
-    return lambda i: _to_float(i)
-
-
 @inlined
 def sincos(x: float) -> tuple[float, float]:
     """(sin x, cos x), for |x| up to 1e15; beyond 1e6 as exact as x itself is."""
     shifted = x * 0.6366197723675814 + _ROUND
-    quarter = _bits(shifted)
+    quarter = bits_of(shifted)
     k = shifted - _ROUND
     # What is left of x after k quarter turns, in two parts; the products are exact.
     a, b = x - k * _HALF_PI[0], k * _HALF_PI[1]
@@ -120,7 +78,7 @@ def _exponential(x: float) -> tuple[float, float, float]:
     """(p, a, b) with exp(x) = (1 + p) a b, where a and b are powers of 2; x is kept within -746 to 710."""
     x = min(max(x, -746.0), 710.0)
     shifted = x * 1.4426950408889634 + _ROUND
-    n = _bits(shifted) - _bits(_ROUND)
+    n = bits_of(shifted) - bits_of(_ROUND)
     k = shifted - _ROUND
     a, b = x - k * _LN2[0], k * _LN2[1]
     r = a - b
@@ -130,7 +88,7 @@ def _exponential(x: float) -> tuple[float, float, float]:
     high = 0.04166666666666668 + r * (0.008333333333333333 + r * (0.0013888888888879073 + r * high))
     p = r + (r * r * (0.5 + r * (0.16666666666666666 + r * high)) + rest * (1.0 + r))
     half = n >> 1
-    return p, _from_bits(_ONE + (half << 52)), _from_bits(_ONE + ((n - half) << 52))
+    return p, from_bits(_ONE + (half << 52)), from_bits(_ONE + ((n - half) << 52))
 
 
 @inlined
@@ -154,10 +112,10 @@ def expm1(x: float) -> float:
 @inlined
 def log(x: float) -> float:
     """Natural logarithm of a number that is not subnormal; minus infinity at 0, NaN below."""
-    i = _bits(x)
+    i = bits_of(x)
     # x = 2^k (1 + f) with 1 + f between sqrt(1/2) and sqrt(2).
     k = (i - 0x3FE6A09E667F3BCD) >> 52
-    f = _from_bits(i - (k << 52)) - 1.0
+    f = from_bits(i - (k << 52)) - 1.0
     s = f / (2.0 + f)
     z = s * s
     high = 0.18182889786191042 + z * (0.15331699633543858 + z * 0.14616721179861816)
@@ -199,7 +157,7 @@ def cosh(x: float) -> float:
 def inverse_cbrt(x: float) -> float:
     """1 / cbrt(x), for x > 0."""
     # A third of the exponent gives it to 4 %; two steps of fourth order, without division, give all digits.
-    y = _from_bits(0x553EF0FF289DD796 - (_bits(x) >> 22) * 1398101)
+    y = from_bits(0x553EF0FF289DD796 - (bits_of(x) >> 22) * 1398101)
     for _ in range(2):
         e = 1.0 - (x * y) * (y * y)
         y += (y * e) * ((1.0 / 3.0 + e * (2.0 / 9.0)) + (e * e) * (14.0 / 81.0))

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import routine
 from .elementary import sincos_each
-from .jit import routine
 
 
 def filtered(values: NDArray[np.float64], gain: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -13,8 +13,8 @@ docs/imperfections.md.
 import math
 from collections.abc import Mapping
 
+from ..compiled.records import Record
 from .elementary import exp, expm1
-from .records import Record
 
 
 class LowPass(Record):

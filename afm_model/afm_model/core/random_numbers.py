@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import kernel, routine
 from .elementary import exp, log
-from .jit import kernel, routine
 
 THERMAL = 1000
 """Stream of the thermal noise; far from the few that the instrument draws in advance."""

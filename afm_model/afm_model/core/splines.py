@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .jit import routine
+from ..compiled.jit import routine
 
 _Array = NDArray[np.float64]
 _POLE = math.sqrt(3.0) - 2.0

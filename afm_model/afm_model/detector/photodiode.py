@@ -12,11 +12,11 @@ from typing import Annotated
 from annotated_types import Ge, Gt, Lt
 from pydantic import Field, model_validator
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record
 from ..core import low_pass
 from ..core.converter import convert
-from ..core.jit import kernel
 from ..core.low_pass import LowPass
-from ..core.records import Block, Record
 from ..core.schema import NonNegative, Positive, Unit, refuse_together
 from ..parts.groups import DetectorParameters
 from ..parts.part import Detector, Numbers, Tree

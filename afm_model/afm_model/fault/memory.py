@@ -6,7 +6,7 @@ whatever was between instrument and controller.
 
 from typing import Annotated
 
-from ..core.records import Array, Integers, Record, Vector, place, size
+from ..compiled.records import Array, Integers, Record, Vector, place, size
 from ..parts.signals import Measurement, PiezoDrive
 from .entry import LATENCY_TICKS
 

@@ -5,9 +5,9 @@ Messages may overtake one another. The newest one that has arrived counts, by th
 
 import math
 
-from ..core.jit import kernel
+from ..compiled.jit import kernel
+from ..compiled.records import numbers_at, numbers_of, record_at, size
 from ..core.random_numbers import bits, uniform
-from ..core.records import numbers_at, numbers_of, record_at, size
 from ..parts.signals import Delivery, Measurement, PiezoDrive, copy_command
 from ..parts.timing import ticks_of
 from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS

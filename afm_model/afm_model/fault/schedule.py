@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 from pydantic import Field
 
-from ..core.jit import kernel
-from ..core.records import Block
+from ..compiled.jit import kernel
+from ..compiled.records import Block
 from ..core.schema import Group
 from ..parts.groups import FaultParameters
 from ..parts.part import Fault

@@ -2,9 +2,9 @@
 
 import math
 
-from ..core.jit import kernel
+from ..compiled.jit import kernel
+from ..compiled.records import Block
 from ..core.random_numbers import bits, normal
-from ..core.records import Block
 from ..parts.signals import Drive, Measurement
 from .entry import DRIVES, KINDS, SENSORS, TARGETS
 from .memory import Constants, Memory

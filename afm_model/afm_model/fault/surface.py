@@ -1,6 +1,6 @@
 """Faults of the sample: another friction, a thermal drift."""
 
-from ..core.jit import kernel
+from ..compiled.jit import kernel
 from ..parts.signals import Displacement
 from .entry import AXES, KINDS, TARGETS
 from .memory import Constants, Memory

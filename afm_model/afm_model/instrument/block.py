@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.records import Record, place, record_at, size
 from ..core.errors import ParameterError, PartError
-from ..core.records import Record, place, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.assembly import Assembled, assembled
 from ..parts.channels import OPTIONAL, STANDARD

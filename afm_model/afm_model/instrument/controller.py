@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.jit import kernel
-from ..core.records import Block, record_at, size
+from ..compiled.jit import kernel
+from ..compiled.records import Block, record_at, size
 from ..parameters import ControllerParameters
 from ..parts.assembly import Assembled, assembled
 from ..parts.command import Command, CommandRecord

@@ -10,9 +10,9 @@ resonances of the scanner are faster than any drift by many orders of magnitude.
 import math
 from typing import Annotated
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record, Vector
 from ..core.elementary import exp, expm1
-from ..core.jit import kernel
-from ..core.records import Block, Record, Vector
 from ..parameters import InstrumentParameters
 from ..parts.part import Numbers
 from ..parts.signals import Drive

@@ -3,9 +3,9 @@
 import math
 from typing import Any
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, address_at, numbers_at, record_at, size
 from ..core.converter import convert
-from ..core.jit import kernel
-from ..core.records import Block, address_at, numbers_at, record_at, size
 from ..parts.dispatch import on_drive
 from ..parts.header import BlockHeader
 from ..parts.signals import LONGEST_HORIZON, Drive, PiezoDrive, copy_command

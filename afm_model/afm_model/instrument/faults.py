@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.records import record_at, size
 from ..core.errors import ParameterError
-from ..core.records import record_at, size
 from ..fault import NEVER, SCHEDULED, SENSED, Constants, Memory, OnTheirWay, faults_of, table
 from ..parameters import InstrumentParameters
 from ..parts.header import BlockHeader

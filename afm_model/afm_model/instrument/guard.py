@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.records import place, record_at
+from ..compiled.records import place, record_at
 from ..parameters import InstrumentParameters, SimParameters
 from ..parts.timing import ticks_of
 from .block import Layout, LoopState

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.records import address_at, record_at, size
 from ..core.errors import DivergenceError, DriveError, ParameterError
-from ..core.records import address_at, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.command import Command, CommandRecord, problem, three_voltages
 from ..parts.header import BlockHeader

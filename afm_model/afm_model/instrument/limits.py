@@ -6,8 +6,8 @@ tick: a force that comes and goes between two ticks is not seen.
 
 from typing import Annotated
 
-from ..core.jit import kernel
-from ..core.records import Block, Record, Vector, record_at
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record, Vector, record_at
 from ..parts.header import BlockHeader
 from ..parts.signals import Drive, PiezoDrive, Truth
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.records import record_at
 from ..core.errors import ParameterError
-from ..core.records import record_at
 from ..parameters import InstrumentParameters
 from .block import Layout, LoopState
 

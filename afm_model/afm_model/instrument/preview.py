@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, record_at, size
 from ..core.errors import ParameterError
-from ..core.jit import kernel
-from ..core.records import Block, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.assembly import assembled
 from ..parts.dispatch import reference

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import kernel
+from ..compiled.records import Array, Block, Integers, record_at, size
 from ..core import registry
-from ..core.jit import kernel
-from ..core.records import Array, Block, Integers, record_at, size
 from ..parameters import InstrumentParameters
 from ..parts.dispatch import observe
 from ..parts.header import BlockHeader

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.records import size
+from ..compiled.records import size
 from ..parts.signals import Measurement
 
 _Array = NDArray[np.float64]

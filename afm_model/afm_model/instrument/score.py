@@ -6,9 +6,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record, Vector, record_at
 from ..core import registry
-from ..core.jit import kernel
-from ..core.records import Block, Record, Vector, record_at
 from ..parameters import InstrumentParameters
 from ..parts.signals import Setpoint, Truth
 

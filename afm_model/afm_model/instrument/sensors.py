@@ -9,12 +9,12 @@ v[k] = keep v[k-1] + (1 - keep) difference[k].
 import math
 from typing import Annotated
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record, Vector
 from ..core import low_pass, registry
 from ..core.converter import convert
 from ..core.elementary import exp
-from ..core.jit import kernel
 from ..core.low_pass import LowPass
-from ..core.records import Block, Record, Vector
 from ..parameters import InstrumentParameters
 from ..parts.part import Numbers
 from ..parts.signals import Measurement, Truth

@@ -5,9 +5,9 @@ at every sample of the virtual ADC the program looks, the onboard part and the p
 the plant is stepped, the detector samples it, the score counts it; then everything is measured for the next tick.
 """
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, numbers_at, pointer_at, record_at, size
 from ..core.converter import convert
-from ..core.jit import kernel
-from ..core.records import Block, numbers_at, pointer_at, record_at, size
 from ..parts.dispatch import (
     actuate,
     control,

@@ -4,11 +4,11 @@ import math
 from functools import lru_cache
 from typing import Any
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block
 from ..contact.jkr import effective_radius_ratio
 from ..core import registry
 from ..core.elementary import cbrt, hypot
-from ..core.jit import kernel
-from ..core.records import Block
 from ..parameters import ControllerParameters, InstrumentParameters
 from ..parts.dispatch import surface
 from ..plant.steps import resolved_load

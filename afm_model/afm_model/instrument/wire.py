@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ..core.jit import kernel
-from ..core.records import Array, Block, Integers, Record, Vector, place, record_at, size
+from ..compiled.jit import kernel
+from ..compiled.records import Array, Block, Integers, Record, Vector, place, record_at, size
 from ..parts.header import BlockHeader, LawHeader
 from ..parts.signals import Delivery, Measurement, PiezoDrive
 from .block import LoopState

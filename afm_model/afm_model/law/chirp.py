@@ -5,9 +5,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Record, Vector
 from ..core.elementary import sin
-from ..core.jit import kernel
-from ..core.records import Record, Vector
 from ..core.schema import Positive, Unit
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Numbers, Tree

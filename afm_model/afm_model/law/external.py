@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
-from ..core.jit import kernel
-from ..core.records import Record
+from ..compiled.jit import kernel
+from ..compiled.records import Record
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Tree
 from ..parts.signals import Measurement, PiezoDrive

@@ -7,9 +7,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Vector
 from ..core.elementary import hypot, square
-from ..core.jit import kernel
-from ..core.records import Vector
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.part import Law, Numbers, Tree
 from ..parts.signals import Measurement, PiezoDrive

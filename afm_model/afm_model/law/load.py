@@ -9,9 +9,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Array, Vector
 from ..core.elementary import square
-from ..core.jit import kernel
-from ..core.records import Array, Vector
 from ..core.schema import NonNegative, Unit
 from ..parts.part import Law, Numbers, Tree
 from ..parts.signals import Measurement, PiezoDrive

@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Vector
 from ..core.elementary import expm1
-from ..core.jit import kernel
-from ..core.records import Vector
 from ..core.schema import NonNegative, Unit
 from ..parts.part import Law, Numbers, Tree
 from ..parts.signals import Measurement, PiezoDrive

@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Record, Vector
 from ..core.elementary import square, tanh
-from ..core.jit import kernel
-from ..core.records import Record, Vector
 from ..core.schema import NonNegative, Positive
 from ..parts.groups import LawParameters
 from ..parts.part import Law, Numbers, Tree

@@ -6,7 +6,7 @@ loop along z as the others, its laws along x and y can be compared at rates wher
 
 from pydantic import Field
 
-from ..core.jit import kernel
+from ..compiled.jit import kernel
 from ..parts.part import Law, Numbers, Tree
 from ..parts.signals import Measurement, PiezoDrive
 from . import paper, sampled, scanner

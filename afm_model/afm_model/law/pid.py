@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Vector
 from ..core.elementary import square
-from ..core.jit import kernel
-from ..core.records import Vector
 from ..core.schema import Positive
 from ..parts.part import Law, Numbers, Tree
 from ..parts.signals import Measurement, PiezoDrive

@@ -11,9 +11,9 @@ from typing import Annotated, Any
 from annotated_types import Ge, Le
 from pydantic import Field
 
+from ..compiled.jit import kernel
 from ..core.elementary import exp, square
 from ..core.errors import ParameterError
-from ..core.jit import kernel
 from ..core.registry import find
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import LawParameters, PlantParameters

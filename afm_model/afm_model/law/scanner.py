@@ -11,9 +11,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import kernel
+from ..compiled.records import Record, Vector
 from ..core.elementary import exp, expm1, sin, sincos, square
-from ..core.jit import kernel
-from ..core.records import Record, Vector
 from ..parts.part import Tree
 from ..parts.signals import Measurement, PiezoDrive
 

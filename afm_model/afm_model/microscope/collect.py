@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import kernel
+from ..compiled.records import place
 from ..core.errors import ParameterError
-from ..core.jit import kernel
-from ..core.records import place
 from ..instrument import Block, Instrument
 from ..onboard.by_amplitude import taps
 from ..parts.signals import Measurement

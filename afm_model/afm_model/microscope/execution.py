@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from ..core.records import place
+from ..compiled.records import place
 from ..parts.signals import Measurement
 from ..program import orders
 from ..program.orders import END, Order, Step

@@ -10,10 +10,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..core import beam, registry
+from ..cantilever import beam
+from ..compiled.jit import kernel
+from ..compiled.records import Array
+from ..core import registry
 from ..core.elementary import sincos, square
-from ..core.jit import kernel
-from ..core.records import Array
 from ..core.schema import NonNegative, Unit
 from ..parts.part import Channel, Numbers, Tree
 from ..parts.signals import Actuation, Detection, Setpoint

@@ -15,10 +15,10 @@ from typing import Annotated, Literal, get_args
 from annotated_types import Ge, Le, Lt
 from pydantic import Field, model_validator
 
+from ..compiled.jit import kernel
+from ..compiled.records import Array
 from ..core import registry
 from ..core.elementary import expm1, sincos, square
-from ..core.jit import kernel
-from ..core.records import Array
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.loop import ONBOARD_SETTINGS, TAPPING_SETTINGS, Onboard
 from ..parts.part import Channel, Numbers, Tree

@@ -18,7 +18,7 @@ from typing import Annotated
 from annotated_types import Gt, Lt
 from pydantic import Field
 
-from ..core.jit import kernel
+from ..compiled.jit import kernel
 from ..core.schema import NonNegative, Unit
 from ..parts.part import Channel, Numbers, Tree
 from ..parts.signals import Actuation, Detection, Setpoint

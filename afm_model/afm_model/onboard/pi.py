@@ -14,8 +14,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from ..core.jit import kernel
-from ..core.records import Record
+from ..compiled.jit import kernel
+from ..compiled.records import Record
 from ..core.schema import NonNegative, Unit, refuse_together
 from ..parts.groups import OnboardParameters
 from ..parts.loop import NO_DEFLECTION, ONBOARD_SETTINGS, Onboard

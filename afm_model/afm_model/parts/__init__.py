@@ -2,6 +2,8 @@
 
 from pydantic import Field
 
+from ..compiled.jit import kernel, routine
+from ..compiled.records import Array, Block, Integers, Record, Vector, numbers_at, pointer_at, record_at
 from ..core.elementary import (
     cbrt,
     cos,
@@ -19,8 +21,6 @@ from ..core.elementary import (
     tan,
     tanh,
 )
-from ..core.jit import kernel, routine
-from ..core.records import Array, Block, Integers, Record, Vector, numbers_at, pointer_at
 from ..core.schema import NonNegative, Positive, Unit
 from .dispatch import surface
 from .groups import (
@@ -118,6 +118,7 @@ __all__ = [
     "numbers_at",
     "pointer_at",
     "power",
+    "record_at",
     "routine",
     "sin",
     "sincos",

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
+from ..compiled.calls import Function
+from ..compiled.records import Block, Record, record_at, size
 from ..core import registry
-from ..core.call import Function
 from ..core.errors import ParameterError, PartError
-from ..core.records import Block, Record, record_at, size
 from ..core.schema import specified
 from .part import Numbers, Part
 

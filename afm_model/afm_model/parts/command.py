@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.records import place, record_at
 from ..core.errors import DriveError
-from ..core.records import place, record_at
 from .signals import LONGEST_HORIZON, PiezoDrive
 
 _Array = NDArray[np.float64]

@@ -1,6 +1,6 @@
 """The beginning of an instrument's block: the functions of its parts, and where everything stands in it."""
 
-from ..core.records import Record
+from ..compiled.records import Record
 
 
 class BlockHeader(Record):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
 
-from ..core.call import NUMBER
+from ..compiled.calls import NUMBER
 from .part import CONSTANTS, STATE, Channel, Kernel, Part, Tree
 from .signals import Actuation, Detection, Setpoint
 

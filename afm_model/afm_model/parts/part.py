@@ -11,9 +11,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.call import INTEGER, NUMBER, POINTER, Argument
+from ..compiled.calls import INTEGER, NUMBER, POINTER, Argument
+from ..compiled.records import Record
 from ..core.random_numbers import Stream
-from ..core.records import Record
 from ..core.schema import Group
 from .signals import (
     Actuation,
@@ -121,7 +121,7 @@ class Part:
         (parameters, generator, ticks) -> (ticks, draws) of them, standard normal if not given; None: they are all zero.
     lanes : bool
         Of plants and samples: the kernels are arithmetic on records alone, without maps, and many instruments can be
-        computed at once (instrument/lanes.py).
+        computed at once (lanes/loop.py).
     """
 
     family: ClassVar[str]
@@ -292,7 +292,7 @@ class Plant(Part):
         Record of the constants -> those by which `step` chooses between ways of computing, the same in all `lanes`;
         None: this one does not run in lanes.
     marks : bool
-        Of one with `lanes`: what is seldom it leaves to the routine of an instrument alone (core/lane_ways.py).
+        Of one with `lanes`: what is seldom it leaves to the routine of an instrument alone (compiled/ways.py).
     ledger : type[Record]
         What it keeps beside its state, at m[plant_ledger of BlockHeader], such as energies: zeros at the start, neither
         recorded nor in the hash. A channel may name a field of it as one of the state.

@@ -2,8 +2,8 @@
 
 from typing import Annotated
 
-from ..core.jit import kernel
-from ..core.records import Array, Record, Vector
+from ..compiled.jit import kernel
+from ..compiled.records import Array, Record, Vector
 
 
 class Measurement(Record):

@@ -20,9 +20,9 @@ import numpy as np
 from annotated_types import Ge, Lt
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Array, Record, Vector
 from ..core.elementary import expm1, power
-from ..core.jit import kernel
-from ..core.records import Array, Record, Vector
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import PiezoParameters
 from ..parts.part import Channel, Numbers, Piezo, Tree

@@ -1,7 +1,7 @@
 """The ideal piezo: no hysteresis, no creep."""
 
-from ..core.jit import kernel
-from ..core.records import Record
+from ..compiled.jit import kernel
+from ..compiled.records import Record
 from ..parts.groups import PiezoParameters
 from ..parts.part import Piezo
 from ..parts.signals import Drive

@@ -12,10 +12,10 @@ Equations and scheme: docs/theory.md (22) to (24), (37) to (42).
 import math
 from typing import Any
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block
 from ..contact.friction import bound_of_area
 from ..contact.jkr import INDENTATION_FIXED_GRIPS, load_of_u, radius_ratios, stiffness_of_u, u_of_indentation
-from ..core.jit import kernel
-from ..core.records import Block
 from ..parts.dispatch import surface
 from ..parts.part import Plant, Tree
 from ..parts.signals import Actuation

@@ -7,10 +7,10 @@ docs/theory.md (22), (23), and (2), (3), (13) for the contact.
 import math
 from typing import Annotated
 
+from ..compiled.jit import kernel
+from ..compiled.records import Record
 from ..contact.jkr import radius_at_zero_load
 from ..core.elementary import square
-from ..core.jit import kernel
-from ..core.records import Record
 from ..parts.part import Numbers, Tree
 from ..parts.signals import Truth
 from .state import State

@@ -1,7 +1,7 @@
 """Lateral motion of the scanner against friction: one step of the midpoint scheme, shared by both plants."""
 
+from ..compiled.jit import kernel
 from ..contact.friction import friction_impulse
-from ..core.jit import kernel
 from .constants import Constants
 from .state import State
 

@@ -13,11 +13,11 @@ Equations: docs/theory.md (25) to (27), (43).
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block
 from ..contact.friction import bound_of_load
 from ..contact.jkr import radius_ratios
-from ..core.jit import kernel
 from ..core.random_numbers import Stream
-from ..core.records import Block
 from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree
 from ..parts.signals import Actuation, Surface

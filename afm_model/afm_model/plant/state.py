@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from ..core.records import Record
+from ..compiled.records import Record
 
 
 class State(Record):

@@ -1,8 +1,8 @@
 """Static contact under the load of a resting cantilever."""
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block
 from ..contact.jkr import indentation_of_u, radius_ratios, u_of_load
-from ..core.jit import kernel
-from ..core.records import Block
 from ..parts.dispatch import surface
 from .constants import Constants
 from .state import State

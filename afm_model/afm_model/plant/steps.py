@@ -2,10 +2,10 @@
 
 import math
 
+from ..compiled.jit import plain
 from ..contact.jkr import radius_at_zero_load, stiffness_of_u, u_of_load
 from ..core import registry
 from ..core.elementary import cbrt, hypot, square
-from ..core.jit import plain
 from ..parts.part import Tree
 
 STABLE = 2.0

@@ -14,7 +14,7 @@ from typing import Annotated
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from ..core.jit import kernel
+from ..compiled.jit import kernel
 from ..core.schema import NonNegative, Positive, Unit, refuse_together
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Program, Tree

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Array, Record, numbers_at, pointer_at, record_at, size
 from ..core.elementary import cos, sin, square
-from ..core.jit import kernel
-from ..core.records import Array, Record, numbers_at, pointer_at, record_at, size
 from ..core.schema import Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..compiled.records import Record, size
 from ..core.errors import ParameterError
-from ..core.records import Record, size
 from ..core.splines import clamped_spline
 
 DEGREES = 6

@@ -6,9 +6,9 @@ from typing import Annotated, Literal
 from annotated_types import Gt, Lt
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Record
 from ..core.elementary import sincos
-from ..core.jit import kernel
-from ..core.records import Record
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import ProgramParameters
 from ..parts.part import Numbers, Program, Tree

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.jit import routine
+from ..compiled.jit import routine
 
 _Array = NDArray[np.float64]
 _LOWEST, _HIGHEST = 1e-7, 1e3

@@ -1,7 +1,7 @@
 """A flat sample."""
 
-from ..core.jit import kernel
-from ..core.records import Block, Record
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record
 from ..parts.groups import SampleParameters
 from ..parts.part import Sample
 from ..parts.signals import Surface

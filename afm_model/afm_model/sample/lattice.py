@@ -10,10 +10,10 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record
 from ..core import registry
 from ..core.elementary import cos, sin, sincos
-from ..core.jit import kernel
-from ..core.records import Block, Record
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Corrugation, Numbers, Sample, Tree

@@ -11,9 +11,9 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import kernel, plain
+from ..compiled.records import Block, Record
 from ..core.elementary import square
-from ..core.jit import kernel, plain
-from ..core.records import Block, Record
 from ..core.splines import b_spline_coefficients, weighted
 from ..parts.groups import SampleParameters
 from ..parts.part import Sample, Tree

@@ -7,9 +7,9 @@ from typing import Annotated
 
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record
 from ..core.elementary import sincos, square
-from ..core.jit import kernel
-from ..core.records import Block, Record
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree

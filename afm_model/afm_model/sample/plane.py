@@ -5,9 +5,9 @@ from typing import Annotated
 from annotated_types import Gt, Lt
 from pydantic import Field
 
+from ..compiled.jit import kernel
+from ..compiled.records import Block, Record
 from ..core.elementary import tan
-from ..core.jit import kernel
-from ..core.records import Block, Record
 from ..core.schema import Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Numbers, Sample, Tree

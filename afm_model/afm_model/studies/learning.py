@@ -19,12 +19,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from ..compiled.lanes import LANES
+from ..compiled.records import place
 from ..core.errors import ParameterError
-from ..core.lanes import LANES
-from ..core.records import place
 from ..instrument import Instrument
 from ..instrument.controller import external_law
-from ..instrument.lanes import LEAST, Together, composition
+from ..lanes.loop import LEAST, Together, composition
 from ..parameters import SimParameters, Value, changed
 from ..parameters.scenario import Scenario, load_scenario
 from ..parts.signals import Measurement

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.records import size
 from ..core.errors import ParameterError
-from ..core.records import size
 from ..core.registry import find
 from ..instrument.controller import Controller
 from ..parameters import ControllerParameters, SimParameters, changed, flatten

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled.jit import plain, routine
+from ..compiled.records import Block, Record, place, record_at, size
 from ..contact.friction import bound_of_load
 from ..contact.jkr import stiffness_of_u, u_of_load
-from ..core.jit import plain, routine
-from ..core.records import Block, Record, place, record_at, size
 from ..core.registry import find
 from ..instrument import Instrument
 from ..instrument.controller import Controller, answer

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..core.errors import ParameterError
 from ..instrument import Block, Instrument
+from ..lanes.together import run_together
 from ..law import disagreements, warn_of_timing
 from ..parameters import Value
 from ..parameters.scenario import Scenario
 from ..parts.signals import Measurement, Truth
-from ..run.together import run_together
 from .sweep import columns_of, sets_of
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ from multiprocessing import resource_tracker
 from types import ModuleType
 from typing import Any
 
-from ..core import kernel_cache
+from ..compiled import cache as kernel_cache
+from ..compiled.lanes import LANES
 from ..core.errors import ParameterError
-from ..core.lanes import LANES
 from ..core.progress import reporting
 from ..instrument import Instrument
 from ..instrument.controller import Controller
@@ -200,7 +200,7 @@ def _killed(names: list[str], times: int) -> str:
 
 
 def _alike(sim: SimParameters) -> tuple[Any, ...]:
-    """The same for sets that can run together and are as long; see `afm_model.instrument.lanes.composition`."""
+    """The same for sets that can run together and are as long; see `afm_model.lanes.loop.composition`."""
     clocks = sim.plant.control_period, sim.detector.sample_period, sim.score_tick, ticks_to_simulate(sim)
     return sim.plant.kind, sim.sample.kind, *clocks, sim.plant.dt
 

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import ParameterError
 from ..core.schema import python_value, with_parts
 from ..instrument import score
+from ..lanes.together import run_together
 from ..law import disagreements, warn_of_timing
 from ..parameters import ControllerParameters, Group, SimParameters, Value, changed, specifications
 from ..parameters.scenario import SECTIONS, Scenario, changed_instrument, following
 from ..run.simulated import ticks_to_simulate
-from ..run.together import run_together
 from ..run.verdict import limited
 from .scatter import Row, Set, require_scattering, run_sets
 

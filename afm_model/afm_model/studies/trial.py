@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ..core.errors import LawError, ParameterError, PartError
 from ..instrument import Block, Instrument
+from ..lanes.together import REFUSALS, run_together
 from ..parameters import ControllerParameters, SimParameters
 from ..run.simulation import run
-from ..run.together import REFUSALS, run_together
 from ..run.verdict import limited
 from .linear import linearise
 from .linear_model import LinearError, nominal_friction

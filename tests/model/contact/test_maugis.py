@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from afm_model.compiled.jit import plain
 from afm_model.contact import jkr
 from afm_model.contact.contact_table import NODES, REACH, ROW, attraction, end_of_contact, look_up, table, transitions
 from afm_model.contact.maugis import along, branch, pull_off
-from afm_model.core.jit import plain
 
 LAMBDAS = (0.05, 0.2, 0.6, 1.0, 1.62, 3.0, 10.0)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from afm_model.compiled.jit import routine
 from afm_model.core import elementary
-from afm_model.core.jit import routine
 
 _PI = Decimal("3.1415926535897932384626433832795028841971693993751058209749445923")
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from afm_model.core.jit import kernel
+from afm_model.compiled.jit import kernel
 from afm_model.core.random_numbers import bits, key_of, normal, uniform
 
 

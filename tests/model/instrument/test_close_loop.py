@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from afm_model import DivergenceError, DriveError, Instrument
-from afm_model.core.records import size
+from afm_model.compiled.records import size
 from afm_model.instrument.tick import DRAW_TICKS
 from afm_model.parameters import Value
 from afm_model.parts.header import LawHeader

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from afm_model import Controller, ControllerParameters, DivergenceError, SimParameters, build, simulate
+from afm_model.compiled.records import size
 from afm_model.core import registry
-from afm_model.core.records import size
 from afm_model.law.paper import SGN, TANH, switching
 from afm_model.parts.signals import Measurement
 

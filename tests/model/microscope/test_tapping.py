@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from afm_model import InstrumentParameters, ParameterError, build
-from afm_model.core.jit import plain
+from afm_model.compiled.jit import plain
 from afm_model.microscope import Approach, ForceCurve, FrictionLoop, Local, MoveTo, Tune, Withdraw
 from afm_model.onboard import DYNAMIC
 from afm_model.parts.signals import Actuation, Detection, Setpoint

@@ -10,8 +10,8 @@ import pytest
 from scipy.special import betainc
 
 from afm_model import Instrument, ParameterError, build, changed
-from afm_model.core.jit import plain
-from afm_model.core.records import size
+from afm_model.compiled.jit import plain
+from afm_model.compiled.records import size
 from afm_model.onboard.dynamic import DYNAMIC, late, mixed
 from afm_model.parameters import InstrumentParameters
 from afm_model.parts.signals import Actuation, Detection, Setpoint

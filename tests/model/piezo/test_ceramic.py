@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
-from afm_model.core.records import record_at, size
+from afm_model.compiled.records import record_at, size
 from afm_model.parts.signals import Drive
 from afm_model.piezo import CERAMIC
 

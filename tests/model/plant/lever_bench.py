@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from afm_model import InstrumentParameters, build
-from afm_model.core.jit import kernel
-from afm_model.core.records import pointer_at, record_at
+from afm_model.compiled.jit import kernel
+from afm_model.compiled.records import pointer_at, record_at
 from afm_model.instrument.block import Layout
 from afm_model.parts.header import BlockHeader
 from afm_model.parts.signals import Actuation

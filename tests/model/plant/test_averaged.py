@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from afm_model import Instrument, ParameterError, SimParameters, build, changed, simulate
 from afm_model.analysis import beam_energy, energy_from_drive
-from afm_model.core.jit import plain
+from afm_model.compiled.jit import plain
 from afm_model.microscope import Microscope
 from afm_model.parameters import InstrumentParameters
 from afm_model.parts.signals import Measurement

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from afm_model.core import beam
+from afm_model.cantilever import beam
 
 from .beam_elements import ElementBeam
 

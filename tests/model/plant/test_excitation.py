@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument, ParameterError, build
-from afm_model.core import beam
-from afm_model.core.records import size
+from afm_model.cantilever import beam
+from afm_model.compiled.records import size
 from afm_model.parameters import InstrumentParameters
 from afm_model.parts import Onboard, OnboardParameters, Record, kernel
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
-from afm_model.core.beam import MODE
+from afm_model.cantilever.beam import MODE
 from afm_model.plant import LEVER
 from afm_model.plant.lever.lever_check import RESOLVED
 from afm_model.plant.presets import LEVERS

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
-from afm_model.core import beam
+from afm_model.cantilever import beam
 
 from .lever_bench import BASE, LeverBench
 from .test_lever import UPRIGHT, along, contact_under, series

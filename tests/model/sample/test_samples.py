@@ -11,7 +11,7 @@ import pytest
 from scipy.ndimage import grey_dilation, map_coordinates
 
 from afm_model import InstrumentParameters, ParameterError, build
-from afm_model.core.records import record_at, size
+from afm_model.compiled.records import record_at, size
 from afm_model.core.registry import find
 from afm_model.instrument.block import Layout
 from afm_model.parts.signals import Surface

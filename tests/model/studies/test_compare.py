@@ -143,7 +143,7 @@ def test_a_law_that_lifts_the_tip_or_presses_it_beyond_what_is_valid_wins_nothin
     # The scanner without friction: feedforward alone is exact.
     (tmp_path / f"lifting{volts:.0f}.py".replace("-", "_")).write_text(
         "import numpy as np\n"
-        "from afm_model.core.records import record_at\n"
+        "from afm_model.parts import record_at\n"
         "from afm_model.parts.signals import Measurement\n"
         "class Lift:\n"
         "    def __init__(self, sim):\n"
@@ -165,7 +165,7 @@ def test_a_law_that_lifts_the_tip_or_presses_it_beyond_what_is_valid_wins_nothin
 PULLING = """
 import numpy as np
 from afm_model import ControllerParameters, build
-from afm_model.core.records import record_at
+from afm_model.parts import record_at
 from afm_model.instrument.controller import Controller
 from afm_model.parts.signals import Measurement
 class Honest:

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import numpy as np
 
-from ...core import beam
+from ...cantilever import beam
+from ...compiled.records import Array, Record, Vector
 from ...core.elementary import sincos
-from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from ..lever.lever_constants import lever_constants
 from .averaged_table import curvatures, materials

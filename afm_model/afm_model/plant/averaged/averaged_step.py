@@ -7,10 +7,10 @@ motion of the tip; half of a step of the free oscillator.
 
 import math
 
-from ...core.beam import MODES
+from ...cantilever.beam import MODES
+from ...compiled.jit import kernel, routine
+from ...compiled.records import Block, record_at
 from ...core.elementary import exp, sincos
-from ...core.jit import kernel, routine
-from ...core.records import Block, record_at
 from ...parts.dispatch import surface
 from ...parts.header import BlockHeader
 from ...parts.signals import BASE, TIP, Actuation, Surface, Truth

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...compiled.jit import kernel, plain, routine
+from ...compiled.records import Block
 from ...contact.contact_table import table
 from ...core import registry
-from ...core.jit import kernel, plain, routine
-from ...core.records import Block
 from ...parts.part import Tree
 from ...parts.signals import Surface
 from ..lever.lever_constants import Constants as LeverConstants

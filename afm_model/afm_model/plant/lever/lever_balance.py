@@ -6,9 +6,9 @@ takes. In lanes all make the same few steps of the same kernels; what they do no
 
 import math
 
-from ...core.jit import kernel, routine
-from ...core.lane_ways import by_lane, rare, where
-from ...core.records import Block
+from ...compiled.jit import kernel, routine
+from ...compiled.records import Block
+from ...compiled.ways import by_lane, rare, where
 from .lever_constants import Constants
 from .lever_contact import Pressed, ledger_of, pressed, reach
 from .lever_indent import FAR, FOUND, indent, is_off, newton, off, pulled

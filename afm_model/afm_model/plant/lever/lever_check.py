@@ -2,7 +2,8 @@
 
 import math
 
-from ...core import beam, registry
+from ...cantilever import beam
+from ...core import registry
 from ...core.elementary import square
 from ...core.errors import ParameterError
 from ...core.schema import flatten

@@ -5,11 +5,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from ...cantilever import beam
+from ...compiled.records import Array, Record, Vector
 from ...contact.contact_table import transitions
-from ...core import beam, registry
+from ...core import registry
 from ...core.elementary import cbrt, cosh, sincos, sinh, square, tan, tanh
 from ...core.random_numbers import THERMAL, key_of
-from ...core.records import Array, Record, Vector
 from ...parts.part import Numbers, Tree
 from .lever_apex import BOLTZMANN, apex_constants
 from .lever_loss import loss_constants

@@ -5,11 +5,11 @@
 import math
 from typing import Any
 
+from ...compiled.jit import kernel
+from ...compiled.records import Block, record_at
+from ...compiled.ways import by_lane, rare
 from ...contact.contact_table import attraction, end_of_contact, force_at_end, look_up
 from ...core.elementary import cbrt
-from ...core.jit import kernel
-from ...core.lane_ways import by_lane, rare
-from ...core.records import Block, record_at
 from ...parts.header import BlockHeader
 from ...parts.signals import Surface
 from .lever_constants import Constants

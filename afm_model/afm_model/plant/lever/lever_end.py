@@ -6,8 +6,8 @@ Linear from the middle on; docs/lever.md (40).
 
 import math
 
-from ...core.jit import kernel
-from ...core.records import Block
+from ...compiled.jit import kernel
+from ...compiled.records import Block
 from .lever_constants import Constants
 from .lever_contact import normal
 from .lever_state import State

@@ -5,10 +5,10 @@ Equations: docs/lever.md (16) to (23), (47) to (50).
 
 import math
 
-from ...core.jit import kernel
-from ...core.lane_ways import kept
+from ...compiled.jit import kernel
+from ...compiled.records import Block
+from ...compiled.ways import kept
 from ...core.random_numbers import normal as standard_normal
-from ...core.records import Block
 from ...parts.dispatch import surface
 from .lever_balance import balance, way_slid
 from .lever_constants import Constants

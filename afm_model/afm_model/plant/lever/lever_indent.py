@@ -11,9 +11,9 @@ contact that meets zero beyond the end of contact tells that no root is in conta
 
 import math
 
-from ...core.jit import kernel, routine
-from ...core.lane_ways import where
-from ...core.records import Block
+from ...compiled.jit import kernel, routine
+from ...compiled.records import Block
+from ...compiled.ways import where
 from .lever_constants import Constants
 from .lever_contact import Pressed, ledger_of, pressed, reach
 from .lever_state import State

@@ -7,9 +7,9 @@ load follow from it.
 
 import math
 
-from ...core.jit import kernel, routine
+from ...compiled.jit import kernel, routine
+from ...compiled.records import Block
 from ...core.random_numbers import normal as standard_normal
-from ...core.records import Block
 from ...parts.dispatch import surface
 from .lever_constants import Constants
 from .lever_contact import normal, place_frame

@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field
 
-from ...core import beam
+from ...cantilever import beam
+from ...cantilever.tilted import tilted_deflection, tilted_stiffness
 from ...core.elementary import cbrt, square
 from ...core.schema import NonNegative, Positive, Unit
-from ...core.tilted import tilted_deflection, tilted_stiffness
 from ..presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
 from .lever_loss import LossParameters
 

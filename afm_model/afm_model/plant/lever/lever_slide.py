@@ -3,10 +3,10 @@
 import math
 from typing import NamedTuple
 
+from ...compiled.jit import kernel, routine
+from ...compiled.records import Block
+from ...compiled.ways import where
 from ...core.elementary import exp, log
-from ...core.jit import kernel, routine
-from ...core.lane_ways import where
-from ...core.records import Block
 from .lever_constants import Constants
 from .lever_contact import Pressed, pressed
 from .lever_indent import CLOSE, FAR, FOUND, NEAR, indent

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from ...compiled.jit import plain, routine
+from ...compiled.records import Block, record_at
 from ...core.elementary import square
 from ...core.errors import ParameterError
-from ...core.jit import plain, routine
-from ...core.records import Block, record_at
 from ...parts.dispatch import surface
 from ...parts.header import BlockHeader
 from ...parts.part import Tree

@@ -2,8 +2,8 @@
 
 from typing import Annotated
 
-from ...core.beam import MODES
-from ...core.records import Array, Record
+from ...cantilever.beam import MODES
+from ...compiled.records import Array, Record
 
 _OfModes = Annotated[Array, (MODES,)]
 

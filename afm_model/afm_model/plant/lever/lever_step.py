@@ -9,13 +9,13 @@ implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (2
 import math
 from typing import Any
 
+from ...cantilever.beam import MODES
+from ...compiled.jit import kernel, routine
+from ...compiled.records import Block, record_at
+from ...compiled.ways import by_lane, kept, rare
 from ...contact.contact_table import ROW
-from ...core.beam import MODES
 from ...core.elementary import sincos, square
-from ...core.jit import kernel, routine
-from ...core.lane_ways import by_lane, kept, rare
 from ...core.random_numbers import normal
-from ...core.records import Block, record_at
 from ...parts.header import BlockHeader
 from ...parts.signals import BASE, LATERAL, TIP, Actuation, Truth
 from .lever_constants import PARTS, Constants

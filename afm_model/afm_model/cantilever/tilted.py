@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .elementary import hypot, sincos
+from ..core.elementary import hypot, sincos
 
 
 def tilted_stiffness(k: float, tilt: float, tip_height: float, length: float) -> float:

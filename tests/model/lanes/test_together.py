@@ -18,12 +18,12 @@ from afm_model import (
     changed,
     simulate,
 )
-from afm_model.core.jit import config
-from afm_model.core.lanes import LANES
+from afm_model.compiled.jit import config
+from afm_model.compiled.lanes import LANES
 from afm_model.instrument import Instrument
-from afm_model.instrument.lanes import LEAST, Together, composition
+from afm_model.lanes.loop import LEAST, Together, composition
+from afm_model.lanes.together import run_together
 from afm_model.run.simulation import run
-from afm_model.run.together import run_together
 
 SLOW = {"plant.control_period": 50e-6, "detector.sample_period": 10e-6, "run.duration": 4e-3, "score.start": 1e-3}
 LEVER = {"plant.kind": "lever", "sample.kind": "flat"}

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from afm_model.core.errors import PartError
-from afm_model.core.jit import kernel
-from afm_model.core.records import Record, numbers_at, record_at, size
+from afm_model.compiled.jit import kernel
+from afm_model.compiled.records import Record, numbers_at, record_at, size
 
 
 class Curve(Record):
@@ -43,5 +42,5 @@ def test_kernel_reads_and_writes_an_array_of_any_length_by_its_address():
 
 
 def test_field_that_numpy_would_hide_in_plain_python_is_refused():
-    with pytest.raises(PartError, match="record Sums: sum cannot be a field"):
+    with pytest.raises(TypeError, match="record Sums: sum cannot be a field"):
         type("Sums", (Record,), {"__annotations__": {"count": int, "sum": float}})

@@ -8,12 +8,20 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import ir as _ir
 from numba import types as _types
+from numba.core import cgutils as _cgutils
+from numba.core.errors import TypingError
+from numba.extending import intrinsic, overload
 
 from . import jit
-from .records import Record, numbers_at, record_at, size
+from .pieces import INLINED
+from .records import Record, data_pointer, numbers_at, record_at, size
 
+ir: Any = _ir
 types: Any = _types
+cgutils: Any = _cgutils
+_WORD = ir.IntType(64)
 
 NUMBER = "number"
 """An argument that is one float64."""
@@ -35,7 +43,7 @@ _COMPILED: dict[Any, Any] = {}
 class Function:
     """A part's function, to be called from compiled code.
 
-    A function made with `afm_model.core.jit.kernel` (or `numba.njit`) is compiled for these arguments. Any other
+    A function made with `afm_model.compiled.jit.kernel` (or `numba.njit`) is compiled for these arguments. Any other
     callable is called as it is, in Python: a microsecond or more a call, and every means of Python.
 
     Parameters
@@ -113,3 +121,69 @@ class Function:
         if known is None or known.dtype != kind.dtype:
             known = self._records[value] = record_at(numbers_at(value, size(kind)), 0, kind)
         return known
+
+
+def by_address(
+    title: str, kinds: tuple[Argument, ...], address: int, places: dict[Argument, int | None]
+) -> Callable[..., None]:
+    """Make a function for kernels that calls a part by the address in a block; nothing is called where that is 0.
+
+    It is called with the arguments of the part but those in `places`, then the block.
+
+    Parameters
+    ----------
+    title : str
+        For messages.
+    kinds : tuple
+        What the part is called with, in order.
+    address : int
+        Place of its address in the block.
+    places : dict
+        Arguments that are in the block, by where in it the place of each stands; None: the block itself.
+    """
+
+    def dispatched(*arguments: Any) -> None:
+        *given, block = arguments
+        words, rest = block.view(np.int64), iter(given)
+        if words[address]:
+            own = {kind: block if at is None else block[words[at] :] for kind, at in places.items()}
+            PLAIN[int(words[address])](*(own[kind] if kind in own else next(rest) for kind in kinds))
+
+    def called(typing_context: Any, arguments: Any) -> Any:
+        if len(arguments) != len([kind for kind in kinds if kind not in places]) + 1:
+            raise TypingError(f"{title} takes other arguments")
+
+        def generate(context: Any, builder: Any, signature: Any, packed: Any) -> Any:
+            values = [builder.extract_value(packed[0], i) for i in range(len(arguments))]
+            given = iter(zip(arguments, values, strict=True))
+            block = data_pointer(context, builder, arguments[-1], values[-1])
+
+            def word(at: int) -> Any:
+                return builder.load(builder.bitcast(builder.gep(block, [_WORD(at)], inbounds=True), _WORD.as_pointer()))
+
+            function, passed = word(address), []
+            with builder.if_then(builder.icmp_unsigned("!=", function, _WORD(0))):
+                for kind in kinds:
+                    if kind in places:
+                        at = places[kind]
+                        value = block if at is None else builder.gep(block, [word(at)], inbounds=True)
+                    else:
+                        typed, value = next(given)
+                        if kind in (NUMBER, INTEGER):
+                            passed.append(context.cast(builder, value, typed, _COMPILED_TYPES[kind]))
+                            continue
+                        value = data_pointer(context, builder, typed, value)
+                    passed.append(builder.bitcast(value, cgutils.voidptr_t))
+                signature_of = ir.FunctionType(ir.VoidType(), [value.type for value in passed])
+                builder.call(builder.inttoptr(function, signature_of.as_pointer()), passed)
+            return context.get_dummy_value()
+
+        return types.void(arguments), generate
+
+    compiled: Any = intrinsic(called)
+
+    @overload(dispatched, jit_options=INLINED)
+    def _compiled(*arguments):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
+        return lambda *arguments: compiled(arguments)
+
+    return dispatched

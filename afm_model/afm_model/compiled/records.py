@@ -24,7 +24,6 @@ from numba import types as _types
 from numba.extending import intrinsic, overload, typeof_impl
 from numpy.typing import NDArray
 
-from .errors import PartError
 from .pieces import INLINED
 
 ir: Any = _ir
@@ -56,7 +55,7 @@ class _RecordType(type):
             cls.fields[field] = (np.int64 if kind in (int, Integers) else np.float64, shape, unit)
         # In plain Python (NUMBA_DISABLE_JIT) numpy would give its own attribute in place of the field.
         if hidden := [field for field in cls.fields if hasattr(np.record, field)]:
-            raise PartError(f"record {name}: {', '.join(hidden)} cannot be a field: numpy's records have it")
+            raise TypeError(f"record {name}: {', '.join(hidden)} cannot be a field: numpy's records have it")
         cls.dtype = np.dtype((np.record, [(field, kind, shape) for field, (kind, shape, _) in cls.fields.items()]))
 
     @property

@@ -1,4 +1,4 @@
-"""The project's one way to compile a function with numba, kept on disk (kernel_cache.py)."""
+"""The project's one way to compile a function with numba, kept on disk (cache.py)."""
 
 import warnings
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from numba.core import sigutils as _sigutils
 from numba.core.ccallback import CFunc as _CFunc
 from numba.extending import register_jitable
 
-from .kernel_cache import KernelCache
+from .cache import KernelCache
 from .pieces import INLINED, PIECE, Whole, in_ours
 
 config: Any = _config

@@ -1,28 +1,26 @@
 """Many instruments in one compiled loop: the integration steps of all as vectors, whatever else a tick needs lane by
-lane, with the very functions of an instrument alone (tick.py). Each lane has the bits of its run alone.
+lane, with the very functions of an instrument alone (instrument/tick.py). Each lane has the bits of its run alone.
 """
 
 from collections.abc import Hashable, Sequence
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
-from ..core.jit import config, kernel, routine
-from ..core.kernel_cache import fingerprint
-from ..core.lanes import LANES, LaneBlock, Lanes, Own, for_lanes
-from ..core.pieces import INLINED
-from ..core.records import Block, Record, numbers_at, place, pointer_at, record_at, size
-from ..parts.dispatch import step, surface_of
+from ..compiled.cache import fingerprint
+from ..compiled.jit import config, kernel, routine
+from ..compiled.lanes import LANES, Lanes, Own, for_lanes
+from ..compiled.records import Block, Record, numbers_at, place, pointer_at, record_at, size
+from ..instrument.block import LoopState
+from ..instrument.controller import Controller
+from ..instrument.instrument import Instrument
+from ..instrument.score import ScoreSums, count_step
+from ..instrument.tick import DRAW_TICKS, MOVED, REFUSED, after_tick, begin_tick, command_tick, end_tick, sample
+from ..parts.dispatch import step
 from ..parts.header import BlockHeader
 from ..parts.part import Plant, Sample
 from ..parts.signals import Actuation, Setpoint, Surface, Truth
-from .block import LoopState
-from .controller import Controller
-from .instrument import Instrument
-from .score import ScoreSums, count_step
-from .tick import DRAW_TICKS, MOVED, REFUSED, after_tick, begin_tick, command_tick, end_tick, sample
 
 _PARTS = {"state": "plant_state", "ledger": "plant_ledger", "plant": "plant_constants", "sample": "sample_constants"}
 """Records of a lane, and where their numbers stand in an instrument."""
@@ -64,57 +62,16 @@ _DRIVES, _ASKS, _TRUTHS = size(Actuation), size(Setpoint), size(Truth)
 _STEPS, _VARIATION, _EXTENT = (place(ScoreSums, name) for name in ("steps", "variation", "extent"))
 
 
+@kernel
 def _move(t: float, m: Any) -> None:
-    """The plant's step of a lane, from time t [s] on."""
+    """Make the plant's step of a lane, from time t [s] on."""
+    m.plant_step(t, m.drive, m.drawn, m.plant, m.state, m)
 
 
-@overload(_move, jit_options=INLINED)
-def _compiled_move(t, m):  # type: ignore[no-untyped-def]  # numba compares this with the implementation
-    function = m.lanes.functions["step"]
-
-    def move(t, m):  # type: ignore[no-untyped-def]
-        function(t, m.drive, m.drawn, m.plant, m.state, m)
-
-    return move
-
-
+@kernel
 def _look(m: Any) -> None:
-    """What is true in a lane."""
-
-
-@overload(_look, jit_options=INLINED)
-def _compiled_look(m):  # type: ignore[no-untyped-def]  # as above
-    observe = m.lanes.functions["observe"]
-
-    def look(m):  # type: ignore[no-untyped-def]
-        observe(m.plant, m.state, m.truth)
-
-    return look
-
-
-def _has_marks(lanes: Any) -> bool:
-    """Whether steps of lanes can be left to the routine of an instrument alone."""
-    return False
-
-
-@overload(_has_marks, jit_options=INLINED)
-def _compiled_has_marks(lanes):  # type: ignore[no-untyped-def]  # as above
-    return (lambda lanes: True) if lanes.lanes.marks else (lambda lanes: False)
-
-
-@overload(surface_of, jit_options=INLINED)
-def _surface_of_lane(x, y, m):  # type: ignore[no-untyped-def]  # as above
-    if not isinstance(m, LaneBlock):
-        return None
-    look = m.lanes.functions["surface"]
-
-    def surface(x, y, m):  # type: ignore[no-untyped-def]
-        h = m.surface
-        h.adhesion = h.modulus = h.viscosity = h.tension = 1.0
-        look(x, y, h, m.sample, m)
-        return h
-
-    return surface
+    """Write what is true in a lane."""
+    m.plant_observe(m.plant, m.state, m.truth)
 
 
 @kernel
@@ -258,7 +215,7 @@ def _steps(
 ) -> None:
     """Integration steps of all lanes, from number `first` of the tick on; of those that do not run as well."""
     for i in range(first, first + count):
-        if _has_marks(lanes):
+        if lanes.marks:
             _try_all(lanes, a, i, 0.0)
             _step_marked(a, blocks, outcomes, i, sizes[0], sizes[1])
             if scored:
@@ -314,7 +271,11 @@ def _lanes_of(plant: Plant, sample: Sample, choices: tuple[tuple[str, float], ..
     """What is compiled once for all instruments with these parts."""
     key = plant, sample, choices
     if key not in _KNOWN:
-        functions: dict[str, Any] = {"step": plant.step, "observe": plant.observe, "surface": sample.surface}
+        functions: dict[str, Any] = {
+            "plant_step": plant.step,
+            "plant_observe": plant.observe,
+            "sample_surface": sample.surface,
+        }
         # By name and sources: what has been compiled is found again by them.
         made = [
             f"{each.__module__}.{each.__name__} {fingerprint(each.__module__, each.__code__.co_filename)[:16]}"

@@ -6,15 +6,15 @@ from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 from typing import Any
 
+from ..compiled.lanes import LANES
 from ..core.errors import DivergenceError, DriveError, ParameterError, PartError
-from ..core.lanes import LANES
 from ..instrument import Block, Instrument
 from ..instrument.block import Layouts
-from ..instrument.lanes import LEAST, Together, composition
 from ..parameters import ControllerParameters, SimParameters
-from .engine import Engine
-from .simulation import RunEvent, engine_of
-from .state import OVER
+from ..run.engine import Engine
+from ..run.simulation import RunEvent, engine_of
+from ..run.state import OVER
+from .loop import LEAST, Together, composition
 
 REFUSALS = (ParameterError, PartError, DriveError, DivergenceError)
 """What ends one run among many and not the others."""

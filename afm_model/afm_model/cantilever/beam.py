@@ -7,7 +7,7 @@ of cos x cosh x = -1; docs/lever.md (1) to (5).
 import math
 from dataclasses import dataclass
 
-from .elementary import cos, cosh, sin, sinh, square
+from ..core.elementary import cos, cosh, sin, sinh, square
 
 WAVE_NUMBERS = (1.8751040687119611, 4.694091132974174, 7.854757438237613)
 """Roots of cos x cosh x = -1: wave number of a mode times the length."""

@@ -47,7 +47,7 @@ class Own(Record):
 
     address: int  # of that block: element i of a LaneBlock is number i of it
     plant_map: int  # where in it the map of the plant begins
-    marked: float  # 1.0: this step needs the routine of an instrument alone, see lane_ways.py
+    marked: float  # 1.0: this step needs the routine of an instrument alone, see ways.py
 
 
 class Lanes:
@@ -60,12 +60,12 @@ class Lanes:
     records : dict
         Record types by the name by which kernels find them, in the order in which they stand.
     functions : dict
-        Kernels by name, see `function_of`.
+        Kernels by the name by which other kernels find them: `m.plant_step(...)` of a block of lanes m.
     fixed : dict
         Fields `record.field` that are the same in all lanes, and their values: a choice between ways of computing
         takes no time then, and the way not taken is not compiled.
     marks : bool
-        Whether kernels mark lanes, see lane_ways.py.
+        Whether kernels mark lanes, see ways.py.
     """
 
     def __init__(
@@ -169,14 +169,33 @@ class _BlockAttributes(templates.AttributeTemplate):  # type: ignore[misc]
     key = LaneBlock
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
+        if name in kind.lanes.functions:
+            return types.Dispatcher(kind.lanes.functions[name])
         return LaneRecord(kind.lanes, name) if name in kind.lanes.records else None
 
 
-def _record(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+def _of_block(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    if name in kind.lanes.functions:
+        return context.get_dummy_value()
     return _moved(builder, value, kind.lanes.places[name])
 
 
-registry.lower_getattr_generic(LaneBlock)(_record)
+registry.lower_getattr_generic(LaneBlock)(_of_block)
+
+
+@infer_getattr
+class _CompositionAttributes(templates.AttributeTemplate):  # type: ignore[misc]
+    key = _Composition
+
+    def resolve_marks(self, kind: Any) -> Any:
+        return types.boolean
+
+
+def _marks(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    return context.get_constant(types.boolean, kind.lanes.marks)
+
+
+registry.lower_getattr(_Composition, "marks")(_marks)
 
 
 class _Attributes(templates.AttributeTemplate):  # type: ignore[misc]
