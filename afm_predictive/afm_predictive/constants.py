@@ -30,6 +30,13 @@ step; mean, phase gone in it."""
 FOLLOWED = GONE + 1
 AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
 """States of the filter of positions alone: observer.py."""
+NODES = 128
+"""Of the map of the surface, map.py."""
+SPACING = 0.5
+"""Between two nodes, over the inverse of the largest wave number."""
+LENGTH = 2.0
+"""Correlation length, over the same: the variance of the shortest wave is 0.14 of that of long ones, of half of it
+3e-4."""
 FLOOR = 2e-4
 """Noise of a height [z0] and of a ratio, from a load that is not quite static."""
 FIRST = (0.3, 1.0, 0.03)

@@ -8,8 +8,8 @@ import math
 
 from afm_model.parts import Measurement, exp, hypot, kernel, square
 
-from .constants import FOLLOWED, KNOWN, MEAN, UNEXPLAINED, VALUE, Constants
-from .map import NODES, begin_map
+from .constants import FOLLOWED, KNOWN, MEAN, NODES, UNEXPLAINED, VALUE, Constants
+from .map import begin_map
 from .sample_estimate import REST
 from .state import State
 from .unexplained import GAIN_LIMITS, NOTHING, SEEMS, believe

@@ -5,21 +5,12 @@ that few measurements make a smooth map and its variance tells where it is known
 """
 
 import math
-from typing import TYPE_CHECKING
 
 from afm_model.parts import kernel, routine, square
 
-from .constants import Constants
+from .constants import NODES, SPACING, Constants
+from .state import State
 
-if TYPE_CHECKING:
-    from .state import State
-
-NODES = 128
-SPACING = 0.5
-"""Between two nodes, over the inverse of the largest wave number."""
-LENGTH = 2.0
-"""Correlation length, over the same: the variance of the shortest wave is 0.14 of that of long ones, of half of it
-3e-4."""
 NEAR = 0.4
 """What is as far from the line still counts as on it [x0]."""
 FADE = 1.5e-5
@@ -43,7 +34,7 @@ NOISE = 1.5e-4
 
 
 @kernel
-def place(x: float, y: float, s: "State") -> tuple[float, bool]:
+def place(x: float, y: float, s: State) -> tuple[float, bool]:
     """Position along the line in nodes, and whether (x, y) is on it."""
     d_x, d_y = x - s.line_x, y - s.line_y
     along = (d_x * s.line_tx + d_y * s.line_ty) / s.pitch
@@ -64,13 +55,13 @@ def weights(f: float) -> tuple[float, float, float, float]:
 
 
 @kernel
-def room(s: "State") -> float:
+def room(s: State) -> float:
     """By how many nodes the ring is longer than the line."""
     return NODES - 8 - (s.most - s.least)
 
 
 @kernel
-def seen_before(i: int, s: "State") -> bool:
+def seen_before(i: int, s: State) -> bool:
     """Whether the tip was at node i and the three behind it a wave of its way ago or longer."""
     for a in range(4):
         if s.way - s.visited[(i + a) % NODES] < AGE * s.pitch / SPACING:
@@ -79,7 +70,7 @@ def seen_before(i: int, s: "State") -> bool:
 
 
 @kernel
-def read_map(x: float, y: float, p: Constants, s: "State") -> None:
+def read_map(x: float, y: float, p: Constants, s: State) -> None:
     """Put height and strength at (x, y) into the state, if the tip was there before."""
     along, on = place(x, y, s)
     # The ring is longer than the line, or it knows nothing.
@@ -111,7 +102,7 @@ def read_map(x: float, y: float, p: Constants, s: "State") -> None:
 
 
 @kernel
-def begin_map(p: Constants, s: "State") -> None:
+def begin_map(p: Constants, s: State) -> None:
     """Nothing is written."""
     s.written = s.gripped = s.misfit = s.misfit_H = 0.0
     for i in range(NODES):
@@ -121,7 +112,7 @@ def begin_map(p: Constants, s: "State") -> None:
 
 
 @kernel
-def draw_line(p: Constants, s: "State") -> None:
+def draw_line(p: Constants, s: State) -> None:
     """Lay the line along the reference, once it moves."""
     speed = math.sqrt(s.v[0] * s.v[0] + s.v[1] * s.v[1])
     if s.pitch > 0.0 or speed == 0.0 or s.lead[0] != 0.0 or s.lead[1] != 0.0:
@@ -132,7 +123,7 @@ def draw_line(p: Constants, s: "State") -> None:
 
 
 @kernel
-def raise_map(change: float, s: "State") -> None:
+def raise_map(change: float, s: State) -> None:
     """Friction that holds more than the map allows is stronger everywhere."""
     for i in range(NODES):
         s.map_ratio[i] += change
@@ -145,7 +136,7 @@ def misfit_of(innovation: float, size: float, variance: float) -> float:
 
 
 @routine
-def write_map(H: float, ratio: float, p: Constants, s: "State") -> None:
+def write_map(H: float, ratio: float, p: Constants, s: State) -> None:
     """Kalman update by a height, and a ratio if that is positive, measured where the scanner is."""
     draw_line(p, s)
     if s.pitch == 0.0:

@@ -7,8 +7,7 @@ import numpy as np
 
 from afm_model.parts import Array, Integers, Numbers, Record, Tree, Vector, exp
 
-from .constants import ANSWERS, FOLLOWED, INTERVALS, SLOTS, UNEXPLAINED
-from .map import LENGTH, NODES, SPACING
+from .constants import ANSWERS, FOLLOWED, INTERVALS, LENGTH, NODES, SLOTS, SPACING, UNEXPLAINED
 
 
 class State(Record):

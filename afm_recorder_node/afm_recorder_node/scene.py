@@ -13,7 +13,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from afm_model.core.prefix import text
-from afm_model.microscope.verbs import Scan
+from afm_model.microscope.raster import Raster
 
 from . import layout
 from .diagram import round_step
@@ -68,7 +68,7 @@ class _Spread:
         return times[order], values[order]
 
 
-Surface = tuple[Scan, _Array]
+Surface = tuple[Raster, _Array]
 """Heights of an image (rows, columns) [nm] as they are drawn, the first row at the largest y; and where it is."""
 
 
@@ -89,7 +89,7 @@ class Scene:
         Parameters
         ----------
         canvas : Canvas
-        scanned : (Scan, ndarray), optional
+        scanned : (Raster, ndarray), optional
             Last image of the sample.
         """
         times, position, tip = self._poses()

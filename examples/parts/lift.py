@@ -5,7 +5,8 @@ from pydantic import Field
 
 from afm_model.microscope import Arrays, Scan, Task, Verb, variable
 from afm_model.microscope.plan import lines
-from afm_model.microscope.verb import Length, Rate, outside
+from afm_model.microscope.quantities import Length, Rate
+from afm_model.microscope.verb import outside
 from afm_model.program import orders
 from afm_model.program.orders import Order, Step
 

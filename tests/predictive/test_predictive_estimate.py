@@ -12,7 +12,8 @@ from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import RATES, Case, run_case
 from afm_predictive import PREDICTIVE
 from afm_predictive.asked import continue_reference, take_reference
-from afm_predictive.map import NODES, read_map, write_map
+from afm_predictive.constants import NODES
+from afm_predictive.map import read_map, write_map
 from afm_predictive.nominal_plant import REACH, beyond
 from afm_predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 

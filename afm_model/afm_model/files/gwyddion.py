@@ -16,7 +16,7 @@ from .result_files import replacing
 if TYPE_CHECKING:
     import xarray
 
-    from ..microscope.verbs.scan import Scan
+    from ..microscope.raster import Raster
 
 
 class FrameWarning(UserWarning):
@@ -78,7 +78,7 @@ def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
     return Path(path)
 
 
-def _misread(scan: "Scan") -> str:
+def _misread(scan: "Raster") -> str:
     """What some readers make of a frame that is not square; empty if they read it as it is."""
     if scan.lines != scan.pixels:
         return f"scramble an image of {scan.pixels} pixels in {scan.lines} lines"
@@ -92,7 +92,7 @@ def _notes(layer: Layer, notes: dict[str, str]) -> dict[str, str]:
     return {"Channel": layer.name} | {name: value.replace("\0", "") for name, value in notes.items()}
 
 
-def _top(scan: "Scan") -> float:
+def _top(scan: "Raster") -> float:
     """Place of the frame's top [m]: less its largest y, since Gwyddion's y grows downwards.
 
     Two frames of one sample then lie beside each other as they are scanned, to its tools that stitch and crop.

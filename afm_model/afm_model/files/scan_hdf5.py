@@ -21,6 +21,7 @@ from ..core.errors import ParameterError, ResultFileError, reason
 from ..core.optional import needed
 from ..core.schema import build, python_value
 from ..microscope.image import DIRECTIONS, RETRACE, Image, Line, as_image
+from ..microscope.raster import Raster
 from ..microscope.verbs import Lift, Scan
 from .result_files import Disk, checked
 from .sxm import read_sxm
@@ -45,7 +46,7 @@ class ScanFile:
     path : Path or str
         Ends with .h5. There must be no file of this name, unless `overwrite` is true: a scan in it would be lost at the
         first line.
-    scan : Scan
+    scan : Raster
     units : Mapping of str to str, optional
         SI unit of each channel, in order. Without, those of `scan.channels`, which are known of height, error, lateral,
         amplitude_error, amplitude, phase, x and y.
@@ -70,7 +71,7 @@ class ScanFile:
     def __init__(
         self,
         path: Path | str,
-        scan: Scan,
+        scan: Raster,
         units: Mapping[str, str] | None = None,
         metadata: Mapping[str, str] | None = None,
         *,
@@ -184,7 +185,7 @@ class ScanFile:
         self.close()
 
 
-def _units(path: Path, scan: Scan) -> dict[str, str]:
+def _units(path: Path, scan: Raster) -> dict[str, str]:
     if unknown := [name for name in scan.channel_names if name not in _UNITS]:
         raise ValueError(f"{path} is not written: the unit of the channel {unknown[0]} is not known; give units")
     return {name: _UNITS[name] for name in scan.channel_names}

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core import registry
 from ..core.elementary import sincos
 from ..core.schema import build, python_value
 from .arrays import Arrays, Variable, attributes, variable
+from .raster import Raster
 
 if TYPE_CHECKING:
     import xarray
 
-    from .verbs.scan import Scan
 
 _Array = NDArray[np.float64]
 TRACE, RETRACE = "trace", "retrace"
@@ -55,7 +56,7 @@ class Image:
     Lines that were not measured are NaN.
     """
 
-    scan: "Scan"
+    scan: Raster
     units: dict[str, str]
     """SI unit of each channel, in the order of measurement."""
     data: dict[tuple[str, str], _Array]
@@ -70,7 +71,7 @@ class Image:
     """When each line that was put in began [s], by `Line.number`."""
 
     @classmethod
-    def empty(cls, scan: "Scan", units: Mapping[str, str]) -> "Image":
+    def empty(cls, scan: Raster, units: Mapping[str, str]) -> "Image":
         """An image of which nothing is measured yet."""
         shape = (scan.lines, scan.pixels)
         data = {(name, way): np.full(shape, np.nan) for name in units for way in DIRECTIONS}
@@ -174,6 +175,13 @@ class Image:
         return Arrays(variables, coordinates, attributes(scan, self.notes | self.metadata))
 
 
+def _kind(title: str) -> type[Raster] | None:
+    """Return the verb of this class name if its result is an image."""
+    name = next((each for each in registry.names("verb") if each.replace("_", "") == title.lower()), None)
+    verb: Any = None if name is None else registry.find("verb", name)
+    return verb if verb is not None and issubclass(verb, Raster) else None
+
+
 def as_image(scan: "Image | xarray.Dataset") -> Image:
     """A scan as `Image`, from that or from its labelled arrays.
 
@@ -182,12 +190,10 @@ def as_image(scan: "Image | xarray.Dataset") -> Image:
     ValueError
         If it is something else.
     """
-    from .verbs import Lift, Scan
-
     if isinstance(scan, Image):
         return scan
     given: Mapping[str, Any] = getattr(scan, "attrs", {})
-    kind = {"Scan": Scan, "Lift": Lift}.get(str(given.get("verb")))
+    kind = _kind(str(given.get("verb")))
     if kind is None:
         raise ValueError(f"this is no scan, neither an Image nor the labelled arrays of one: {type(scan).__name__}")
     notes = {str(name): python_value(value) for name, value in given.items()}

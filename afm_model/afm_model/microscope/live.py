@@ -4,7 +4,7 @@ import threading
 import time
 
 from ..parameters import ControllerParameters, SimParameters, changed
-from ..run.engine import Engine
+from ..run.context import RunContext
 from ..run.law_inside import LawInside
 from ..run.pacing import Pacing
 from .local import Local
@@ -41,10 +41,10 @@ class Live(Local):
         self._thread = threading.Thread(target=self._run, name="afm_live", daemon=True)
         self._thread.start()
 
-    def _pacing(self, engine: Engine) -> Pacing:
-        parameters = engine.instrument.parameters
+    def _pacing(self, context: RunContext) -> Pacing:
+        parameters = context.instrument.parameters
         assert isinstance(parameters, SimParameters)
-        return LawInside(engine, parameters, self._controller)
+        return LawInside(context, parameters, self._controller)
 
     def _run(self) -> None:
         while self._running:

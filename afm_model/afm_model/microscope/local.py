@@ -12,6 +12,7 @@ from ..instrument import Instrument
 from ..instrument.controller import Controller
 from ..law import disagreements, require_plant, warn_of_timing
 from ..parameters import ControllerParameters, InstrumentParameters, changed
+from ..run.context import RunContext
 from ..run.engine import Engine
 from ..run.pacing import Compiled, Pacing
 from ..run.state import State
@@ -89,8 +90,8 @@ class Local(Backend):
         )
         self.engine.step()
 
-    def _pacing(self, engine: Engine) -> Pacing:
-        return Compiled(engine, Controller(self._controller), by_clock=True)
+    def _pacing(self, context: RunContext) -> Pacing:
+        return Compiled(context, Controller(self._controller), by_clock=True)
 
     def _operate(self, instrument: Instrument) -> Operator:
         self.operator = Operator(instrument)

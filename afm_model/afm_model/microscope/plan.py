@@ -4,15 +4,12 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from ..core.elementary import hypot, sincos
 from ..core.errors import VerbError
 from ..program.orders import Lines, Polynomial
+from .raster import Raster
 from .view import InstrumentView
-
-if TYPE_CHECKING:
-    from .verbs.scan import Scan
 
 _Place = tuple[float, float]
 _LONGEST = 1e6
@@ -33,7 +30,7 @@ class LinePlan:
     corners: tuple[_Place, ...]  # of what the scanner is asked for, turns included [m]
 
 
-def lines(scan: "Scan", view: InstrumentView) -> LinePlan:
+def lines(scan: Raster, view: InstrumentView) -> LinePlan:
     """The lines of a scan: a pixel is a whole number of samples, a line of control ticks.
 
     Raises
@@ -75,7 +72,7 @@ def lines(scan: "Scan", view: InstrumentView) -> LinePlan:
     return LinePlan(motion, scan.pixels, per_pixel, rate, corners[0], corners)
 
 
-def _rotated(scan: "Scan", place: _Place) -> _Place:
+def _rotated(scan: Raster, place: _Place) -> _Place:
     s, c = sincos(scan.angle)
     return scan.centre_x + c * place[0] - s * place[1], scan.centre_y + s * place[0] + c * place[1]
 

@@ -7,32 +7,16 @@ an entry point of the group `afm_model.verb`. docs/extending.md.
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
-
-from annotated_types import Ge, Le
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from ..core import registry
 from ..core.errors import VerbError
-from ..core.schema import Group, NonNegative, Positive, Unit, build, flatten, out_of_range, python_value
+from ..core.schema import Group, build, flatten, out_of_range, python_value
 from .results import MicroscopeState, Standing
 
 if TYPE_CHECKING:
     from .execution import Execution, Task
     from .view import InstrumentView
-
-Metre = Annotated[float, Unit("m")]
-Length = Annotated[Positive, Unit("m")]
-Speed = Annotated[float, Ge(1e-12), Le(1.0), Unit("m/s")]
-Rest = Annotated[float, Ge(0), Le(1e4), Unit("s")]
-Angle = Annotated[float, Unit("rad")]
-Volts = Annotated[NonNegative, Unit("V")]
-Rate = Annotated[Positive, Unit("Hz")]
-Force = Annotated[NonNegative, Unit("N")]
-Count = Annotated[int, Ge(1), Le(1_000_000)]
-LineCount = Annotated[int, Ge(1), Le(8192)]
-SampleRate = Annotated[float, Ge(1e-3), Le(1e9), Unit("Hz")]
-Places = Annotated[tuple[float, ...], Unit("m")]
-
 
 MOST_NUMBERS = 2**25
 """That a verb may bring back: 268 MB, a scan of 4096 x 4096 pixels of one channel, trace and retrace."""

@@ -10,10 +10,11 @@ from ..instrument import Block, Instrument
 from ..instrument.block import Layouts
 from ..parameters import InstrumentParameters
 from .blocks import Blocks
+from .context import RunContext
 from .counts import Counts
 from .link import Link, Listeners
 from .pacing import Pacing
-from .state import BACK, EVENTS, OVER, REASONS, TICKING, Cause, Life, State
+from .state import EVENTS, OVER, TICKING, Cause, Life, State
 from .timing import Stopwatch, VirtualClock
 
 _TAKEN_AWAY = (State.WITHDRAWN, State.RETRACTED)
@@ -58,7 +59,7 @@ class Engine:
     ----------
     parameters : InstrumentParameters
     pacing : callable
-        Makes the pacing of an engine whose instrument is there.
+        Makes the pacing of a run whose instrument is there.
     total_ticks : int
         Ticks of the whole run; 0: endless.
     link : Link, optional
@@ -83,7 +84,7 @@ class Engine:
     def __init__(
         self,
         parameters: InstrumentParameters,
-        pacing: Callable[["Engine"], Pacing],
+        pacing: Callable[[RunContext], Pacing],
         total_ticks: int = 0,
         *,
         link: Link | None = None,
@@ -96,15 +97,8 @@ class Engine:
         sampled: bool = True,
         layouts: Layouts | None = None,
     ) -> None:
-        self.link = link or Link()
-        self.clock = clock or VirtualClock()
         self.run_id = next_run_id()
         """Name of the present run: another one after each reset."""
-        self.counts = Counts()
-        self.refusal = ""
-        """The sentence about the drive refused last."""
-        self.unreadable = ""
-        """A clause about the drive that could not be read last."""
         self.error: Exception | None = None
         """What has ended the run."""
         self.held = False
@@ -112,20 +106,19 @@ class Engine:
         self.ticking = False
         """Whether the run is going on, or waits for a drive only."""
         self._stop_at: int | None = None  # tick at which the run pauses by itself
-        self.look_at = 0
-        """The next tick behind which there is something to look at, whatever comes of those before."""
         self._listeners = listeners or Listeners()
         self._operate, self._total_ticks = operate, total_ticks
+        self.link, self.clock = link or Link(), clock or VirtualClock()
         self.watch = Stopwatch(self.clock)
         self.life = Life(self._on_change)
-        self.instrument = Instrument(parameters, block_ticks, hashed=hashed, sampled=sampled, layouts=layouts)
-        """To read from; it is ticked here. Another one after `exchange`."""
+        instrument = Instrument(parameters, block_ticks, hashed=hashed, sampled=sampled, layouts=layouts)
         heard = operate is not None or self._listeners.block is not None
-        self.blocks = Blocks(self.instrument, self._on_block if heard else None, in_pieces=in_pieces)
+        self.blocks = Blocks(instrument, self._on_block if heard else None, in_pieces=in_pieces)
+        self._context = RunContext(instrument, self.link, self.clock, self.blocks, self.life)
         # An `Operator`, of any further type.
-        self.operator: Any = operate(self.instrument) if operate is not None else None
+        self.operator: Any = operate(instrument) if operate is not None else None
         """Executes verbs; a new one after a reset. None: there are no verbs."""
-        self.pacing = pacing(self)
+        self.pacing = pacing(self._context)
         self._find_look()
         self.link.name_run(self.run_id)
 
@@ -135,14 +128,24 @@ class Engine:
         return self.life.state
 
     @property
+    def instrument(self) -> Instrument:
+        """To read from; it is ticked here. Another one after `exchange`."""
+        return self._context.instrument
+
+    @property
+    def counts(self) -> Counts:
+        """What has been counted since the last reset."""
+        return self._context.counts
+
+    @property
     def phase(self) -> State:
         """State that says which of controller and limits has the drive."""
-        return State(self.instrument.guard.phase)
+        return self._context.phase
 
     @property
     def reason(self) -> str:
         """Why the controller's drive is not in force, in two words; empty if it is."""
-        return REASONS.get(EVENTS.get(self.instrument.guard.limit, self.state), "")
+        return self._context.reason
 
     @property
     def idle(self) -> bool:
@@ -159,7 +162,8 @@ class Engine:
         if self.operator is not None and self.idle:
             self.watch.stop()
             return False
-        pacing, instrument = self.pacing, self.instrument
+        pacing, context = self.pacing, self._context
+        instrument = context.instrument
         try:
             ticks = pacing.next()
             if not ticks:
@@ -174,13 +178,13 @@ class Engine:
             else:
                 stopped = instrument.close_loop(pacing.law, min(ticks, self.wanted))
         except DriveError as error:
-            self.refuse(str(error), instrument.ticks)
-            self.fail(self.refusal, DriveError(self.refusal))
+            context.refuse(str(error), instrument.ticks, pacing.answering)
+            self.fail(context.refusal, DriveError(context.refusal))
             return True
         except (DivergenceError, PartError) as error:
             self.fail(pacing.explain(error), error)
             return True
-        if stopped or instrument.ticks >= self.look_at:
+        if stopped or instrument.ticks >= context.look_at:
             self._look()
         else:
             pacing.made()
@@ -189,7 +193,7 @@ class Engine:
     @property
     def wanted(self) -> int:
         """Ticks up to the next behind which there is something to look at."""
-        return self.look_at - self.instrument.ticks
+        return self._context.look_at - self.instrument.ticks
 
     def stop_at(self, tick: int | None) -> None:
         """Pause by itself behind this tick; None: do not."""
@@ -226,7 +230,7 @@ class Engine:
     def _find_look(self) -> None:
         """The next tick behind which there is something to look at, whatever comes of those before."""
         ends = (self.instrument.block_end, self._total_ticks or math.inf, self._stop_at or math.inf)
-        self.look_at = int(min(ends))
+        self._context.look_at = int(min(ends))
 
     def follow_limits(self) -> None:
         """Tell of the instrument's drive, if it has changed hands."""
@@ -281,19 +285,6 @@ class Engine:
         self.follow_limits()
         return problem
 
-    def go_on(self, cause: Cause) -> None:
-        """Let simulated time go on that stood still: as what the run was before."""
-        if self.phase in BACK:
-            back, what = BACK[self.phase]
-            self.life.go(back, f"{what} (after: {self.reason})")
-        else:
-            self.life.go(cause)
-
-    def refuse(self, problem: str, sequence: int) -> None:
-        """Count a drive that was refused, with a sentence about it."""
-        self.counts.drives_refused += 1
-        self.refusal = f"{problem} (answer to measurement {sequence} from {self.pacing.answering})"
-
     def fail(self, sentence: str, error: Exception | None = None) -> None:
         """End a run that has started: what it brings cannot be trusted any more."""
         if self.state == State.WAITING or self.state in OVER:
@@ -319,7 +310,8 @@ class Engine:
         self.blocks.reset()
         if self._operate is not None:
             self.operator = self._operate(self.instrument)
-        self.counts, self.refusal, self.unreadable, self.error = Counts(), "", "", None
+        context = self._context
+        context.counts, context.refusal, context.unreadable, self.error = Counts(), "", "", None
         self._stop_at = None
         self._find_look()
         self.watch = Stopwatch(self.clock)

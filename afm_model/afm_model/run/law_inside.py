@@ -4,7 +4,7 @@ import math
 
 from ..instrument.controller import Controller
 from ..parameters import ControllerParameters, SimParameters
-from .engine import Engine
+from .context import RunContext
 from .pacing import Compiled
 
 _PIECE = 5e-3
@@ -20,18 +20,18 @@ class LawInside(Compiled):
 
     Parameters
     ----------
-    engine : Engine
+    context : RunContext
     parameters : SimParameters
     controller : ControllerParameters, optional
         With the law; without, that inside the simulator's parameters.
     """
 
     def __init__(
-        self, engine: Engine, parameters: SimParameters, controller: ControllerParameters | None = None
+        self, context: RunContext, parameters: SimParameters, controller: ControllerParameters | None = None
     ) -> None:
         law = controller or parameters.controller_inside
         assert law is not None
-        super().__init__(engine, Controller(law), by_clock=parameters.run.mode == "realtime")
+        super().__init__(context, Controller(law), by_clock=parameters.run.mode == "realtime")
         self._parameters, self._given = parameters, controller
         self._ticks = 1  # of a piece
         self._begun, self._first = 0.0, 0  # of the piece that is being made: wall time and tick
@@ -53,21 +53,21 @@ class LawInside(Compiled):
         if self.by_clock and period != self._period:
             self._period = period
             self._ticks = max(1, round(_PIECE / period))
-            self.deadline = self._engine.clock() + period
+            self.deadline = self._context.clock() + period
 
     def next(self) -> int | None:
         """A piece; in real time if its deadline has come."""
-        engine, now = self._engine, self._engine.clock()
+        context, now = self._context, self._context.clock()
         if self.deadline is not None:
             if now < self.deadline:
                 return None
             late = now - self.deadline
-            engine.blocks.note_delay(late, math.nan)
+            context.blocks.note_delay(late, math.nan)
             # A piece that begins within one is no late one: the ticks in it are made ahead of their time anyhow.
             if late >= self._ticks * self._period:
                 missed = int(late / self._period)
-                engine.counts.late_ticks += 1
-                engine.counts.periods_missed += missed
+                context.counts.late_ticks += 1
+                context.counts.periods_missed += missed
                 self.deadline += missed * self._period
         self._begun, self._first = now, self._instrument.ticks
         return self._ticks
@@ -78,7 +78,7 @@ class LawInside(Compiled):
         if self.deadline is not None:
             self.deadline += made * self._period
             return
-        took = self._engine.clock() - self._begun
+        took = self._context.clock() - self._begun
         if took < 0.5 * _PIECE and made == self._ticks:
             self._ticks *= 2
         elif took > _PIECE:

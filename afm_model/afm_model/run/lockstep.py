@@ -7,7 +7,7 @@ from functools import partial
 from ..core.errors import MalformedError
 from ..instrument.wire import Wire
 from ..parameters import SimParameters
-from .engine import Engine
+from .context import RunContext
 from .link import Answer
 from .pacing import Peered
 from .state import Cause
@@ -21,10 +21,10 @@ _NAMED = 4
 class Lockstep(Peered):
     """Publish measurement k, wait for the drive that answers k, tick. No delay in simulated time, at any speed."""
 
-    def __init__(self, engine: Engine, parameters: SimParameters) -> None:
-        super().__init__(engine, parameters)
+    def __init__(self, context: RunContext, parameters: SimParameters) -> None:
+        super().__init__(context, parameters)
         # Looked up once: at this rate every look-up is felt.
-        self._take, self._publish, self._clock = engine.link.take, engine.link.publish, engine.clock
+        self._take, self._publish, self._clock = context.link.take, context.link.publish, context.clock
         self._sent_at = self._asked_at = 0.0
         self._stalled = self._lost = False  # no answer in time; no measurement was sent
         self._wrong: list[int] = []
@@ -43,7 +43,7 @@ class Lockstep(Peered):
         """Go on after a pause; an answer that came meanwhile has not been taken yet."""
         self._stalled = False
         # The first answer also takes as long as the nodes need to find each other, one after a pause the pause.
-        self._engine.blocks.doubt_next()
+        self._context.blocks.doubt_next()
         self._sent_at = self._asked_at = self._clock()
 
     def adapt(self, parameters: SimParameters) -> None:
@@ -78,7 +78,7 @@ class Lockstep(Peered):
             return 0
         if self._stalled:
             self._stalled = False
-            self._engine.go_on(Cause.ANSWERED)
+            self._context.go_on(Cause.ANSWERED)
         self.drive, self.round_trip = drive, self._clock() - self._sent_at
         return 1
 
@@ -92,7 +92,7 @@ class Lockstep(Peered):
 
     def _note_wrong(self, sequence: int) -> None:
         """Count a drive that does not answer the measurement waiting."""
-        ticks, counts = self._instrument.ticks, self._engine.counts
+        ticks, counts = self._instrument.ticks, self._context.counts
         if sequence < ticks:
             # The second answer to a measurement that was sent twice, or of a controller that lags behind.
             counts.drives_outdated += 1
@@ -105,20 +105,20 @@ class Lockstep(Peered):
             self._wrong = [*self._wrong, sequence][-_NAMED:]
 
     def _look_at_the_clock(self) -> None:
-        engine = self._engine
+        context = self._context
         now = self._clock()
         if now - self._asked_at > _RESEND_PERIOD:
             # The very first one may have gone out before the controller's side had matched: nothing is lost then.
             if self._instrument.ticks > 0 and self._asked_at == self._sent_at:
-                engine.counts.drives_lost += 1
+                context.counts.drives_lost += 1
             self._asked_at = now
-            engine.blocks.doubt_next()  # either of the two may have been answered
+            context.blocks.doubt_next()  # either of the two may have been answered
             self._publish(self._instrument.ticks, self._instrument.measurement)
             if self._stalled:
-                engine.life.tell(self._complaint())
+                context.life.tell(self._complaint())
         if not self._stalled and now - self._sent_at > self._parameters.run.lockstep_timeout:
             self._stalled = True
-            engine.life.go(Cause.UNANSWERED, self._complaint())
+            context.life.go(Cause.UNANSWERED, self._complaint())
 
     def _complaint(self) -> str:
         """What the controller does in place of answering."""
@@ -128,8 +128,8 @@ class Lockstep(Peered):
             sequences = ", ".join(map(str, self._wrong))
             return f"{name} sends drives with sequence {sequences}; measurement {ticks} has been waiting for {limit}"
         if self._unread_at == ticks:
-            return f"no drive but {self._engine.unreadable}; measurement {ticks} has been waiting for {limit}"
-        cause = self._engine.link.cause()
+            return f"no drive but {self._context.unreadable}; measurement {ticks} has been waiting for {limit}"
+        cause = self._context.link.cause()
         return f"{name} has not answered measurement {ticks} within {limit}; still waiting{cause and f' ({cause})'}"
 
 
@@ -138,8 +138,8 @@ class Wired(Lockstep):
     one compiled call. What that call does not read goes the ordinary way.
     """
 
-    def __init__(self, engine: Engine, parameters: SimParameters, wire: Wire) -> None:
-        super().__init__(engine, parameters)
+    def __init__(self, context: RunContext, parameters: SimParameters, wire: Wire) -> None:
+        super().__init__(context, parameters)
         self._wire = wire
         # As above. What is used more than once is called sooner through a local name.
         self._take_bytes, self._publish_bytes = wire.take, wire.publish
@@ -150,14 +150,14 @@ class Wired(Lockstep):
         """Make one tick with an answer, if there is one, and ask for the next drive."""
         if self._lost or self._stalled:
             return super().next()
-        engine, instrument = self._engine, self._instrument
+        context, instrument = self._context, self._instrument
         take, publish, clock = self._take_bytes, self._publish_bytes, self._clock
         taken = take()
         if taken is None:
             self._look_at_the_clock()
             return None
         data = taken[0]
-        round_trips = engine.blocks.round_trips
+        round_trips = context.blocks.round_trips
         round_trips.append(clock() - self._sent_at)
         stopped = None
         if len(data) == self._length:
@@ -165,9 +165,9 @@ class Wired(Lockstep):
             stopped = instrument.exchange(self._wire)
         if stopped is None:
             round_trips.pop()
-            return self._judge(partial(engine.link.read, data))
+            return self._judge(partial(context.link.read, data))
         ticks = instrument.ticks
-        if stopped or ticks >= engine.look_at:
+        if stopped or ticks >= context.look_at:
             return -1
         if self._sequence[0] == ticks:
             self._sent_at = self._asked_at = clock()

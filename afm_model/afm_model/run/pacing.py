@@ -1,16 +1,13 @@
 """How simulated time advances: the number of ticks that are due, and their drive."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..core.errors import DivergenceError, DriveError, MalformedError, PartError
 from ..instrument.controller import Controller
 from ..parameters import SimParameters
+from .context import RunContext
 from .link import Answer
-
-if TYPE_CHECKING:
-    from .engine import Engine
-
 
 _NO_ANSWER = "drive None is not allowed: every measurement must be answered, with three voltages or a Command"
 
@@ -20,7 +17,7 @@ class Pacing:
 
     Parameters
     ----------
-    engine : Engine
+    context : RunContext
     """
 
     law: Controller | None
@@ -38,8 +35,8 @@ class Pacing:
     scored_ticks_held = 0
     """Scored ticks that were made with a held drive, because no new one had come."""
 
-    def __init__(self, engine: "Engine") -> None:
-        self._engine, self._instrument = engine, engine.instrument
+    def __init__(self, context: RunContext) -> None:
+        self._context, self._instrument = context, context.instrument
         # Here, as Python finds what the class has too only after a search.
         self.law = self.drive = self.sequence = self.deadline = None
         self.round_trip = math.nan
@@ -68,7 +65,7 @@ class Pacing:
         """Who answers measurements, for a sentence."""
         if self.law is not None:
             return f"law {self.law.parameters.law.kind}"
-        return self._engine.link.controller or "an unknown node"
+        return self._context.link.controller or "an unknown node"
 
     def explain(self, error: DivergenceError | PartError) -> str:
         """Why the run ends, in one sentence."""
@@ -78,8 +75,8 @@ class Pacing:
 class Compiled(Pacing):
     """As fast as it goes, with a law in the same compiled loop: to the end of a block each time."""
 
-    def __init__(self, engine: "Engine", law: Controller, *, by_clock: bool = False) -> None:
-        super().__init__(engine)
+    def __init__(self, context: RunContext, law: Controller, *, by_clock: bool = False) -> None:
+        super().__init__(context)
         self.law: Controller = law
         self.by_clock = by_clock
 
@@ -96,8 +93,8 @@ class Compiled(Pacing):
 class Asked(Pacing):
     """As fast as it goes, with a law that is an object with `answer`."""
 
-    def __init__(self, engine: "Engine", law: Any) -> None:
-        super().__init__(engine)
+    def __init__(self, context: RunContext, law: Any) -> None:
+        super().__init__(context)
         self._law = law
 
     @property
@@ -125,8 +122,8 @@ class Asked(Pacing):
 class Peered(Pacing):
     """With a controller at the other end of a link."""
 
-    def __init__(self, engine: "Engine", parameters: SimParameters) -> None:
-        super().__init__(engine)
+    def __init__(self, context: RunContext, parameters: SimParameters) -> None:
+        super().__init__(context)
         self._parameters = parameters
 
     def start(self) -> None:
@@ -138,17 +135,17 @@ class Peered(Pacing):
         """The oldest drive not yet taken, as `Link.take`; what cannot be read is dropped on the way."""
         while True:
             try:
-                return self._engine.link.take()
+                return self._context.link.take()
             except MalformedError as error:
                 self._drop(error)
 
     def _drop(self, error: MalformedError) -> None:
         """Count a drive that could not be read, with a clause about it."""
-        engine = self._engine
-        engine.counts.drives_malformed += 1
-        engine.unreadable = f"{error} from {engine.link.controller or 'an unknown node'}"
+        context = self._context
+        context.counts.drives_malformed += 1
+        context.unreadable = f"{error} from {context.link.controller or 'an unknown node'}"
 
     @property
     def _controller(self) -> str:
         """Name of the controller for a sentence."""
-        return self._engine.link.controller or "the controller"
+        return self._context.link.controller or "the controller"

@@ -9,7 +9,7 @@ from ..core.errors import DivergenceError, DriveError, PartError
 from ..parameters import SimParameters
 from ..parts.command import Command, problem
 from ..parts.timing import ticks_of
-from .engine import Engine
+from .context import RunContext
 from .pacing import Peered
 from .state import Cause, State
 
@@ -33,8 +33,8 @@ class Realtime(Peered):
 
     by_clock = True
 
-    def __init__(self, engine: Engine, parameters: SimParameters) -> None:
-        super().__init__(engine, parameters)
+    def __init__(self, context: RunContext, parameters: SimParameters) -> None:
+        super().__init__(context, parameters)
         self._asked: _Array | Command = np.zeros(3)  # drive of the controller that was put in force last, or held
         self.sequence: int = -1  # measurement that the drive in force answers; -1: none
         self._published_at = np.zeros(_RING)
@@ -58,12 +58,12 @@ class Realtime(Peered):
     def resume(self) -> None:
         """Begin a new series of deadlines; a controller has its time again."""
         self._period = 0.0
-        if self._engine.phase == State.RETRACTED:
+        if self._context.phase == State.RETRACTED:
             # What was retracted stays where it is until the controller answers, or is silent again.
             self._asked = self._instrument.drive
             self._release()
         self.adapt(self._parameters)
-        self._last_drive_at = self._engine.clock()
+        self._last_drive_at = self._context.clock()
 
     def adapt(self, parameters: SimParameters) -> None:
         """Follow a change of the parameters: another period is a new series of deadlines."""
@@ -73,36 +73,36 @@ class Realtime(Peered):
         self._in_time = (_IN_TIME + parameters.plant.delay_ticks) * period
         if period != self._period:
             self._period = period
-            self.deadline = self._engine.clock() + period
+            self.deadline = self._context.clock() + period
 
     def made(self) -> None:
         """Publish the next measurement."""
         ticks = self._instrument.ticks
-        self._published_at[ticks % _RING] = self._engine.clock()
+        self._published_at[ticks % _RING] = self._context.clock()
         if not self._instrument.unasked:
-            self._engine.link.publish(ticks, self._instrument.measurement)
+            self._context.link.publish(ticks, self._instrument.measurement)
 
     def next(self) -> int | None:
         """One, if its deadline has come."""
-        now = self._engine.clock()
+        now = self._context.clock()
         if now < self.deadline:
             return None
-        engine = self._engine
+        context = self._context
         late = now - self.deadline
         self.deadline += self._period
         if late >= self._period:
-            engine.counts.late_ticks += 1
+            context.counts.late_ticks += 1
             if late >= self._catch_up:
                 # Periods left out stay left out: a burst of ticks would show the controller a time that never was.
                 missed = int(late / self._period)
-                engine.counts.periods_missed += missed
+                context.counts.periods_missed += missed
                 self.deadline += missed * self._period
         self.round_trip = self._take_newest(now)
         if math.isnan(self.round_trip):
             if self._foreseen():
-                engine.counts.horizon_ticks += 1
+                context.counts.horizon_ticks += 1
             else:
-                engine.counts.drives_lost += 1
+                context.counts.drives_lost += 1
                 self.scored_ticks_held += self._instrument.ticks >= self._parameters.score_tick
                 self._held += 1
         else:
@@ -110,32 +110,32 @@ class Realtime(Peered):
                 self._go_back()
             self._held = 0
         self._watch_over(now)
-        self.drive = self._returning() if self._way_back and engine.phase == State.RUNNING else self._asked
+        self.drive = self._returning() if self._way_back and context.phase == State.RUNNING else self._asked
         age = now - self._asked_at
         if age > self._in_time:
             self._late_tick = self._instrument.ticks
-        engine.blocks.note_delay(late, age)
+        context.blocks.note_delay(late, age)
         return 1
 
     def _take_newest(self, now: float) -> float:
         """Put the newest valid drive in force; its round trip [s], NaN if none came since the last tick."""
-        engine, ticks = self._engine, self._instrument.ticks
+        context, ticks = self._context, self._instrument.ticks
         taken_at = math.nan
         while (taken := self._take_readable()) is not None:
             sequence, drive = taken
             if sequence > ticks:
-                engine.counts.drives_ahead += 1
+                context.counts.drives_ahead += 1
             elif sequence <= self.sequence or ticks - sequence >= _RING:
-                engine.counts.drives_outdated += 1
+                context.counts.drives_outdated += 1
             elif reason := problem(drive):
-                engine.refuse(reason, sequence)
+                context.refuse(reason, sequence, self.answering)
             else:
                 assert not isinstance(drive, DriveError)
                 self._asked = drive if isinstance(drive, Command) else drive.copy()
                 self.sequence = sequence
                 self._last_drive_at = now
                 # A drive is taken at a tick, but it may have come any time before.
-                taken_at = engine.link.arrived()
+                taken_at = context.link.arrived()
                 if math.isnan(self._linked_at):
                     self._linked_at = taken_at
         if math.isnan(taken_at):
@@ -143,7 +143,7 @@ class Realtime(Peered):
         self._asked_at = float(self._published_at[self.sequence % _RING])
         # What was published before the first drive arrived may have waited for the nodes to find each other.
         if self._asked_at <= self._linked_at:
-            engine.blocks.doubt_next()
+            context.blocks.doubt_next()
         return min(max(taken_at, self._asked_at), now) - self._asked_at
 
     def _foreseen(self) -> bool:
@@ -153,8 +153,8 @@ class Realtime(Peered):
 
     def _watch_over(self, now: float) -> None:
         """Retract the sample when the controller has been silent for too long; come back with its next drive."""
-        engine = self._engine
-        run, life, counts = self._parameters.run, engine.life, engine.counts
+        context = self._context
+        run, life, counts = self._parameters.run, context.life, context.counts
         silent = now - self._last_drive_at > run.watchdog_timeout
         if silent and life.state == State.RUNNING:
             self._asked = self._instrument.drive
@@ -163,7 +163,7 @@ class Realtime(Peered):
                 Cause.SILENT,
                 f"no valid drive from {self._controller} for {run.watchdog_timeout:g} s (run.watchdog_timeout; "
                 f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted"
-                f"{(cause := engine.link.cause()) and f' ({cause})'}",
+                f"{(cause := context.link.cause()) and f' ({cause})'}",
             )
         elif not silent and life.state == State.RETRACTED:
             self._release()
@@ -195,7 +195,7 @@ class Realtime(Peered):
 
     def _unused(self) -> str:
         """Drives that came and were not put in force, for a sentence."""
-        counts = self._engine.counts
+        counts = self._context.counts
         kinds = (
             (counts.drives_outdated, "for an older measurement"),
             (counts.drives_ahead, "for a future one"),
@@ -207,10 +207,10 @@ class Realtime(Peered):
         """Add to a divergence how old the drives were; late ones are the likely cause, and come first."""
         if not isinstance(error, DivergenceError):
             return str(error)
-        engine = self._engine
-        engine.blocks.flush()
-        oldest = engine.blocks.oldest_command / self._period
-        if engine.blocks.oldest_command <= self._in_time:
+        context = self._context
+        context.blocks.flush()
+        oldest = context.blocks.oldest_command / self._period
+        if context.blocks.oldest_command <= self._in_time:
             return f"{error}; the drives came in time, they were up to {oldest:.3g} control periods old"
         return (
             f"the drives came too late, they were up to {oldest:.3g} control periods old, the last late one "

@@ -6,6 +6,7 @@ from dataclasses import replace
 from ..fault import acted, active
 from ..instrument import Instrument
 from ..parameters import SimParameters
+from .context import RunContext
 from .counts import Snapshot
 from .engine import Engine, Operator
 from .law_inside import LawInside
@@ -65,14 +66,14 @@ class Run(Engine):
         self._record_anyway = False
         self._period_ns = parameters.plant.control_period * 1e9
 
-    def _choose_pacing(self, engine: Engine) -> Pacing:
+    def _choose_pacing(self, context: RunContext) -> Pacing:
         parameters = self._parameters
         if parameters.controller_inside is not None:
-            return LawInside(engine, parameters)
+            return LawInside(context, parameters)
         if parameters.run.mode == "realtime":
-            return Realtime(engine, parameters)
-        wire = engine.link.wire
-        return Lockstep(engine, parameters) if wire is None else Wired(engine, parameters, wire)
+            return Realtime(context, parameters)
+        wire = context.link.wire
+        return Lockstep(context, parameters) if wire is None else Wired(context, parameters, wire)
 
     @property
     def deadline(self) -> float | None:
@@ -107,10 +108,10 @@ class Run(Engine):
                 drives_steep=instrument.drives_steep,
                 **instrument.guard.counts(),
             ),
-            refusal=self.refusal,
+            refusal=self._context.refusal,
             reason=self.reason,
             scored_ticks_held=self.pacing.scored_ticks_held,
-            unreadable=self.unreadable,
+            unreadable=self._context.unreadable,
             faults=tuple(active(instrument.parameters, instrument.ticks)) if instrument.has_faults else (),
             faults_acted=tuple(acted(instrument.parameters, instrument.ticks)) if instrument.has_faults else (),
         )
@@ -143,7 +144,7 @@ class Run(Engine):
     def _go_on(self) -> str:
         self.held = False
         if self.state == State.PAUSED:
-            self.go_on(Cause.PLAY)
+            self._context.go_on(Cause.PLAY)
             self.pacing.resume()
         return "the run is over: call reset first" if self.state in OVER else ""
 
@@ -182,7 +183,7 @@ class Run(Engine):
                 self.life.go(Cause.UNRECORDED, f"{problem}: the run is held (safety.unrecorded)")
 
     def _leave_hold(self) -> None:
-        self.go_on(Cause.RECORDED)
+        self._context.go_on(Cause.RECORDED)
         self.pacing.resume()
 
     def _begin_again(self) -> None:
@@ -205,8 +206,8 @@ class Run(Engine):
         # While the instrument before is there.
         self._leave()
         self._parameters = parameters
-        self.instrument = self.blocks.instrument = instrument
-        self.pacing = self._choose_pacing(self)
+        self._context.instrument = self.blocks.instrument = instrument
+        self.pacing = self._choose_pacing(self._context)
         self._begin_again()
 
     def tell_why_waiting(self, detail: str) -> None:

@@ -15,6 +15,7 @@ from ..instrument.validity import doubts
 from ..law import disagreements, require_plant, warn_of_timing
 from ..parameters import ControllerParameters, SimParameters
 from ..parts.part import Channel
+from .context import RunContext
 from .engine import Engine
 from .link import Listeners
 from .pacing import Asked, Compiled, Pacing
@@ -265,11 +266,11 @@ def engine_of(
         require_plant(own, parameters.plant)
     law = Controller(controller) if isinstance(controller, ControllerParameters) else controller
 
-    def pacing(engine: Engine) -> Pacing:
+    def pacing(context: RunContext) -> Pacing:
         # A law is compiled, or called from compiled code; other objects are called tick by tick.
         if isinstance(law, Controller) and type(law).answer is Controller.answer:
-            return Compiled(engine, law)
-        return Asked(engine, law)
+            return Compiled(context, law)
+        return Asked(context, law)
 
     def on_block(block: Block, round_trips: object) -> None:
         if take is not None:

@@ -16,8 +16,9 @@ from ...program.orders import Order, Step
 from ..arrays import Arrays, Variable, attributes, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task
+from ..quantities import Count, Length, Rest, Speed
 from ..results import MicroscopeState
-from ..verb import Count, Length, Rest, Speed, Verb, on_the_sample, too_fast, too_much
+from ..verb import Verb, on_the_sample, too_fast, too_much
 from ..view import InstrumentView
 
 _MOTION = ["in_phase", "quadrature"]

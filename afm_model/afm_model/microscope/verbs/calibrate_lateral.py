@@ -17,8 +17,9 @@ from ...program.orders import Order
 from ..collect import RecordCollector
 from ..execution import Execution, Task
 from ..plan import LinePlan
+from ..quantities import LineCount, Metre, Rate
 from ..results import Calibration, MicroscopeState
-from ..verb import LineCount, Metre, Rate, Verb, saturating, too_much
+from ..verb import Verb, saturating, too_much
 from ..view import InstrumentView
 from .going import MoveTo
 from .scan import frame, to_and_fro

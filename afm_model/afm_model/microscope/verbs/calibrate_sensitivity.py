@@ -12,8 +12,9 @@ from ...core.elementary import cbrt, square
 from ...core.errors import VerbError
 from ...core.schema import Positive, Unit
 from ..execution import Execution, Task
+from ..quantities import Count, Length, Speed
 from ..results import Calibration, MicroscopeState
-from ..verb import Count, Length, Speed, Verb, too_fast
+from ..verb import Verb, too_fast
 from ..view import InstrumentView
 from .force_curve import Curve, ForceCurve, Measured
 

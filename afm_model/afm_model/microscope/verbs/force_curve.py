@@ -17,8 +17,9 @@ from ...program.orders import Order, Step
 from ..arrays import Arrays, Variable, attributes, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task, after, landing
+from ..quantities import Count, Force, Length, Rest, SampleRate, Speed, Volts
 from ..results import MicroscopeState, TimeSeries
-from ..verb import Count, Force, Length, Rest, SampleRate, Speed, Verb, Volts, saturating, too_fast, too_much
+from ..verb import Verb, saturating, too_fast, too_much
 from ..view import InstrumentView
 
 if TYPE_CHECKING:

@@ -13,8 +13,9 @@ from ...program.orders import Order
 from ..arrays import Arrays, attributes, variable
 from ..execution import Execution, Task
 from ..plan import LinePlan
+from ..quantities import Angle, Length, LineCount, Rate, SampleRate
 from ..results import MicroscopeState
-from ..verb import Angle, Length, LineCount, Rate, SampleRate, Verb, too_much
+from ..verb import Verb, too_much
 from ..view import InstrumentView
 from .going import MoveTo
 from .scan import OVERSCAN, frame, to_and_fro

@@ -13,8 +13,9 @@ from ...parameters import changed
 from ...program import orders
 from ...program.orders import Order, Step
 from ..execution import Execution, Task, landing, withdrawing
+from ..quantities import Length, Metre, Speed
 from ..results import MicroscopeState
-from ..verb import Length, Metre, Speed, Verb, outside, saturating, too_fast
+from ..verb import Verb, outside, saturating, too_fast
 from ..view import InstrumentView
 
 _PRESSED = 0.1

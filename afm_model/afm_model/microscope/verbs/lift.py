@@ -14,8 +14,9 @@ from ..collect import LineCollector, signals
 from ..execution import Execution, Task
 from ..image import RETRACE, TRACE, Image, Line
 from ..plan import LinePlan, lines
+from ..quantities import Length, Speed
 from ..results import MicroscopeState
-from ..verb import Length, Speed, too_much
+from ..verb import too_much
 from ..view import InstrumentView
 from .scan import Scan, notes
 

@@ -12,8 +12,9 @@ from ...program.orders import Order
 from ..arrays import Arrays, attributes, variable
 from ..collect import RecordCollector
 from ..execution import Execution, Task
+from ..quantities import Rest
 from ..results import MicroscopeState
-from ..verb import Rest, Verb
+from ..verb import Verb
 from ..view import InstrumentView
 from .scan import unknown
 from .tune import DECAYS, of_lock_in

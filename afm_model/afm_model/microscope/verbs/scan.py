@@ -2,14 +2,11 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Le
-from pydantic import Field
 
 from ...core.prefix import text
-from ...core.schema import NonNegative, Unit
 from ...onboard.bimodal import second_frequency
 from ...onboard.by_amplitude import setpoint, taps
 from ...onboard.dynamic import frequency
@@ -18,12 +15,13 @@ from ..collect import LineCollector, signals
 from ..execution import Execution, Task
 from ..image import Image, Line
 from ..plan import LinePlan, lines
+from ..raster import PRESSED, Raster
 from ..results import MicroscopeState
-from ..verb import Angle, Length, LineCount, Metre, Rate, Speed, Verb, outside, too_much
+from ..verb import Verb, outside, too_much
 from ..view import CALIBRATIONS, InstrumentView, sensitivities, z_loop
 
-PRESSED, TAPPED = ("height", "error", "lateral"), ("height", "amplitude_error", "phase")
-"""Channels of a scan that names none."""
+TAPPED = ("height", "amplitude_error", "phase")
+"""Channels of a scan of a tip that taps and that names none."""
 OVERSCAN = 0.1
 """Of lines that are no image."""
 _AT_THE_END = 1e-12
@@ -34,39 +32,12 @@ _MANY = 0.01
 """Pixels with the tip off the sample, over all, that are told."""
 
 
-class Scan(Verb):
+class Scan(Raster, Verb):
     """An image, line by line, trace and retrace."""
 
     returns: ClassVar = Image
     on_sample: ClassVar = True
     slides: ClassVar = True
-
-    centre_x: Metre = Field(0.0, description="middle of the frame")
-    centre_y: Metre = Field(0.0, description="middle of the frame")
-    size_x: Length = Field(100e-9, description="width of the frame: length of a line")
-    size_y: Annotated[NonNegative, Unit("m")] = Field(
-        0.0, description="height of the frame; 0: square pixels. Ignored with slow_axis off"
-    )
-    angle: Angle = Field(0.0, description="of the fast direction against x, counterclockwise")
-    pixels: Annotated[int, Ge(2), Le(8192)] = Field(128, description="in a line")
-    lines: LineCount = Field(128, description="of the image")
-    line_rate: Rate = Field(1.0, description="lines a second; a line is trace and retrace")
-    overscan: Annotated[float, Ge(0.01), Le(2.0)] = Field(
-        0.1, description="time of a turn over that of the image part of a line; the turns are rounded"
-    )
-    direction: Literal["up", "down"] = Field("up", description="of the slow axis: up begins at the least y")
-    slow_axis: bool = Field(True, description="false: every line at the same place, the middle of the frame")
-    speed: Speed = Field(10e-6, description="velocity on the way to the first line")
-    channels: str = Field(
-        "",
-        description="what is measured: of height, error, lateral, amplitude_error, phase, x, y, and any signal's name; "
-        "empty: height, error, lateral, of a tip that taps height, amplitude_error, phase",
-    )
-
-    @property
-    def height(self) -> float:
-        """Height of the frame [m]."""
-        return self.size_y or self.size_x * self.lines / self.pixels
 
     def spelled(self, view: InstrumentView) -> "Scan":
         """The same with all channels by their names."""
@@ -75,13 +46,6 @@ class Scan(Verb):
     def of_channels(self, names: Sequence[str]) -> "Scan":
         """The same with those channels that are measured, where it names none."""
         return self if self.channels else self.model_copy(update={"channels": ", ".join(names)})
-
-    @property
-    def channel_names(self) -> list[str]:
-        """What is measured, each name once; where none is given, what is of a tip that is pressed."""
-        if not self.channels:
-            return list(PRESSED)
-        return list(dict.fromkeys(name.strip() for name in self.channels.split(",") if name.strip()))
 
     def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:
         """See `Verb`."""

@@ -12,8 +12,9 @@ from ...program.orders import Order
 from ..arrays import Arrays, attributes
 from ..execution import Execution, Task
 from ..plan import distance, path
+from ..quantities import Places, SampleRate, Speed
 from ..results import MicroscopeState, TimeSeries
-from ..verb import MOST_PLACES, Places, SampleRate, Speed, Verb, outside, too_much
+from ..verb import MOST_PLACES, Verb, outside, too_much
 from ..view import InstrumentView
 from .going import MoveTo
 

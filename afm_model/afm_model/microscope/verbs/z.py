@@ -8,8 +8,9 @@ from pydantic import Field
 from ...program import orders
 from ...program.orders import Order, Step
 from ..execution import Execution, Task
+from ..quantities import Metre, Rest, Speed
 from ..results import MicroscopeState
-from ..verb import Metre, Rest, Speed, Verb
+from ..verb import Verb
 from ..view import InstrumentView
 
 
