@@ -6,7 +6,7 @@ SHELL := bash
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
-PACKAGES := afm_model afm_predictive msgs afm_node_common afm_sim_node afm_controller_node afm_recorder_node afm_bringup afm_nanonis tests
+PACKAGES := afm_model afm_predictive msgs afm_node_common afm_sim_node afm_controller_node afm_recorder_node afm_bringup afm_nanonis afm_ros2_control tests
 MANIFESTS := $(foreach p,$(PACKAGES),$(wildcard $(p)/src/* $(p)/package.xml $(p)/setup.py $(p)/setup.cfg $(p)/CMakeLists.txt $(p)/msg/*.msg $(p)/srv/*.srv $(p)/action/*.action $(p)/launch/*.py $(p)/config/*))
 BUILT := ros2_ws/install/.built
 

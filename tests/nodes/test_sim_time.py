@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
 from hand_controller import answer, run_in_process
+from rclpy.clock import Clock as RosClock
+from rclpy.clock import ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from support import Graph, Observer, ros_arguments
 
@@ -84,6 +87,52 @@ def test_timer_of_simulated_time_answers_every_measurement_in_lockstep_also_afte
         assert score.trajectory_sha256 == expected_sha()
         # On a machine that stands still one may be sent again.
         assert score.drives_lost < 5
+
+
+class Waiting(Node):
+    """Sleeps until a simulated time in a thread, and has a timer of simulated and one of wall time."""
+
+    def __init__(self, until: float) -> None:
+        simulated = Parameter("use_sim_time", value=True)
+        super().__init__("waiting", namespace=topics.NAMESPACE, parameter_overrides=[simulated])
+        self.simulated, self.wall = 0, 0
+        self.woken: list[float] = []
+        self.create_timer(PERIOD, self._count_simulated)
+        self.create_timer(0.01, self._count_wall, clock=RosClock(clock_type=ClockType.STEADY_TIME))
+        self._until = Time(seconds=until, clock_type=ClockType.ROS_TIME)
+        self.sleeper = Thread(target=self._sleep)
+
+    def _count_simulated(self) -> None:
+        self.simulated += 1
+
+    def _count_wall(self) -> None:
+        self.wall += 1
+
+    def _sleep(self) -> None:
+        self.get_clock().sleep_until(self._until)
+        self.woken.append(self.get_clock().now().nanoseconds * 1e-9)
+
+
+def test_at_a_reset_timers_go_on_and_a_sleep_until_a_time_lasts_until_the_new_run_has_reached_it() -> None:
+    until = 3.5 * TICKS * PERIOD
+    with Graph(arguments(ticks=4 * TICKS, clock_each_tick=True)) as graph, spinning(Timed()):
+        waiting = Waiting(until)
+        with spinning(waiting):
+            observer = graph.add(Observer())
+            simulator = graph.add(SimNode())
+            graph.spin_until(lambda: waiting.get_clock().now().nanoseconds > 0)
+            waiting.sleeper.start()
+            graph.spin_until(lambda: simulator.run.instrument.ticks > TICKS // 2)
+            observer.call(graph, topics.RESET)
+            assert not waiting.woken
+            before = waiting.simulated, waiting.wall
+            graph.spin_until(lambda: observer.scores)
+            graph.spin_until(lambda: waiting.woken)
+            assert waiting.woken[0] >= until
+            # The run after the reset had all of its ticks, and its timers.
+            assert waiting.simulated - before[0] > 3 * TICKS
+            assert waiting.wall > before[1]
+            waiting.sleeper.join()
 
 
 def test_timer_of_a_controller_that_is_started_again_in_lockstep_goes_on_where_the_other_has_ended() -> None:

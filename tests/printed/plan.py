@@ -20,6 +20,8 @@ NOT_HERE = {
     r"export (ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET|CYCLONEDDS_URI)": "it needs another machine or another middleware",
     r"export RMW_IMPLEMENTATION=": "it needs a middleware that the wheels do not have",
     r"ros2 (launch|bag) ": "it needs a full ROS 2 (test_launch.py, test_bag_qos.py run what is ours)",
+    r"ros2 run controller_manager ": "it needs ros2_control "
+    "(test_ros2_control.py runs what the component does without it)",
     r"ros2 security |for node .* ros2 security |export ROS_SECURITY|.* --enclave ": "it "
     "needs the ros2 security of a full ROS 2",
     r"import socket\nfrom nanonis_spm|from nanonisTCP ": "it needs a client of others from PyPI "
@@ -57,6 +59,7 @@ TEXTS = {
     r"tracking error, rms|the same trajectory in all|f0 = |tracking error along x, rms": "what a command prints",
     r" *law  runs  finished|warning: ": "what a command prints",
     r"flowchart|law -> command|measurement --> estimate": "a drawing",
+    r"<hardware>": "a part of a robot description",
     r"-p run\.spin_time:=": "arguments of a node",
     r"\[project\.entry-points": "a file of a package",
 }

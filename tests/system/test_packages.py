@@ -19,7 +19,7 @@ IN_PYTHON = [package for package in PACKAGES if (package / package.name / "__ini
 
 
 def test_all_packages_are_here() -> None:
-    assert len(PACKAGES) == 10
+    assert len(PACKAGES) == 11
     assert len(IN_PYTHON) == 8
 
 
