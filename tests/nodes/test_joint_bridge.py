@@ -16,7 +16,7 @@ from support import Command, Graph, Observer, executable, ros_arguments
 
 from afm_bringup.joint_bridge import AXES, COMMANDS, STATES, JointBridge, efforts, joint_state
 from afm_model import SimParameters, build, simulate
-from afm_model.core.records import record_at
+from afm_model.parts import record_at
 from afm_model.parts.signals import Measurement as SignalsMeasurement
 from afm_node_common import topics
 from afm_sim_node.node import SimNode
