@@ -22,6 +22,7 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from afm_model.core.errors import reason
+from afm_model.core.shown import shown
 
 from .record_writer import ABOUT, CHECKSUM, END, checksum
 from .recording import DamagedRecording, RecordingError
@@ -92,7 +93,7 @@ class Record:
     @property
     def missing(self) -> str:
         """Why it is not complete; empty if it is."""
-        return _NO_END if self.end is None else self.end.get("missing", "")
+        return _NO_END if self.end is None else shown(self.end.get("missing", ""))
 
     def messages(
         self, topics: Collection[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63

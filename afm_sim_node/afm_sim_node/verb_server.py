@@ -63,6 +63,16 @@ class PatientServer(AnsweringServer):
         except BaseException as error:
             self._node.get_logger().warning(f"a request to an action was not answered: {sentence(error)}")
 
+    async def _execute_goal(self, execute_callback: Any, goal_handle: ServerGoalHandle) -> None:
+        """Called by rclpy to answer a goal.
+
+        It forgets a goal whose number has come a second time, just when the first of them was given up (30 s after its end).
+        """
+        try:
+            await super()._execute_goal(execute_callback, goal_handle)
+        except KeyError:
+            self._node.get_logger().warning("a goal was not answered: another one had the same number")
+
     def answer(self, goal: ServerGoalHandle, conclude: Callable[[ServerGoalHandle], Any]) -> None:
         """Have the client told the result that `conclude` returns; it has to set the state of the goal, too."""
         super().notify_execute(goal, conclude)

@@ -72,3 +72,12 @@ def test_every_value_that_a_parameter_of_a_node_has_comes_back(tmp_path: Path) -
     message.node, message.parameters = "/my/node", [*message.parameters, empty]
     path = recorded.record(tmp_path / "run.mcap", [(name, message), *Run(20).block(0, 20)])
     assert read_recording(path).parameters == {"/my/node": values | {"bytes": [1, 255], "b": []}}
+
+
+def test_what_a_recorder_says_is_missing_reaches_no_terminal_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = recorded.record(tmp_path / "run.mcap", Run(20).messages(), {"missing": "\x1b[2Jall"})
+    assert inspect_command.main([str(path)]) == 0
+    told = "".join(capsys.readouterr())
+    assert "NOT COMPLETE: \\x1b[2Jall" in told and "\x1b" not in told

@@ -32,6 +32,7 @@ _SILENT = (InstrumentStatus.STALLED, InstrumentStatus.RETRACTED)
 def recorder(graph: Graph, folder: Path, namespace: str) -> Iterator[Try]:
     """The recorder is killed while it records, starts or ends; the next one on the same path goes on."""
     trio = Trio(graph, folder, namespace)
+    folder = trio.folder
     trio.start_all()
 
     def one(rng: Random, outcome: Outcome) -> None:
