@@ -2,7 +2,7 @@
 
 SHELL := bash
 .DEFAULT_GOAL := help
-.PHONY: help demo scan test test-long bits build run-only with-tests setup lint site figures notebooks maps laws bench soak torture clean
+.PHONY: help demo scan test test-long bits build run-only with-tests setup lint site release figures notebooks maps laws bench soak torture clean
 
 # What a rebuild of the workspace depends on. Python sources are linked, not copied: editing them needs no rebuild,
 # adding a file does.
@@ -64,6 +64,9 @@ lint: build ## check style and types
 site: setup ## make a site of all pages, with a reference made from the code: out/site/index.html
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check -r requirements/site.txt && NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --quiet
 	@echo "out/site/index.html; with the search, which browsers refuse to pages from the disk: python3 -m http.server -d out/site"
+
+release: build ## wheels of all packages and the site, from what is committed, tried in an empty environment: out/release
+	@tools/release.sh
 
 figures: with-tests ## draw the figures of docs/paper.md again
 	@. ./env.sh && python tools/make_figures.py $(call arguments,,--duration 2e-3 --dpi 40 --out out/quick/figures)

@@ -30,7 +30,6 @@ setup(
     ],
     zip_safe=False,
     maintainer="The AFM developers",
-    maintainer_email="afm@example.org",
     description="Launch file and session runner of the virtual atomic force microscope.",
     long_description="Part of the virtual atomic force microscope; needs ROS 2 (rclpy, afm_msgs).",
     long_description_content_type="text/plain",

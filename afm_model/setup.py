@@ -10,7 +10,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(),
-    package_data={NAME: ["py.typed", "scenarios/*.yaml"]},
+    package_data={NAME: ["py.typed", "scenarios/*.yaml", "kernels/*/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -28,7 +28,6 @@ setup(
     entry_points={"console_scripts": ["afm = afm_model.__main__:main"]},
     zip_safe=False,
     maintainer="The AFM developers",
-    maintainer_email="afm@example.org",
     description="Physics and control laws of the virtual atomic force microscope; needs no ROS.",
     long_description=Path(__file__).resolve().with_name("README.md").read_text(),
     long_description_content_type="text/markdown",

@@ -26,7 +26,6 @@ setup(
     },
     zip_safe=False,
     maintainer="The AFM developers",
-    maintainer_email="afm@example.org",
     description="The virtual atomic force microscope behind the Nanonis TCP protocol, for programs of controllers.",
     long_description=Path(__file__).resolve().with_name("README.md").read_text(),
     long_description_content_type="text/markdown",

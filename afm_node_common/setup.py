@@ -18,7 +18,6 @@ setup(
     install_requires=["afm_model==0.1.0", "numpy>=1.26", "pydantic>=2.5"],
     zip_safe=False,
     maintainer="The AFM developers",
-    maintainer_email="afm@example.org",
     description="What the nodes of the virtual atomic force microscope share: topics, parameters, codec, run loop.",
     long_description="Part of the virtual atomic force microscope; needs ROS 2 (rclpy, afm_msgs).",
     long_description_content_type="text/plain",

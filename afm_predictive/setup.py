@@ -21,7 +21,6 @@ setup(
     entry_points={"afm_model.law": ["predictive = afm_predictive:PREDICTIVE"]},
     zip_safe=False,
     maintainer="The AFM developers",
-    maintainer_email="afm@example.org",
     description="Friction-predicting control law of the virtual atomic force microscope; needs no ROS.",
     long_description=Path(__file__).resolve().with_name("README.md").read_text(),
     long_description_content_type="text/markdown",

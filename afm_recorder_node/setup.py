@@ -38,7 +38,6 @@ setup(
     },
     zip_safe=False,
     maintainer="The AFM developers",
-    maintainer_email="afm@example.org",
     description="Records the topics of the virtual atomic force microscope with rerun, to a file and to a live viewer.",
     long_description="Part of the virtual atomic force microscope; needs ROS 2 (rclpy, afm_msgs).",
     long_description_content_type="text/plain",

@@ -18,7 +18,6 @@ setup(
     install_requires=["afm_node_common==0.1.0", "numpy>=1.26"],
     zip_safe=False,
     maintainer="The AFM developers",
-    maintainer_email="afm@example.org",
     description="Virtual atomic force microscope: steps the dynamics, publishes signals, takes drive commands.",
     long_description="Part of the virtual atomic force microscope; needs ROS 2 (rclpy, afm_msgs).",
     long_description_content_type="text/plain",

@@ -16,7 +16,6 @@ setup(
     extras_require={"test": ["pytest"]},
     zip_safe=False,
     maintainer="The AFM developers",
-    maintainer_email="afm@example.org",
     description="Tests of all packages of the virtual atomic force microscope; `colcon test` runs them.",
     license="Apache-2.0",
 )

@@ -36,6 +36,12 @@ rm -rf build install log
 # colcon's own choice has a limit of load in it, with which a busy machine compiles one file at a time.
 export MAKEFLAGS=${MAKEFLAGS:--j$(nproc)}
 echo "Building the ROS workspace (once: about 2 min of processor time) ..."
+# What the first runs need compiled, meanwhile. It can be done without.
+if [ -w ../afm_model/afm_model ]; then
+  rm -rf ../afm_model/afm_model/kernels
+  PYTHONPATH="$root/afm_model" nice -n 19 python ../tools/make_kernels.py > kernels.log 2>&1 &
+  trap "kill $! 2> /dev/null || true" EXIT
+fi
 count=$(python -m colcon list --names-only 2> /dev/null | wc -l)
 if ! python -m colcon build --event-handlers console_direct+ console_cohesion- status- desktop_notification- terminal_title- 2>&1 |
   tee "$root/ros2_ws/build.log" | show_progress; then
@@ -43,5 +49,6 @@ if ! python -m colcon build --event-handlers console_direct+ console_cohesion- s
   echo "error: the workspace did not build; the whole log is in ros2_ws/build.log" >&2
   exit 1
 fi
-mv build.log log/
+wait || true
+mv build.log kernels.log log/ 2> /dev/null || true
 touch install/.built

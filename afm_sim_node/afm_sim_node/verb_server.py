@@ -66,7 +66,7 @@ class PatientServer(AnsweringServer):
     async def _execute_goal(self, execute_callback: Any, goal_handle: ServerGoalHandle) -> None:
         """Called by rclpy to answer a goal.
 
-        It forgets a goal whose number has come a second time, just when the first of them was given up (30 s after its end).
+        It forgets a goal whose number has come a second time just when the first was given up, 30 s after its end.
         """
         try:
             await super()._execute_goal(execute_callback, goal_handle)

@@ -132,6 +132,18 @@ def toy(tmp_path):
     return made
 
 
+def test_kernels_that_came_with_a_package_for_any_processor_are_compiled_by_nobody(toy):
+    for_any = toy.cache.with_name("for_any")
+    in_a_new_process(
+        toy.script, NUMBA_CACHE_DIR=str(for_any), PYTHONDONTWRITEBYTECODE="1", **kernel_cache.ANY_PROCESSOR
+    )
+    shutil.copytree(for_any / "afm_model", toy.package.with_name("kernels"))
+    assert toy.run() == (21.0, 2)
+    assert not list(toy.cache.rglob("outer*"))
+    toy.write("callee.py", factor=3.0)
+    assert toy.run() == (31.0, 0)
+
+
 def test_edit_compiles_anew_what_depends_on_it_and_nothing_else(toy):
     assert toy.run() == (21.0, 0)
     assert toy.run() == (21.0, 2)

@@ -4,6 +4,9 @@ numba's own cache checks only the file of the function itself: after an edit in 
 old machine code. Here an edit compiles anew what depends on it and nothing else, and going back finds what was there
 before. Each kernel is a file of its own, written whole: processes at once do not disturb each other. What one of them
 compiles the others wait for.
+
+Kernels of the shipped scenarios, compiled for any processor of the architecture, may stand in the package itself
+(tools/make_kernels.py): they are found by the same fingerprints, and save the first run ten seconds.
 """
 
 import fcntl
@@ -35,6 +38,10 @@ UNUSED_DAYS = 30
 """What no process has used for so long is removed."""
 LARGEST = 256_000_000
 """Above this the folder is cut down, what was used last stays. [bytes]"""
+SHIPPED = Path(__file__).resolve().parents[1] / "kernels"
+"""Kernels that came with the package; who could write there could write the package itself."""
+ANY_PROCESSOR = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+"""Environment in which numba compiles what every processor of the architecture can run."""
 _DAY = 86400.0
 _PATIENCE = 180.0
 """What another process compiles is waited for so long [s], in case that process stands still."""
@@ -143,7 +150,8 @@ def _read(path: Path, target_context: Any) -> Any:
     try:
         with path.open("rb") as file:
             # The file itself and not its name, behind which another file may have been put meanwhile.
-            if not (_is_safe(os.fstat(file.fileno())) and _is_safe(path.parent.stat())):
+            safe = _is_safe(os.fstat(file.fileno())) and _is_safe(path.parent.stat())
+            if not safe and not path.is_relative_to(SHIPPED):
                 return None
             return compiler.CompileResult._rebuild(target_context, *pickle.loads(file.read()))
     except Exception:  # not there, or damaged, which may raise anything
@@ -171,31 +179,42 @@ class KernelCache(caching._Cache):  # type: ignore[misc]
     @property
     def cache_path(self) -> str | None:
         """Folder of the kernels of this function's file; None where they cannot be kept."""
-        folder, sources = _shelf()
+        folder, module = _shelf()[0], self._name()
+        return str(folder / module) if folder is not None and module is not None else None
+
+    def _name(self) -> str | None:
+        """Name of that folder; None if it is not known what the file did when it was loaded."""
         try:
-            fingerprint, unchanged = sources.fingerprint(self._module, self._file)
+            fingerprint, unchanged = _shelf()[1].fingerprint(self._module, self._file)
         except (OSError, SyntaxError):  # typed at a prompt, or made of text
             return None
-        return str(folder / f"{self._module}-{fingerprint[:20]}") if folder is not None and unchanged else None
+        return f"{self._module}-{fingerprint[:20]}" if unchanged else None
 
-    def _path(self, signature: Any, codegen: Any) -> Path | None:
-        folder = self.cache_path if self._enabled else None
+    def _path(self, folder: Path | None, signature: Any, processor: tuple[str, str, str]) -> Path | None:
+        """File of a kernel below a folder; `processor`: architecture, name and features, as numba names them."""
+        module = self._name() if self._enabled else None
         cells = [cell.cell_contents for cell in self._function.__closure__ or ()]
         code = _described(self._function.__code__, self._function.__doc__)
-        key = f"{signature} {codegen.magic_tuple()} {code}"
+        key = f"{signature} {processor} {code}"
         # An argument that is itself a function is known by its address, which says nothing in another process.
-        if folder is None or " at 0x" in key:
+        if folder is None or module is None or " at 0x" in key:
             return None
         digest = hashlib.sha256(key.encode() + (dumps(cells) if cells else b"")).hexdigest()
-        return Path(folder) / f"{self._function.__qualname__.replace('<', '').replace('>', '')}-{digest[:20]}"
+        return folder / module / f"{self._function.__qualname__.replace('<', '').replace('>', '')}-{digest[:20]}"
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """What was compiled for a signature, or None: then it is for this process to compile, until `release`."""
         target_context.refresh()
-        path = self._path(signature, target_context.codegen())
+        processor = target_context.codegen().magic_tuple()
+        path = self._path(_shelf()[0], signature, processor)
+        compiled = _read(path, target_context) if path is not None else None
+        if compiled is None and SHIPPED.is_dir():
+            shipped = self._path(SHIPPED, signature, (processor[0], *ANY_PROCESSOR.values()))
+            compiled = _read(shipped, target_context) if shipped is not None else None
+            if compiled is not None:
+                return compiled
         if path is None:
             return None
-        compiled = _read(path, target_context)
         if compiled is None:
             self._lock(path)
             compiled = _read(path, target_context)
@@ -235,7 +254,7 @@ class KernelCache(caching._Cache):  # type: ignore[misc]
 
     def save_overload(self, signature: Any, data: Any) -> None:
         """Keep what was compiled for a signature; a folder that cannot be written costs a warning."""
-        path = self._path(signature, data.codegen)
+        path = self._path(_shelf()[0], signature, data.codegen.magic_tuple())
         made = data._asdict()
         if path is None or made["lifted"] or made["library"].has_dynamic_globals:
             return
