@@ -116,10 +116,10 @@ class Front:
                 raise ProtocolError(str(error)) from None
 
     def do(self, verb: Any, **fields: Any) -> Any:
-        """Do a verb, in the thread of the jobs; its remarks are not told."""
+        """Do a verb, in the thread of the jobs; its result as plain arrays, without its remarks."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return self.microscope.do(verb, **fields)
+            return self.microscope.measure(verb, **fields)
 
     def serve(self, command: Command, arguments: Sequence[Any]) -> Sequence[Any]:
         """Do a command; the values of its response.

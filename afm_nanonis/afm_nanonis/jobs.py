@@ -23,6 +23,8 @@ _AGAIN = 0.05
 """Wall time between two requests to stop what is just being begun [s]."""
 _PATIENCE, _PASSING = 60.0, 20.0
 """Wall time for which a stop waits for the end of what was stopped, and a start for that of what passes [s]."""
+SOON = 0.1
+"""Wall time after which a stop is answered that clients do not wait for longer: some of them wait 0.25 s [s]."""
 Work = Callable[[], object]
 
 
@@ -81,8 +83,11 @@ class Jobs:
         with self._changed:
             limit = time.monotonic() + _PASSING
             while self.doing:
-                if self.doing not in PASSING or not self._changed.wait(limit - time.monotonic()):
+                if not (self.stopped or self.doing in PASSING) or time.monotonic() > limit:
                     raise ProtocolError(f"{self.doing} is running: stop it first")
+                if self.stopped:
+                    self._stop()
+                self._changed.wait(_AGAIN)
             work = prepare()
             self.doing, self.stopped = what, False
             self._begun += 1
@@ -100,16 +105,21 @@ class Jobs:
         if self.error:
             raise ProtocolError(self.error)
 
-    def stop(self, *kinds: str) -> None:
-        """End what is being done, if it is of these kinds (none: of any), and wait for its end."""
+    def stop(self, *kinds: str, soon: bool = False) -> None:
+        """End what is being done, if it is of these kinds (none: of any), and wait for its end.
+
+        With `soon` not for longer than `SOON`: it is then ending, and the next start waits for its end.
+        """
         with self._changed:
-            number, limit = self._begun, time.monotonic() + _PATIENCE
+            number, limit = self._begun, time.monotonic() + (SOON if soon else _PATIENCE)
             while self.doing and self._done < number and (not kinds or self.doing in kinds):
                 self.stopped = True
                 # A verb that has just been begun knows of no stop before.
                 self._stop()
                 self._changed.wait(_AGAIN)
                 if time.monotonic() > limit:
+                    if soon:
+                        return
                     raise ProtocolError(f"{self.doing} does not end")
 
     def close(self) -> None:

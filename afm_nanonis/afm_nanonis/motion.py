@@ -21,8 +21,9 @@ _NOWHERE = 1e-15
 
 @handles("FolMe.XYPosGet", "Scan.XYPosGet")
 def _place(front: Front, wait: int) -> list[Any]:
-    read = front.read("x", "y")
-    return [read["x"].value, read["y"].value]
+    # As it is driven, without the residual motion of the scanner: a client compares it with what it has set.
+    read = front.read("asked_x", "asked_y")
+    return [read["asked_x"].value, read["asked_y"].value]
 
 
 def _place_of(value: float) -> float:

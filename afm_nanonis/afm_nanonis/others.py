@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from afm_model.microscope import to_xarray
+
 from .codec import ProtocolError
 from .front import Front
 from .handlers import handles
@@ -240,7 +242,7 @@ def _sweep(front: Front, index: int, get: int, upwards: int) -> list[Any]:
     found: dict[str, Any] = {}
 
     def prepare() -> Work:
-        return lambda: found.update(tuned=front.do("tune", points=max(points, 5)))
+        return lambda: found.update(tuned=to_xarray(front.do("tune", points=max(points, 5))))
 
     front.jobs.finish(front.jobs.start(SPECTRUM, prepare))
     tuned = found["tuned"]

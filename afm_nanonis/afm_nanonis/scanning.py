@@ -99,8 +99,7 @@ def _scan(front: Front, upwards: bool, verb: Scan) -> None:
         frame, scan.upwards = _Frame(front, verb), upwards
         microscope.on_line = frame.put
         try:
-            done = front.do(verb)
-            frame.image.metadata = {k: str(v) for k, v in done.attrs.items() if k[:1].isupper()}
+            frame.image.metadata = front.do(verb).metadata
         finally:
             microscope.on_line = None
             frame.image.line_rate = frame.image.line_rate or verb.line_rate
@@ -147,7 +146,7 @@ def _action(front: Front, what: int, direction: int) -> list[Any]:
 
         front.jobs.start(SCAN, prepare)
     elif what == STOP:
-        front.jobs.stop(SCAN)
+        front.jobs.stop(SCAN, soon=True)
     elif what in (PAUSE, RESUME) and front.jobs.doing == SCAN:
         (front.microscope.pause if what == PAUSE else front.microscope.resume)()
     elif what == TO_THE_TIP:

@@ -160,12 +160,10 @@ def _start(front: Front, get: int, base: str) -> list[Any]:
         offset, distance = front.kept("ZSpectr.RangeGet")
 
         def run() -> Any:
-            front.do(verb)
-            outcome = front.microscope.outcome
-            assert outcome is not None
+            curves = front.do(verb)
             numbers = {"Z offset (m)": offset, "Z sweep distance (m)": distance}
             header = _header(front, "Z spectroscopy", numbers | {"Final Z (m)": front.z})
-            return header, _columns(front, state, outcome.result, towards, verb.lift)
+            return header, _columns(front, state, curves, towards, verb.lift)
 
         return run
 
@@ -196,7 +194,7 @@ def _start_bias(front: Front, get: int, base: str) -> list[Any]:
 
 @handles("ZSpectr.Stop", "BiasSpectr.Stop")
 def _stop(front: Front) -> list[Any]:
-    front.jobs.stop(SPECTRUM)
+    front.jobs.stop(SPECTRUM, soon=True)
     return []
 
 

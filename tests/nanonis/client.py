@@ -2,11 +2,23 @@
 
 import socket
 import struct
+import time
+from collections.abc import Callable
 from typing import Any
+
+TIMEOUT = 60.0
 
 
 class Refused(Exception):
     """The response says that there was an error."""
+
+
+def until(predicate: Callable[[], object]) -> None:
+    """Ask again and again, as clients do."""
+    limit = time.monotonic() + TIMEOUT
+    while not predicate():
+        if time.monotonic() > limit:
+            raise TimeoutError(f"still waiting after {TIMEOUT:g} s")
 
 
 class Client:

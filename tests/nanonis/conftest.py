@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -9,16 +10,16 @@ from afm_model.microscope import Live, Microscope
 from afm_nanonis.front import Front
 from afm_nanonis.server import Server
 
-from .client import Client
+from .client import Client, until
 
 
 class Served:
     """A server with its microscope; every test has a connection of its own."""
 
-    def __init__(self, folder: Path, factor: float = 5.0) -> None:
+    def __init__(self, folder: Path, factor: float = 5.0, **groups: Any) -> None:
         run = {"mode": "realtime", "real_time_factor": factor}
         # Stripes of two materials, narrow enough for quick scans.
-        self.microscope = Microscope("two_materials", engaged=True, run=run, sample={"width": 100e-9})
+        self.microscope = Microscope("two_materials", engaged=True, run=run, sample={"width": 100e-9}, **groups)
         assert isinstance(self.microscope.backend, Live)
         self.front = Front(self.microscope, self.microscope.backend.instrument.parameters, folder)
         self.server = Server(self.front, (0, 0, 0, 0), 0)
@@ -51,5 +52,6 @@ def engaged(served: Served, client: Client) -> Client:
     """A client whose tip is on the sample, feedback on."""
     client.call("ZCtrl.OnOffSet", "I", 1)
     served.front.jobs.wait(served.front.jobs._begun)
-    assert served.microscope.state.approached
+    # A loop that was held comes back to the sample by itself.
+    until(lambda: client.call("ZCtrl.OnOffGet", returns="I") == [1] and served.microscope.state.approached)
     return client

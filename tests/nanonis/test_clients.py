@@ -1,62 +1,30 @@
-"""Claims about clients from PyPI, unchanged: the suite of nanonisTCP, examples of nanonis_spm."""
+"""Claims about clients from PyPI, unchanged: nanonisTCP, nanonis_spm, nspmctl."""
 
-import os
-import subprocess
-import sys
+import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from .conftest import Served
+from .programs import programs, run
 
-PACKAGES = ["nanonisTCP==1.1.5", "nanonis_spm==1.0.9"]
-EXAMPLES = [
-    *("AutoApproach", "BiasPulsesAtVariousZ", "BiasSpectroscopy", "BiasSpectroscopy_MultiSegment", "CustomBiasSweep"),
-    *("CustomZSweep", "ForceDistanceCurve_OffsetComp", "LockInSweep", "RFGen_FreqSweep", "SwitchMode_STM_AFM"),
-    *("TipCleaner", "TipShaper"),
+EXAMPLES = ["BiasSpectroscopy", "ForceDistanceCurve_OffsetComp", "SwitchMode_STM_AFM"]
+LONG = [
+    *("AutoApproach", "BiasPulsesAtVariousZ", "BiasSpectroscopy_MultiSegment", "CustomBiasSweep", "CustomZSweep"),
+    *("LockInSweep", "RFGen_FreqSweep", "TipCleaner", "TipShaper"),
 ]
 MODULES = 18
-_LAUNCH = """
-import os, runpy, socket, sys
-free = dict(zip((6501, 6502, 6503, 6504), map(int, os.environ["PORTS"].split(","))))
-connect = socket.socket.connect
-socket.socket.connect = lambda self, place: connect(self, (place[0], free.get(place[1], place[1])))
-sys.path.insert(0, os.path.dirname(sys.argv[1]))
-runpy.run_path(sys.argv[1], run_name="__main__")
-"""
-"""Runs a program whose ports are those that were free; nothing of it is changed."""
 _KEYBOARD = "def is_pressed(key):\n    return False\n"
 """In place of a package that needs root."""
 
 
 @pytest.fixture(scope="module")
 def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("clients")
-    command = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps"]
-    done = subprocess.run([*command, "--target", folder, *PACKAGES], capture_output=True, text=True, check=False)
-    if done.returncode:
-        pytest.skip(f"PyPI cannot be reached: {done.stderr[-300:]}")
+    folder = programs(tmp_path_factory.mktemp("clients"), "nanonisTCP==1.1.5", "nanonis_spm==1.0.9", "nspmctl==0.3.0")
     (folder / "keyboard.py").write_text(_KEYBOARD)
-    (folder / "launch.py").write_text(_LAUNCH)
     return folder
-
-
-def run(served: Served, packages: Path, program: Path) -> str:
-    """Output of a program."""
-    environment = os.environ | {"PYTHONPATH": str(packages), "MPLBACKEND": "Agg"}
-    environment["PORTS"] = ",".join(map(str, served.server.ports))
-    done = subprocess.run(
-        [sys.executable, packages / "launch.py", program],
-        env=environment,
-        cwd=served.front.folder,
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    return done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +40,27 @@ def test_suite_of_nanonistcp_passes_in_all_its_modules(packages: Path, served: S
     assert "failed" not in printed
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("name", [*EXAMPLES, *(pytest.param(name, marks=pytest.mark.long) for name in LONG)])
 def test_example_of_nanonis_spm_runs(packages: Path, served: Served, name: str) -> None:
     run(served, packages, packages / "nanonis_spm_examples" / f"Example_{name}.py")
     with served.client() as client:
         # The instrument goes on, and answers.
         assert len(client.call("Signals.NamesGet", returns="SA")[0]) == 128
+
+
+def nspmctl(served: Served, packages: Path, *words: str) -> Any:
+    return json.loads(run(served, packages, "-m", "nspmctl", "--no-daemon", *words))
+
+
+def test_nspmctl_finds_the_ports_and_what_it_can_do(packages: Path, served: Served) -> None:
+    probed = nspmctl(served, packages, "doctor", "--command-probe")["probe"]
+    assert probed["candidate_ports"] == [6501, 6502, 6503, 6504]
+    assert nspmctl(served, packages, "capabilities")["parameters"]["count"] == 330
+
+
+@pytest.mark.long
+def test_nspmctl_sets_and_gets_parameters(packages: Path, served: Served) -> None:
+    nspmctl(served, packages, "set", "bias_v", "0.5")
+    assert nspmctl(served, packages, "get", "bias_v")["value"] == 0.5
+    setpoint = nspmctl(served, packages, "get", "zctrl_setpoint_a")["value"]
+    assert setpoint == pytest.approx(served.microscope.state.setpoint, rel=1e-6)

@@ -3,7 +3,6 @@
 import re
 import signal
 import socket
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -15,6 +14,7 @@ from support import Command, executable
 
 from afm_model import load_scenario
 from afm_model.files import read_scan
+from afm_nanonis.command import main
 
 from .client import Client
 
@@ -42,6 +42,7 @@ def client(tmp_path: Path) -> Iterator[Client]:
         sim.wait()
 
 
+@pytest.mark.long
 def test_microscope_on_topics_is_engaged_scanned_and_withdrawn_by_the_protocol(client: Client) -> None:
     assert client.call("ZCtrl.OnOffGet", returns="I") == [1]
     client.call("Scan.FrameSet", "f f f f f", 0.0, 0.0, 100e-9, 50e-9, 0.0)
@@ -71,13 +72,13 @@ def test_microscope_on_topics_is_engaged_scanned_and_withdrawn_by_the_protocol(c
         (["--ports", "TAKEN"], "Address already in use"),
     ],
 )
-def test_command_that_cannot_start_says_so_in_a_line(tmp_path: Path, arguments: list[str], told: str) -> None:
+def test_command_that_cannot_start_says_so_in_a_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         words = [word.replace("TAKEN", str(taken.getsockname()[1])) for word in arguments]
-        command = [sys.executable, "-m", "afm_model", "nanonis", *words, "--out", tmp_path]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 2
-    (line,) = done.stderr.splitlines()
+        assert main([*words, "--out", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: ") and told in line
 
 

@@ -2,8 +2,6 @@
 
 import math
 import struct
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +10,10 @@ import pytest
 from afm_model.files import read_curve, read_scan
 from afm_model.microscope import Microscope
 
-from .client import Client, Refused
+from .client import Client, Refused, until
 from .conftest import Served
 
-TIMEOUT = 60.0
 Z, VERTICAL, HORIZONTAL = 14, 1, 2
-
-
-def until(client: Client, predicate: Callable[[], object]) -> None:
-    """Ask again and again, as clients do."""
-    limit = time.monotonic() + TIMEOUT
-    while not predicate():
-        if time.monotonic() > limit:
-            raise TimeoutError(f"still waiting after {TIMEOUT:g} s")
 
 
 def z(client: Client) -> float:
@@ -37,7 +26,7 @@ def test_names_units_and_values_of_the_signals_belong_together(engaged: Client) 
     assert (names[14], names[24], names[0]) == ("Z (m)", "Bias (V)", "Current (A)")
     (setpoint,) = engaged.call("ZCtrl.SetpntGet", returns="f")
     assert names[VERTICAL] == "Vert. Deflection (V)"
-    until(engaged, lambda: abs(engaged.call("Signals.ValGet", "i I", 1, 1, returns="f")[0] / setpoint - 1.0) < 0.02)
+    until(lambda: abs(engaged.call("Signals.ValGet", "i I", 1, 1, returns="f")[0] / setpoint - 1.0) < 1e-3)
     values = engaged.call("Signals.ValsGet", "*i I", [VERTICAL, Z, 24], 1, returns="*f")[0]
     assert values[1] == pytest.approx(z(engaged), abs=2e-10)
     with pytest.raises(Refused, match="signal 128 is not allowed"):
@@ -49,13 +38,13 @@ def test_z_is_larger_farther_from_the_sample_and_has_no_effect_while_the_control
     engaged.call("ZCtrl.ZPosSet", "f", on + 200e-9)
     assert abs(z(engaged) - on) < 5e-9
     engaged.call("ZCtrl.OnOffSet", "I", 0)
-    until(engaged, lambda: engaged.call("ZCtrl.OnOffGet", returns="I") == [0])
+    until(lambda: engaged.call("ZCtrl.OnOffGet", returns="I") == [0])
     engaged.call("ZCtrl.ZPosSet", "f", on + 200e-9)
     assert z(engaged) == pytest.approx(on + 200e-9, abs=1e-12)
     # The cantilever is free there.
     assert abs(engaged.call("Signals.ValGet", "i I", VERTICAL, 1, returns="f")[0]) < 1e-3
     engaged.call("ZCtrl.OnOffSet", "I", 1)
-    until(engaged, lambda: abs(z(engaged) - on) < 5e-9)
+    until(lambda: abs(z(engaged) - on) < 5e-9)
     assert engaged.call("ZCtrl.StatusGet", returns="H") == [2]
 
 
@@ -64,8 +53,8 @@ def test_switching_off_lifts_the_tip(engaged: Client) -> None:
     engaged.call("ZCtrl.TipLiftSet", "f", 100e-9)
     on = z(engaged)
     engaged.call("ZCtrl.OnOffSet", "I", 0)
-    until(engaged, lambda: engaged.call("ZCtrl.OnOffGet", returns="I") == [0])
-    until(engaged, lambda: z(engaged) == pytest.approx(on + 100e-9, abs=3e-9))
+    until(lambda: engaged.call("ZCtrl.OnOffGet", returns="I") == [0])
+    until(lambda: z(engaged) == pytest.approx(on + 100e-9, abs=3e-9))
     engaged.call("ZCtrl.TipLiftSet", "f", 0.0)
     engaged.call("ZCtrl.SwitchOffDelaySet", "f", 0.0)
 
@@ -75,7 +64,7 @@ def test_setpoint_and_gains_are_given_back_to_the_last_bit_and_in_force(served: 
     gains = engaged.call("ZCtrl.GainGet", returns="f f f")
     engaged.call("ZCtrl.SetpntSet", "f", 3.1)
     assert engaged.call("ZCtrl.SetpntGet", returns="f") == [struct.unpack(">f", struct.pack(">f", 3.1))[0]]
-    until(engaged, lambda: abs(engaged.call("Signals.ValGet", "i I", 1, 1, returns="f")[0] - 3.1) < 0.1)
+    until(lambda: abs(engaged.call("Signals.ValGet", "i I", 1, 1, returns="f")[0] - 3.1) < 0.1)
     engaged.call("ZCtrl.GainSet", "f f f", 1e-10, 2e-5, 123.0)
     assert engaged.call("ZCtrl.GainGet", returns="f f f") == pytest.approx([1e-10, 2e-5, 5e-6], rel=1e-6)
     assert served.microscope.state.integral_gain == pytest.approx(5e-6)
@@ -120,7 +109,7 @@ def test_withdrawal_goes_to_the_upper_limit_and_an_approach_comes_back(served: S
     assert engaged.call("ZCtrl.OnOffGet", returns="I") == [0]
     engaged.call("AutoApproach.Open")
     engaged.call("AutoApproach.OnOffSet", "H", 1)
-    until(engaged, lambda: engaged.call("AutoApproach.OnOffGet", returns="H") == [0])
+    until(lambda: engaged.call("AutoApproach.OnOffGet", returns="H") == [0])
     assert engaged.call("ZCtrl.OnOffGet", returns="I") == [1]
     assert z(engaged) == pytest.approx(on, abs=5e-9)
     engaged.call("ZCtrl.LimitsEnabledSet", "I", 0)
@@ -132,7 +121,7 @@ def test_withdrawal_that_is_waited_for_too_short_is_an_error_and_goes_on(served:
         engaged.call("ZCtrl.Withdraw", "I i", 1, 1)
     assert engaged.call("ZCtrl.StatusGet", returns="H") == [6]
     engaged.call("ZCtrl.WithdrawRateSet", "f", 1e-5)
-    until(engaged, lambda: served.front.jobs.doing == "")
+    until(lambda: served.front.jobs.doing == "")
     assert z(engaged) == pytest.approx(served.front.z_limits[0], abs=1e-12)
 
 
@@ -196,12 +185,12 @@ def test_scan_is_stopped_on_another_port_with_the_tip_on_the_sample_and_no_file(
             engaged.call("ZSpectr.Start", "I S", 1, "", returns="SA M *f")
         with pytest.raises(Refused, match="a scan is running: stop it first"):
             engaged.call("FolMe.XYPosSet", "d d I", 0.0, 0.0, 1)
-        until(engaged, lambda: np.isfinite(grabbed(engaged, Z)[0]).any())
+        until(lambda: np.isfinite(grabbed(engaged, Z)[0]).any())
         seen, _ = grabbed(engaged, Z)
         # Upwards: the rows at the top are not there yet.
         assert np.isnan(seen[0]).all() and np.isfinite(seen[-1]).all()
         engaged.call("Scan.Action", "H I", 1, 1)
-        assert engaged.call("Scan.StatusGet", returns="I") == [0]
+        until(lambda: engaged.call("Scan.StatusGet", returns="I") == [0])
         assert waiting.call("Scan.WaitEndOfScan", "i", -1, returns="I S") == [0, ""]
     assert served.microscope.state.approached
     assert not list(served.front.folder.glob("stopped*"))
@@ -212,7 +201,7 @@ def test_continuous_scan_goes_on_until_it_is_stopped_and_saves_every_frame(serve
     engaged.call("Scan.PropsSet", "I I I", 1, 1, 0)
     engaged.call("Scan.Action", "H I", 0, 1)
     paths = [engaged.call("Scan.WaitEndOfScan", "i", -1, returns="I S")[1] for _ in range(2)]
-    until(engaged, lambda: len(list(served.front.folder.glob("again*"))) >= 3)
+    until(lambda: len(list(served.front.folder.glob("again*"))) >= 3)
     engaged.call("Scan.Action", "H I", 1, 1)
     engaged.call("Scan.PropsSet", "I I I", 2, 2, 0)
     assert all(paths)
@@ -265,12 +254,13 @@ def test_force_curve_has_the_pull_off_of_the_verb_and_its_file(served: Served, e
     with Microscope("two_materials", sample={"width": 100e-9}) as other:
         other.approach(rate=10e-6)
         other.go_to(x=50e-9, y=0.0)
-        curve = other.force_curve(trigger_voltage=7.0, lift=150e-9, ramp=400e-9, approach_rate=4e-6, retract_rate=4e-6)
-    assert backward.min() == pytest.approx(float(curve.deflection_voltage.min()), rel=0.03)
+        way = {"lift": 150e-9, "ramp": 400e-9, "approach_rate": 4e-6, "retract_rate": 4e-6}
+        (curve,) = other.measure("force_curve", trigger_voltage=7.0, **way)
+    assert backward.min() == pytest.approx(curve.record.channels["deflection_voltage"].min(), rel=0.03)
     # The slope in contact: S of vertical motion.
     pressed = (forward > 2.0) & (forward < 6.5)
     slope = np.polyfit(rel[pressed], forward[pressed], 1)[0]
-    assert -1.0 / slope == pytest.approx(float(curve.deflection_sensitivity[0]), rel=0.05)
+    assert -1.0 / slope == pytest.approx(curve.deflection_sensitivity, rel=0.05)
     assert served.microscope.state.approached
 
 
@@ -281,9 +271,9 @@ def test_spectrum_is_stopped_on_another_port_and_the_tip_is_back(served: Served,
     engaged.call("ZSpectr.RetractSet", "H f i H", 1, 6.0, VERTICAL, 0)
     with served.client(1) as other:
         other.socket.sendall(b"ZSpectr.Start".ljust(32, b"\0") + struct.pack(">iHHIi", 8, 1, 0, 0, 0))
-        until(engaged, lambda: engaged.call("ZSpectr.StatusGet", returns="I") == [1])
+        until(lambda: engaged.call("ZSpectr.StatusGet", returns="I") == [1])
         engaged.call("ZSpectr.Stop")
-        assert engaged.call("ZSpectr.StatusGet", returns="I") == [0]
+        until(lambda: engaged.call("ZSpectr.StatusGet", returns="I") == [0])
         other.received(40)
     engaged.call("ZSpectr.PropsSet", "H i H H H H", 1, 1000, 1, 1, 0, 0)
     assert served.microscope.state.approached

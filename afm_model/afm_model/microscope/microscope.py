@@ -175,6 +175,10 @@ class Microscope(LoopSettings):
         UserWarning
             If the result needs a remark, such as that z was at the end of its range.
         """
+        return to_xarray(self.measure(verb, **fields))
+
+    def measure(self, verb: Verb | str, **fields: Any) -> Any:
+        """Do a verb as `do`; return its result as it is written to files, without importing xarray."""
         if isinstance(verb, str):
             try:
                 verb = find(verb).of(fields)
@@ -186,8 +190,8 @@ class Microscope(LoopSettings):
             broken_off.outcome = outcome
             raise broken_off
         if outcome.message:
-            warnings.warn(outcome.message, stacklevel=3)
-        return to_xarray(outcome.result)
+            warnings.warn(outcome.message, stacklevel=4)
+        return outcome.result
 
     def objection(self, verb: Verb) -> str:
         """Why a verb cannot be begun now, one sentence; empty if it can."""

@@ -1,0 +1,44 @@
+"""Programs of others, unchanged: the ports that they know lead to those of a server of the tests."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from pypi import installed
+
+from afm_nanonis.server import PORTS
+
+from .conftest import Served
+
+_SITE = """
+import os, socket
+free = dict(zip({ports}, map(int, os.environ["PORTS"].split(","))))
+connect = socket.socket.connect
+def at_free_port(self, place):
+    return connect(self, (place[0], free.get(place[1], place[1])) if isinstance(place, tuple) else place)
+socket.socket.connect = at_free_port
+"""
+"""Python runs it at its start: several tests may run at one time, and a port may be taken."""
+
+
+def programs(folder: Path, *packages: str) -> Path:
+    """Install packages from PyPI into a folder, for `run`."""
+    (installed(folder, *packages) / "sitecustomize.py").write_text(_SITE.format(ports=PORTS))
+    return folder
+
+
+def run(served: Served, folder: Path, *program: Path | str) -> str:
+    """Output of a Python program that finds packages in a folder, and has to succeed."""
+    places = {"PYTHONPATH": str(folder), "PORTS": ",".join(map(str, served.server.ports))}
+    done = subprocess.run(
+        [sys.executable, *program],
+        env=os.environ | places | {"MPLBACKEND": "Agg"},
+        cwd=served.front.folder,
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
