@@ -4,6 +4,7 @@ import argparse
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -44,6 +45,8 @@ def _ports(words: str) -> list[int]:
 def serve(front: Front, arguments: argparse.Namespace) -> None:
     """Listen until Ctrl-C, or a request to end."""
     ports = _ports(arguments.ports)
+    # Remarks about results have no place in the protocol; filters are those of all threads.
+    warnings.simplefilter("ignore", UserWarning)
     if arguments.address not in (ADDRESS, "localhost", "::1"):
         print(
             f"warning: on {arguments.address} everybody who reaches this machine can operate the microscope and write "

@@ -2,7 +2,6 @@
 
 import math
 import threading
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
@@ -107,19 +106,16 @@ class Front:
 
     @contextmanager
     def setting(self) -> Iterator[Microscope]:
-        """Set something: what is refused is an error of the protocol, remarks are not told."""
-        with self._asking, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        """Set something: what is refused is an error of the protocol."""
+        with self._asking:
             try:
                 yield self._asked
             except (ParameterError, VerbError) as error:
                 raise ProtocolError(str(error)) from None
 
     def do(self, verb: Any, **fields: Any) -> Any:
-        """Do a verb, in the thread of the jobs; its result as plain arrays, without its remarks."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return self.microscope.measure(verb, **fields)
+        """Do a verb, in the thread of the jobs; its result as plain arrays."""
+        return self.microscope.measure(verb, **fields)
 
     def serve(self, command: Command, arguments: Sequence[Any]) -> Sequence[Any]:
         """Do a command; the values of its response.
@@ -142,6 +138,12 @@ class Front:
     def kept(self, name: str, *indices: Any) -> list[Any]:
         """Values of a setting that is stored, by the name of its Get."""
         return self.settings.of(COMMANDS[name], indices)
+
+    def free_path(self, base: str, digits: int, suffix: str) -> Path:
+        """Path of a file with the next free number after its base name."""
+        ends = (path.stem[len(base) :] for path in self.folder.glob(f"{base}*{suffix}"))
+        number = 1 + max((int(end) for end in ends if end.isdigit()), default=0)
+        return self.folder / f"{base}{number:0{digits}d}{suffix}"
 
     def close(self) -> None:
         """End what is being done; the microscope is closed by who has opened it."""

@@ -13,10 +13,10 @@ _FASTEST = 1e-5
 """Of an approach by the integrator, and of a motion of Z [m/s]."""
 CONTROLLERS = {"deflection": "cAFM", "amplitude": "Amplitude", "frequency": "Frequency (neg)"}
 """By what the loop regulates."""
-OFF, ON, HOLD, SWITCHING_OFF, WITHDRAWING = 1, 2, 3, 4, 6
+OFF, ON, SWITCHING_OFF, WITHDRAWING = 1, 2, 4, 6
 _LEAST = 1e-12
-_NOWHERE = 1e-15
-"""Less than any microscope moves by [m]."""
+_NOTHING = 1e-15
+"""Less than any scanner moves by [m], or turns by [deg]."""
 
 
 @handles("FolMe.XYPosGet", "Scan.XYPosGet")
@@ -26,9 +26,9 @@ def _place(front: Front, wait: int) -> list[Any]:
     return [read["asked_x"].value, read["asked_y"].value]
 
 
-def _place_of(value: float) -> float:
-    """A place [m]; what is left of a sum of numbers that are none is 0."""
-    return 0.0 if abs(value) < _NOWHERE else value
+def of_sum(value: float) -> float:
+    """A place [m] or an angle [deg]; what rounding has left of 0 is 0."""
+    return 0.0 if abs(value) < _NOTHING else value
 
 
 @handles("FolMe.XYPosSet")
@@ -36,7 +36,7 @@ def _move(front: Front, x: float, y: float, wait: int) -> list[Any]:
     for axis, value, travel in zip("xy", (x, y), front.ranges, strict=False):
         if not abs(value) <= 0.5 * travel:
             raise ProtocolError(f"{axis} = {value:g} m is not allowed: it must be within +-{0.5 * travel:g} m")
-    x, y = _place_of(x), _place_of(y)
+    x, y = of_sum(x), of_sum(y)
     speed = max(front.follow_speed if front.own_speed else front.scan.speeds[0], _LEAST)
 
     def prepare() -> Work:
@@ -67,11 +67,6 @@ def _stop_move(front: Front) -> list[Any]:
     return []
 
 
-@handles("FolMe.OversamplSet")
-def _set_oversampling(front: Front, count: int) -> list[Any]:
-    return []
-
-
 @handles("FolMe.OversamplGet")
 def _oversampling(front: Front) -> list[Any]:
     return [10, 1000.0]
@@ -80,11 +75,6 @@ def _oversampling(front: Front) -> list[Any]:
 @handles("FolMe.PSExpGet")
 def _experiment(front: Front) -> list[Any]:
     return [0, ["Z Spectroscopy", "Bias Spectroscopy"]]
-
-
-@handles("FolMe.PSExpSet")
-def _set_experiment(front: Front, index: int) -> list[Any]:
-    return []
 
 
 @handles("ZCtrl.ZPosGet")

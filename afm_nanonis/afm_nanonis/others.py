@@ -32,11 +32,6 @@ def _bias_ranges(front: Front) -> list[Any]:
     return [["10 V"], 0]
 
 
-@handles("Bias.RangeSet")
-def _set_bias_range(front: Front, index: int) -> list[Any]:
-    return []
-
-
 @handles("Bias.Pulse")
 def _pulse(front: Front, wait: int, width: float, bias: float, hold: int, absolute: int) -> list[Any]:
     if wait:
@@ -147,27 +142,22 @@ def _log_status(front: Front) -> list[Any]:
     return ["", 0, 0, 0.0, "", "", 0]
 
 
-@handles("Osci1T.TimebaseSet")
-def _set_base1(front: Front, index: int) -> list[Any]:
-    if index >= 0:
-        front.numbers.bases["Osci1T"] = min(index, len(_BASES) - 1)
-    return []
+def _with_base(module: str) -> None:
+    """Handlers of the time base of an oscilloscope."""
+
+    @handles(f"{module}.TimebaseSet")
+    def set_base(front: Front, index: int) -> list[Any]:
+        if index >= 0:
+            front.numbers.bases[module] = min(index, len(_BASES) - 1)
+        return []
+
+    @handles(f"{module}.TimebaseGet")
+    def base(front: Front) -> list[Any]:
+        return [front.numbers.bases[module], _BASES]
 
 
-@handles("Osci1T.TimebaseGet")
-def _base1(front: Front) -> list[Any]:
-    return [front.numbers.bases["Osci1T"], _BASES]
-
-
-@handles("Osci2T.TimebaseSet")
-def _set_base2(front: Front, index: int) -> list[Any]:
-    front.numbers.bases["Osci2T"] = min(index, len(_BASES) - 1)
-    return []
-
-
-@handles("Osci2T.TimebaseGet")
-def _base2(front: Front) -> list[Any]:
-    return [front.numbers.bases["Osci2T"], _BASES]
+_with_base("Osci1T")
+_with_base("Osci2T")
 
 
 def _trace(front: Front, indices: list[int], base: float) -> tuple[float, NDArray[np.float64]]:
@@ -192,34 +182,22 @@ def _osci2(front: Front, which: int) -> list[Any]:
     return [0.0, step, first, second]
 
 
-_LOOPS = {"Amp": (1e-3, 1e-3), "Phas": (1.0, 1e-3)}
+def _with_gains(loop: str, before: tuple[float, float]) -> None:
+    """Handlers of P and time constant of a loop of the PLL."""
+
+    @handles(f"PLL.{loop}CtrlGainSet")
+    def set_gain(front: Front, index: int, proportional: float, constant: float) -> list[Any]:
+        front.numbers.pll_gains[loop, index] = (proportional, constant)
+        return []
+
+    @handles(f"PLL.{loop}CtrlGainGet")
+    def gain(front: Front, index: int) -> list[Any]:
+        proportional, constant = front.numbers.pll_gains.get((loop, index), before)
+        return [proportional, constant, proportional / constant if constant else 0.0]
 
 
-@handles("PLL.AmpCtrlGainSet")
-def _set_amplitude_gain(front: Front, index: int, proportional: float, constant: float) -> list[Any]:
-    front.numbers.pll_gains["Amp", index] = (proportional, constant)
-    return []
-
-
-@handles("PLL.AmpCtrlGainGet")
-def _amplitude_gain(front: Front, index: int) -> list[Any]:
-    return _gain(front, "Amp", index)
-
-
-@handles("PLL.PhasCtrlGainSet")
-def _set_phase_gain(front: Front, index: int, proportional: float, constant: float) -> list[Any]:
-    front.numbers.pll_gains["Phas", index] = (proportional, constant)
-    return []
-
-
-@handles("PLL.PhasCtrlGainGet")
-def _phase_gain(front: Front, index: int) -> list[Any]:
-    return _gain(front, "Phas", index)
-
-
-def _gain(front: Front, loop: str, index: int) -> list[Any]:
-    proportional, constant = front.numbers.pll_gains.get((loop, index), _LOOPS[loop])
-    return [proportional, constant, proportional / constant if constant else 0.0]
+_with_gains("Amp", (1e-3, 1e-3))
+_with_gains("Phas", (1.0, 1e-3))
 
 
 @handles("PLL.FreqShiftAutoCenter")

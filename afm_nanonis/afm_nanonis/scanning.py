@@ -2,7 +2,6 @@
 
 import math
 import time
-import warnings
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -18,15 +17,14 @@ from .codec import ProtocolError
 from .front import Front
 from .handlers import handles
 from .jobs import SCAN, Work
+from .motion import of_sum
 from .scan_state import PIXELS, FreeScan
 from .signals import COUNT
 
 _TURN = 1.2
 """Periods of the scanner's resonance that a turn takes at least."""
 _OVERSCAN, _MOST_OVERSCAN = 0.1, 2.0
-_NOTHING = 1e-15
-"""Less than any scanner moves by [m], or turns by [deg]."""
-START, STOP, PAUSE, RESUME, FREEZE, UNFREEZE, TO_THE_TIP = range(7)
+START, STOP, PAUSE, RESUME, *_, TO_THE_TIP = range(7)
 
 
 def _overscan(front: Front, rate: float) -> float:
@@ -121,14 +119,8 @@ def _save(front: Front) -> str:
     """Write the image under the next free number; its path."""
     scan = front.scan
     assert scan.image is not None
-    numbers = [
-        int(found)
-        for path in front.folder.glob(f"{scan.series}*.sxm")
-        if (found := path.stem[len(scan.series) :]).isdigit()
-    ]
-    path = front.folder / f"{scan.series}{max(numbers, default=0) + 1:04d}.sxm"
     try:
-        return str(write_sxm(path, scan.image, date=scan.begun))
+        return str(write_sxm(front.free_path(scan.series, 4, ".sxm"), scan.image, date=scan.begun))
     except ResultFileError as error:
         raise VerbError(str(error)) from None
 
@@ -166,8 +158,7 @@ def _status(front: Front) -> list[Any]:
 def _set_frame(front: Front, x: float, y: float, width: float, height: float, angle: float) -> list[Any]:
     if not (width > 0.0 and height > 0.0 and all(map(math.isfinite, (x, y, width, height, angle)))):
         raise ProtocolError(f"a frame of {width:g} m x {height:g} m is not allowed: both must be > 0 m")
-    x, y, angle = (0.0 if abs(each) < _NOTHING else each for each in (x, y, angle))
-    front.scan.frame((x, y), (width, height), angle)
+    front.scan.frame((of_sum(x), of_sum(y)), (width, height), of_sum(angle))
     return []
 
 
@@ -262,27 +253,26 @@ def _grab(front: Front, channel: int, forward: int) -> list[Any]:
     return [title, image.data[scan.shown[channel], "trace" if forward else "retrace"][::-1], int(scan.upwards)]
 
 
-@handles("Scan.WaitEndOfScan")
-def _wait_for_scan(front: Front, timeout: int) -> list[Any]:
-    scan, frames = front.scan, front.scan.frames
+def _ended(front: Front, timeout: int, counter: str) -> bool:
+    """Wait for so long [ms] until a counter of the scan goes on, or the scan has ended."""
+    scan, before = front.scan, getattr(front.scan, counter)
     limit = math.inf if timeout < 0 else time.monotonic() + 1e-3 * timeout
     with scan.changed:
-        while front.jobs.doing == SCAN and scan.frames == frames:
+        while front.jobs.doing == SCAN and getattr(scan, counter) == before:
             # A scan that is stopped ends no frame.
             if not scan.changed.wait(min(max(limit - time.monotonic(), 0.0), 0.05)) and time.monotonic() >= limit:
-                return [1, ""]
-    return [0, scan.saved]
+                return False
+    return True
+
+
+@handles("Scan.WaitEndOfScan")
+def _wait_for_scan(front: Front, timeout: int) -> list[Any]:
+    return [0, front.scan.saved] if _ended(front, timeout, "frames") else [1, ""]
 
 
 @handles("Scan.WaitEndOfLine")
 def _wait_for_line(front: Front, timeout: int) -> list[Any]:
-    scan, ended = front.scan, front.scan.ended
-    limit = math.inf if timeout < 0 else time.monotonic() + 1e-3 * timeout
-    with scan.changed:
-        while front.jobs.doing == SCAN and scan.ended == ended:
-            if not scan.changed.wait(min(max(limit - time.monotonic(), 0.0), 0.05)) and time.monotonic() >= limit:
-                return [1, *scan.line, 0]
-    return [0, *scan.line, 0]
+    return [int(not _ended(front, timeout, "ended")), *front.scan.line, 0]
 
 
 @handles("Scan.Save")
@@ -290,9 +280,7 @@ def _save_now(front: Front, wait: int, timeout: int) -> list[Any]:
     if front.scan.image is None:
         raise ProtocolError("there is no image to save: start a scan first")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            front.scan.saved = _save(front)
+        front.scan.saved = _save(front)
     except (ParameterError, VerbError) as error:
         raise ProtocolError(str(error)) from None
     return [0]

@@ -124,13 +124,8 @@ class Signals:
         return (value - offset) / calibration if calibration else 0.0
 
 
-@handles("Signals.NamesGet")
+@handles("Signals.NamesGet", "Signals.MeasNamesGet")
 def _names(front: "Front") -> list[Any]:
-    return [[front.signals.title(index) for index in range(COUNT)]]
-
-
-@handles("Signals.MeasNamesGet")
-def _measured(front: "Front") -> list[Any]:
     return [[front.signals.title(index) for index in range(COUNT)]]
 
 

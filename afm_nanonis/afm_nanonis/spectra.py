@@ -1,4 +1,4 @@
-"""ZSpectr and BiasSpectr: force curves; sweeps of a bias that nothing here depends on."""
+"""ZSpectr: force curves; and what all spectra have, see `bias`."""
 
 import math
 from datetime import datetime
@@ -20,7 +20,7 @@ from .jobs import SPECTRUM, Work
 from .signals import COUNT, VERTICAL
 from .spectrum_state import SpectrumState
 
-_Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 _LEAST_LIFT = 1e-10
 """Way of z before a curve that is to begin where z is [m]."""
 _SLOWEST, _FASTEST = 1e-9, 1e-4
@@ -74,7 +74,7 @@ def _curve_verb(front: Front, state: SpectrumState) -> tuple[ForceCurve, bool]:
     ), towards
 
 
-def _columns(front: Front, state: SpectrumState, curves: list[Curve], towards: bool, lift: float) -> dict[str, _Array]:
+def _columns(front: Front, state: SpectrumState, curves: list[Curve], towards: bool, lift: float) -> dict[str, Array]:
     """Columns of a spectrum by their titles: means of the curves, over points of equal distance."""
     first = curves[0].record.channels
     begin = float(first["z"][0])
@@ -92,7 +92,7 @@ def _columns(front: Front, state: SpectrumState, curves: list[Curve], towards: b
     return found
 
 
-def _at(front: Front, index: int, curve: Curve, phase: int, z: _Array) -> _Array:
+def _at(front: Front, index: int, curve: Curve, phase: int, z: Array) -> Array:
     """A signal at places of z of one way of a curve."""
     constant, source = front.signals.constant(index), front.signals.source(index)
     if constant is None and source.signal not in _KEYS:
@@ -106,27 +106,26 @@ def _at(front: Front, index: int, curve: Curve, phase: int, z: _Array) -> _Array
     return np.interp(z, there[order], values[order])
 
 
-def _header(front: Front, kind: str, numbers: dict[str, float]) -> dict[str, str]:
+def header_of(front: Front, kind: str, numbers: dict[str, float]) -> dict[str, str]:
+    """Header of a file of a spectrum."""
     now, place = f"{datetime.now():%d.%m.%Y %H:%M:%S}", front.read("x", "y")
     head = {"Experiment": kind, "Saved Date": now, "User": "afm_nanonis", "Date": now}
     every = {"X (m)": place["x"].value, "Y (m)": place["y"].value, "Z (m)": front.z, **numbers}
     return head | {key: f"{value:.9E}" for key, value in every.items()} | {"Z-Ctrl hold": "TRUE"}
 
 
-def _save(front: Front, base: str, header: dict[str, str], columns: dict[str, _Array]) -> None:
+def _save(front: Front, base: str, header: dict[str, str], columns: dict[str, Array]) -> None:
     """Write a spectrum as .dat under the next free number."""
-    numbers = [int(end) for path in front.folder.glob(f"{base}*.dat") if (end := path.stem[len(base) :]).isdigit()]
-    path = front.folder / f"{base}{max(numbers, default=0) + 1:05d}.dat"
     lines = [*(f"{key}\t{value}\t" for key, value in header.items()), "", "[DATA]", "\t".join(columns)]
     with (
-        replacing(path, ".dat") as beside,
+        replacing(front.free_path(base, 5, ".dat"), ".dat") as beside,
         beside.open("w", encoding="ascii", errors="replace", newline="\r\n") as file,
     ):
         file.write("\n".join(lines) + "\n")
         np.savetxt(file, np.stack([*columns.values()], axis=1), fmt="%.9E", delimiter="\t")
 
 
-def _spectrum(front: Front, module: str, get: int, base: str, work: Any) -> list[Any]:
+def run_spectrum(front: Front, module: str, get: int, base: str, work: Any) -> list[Any]:
     """Run a spectrum and wait for its end; what Start returns."""
     state = front.spectra[module]
     if base and Path(base).name != base:
@@ -162,34 +161,12 @@ def _start(front: Front, get: int, base: str) -> list[Any]:
         def run() -> Any:
             curves = front.do(verb)
             numbers = {"Z offset (m)": offset, "Z sweep distance (m)": distance}
-            header = _header(front, "Z spectroscopy", numbers | {"Final Z (m)": front.z})
+            header = header_of(front, "Z spectroscopy", numbers | {"Final Z (m)": front.z})
             return header, _columns(front, state, curves, towards, verb.lift)
 
         return run
 
-    return _spectrum(front, "ZSpectr", get, base, work)
-
-
-@handles("BiasSpectr.Start")
-def _start_bias(front: Front, get: int, base: str) -> list[Any]:
-    def work(state: SpectrumState) -> Any:
-        begin, end = front.kept("BiasSpectr.LimitsGet")
-        bias = np.linspace(begin, end, state.points)
-
-        def run() -> Any:
-            # Nothing here depends on the bias: the signals are what they are.
-            values = dict(zip(state.channels, front.signals.values(state.channels), strict=True))
-            columns = {"Bias calc (V)": bias}
-            for suffix in ("", " [bwd]") if state.backward else ("",):
-                for index, value in values.items():
-                    name, unit = front.signals.named(index)
-                    of_bias = name == "Bias"
-                    columns[f"{name}{suffix} ({unit})"] = bias if of_bias else np.full(len(bias), value)
-            return _header(front, "bias spectroscopy", {}), columns
-
-        return run
-
-    return _spectrum(front, "BiasSpectr", get, base, work)
+    return run_spectrum(front, "ZSpectr", get, base, work)
 
 
 @handles("ZSpectr.Stop", "BiasSpectr.Stop")
@@ -203,7 +180,8 @@ def _status(front: Front) -> list[Any]:
     return [int(front.jobs.doing == SPECTRUM)]
 
 
-def _channels(front: Front, module: str, channels: list[int]) -> None:
+def set_channels(front: Front, module: str, channels: list[int]) -> None:
+    """Record these signals."""
     if wrong := [index for index in channels if not 0 <= index < COUNT]:
         raise ProtocolError(f"signal {wrong[0]} is not allowed: it must be 0 to {COUNT - 1}")
     front.spectra[module].channels = list(dict.fromkeys(channels)) or front.spectra[module].channels
@@ -211,13 +189,7 @@ def _channels(front: Front, module: str, channels: list[int]) -> None:
 
 @handles("ZSpectr.ChsSet")
 def _set_channels(front: Front, channels: list[int]) -> list[Any]:
-    _channels(front, "ZSpectr", channels)
-    return []
-
-
-@handles("BiasSpectr.ChsSet")
-def _set_bias_channels(front: Front, channels: list[int]) -> list[Any]:
-    _channels(front, "BiasSpectr", channels)
+    set_channels(front, "ZSpectr", channels)
     return []
 
 
@@ -227,13 +199,7 @@ def _get_channels(front: Front) -> list[Any]:
     return [channels, [front.signals.title(index) for index in channels]]
 
 
-@handles("BiasSpectr.ChsGet")
-def _get_bias_channels(front: Front) -> list[Any]:
-    channels = front.spectra["BiasSpectr"].channels
-    return [channels, [front.signals.title(index) for index in channels]]
-
-
-def _take(state: SpectrumState, points: int, **flags: int) -> None:
+def take(state: SpectrumState, points: int, **flags: int) -> None:
     """Take the properties that are given: 0 leaves one as it is, 1 is on, 2 is off."""
     if points > _MOST_POINTS:
         raise ProtocolError(f"{points} points are not allowed: at most {_MOST_POINTS}")
@@ -248,7 +214,7 @@ def _set_props(
     front: Front, backward: int, points: int, sweeps: int, autosave: int, dialog: int, save_all: int
 ) -> list[Any]:
     state = front.spectra["ZSpectr"]
-    _take(state, points, backward=backward, autosave=autosave, dialog=dialog, save_all=save_all)
+    take(state, points, backward=backward, autosave=autosave, dialog=dialog, save_all=save_all)
     state.sweeps = sweeps or state.sweeps
     return []
 
@@ -257,22 +223,3 @@ def _set_props(
 def _props(front: Front) -> list[Any]:
     state = front.spectra["ZSpectr"]
     return [state.backward, state.points, [], [], state.sweeps, state.save_all]
-
-
-@handles("BiasSpectr.PropsSet")
-def _set_bias_props(
-    front: Front, save_all: int, sweeps: int, backward: int, points: int, offset: float, autosave: int, dialog: int
-) -> list[Any]:
-    state = front.spectra["BiasSpectr"]
-    _take(state, points, backward=backward, autosave=autosave, dialog=dialog, save_all=save_all)
-    state.sweeps = sweeps if sweeps > 0 else state.sweeps
-    if math.isfinite(offset):
-        state.offset = offset
-    return []
-
-
-@handles("BiasSpectr.PropsGet")
-def _bias_props(front: Front) -> list[Any]:
-    state = front.spectra["BiasSpectr"]
-    titles = [front.signals.title(index) for index in state.channels]
-    return [*(state.save_all, state.sweeps, state.backward, state.points), titles, [], [], state.autosave, state.dialog]

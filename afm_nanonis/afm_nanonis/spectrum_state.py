@@ -14,5 +14,4 @@ class SpectrumState:
     autosave: int = 1
     dialog: int = 0
     save_all: int = 0
-    offset: float = 0.0  # of z [m]
     base: str = "spectrum"

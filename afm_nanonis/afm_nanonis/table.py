@@ -20,7 +20,7 @@ REAL, KEPT, DONE = "real", "kept", "done"
 SETTINGS = """
 Bias.Set/Get | f | f | kept | bias [V]
 Bias.RangeGet | | SA H | real | ranges of the bias, index
-Bias.RangeSet | H | | real | index of the range
+Bias.RangeSet | H | | done | index of the range
 Bias.CalibrSet/Get | f f | f f | kept 1 | calibration, offset
 Bias.Pulse | I f f H H | | real | wait, width [s], bias [V], hold z, relative or absolute
 Current.Get | | f | real | current [A]: 0
@@ -153,10 +153,11 @@ FolMe.XYPosGet | I | d d | real | place of the tip [m]
 FolMe.XYPosSet | d d I | | real | move, wait
 FolMe.SpeedSet/Get | f I | f I | real | speed [m/s]; 1 = this one, 0 = that of scans
 FolMe.Stop | | | real | stop the move
-FolMe.OversamplSet/Get | i | i f | real | oversampling, rate [Hz]
+FolMe.OversamplSet | i | | done | oversampling
+FolMe.OversamplGet | | i f | real | oversampling, rate [Hz]
 FolMe.PSOnOffSet/Get | I | I | kept | point and shoot
 FolMe.PSExpGet | | H SA | real | experiment of point and shoot, list
-FolMe.PSExpSet | H | | real | experiment of point and shoot
+FolMe.PSExpSet | H | | done | experiment of point and shoot
 FolMe.PSPropsSet/Get | I! I! S/"" S/"" f | I I S S f | kept | point and shoot
 ZCtrl.ZPosGet | | f | real | Z [m], larger = farther from the sample
 ZCtrl.ZPosSet | f | | real | Z [m]; no effect while the controller is on
@@ -217,7 +218,7 @@ BiasSpectr.PropsSet | H! i H! i f/nan H! H! | | real | save all, sweeps, backwar
 BiasSpectr.PropsGet | | H i H i SA SA SA H H | real | the same
 BiasSpectr.AdvPropsSet/Get | H! H! H! H! | H H H H | kept 1 1 | reset bias, z hold, final z, lock-in
 BiasSpectr.LimitsSet/Get | f f | f f | kept -1 1 | start, end [V]
-BiasSpectr.TimingSet/Get | f/nan f/nan f/nan f/nan f/nan f/nan f/nan f/nan | f f f f f f f f | kept | timing [s]
+BiasSpectr.TimingSet/Get | f/nan f/nan f/nan f/nan f/nan f/nan f/nan f/nan | f f f f f f f f | kept 0 0 0 1 2e-3 | [s]
 BiasSpectr.AltZCtrlSet/Get | H! f/nan f/nan | H f f | kept | alternate setpoint
 BiasSpectr.MLSModeSet/Get | S | S | kept Linear | mode
 BiasSpectr.MLSLockinPerSegSet/Get | I | I | kept | lock-in by segments

@@ -13,6 +13,13 @@ from afm_nanonis.server import Server
 from .client import Client, until
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Remarks of verbs are warnings in Python, and have no place in the protocol."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.filterwarnings("ignore::UserWarning"))
+
+
 class Served:
     """A server with its microscope; every test has a connection of its own."""
 

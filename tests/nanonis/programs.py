@@ -22,18 +22,28 @@ socket.socket.connect = at_free_port
 """Python runs it at its start: several tests may run at one time, and a port may be taken."""
 
 
+def redirect(folder: Path) -> None:
+    """Lead programs that find packages in this folder to the ports of `places`."""
+    (folder / "sitecustomize.py").write_text(_SITE.format(ports=PORTS))
+
+
 def programs(folder: Path, *packages: str) -> Path:
     """Install packages from PyPI into a folder, for `run`."""
-    (installed(folder, *packages) / "sitecustomize.py").write_text(_SITE.format(ports=PORTS))
+    redirect(installed(folder, *packages))
     return folder
+
+
+def places(served: Served, *folders: Path) -> dict[str, str]:
+    """Environment of a program: where it finds packages, and the ports of a server."""
+    found = {"PYTHONPATH": os.pathsep.join(map(str, folders)), "PORTS": ",".join(map(str, served.server.ports))}
+    return os.environ | found | {"MPLBACKEND": "Agg"}
 
 
 def run(served: Served, folder: Path, *program: Path | str) -> str:
     """Output of a Python program that finds packages in a folder, and has to succeed."""
-    places = {"PYTHONPATH": str(folder), "PORTS": ",".join(map(str, served.server.ports))}
     done = subprocess.run(
         [sys.executable, *program],
-        env=os.environ | places | {"MPLBACKEND": "Agg"},
+        env=places(served, folder),
         cwd=served.front.folder,
         capture_output=True,
         text=True,

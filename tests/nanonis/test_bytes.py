@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from afm_nanonis import motion, others, scanning, server, spectra  # noqa: F401  # their handlers
+from afm_nanonis import server  # noqa: F401  # and all handlers
 from afm_nanonis.codec import ProtocolError, arguments, failure, success
 from afm_nanonis.handlers import HANDLERS
 from afm_nanonis.settings import Settings
