@@ -103,7 +103,7 @@ def test_scan_by_the_protocol_takes_no_more_processor_time_than_the_verb(served:
         return time.process_time() - begin
 
     if not served.microscope.state.approached:
-        served.microscope.approach(rate=10e-6)
+        served.microscope.approach(rate=10e-6, range=10e-6)
     taken(by_verb), taken(by_protocol)
     # In turn, as the load of the machine changes: the least of each is what it needs.
     protocol, verb = np.array([(taken(by_protocol), taken(by_verb)) for _ in range(4)]).min(axis=0)

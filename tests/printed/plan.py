@@ -36,6 +36,7 @@ ELSEWHERE = {
     r"python -m pytest ": ".ci/run",
     r"python examples/learn_tracking.py": "tests/model/studies/test_learning.py",
     r"ros2 run afm_bringup joint_bridge": "tests/nodes/test_joint_bridge.py",
+    r"python examples/nanonis_two_materials.py": "tests/nanonis/test_physics.py",
     r"afm nanonis ": "tests/nanonis/test_commands.py",
     r"ros2 run afm_nanonis server ": "tests/nanonis/test_commands.py",
     r".* compare .* --robust ": "tests/predictive/test_wrong_models.py",
