@@ -23,10 +23,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 class Served:
     """A server with its microscope; every test has a connection of its own."""
 
-    def __init__(self, folder: Path, factor: float = 5.0, **groups: Any) -> None:
+    def __init__(
+        self, folder: Path, factor: float = 5.0, scenario: str = "two_materials", engaged: bool = True, **groups: Any
+    ) -> None:
         run = {"mode": "realtime", "real_time_factor": factor}
         # Stripes of two materials, narrow enough for quick scans.
-        self.microscope = Microscope("two_materials", engaged=True, run=run, sample={"width": 100e-9}, **groups)
+        self.microscope = Microscope(scenario, engaged=engaged, run=run, sample={"width": 100e-9}, **groups)
         assert isinstance(self.microscope.backend, Live)
         self.front = Front(self.microscope, self.microscope.backend.instrument.parameters, folder)
         self.server = Server(self.front, (0, 0, 0, 0), 0)

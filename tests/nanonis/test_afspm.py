@@ -66,7 +66,8 @@ def components(afspm: Path, config: Path, environment: dict[str, str], log: Path
     """Its processes between client and microscope, from when they are ready."""
     command = [afspm / "bin" / "python", "-m", "afspm.spawn", "spawn_components", config]
     with log.open("w") as told:
-        running = subprocess.Popen(command, env=environment, stdout=told, stderr=told, start_new_session=True)
+        place = {"cwd": log.parent, "start_new_session": True}
+        running = subprocess.Popen(command, env=environment, stdout=told, stderr=told, **place)
     try:
         while "New scope state SS_FREE" not in log.read_text():
             with suppress(subprocess.TimeoutExpired):

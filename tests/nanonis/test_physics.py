@@ -81,6 +81,21 @@ def test_vendors_wrapper_finds_the_edge_and_has_the_numbers_of_the_verbs(served:
 
 
 @pytest.mark.long
+def test_sweep_of_the_drive_has_resonance_and_quality_of_the_cantilever(tmp_path: Path) -> None:
+    plant = {"kind": "averaged", "lever": "ppp_fmr", "gap": 500e-9, "dt": 2e-6}
+    tapping = Served(tmp_path, scenario="tapping", engaged=False, plant=plant)
+    with tapping.client() as client:
+        client.call("PLLFreqSwp.ParamsSet", "i i f f", 1, 61, 0.01, 0.1)
+        returns = "SA M d d f f i i"
+        names, rows, resonance, quality, phase, *_ = client.call("PLLFreqSwp.Start", "i I I", 1, 1, 1, returns=returns)
+    tapping.close()
+    assert names == ["Frequency Shift (Hz)", "Amplitude (m)", "Phase (deg)", "Excitation (V)"]
+    assert np.array(rows).shape == (4, 61) and (np.diff(rows[0]) > 0.0).all()
+    # The preset: 77 kHz, Q = 165; at its resonance a driven oscillator lags by 90 degrees.
+    assert (resonance, quality, phase) == pytest.approx((77e3, 165.0, 90.0), rel=1e-3)
+
+
+@pytest.mark.long
 def test_scan_by_the_protocol_takes_no_more_processor_time_than_the_verb(served: Served) -> None:
     def by_protocol() -> None:
         with served.client() as client:
