@@ -7,12 +7,14 @@ Blum and Francois, Statistics and Computing 20, 63 (2010).
 import math
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from afm_model import changed, load_scenario, simulate_many
+from afm_model.studies.inference import BatchSimulator
 
 PARAMETERS = {  # smallest and largest value thought possible, each as likely as any other between
     "contact.tau": (0.6e9, 1.2e9),  # friction strength [Pa]
@@ -69,8 +71,8 @@ def _noise(signal):
     return np.median(np.abs(np.diff(signal, n=2)), axis=1) / 0.6745 / math.sqrt(6.0)
 
 
-def summarise(loop, curve):
-    """Eight numbers of each loop and curve [nN, nm]."""
+def loop_summary(loop):
+    """Six numbers of each loop [nN, nm]."""
     x, lateral, across = (loop[name].values * 1e9 for name in ("position", "lateral_force", "deflection"))
     step = np.gradient(x[:, :, 0], axis=1)
     later = loop.time.values >= 0.25 * loop.time.values[-1]
@@ -79,9 +81,6 @@ def summarise(loop, curve):
     def slid(signal, way):
         return np.sum(way * signal, axis=1) / np.maximum(np.sum(way, axis=1), 1.0)
 
-    bend = curve.deflection.values * 1e9
-    lowest = np.argmin(bend, axis=1)
-    near = np.clip(lowest[:, None] + np.arange(-8, 1), 0, bend.shape[1] - 1)
     return np.column_stack(
         [
             0.5 * (slid(lateral, forth) - slid(lateral, back)),
@@ -90,10 +89,29 @@ def summarise(loop, curve):
             np.sum(forth, axis=1) + np.sum(back, axis=1),
             np.log(_noise(lateral)),
             np.log(_noise(across)),
-            bend.min(axis=1),
-            np.take_along_axis(bend, near, axis=1).mean(axis=1),
         ]
     )
+
+
+def curve_summary(curve):
+    """Two numbers of each curve [nm]: deflection at the break of the contact, and the mean before it."""
+    bend = curve.deflection.values * 1e9
+    lowest = np.argmin(bend, axis=1)
+    near = np.clip(lowest[:, None] + np.arange(-8, 1), 0, bend.shape[1] - 1)
+    return np.column_stack([bend.min(axis=1), np.take_along_axis(bend, near, axis=1).mean(axis=1)])
+
+
+def summarise(loop, curve):
+    """Eight numbers of each loop and curve."""
+    return np.hstack([loop_summary(loop), curve_summary(curve)])
+
+
+@cache
+def _simulators():
+    return [
+        BatchSimulator(LOOP, list(PARAMETERS), loop_summary),
+        BatchSimulator(CURVE, list(PARAMETERS), curve_summary),
+    ]
 
 
 def _chunk(job):
@@ -102,7 +120,8 @@ def _chunk(job):
     if not file.exists():
         values, seeds = draw(np.random.default_rng((seed, number)), CHUNK)
         file.parent.mkdir(parents=True, exist_ok=True)
-        np.savez(file, values=values, summaries=summarise(*measure(values, seeds)))
+        found = [simulator(values, seed) for simulator, seed in zip(_simulators(), seeds.T, strict=True)]
+        np.savez(file, values=values, summaries=np.hstack(found))
     with np.load(file) as kept:
         return kept["values"], kept["summaries"]
 
