@@ -14,7 +14,7 @@ from quick_lever import KNOWN, LAW, OVER_THE_WEDGE, WEDGE
 
 from afm_model import ControllerParameters, SimParameters, build
 from afm_model.analysis import Estimate, friction_loop
-from afm_model.analysis.loops import FrictionLoop as FrictionLoopFit
+from afm_model.analysis.loops import LoopForces as FrictionLoopFit
 from afm_model.cantilever.tilted import tilted_deflection
 from afm_model.microscope import Local
 from afm_model.microscope.verbs import Approach, CalibrateLateral, CalibrateSensitivity, FrictionLoop, ThermalTune

@@ -17,7 +17,7 @@ from afm_model.core.schema import Specification
 from afm_model.fault import KINDS
 from afm_model.fault.entry import DRIVES, SENSORS
 from afm_model.parameters import Group, SetupSection, specifications
-from afm_model.run import TRANSITIONS, Cause, State
+from afm_model.run import TRANSITIONS, Cause, RunState
 from afm_nanonis.table import LOCK_INS, MEASURING, MOTION, SETTINGS
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_recorder_node.parameters import RecorderParameters
@@ -172,7 +172,7 @@ def transitions() -> str:
         targets = {target for (_, each), target in TRANSITIONS.items() if each == cause}
         for target in sorted(targets):
             states = [a.name for (a, each), b in TRANSITIONS.items() if (each, b) == (cause, target)]
-            origin = "every state" if len(states) == len(State) else ", ".join(f"`{name}`" for name in states)
+            origin = "every state" if len(states) == len(RunState) else ", ".join(f"`{name}`" for name in states)
             lines.append(f"| {cause.value} | {origin} | `{target.name}` |")
     return "\n".join(lines)
 

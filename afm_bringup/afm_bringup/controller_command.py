@@ -16,11 +16,11 @@ from afm_model import Scenario, ScenarioError
 from afm_model.core.errors import reason
 from afm_model.core.registry import add_parts
 from afm_node_common import topics
-from afm_node_common.runner import Interrupted
+from afm_node_common.runner import StopSignal
 
 from .domain import claimed_domain, end
 from .exam.connection import MATCHED, TopicConnection
-from .exam.judgement import Outcome, Verdict, exit_code, judge
+from .exam.judgement import RuleResult, Verdict, exit_code, judge
 from .exam.log import Log
 from .exam.procedure import LONG_TICKS, Procedure
 from .exam.rules import Terms
@@ -31,11 +31,11 @@ _CONTROLLER = "the controller"
 _END_TIME = 10.0
 """Time that a controller has to end after SIGINT [s]."""
 _START_TIMEOUT = 60.0
-_COLORS = {Outcome.KEPT: "green", Outcome.BROKEN: "red", Outcome.UNTESTED: "dim"}
+_COLORS = {RuleResult.KEPT: "green", RuleResult.BROKEN: "red", RuleResult.UNTESTED: "dim"}
 
 
 def _interrupt(number: int, frame: object) -> None:
-    raise Interrupted
+    raise StopSignal
 
 
 def _arguments() -> argparse.Namespace:
@@ -106,7 +106,7 @@ def main() -> int:
     terms = Terms(scenario.sim, arguments.deadline, arguments.feedback, arguments.repeats)
     try:
         log = _examine(scenario, command, arguments)
-    except Interrupted:
+    except StopSignal:
         return end("interrupted", 130)
     except OSError as error:
         if arguments.log is not None and error.filename == str(arguments.log):
@@ -169,7 +169,7 @@ def _show(verdicts: list[Verdict], title: str, asked: int) -> None:
         color = _COLORS[each.outcome]
         table.add_row(each.rule, f"[{color}]{each.outcome.value}[/{color}]", escape(each.reason))
     console.print(table)
-    broken = sum(each.outcome is Outcome.BROKEN for each in verdicts)
-    untested = sum(each.outcome is Outcome.UNTESTED for each in verdicts)
+    broken = sum(each.outcome is RuleResult.BROKEN for each in verdicts)
+    untested = sum(each.outcome is RuleResult.UNTESTED for each in verdicts)
     kept = len(verdicts) - broken - untested
     console.print(f"Rules: {kept} kept, {broken} broken, {untested} not tested; {asked} measurements.")

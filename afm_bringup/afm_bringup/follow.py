@@ -22,7 +22,7 @@ _SAFE = (
 """States that a run leaves only after an action from outside."""
 
 
-class RunError(RuntimeError):
+class RunFailure(RuntimeError):
     """Why a run did not come to its end, in one sentence."""
 
 
@@ -30,7 +30,7 @@ def check_score(status: InstrumentStatus) -> None:
     """Raise RunError if there is nothing to score: a controller of which no drive was ever applied."""
     if status.mode == InstrumentStatus.REALTIME and status.drives_lost >= status.ticks:
         sender = " and ".join(status.controllers) or "the controller"
-        raise RunError(
+        raise RunFailure(
             f"no drive of {sender} was ever applied in {status.ticks} ticks; "
             f"{status.drives_refused} were refused as NaN or infinite"
         )
@@ -63,7 +63,7 @@ class Follower:
         if status is None:
             return False
         if status.state == InstrumentStatus.FAULT:
-            raise RunError(status.detail)
+            raise RunFailure(status.detail)
         # A controller that was only slow answers later; the score contains it.
         now = time.monotonic()
         if status.state not in _SAFE:
@@ -73,8 +73,8 @@ class Follower:
         elif now >= self._silent_since + self._stall_timeout:
             detail = status.detail.removesuffix("; still waiting")
             if status.state in (InstrumentStatus.HELD, InstrumentStatus.WITHDRAWN):
-                raise RunError(f"{detail}; that was {self._stall_timeout:g} s ago")
-            raise RunError(f"{detail}, nor for {self._stall_timeout:g} s after that")
+                raise RunFailure(f"{detail}; that was {self._stall_timeout:g} s ago")
+            raise RunFailure(f"{detail}, nor for {self._stall_timeout:g} s after that")
         return bool(status.state == InstrumentStatus.FINISHED) and self._monitor.score is not None
 
     def wait_until_recorded(self, check: Callable[[], bool]) -> None:

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from afm_model import ParameterError
 from afm_model.analysis import Estimate
-from afm_model.analysis.identification import AXES, Resonator, Scanner, identify, write_parameters
+from afm_model.analysis.identification import AXES, IdentifiedScanner, Resonator, identify, write_parameters
 from afm_model.core.errors import ResultFileError, reason
 from afm_model.core.outputs import require_file
 from afm_recorder_node.reader import read_recording
@@ -20,7 +20,7 @@ from afm_recorder_node.recording import IncompleteRecording, RecordingError
 from .domain import end
 
 
-def _identified(path: Path) -> Scanner:
+def _identified(path: Path) -> IdentifiedScanner:
     """The scanner of a recording.
 
     Raises
@@ -40,8 +40,8 @@ def _identified(path: Path) -> Scanner:
     return identify(recording.drive, recording.position, float(period))
 
 
-def _print(scanner: Scanner) -> None:
-    table = Table(title="Scanner", title_justify="left")
+def _print(scanner: IdentifiedScanner) -> None:
+    table = Table(title="IdentifiedScanner", title_justify="left")
     for heading in ("", "resonance [Hz]", "damping ratio", "sensitivity [nm/V]", "explained"):
         table.add_column(heading, justify="right" if heading else "left")
     for axis in AXES:

@@ -21,7 +21,7 @@ _AT_WORK = 600.0
 """Wall time after SIGINT for which the last one is waited for while it works [s]: it completes a long recording."""
 
 
-class Process:
+class NodeProcess:
     """One node of a session.
 
     Parameters
@@ -152,7 +152,7 @@ class Processes:
 
     def __init__(self, last: str, spare: str = "") -> None:
         self._last, self._spare = last, spare
-        self._running: list[Process] = []
+        self._running: list[NodeProcess] = []
         self._shared_memory: set[File] = set()
         self._mark = uuid.uuid4().hex
         self._cleanup = subprocess.Popen(
@@ -190,14 +190,14 @@ class Processes:
         remove_unused(self._shared_memory)
 
     def start(self, name: str, command: Sequence[str], log: Path | None = None) -> None:
-        """Start one; see `Process`.
+        """Start one; see `NodeProcess`.
 
         Raises
         ------
         OSError
             If there is no such program, or no log can be written.
         """
-        self._running.append(Process(name, command, log, self._mark))
+        self._running.append(NodeProcess(name, command, log, self._mark))
 
     def ask_to_end(self) -> None:
         """Send SIGINT to each node and its child processes."""
@@ -211,7 +211,7 @@ class Processes:
 
     @property
     def code(self) -> int | None:
-        """Exit code of the one that was started first; see `Process`."""
+        """Exit code of the one that was started first; see `NodeProcess`."""
         return self._running[0].code
 
     def of_spare(self) -> str:

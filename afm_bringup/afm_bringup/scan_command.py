@@ -18,7 +18,7 @@ from afm_model.core.errors import ParameterError, reason
 from afm_model.core.schema import build
 from afm_model.microscope.verbs import Approach, Scan
 from afm_node_common import topics
-from afm_node_common.runner import Interrupted
+from afm_node_common.runner import StopSignal
 
 from .domain import NoDomainError, claimed_domain, end
 from .files import config
@@ -124,7 +124,7 @@ def main() -> int:
             )
         claim = claimed_domain("this session")
         ScanSession(scenario, arguments.out, verb, Approach(), namespace=arguments.namespace, live=arguments.live).run()
-    except Interrupted:
+    except StopSignal:
         return end("interrupted", 130)
     except (ParameterError, ValueError) as error:
         return end(f"error: {error}", 2)

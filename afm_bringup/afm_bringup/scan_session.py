@@ -21,7 +21,7 @@ from afm_model.microscope.results import Progress as Told
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Approach, Scan, Withdraw
 from afm_node_common import topics
-from afm_node_common.runner import Interrupted
+from afm_node_common.runner import StopSignal
 
 from .follow import Follower
 from .remote import Remote
@@ -97,7 +97,7 @@ class ScanSession(Session):
         if self._stop.requested:
             if self._image is not None and self._image.lines_done:
                 self._write(self._image)
-            raise Interrupted
+            raise StopSignal
 
     def _do(self, remote: Remote) -> None:
         for verb in (self._approach, self._scan, Withdraw()):

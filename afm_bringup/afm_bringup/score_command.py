@@ -9,9 +9,9 @@ from rclpy.utilities import remove_ros_args
 from afm_model import Scenario, ScenarioError
 from afm_model.core.errors import ResultFileError, reason
 from afm_model.core.outputs import require_file
-from afm_node_common.runner import Interrupted, Stop
+from afm_node_common.runner import Stop, StopSignal
 
-from .follow import STALL_TIMEOUT, Follower, RunError, check_score
+from .follow import STALL_TIMEOUT, Follower, RunFailure, check_score
 from .monitor import Monitor
 from .results import print_scorecard, scorecard, write_scorecard
 from .scenario_input import add_overrides, read_scenario
@@ -52,7 +52,7 @@ def _score(arguments: argparse.Namespace, scenario: Scenario) -> None:
 
     def check() -> bool:
         if stop.requested:
-            raise Interrupted
+            raise StopSignal
         return False
 
     missing = None
@@ -74,7 +74,7 @@ def _score(arguments: argparse.Namespace, scenario: Scenario) -> None:
             follower.wait_until_recorded(check)
             missing = follower.missing_in_recording()
     if missing is not None:
-        raise RunError(missing)
+        raise RunFailure(missing)
 
 
 def main() -> int:
@@ -84,12 +84,12 @@ def main() -> int:
     try:
         require_file(arguments.out)
         _score(arguments, read_scenario(arguments.scenario, arguments.overrides, arguments.parts))
-    except Interrupted:
+    except StopSignal:
         code = 130
     except ScenarioError as error:
         print(f"error: {error}", file=sys.stderr)
         code = 2
-    except (RunError, ResultFileError) as error:
+    except (RunFailure, ResultFileError) as error:
         print(f"error: {error}", file=sys.stderr)
         code = 1
     except OSError as error:

@@ -13,9 +13,9 @@ from afm_model import Scenario
 from afm_model.core.errors import reason
 from afm_model.studies.start_checks import implausible, start_warnings
 from afm_node_common import topics
-from afm_node_common.runner import Interrupted, Stop
+from afm_node_common.runner import Stop, StopSignal
 
-from .follow import STALL_TIMEOUT, Follower, RunError
+from .follow import STALL_TIMEOUT, Follower, RunFailure
 from .monitor import Monitor
 from .processes import Processes
 from .results_folder import FolderError, ResultsFolder
@@ -90,12 +90,12 @@ class Session:
         try:
             with ResultsFolder(self.out, self.names) as folder:
                 self._run(folder)
-        except (RunError, FolderError) as error:
+        except (RunFailure, FolderError) as error:
             raise SessionError(str(error)) from None
         except OSError as error:
             # A terminal that is gone takes no output either.
             if self._stop.requested:
-                raise Interrupted from None
+                raise StopSignal from None
             raise SessionError(f"{error.filename or self.out} cannot be written: {reason(error)}") from None
         finally:
             self._stop.ignore()
@@ -122,7 +122,7 @@ class Session:
                 processes.end(spare=False)
                 self._finish(follower.missing_in_recording())
                 self._keep_the_page()
-        except Interrupted:
+        except StopSignal:
             for path in folder.publish(complete=False):
                 say(f"The recording up to here: {path}")
             raise
@@ -135,7 +135,7 @@ class Session:
     def _check_alive(self) -> bool:
         """Raise if a signal has come, one of our processes has ended, or the folder is gone; False otherwise."""
         if self._stop.requested:
-            raise Interrupted
+            raise StopSignal
         ended = self._processes.ended()
         # First: nodes may end because of it.
         if not self._folder.there:

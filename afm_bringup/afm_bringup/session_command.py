@@ -10,7 +10,7 @@ from rclpy.validate_namespace import validate_namespace
 
 from afm_model import Scenario, ScenarioError
 from afm_node_common import topics
-from afm_node_common.runner import Interrupted
+from afm_node_common.runner import StopSignal
 
 from .domain import NoDomainError, claimed_domain, end
 from .follow import STALL_TIMEOUT
@@ -110,7 +110,7 @@ def main() -> int:
             picture=arguments.picture,
             live=arguments.live,
         ).run()
-    except Interrupted:
+    except StopSignal:
         return end("interrupted", 130)
     except ValueError as error:
         return end(f"error: {error}", 2)

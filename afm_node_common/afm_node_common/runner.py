@@ -82,7 +82,7 @@ class HasExitCode(Protocol):
     exit_code: int
 
 
-class Interrupted(Exception):
+class StopSignal(Exception):
     """SIGINT, SIGTERM or SIGHUP has come."""
 
 

@@ -19,7 +19,7 @@ from afm_model.core.errors import reason
 from afm_node_common.decoding import nanoseconds
 
 from .names import CHANNELS
-from .record import Entry
+from .record import RecordEntry
 from .recording import RecordingError
 
 PARAMETER_EVENTS = "/parameter_events"
@@ -41,7 +41,7 @@ class Bag:
 
     def messages(
         self, topics: Collection[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
-    ) -> Iterator[Entry]:
+    ) -> Iterator[RecordEntry]:
         """Yield the messages in the order in which they came; see `Record.messages`."""
         space = f"{self.about['namespace']}/"
         time_ns = 0
@@ -69,7 +69,7 @@ class Bag:
                     continue
                 if hasattr(message, "header"):
                     time_ns = nanoseconds(message.header.stamp)
-                yield Entry(topic, connection.msgtype, time_ns, message)
+                yield RecordEntry(topic, connection.msgtype, time_ns, message)
 
 
 def open_bag(path: Path) -> Bag:
@@ -141,9 +141,9 @@ def _add_installed(types: Typestore) -> None:
         types.register(found)
 
 
-def _parameters(event: Any, time_ns: int) -> Iterator[Entry]:
+def _parameters(event: Any, time_ns: int) -> Iterator[RecordEntry]:
     """An rcl_interfaces/ParameterEvent as the messages of parameters that a recorder keeps."""
     for parameters, changes in ((event.new_parameters, False), (event.changed_parameters, True)):
         if len(parameters):
             message = SimpleNamespace(node=event.node, changes=changes, parameters=parameters)
-            yield Entry("parameters", f"{_OURS}Parameters", time_ns, message)
+            yield RecordEntry("parameters", f"{_OURS}Parameters", time_ns, message)

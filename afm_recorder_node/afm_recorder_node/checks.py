@@ -14,7 +14,7 @@ from afm_model.microscope.image import DIRECTIONS
 from afm_model.microscope.verbs import Scan
 from afm_node_common.decoding import FRAME, NANOSECONDS, InvalidMessage, line_of, values_of, variable_of
 
-from .gathering import Part
+from .gathering import ResultArray
 from .scan_lines import ScanLine
 
 _LAST = 2**63 - 1
@@ -95,7 +95,7 @@ _ABOUT = {"verb": str, "number": int, "arrays": int, "time_ns": int, "status": s
 """What an array says of its result, in attributes `result.*`, and the types of that."""
 
 
-def result_part(message: Any) -> Part:
+def result_part(message: Any) -> ResultArray:
     """Check an array of a result of a verb; it, in words of the model."""
     try:
         given = values_of(message.attributes)
@@ -115,7 +115,7 @@ def result_part(message: Any) -> Part:
         )
     whole = {name.removeprefix("about."): value for name, value in given.items() if name.startswith("about.")}
     own = {name: value for name, value in given.items() if not name.startswith(("result.", "about."))}
-    return Part(
+    return ResultArray(
         about["verb"],
         about["number"],
         about["arrays"],

@@ -28,7 +28,7 @@ _UP, _LEFT, _BELOW, _ABOVE = 0.12, 0.45, 0.08, 0.55
 
 
 @dataclass(frozen=True)
-class Curve:
+class DiagramLine:
     """One line of a diagram, in SI units."""
 
     x: _Array
@@ -52,7 +52,7 @@ class Diagram:
 
     x: Axis
     y: Axis
-    curves: Sequence[Curve]
+    curves: Sequence[DiagramLine]
 
     def draw(self) -> dict[str, rr.ComponentColumnList]:
         """What is drawn, by names below the entity of the diagram, one row each; nothing if there is no point.
@@ -136,7 +136,7 @@ def round_step(about: float) -> float:
     return power * next(each for each in (1.0, 2.0, 5.0, 10.0) if each * power >= about * (1.0 - 1e-9))
 
 
-def _finite(curve: Curve) -> _Array:
+def _finite(curve: DiagramLine) -> _Array:
     """Points of a curve that are numbers, (n, 2)."""
     every = np.column_stack([curve.x, curve.y])
     points: _Array = every[np.isfinite(every).all(axis=1)]

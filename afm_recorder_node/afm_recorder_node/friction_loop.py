@@ -40,7 +40,7 @@ class _Tail:
         return times[order], values[order]
 
 
-class FrictionLoop:
+class LoopPoints:
     """Collects the points of the loop while the run is drawn."""
 
     def __init__(self) -> None:

@@ -8,7 +8,7 @@ from afm_model.microscope.arrays import Arrays, Variable
 
 
 @dataclass(frozen=True)
-class Part:
+class ResultArray:
     """One array of a result."""
 
     verb: str
@@ -41,9 +41,9 @@ class Gathering:
     """Puts results together of their parts."""
 
     def __init__(self) -> None:
-        self._parts: dict[str, Part] = {}
+        self._parts: dict[str, ResultArray] = {}
 
-    def put(self, part: Part) -> Result | None:
+    def put(self, part: ResultArray) -> Result | None:
         """A part has come; the result if it is whole. Parts of a result before that are not whole are given up."""
         if any(each.number != part.number for each in self._parts.values()):
             self._parts.clear()

@@ -13,7 +13,7 @@ _BLOCK = struct.Struct("<QdI")
 _COUNT = struct.Struct("<I")
 
 
-class Head(NamedTuple):
+class MessageHead(NamedTuple):
     """Time and run of a message; of a block its numbers, and the unit of its samples."""
 
     time_ns: int
@@ -23,7 +23,7 @@ class Head(NamedTuple):
     unit: str = ""
 
 
-def head(data: bytes) -> tuple[Head, int]:
+def head(data: bytes) -> tuple[MessageHead, int]:
     """Return the head of a message that begins with a header and run_id, and where its other fields begin.
 
     Raises
@@ -44,10 +44,10 @@ def head(data: bytes) -> tuple[Head, int]:
         raise InvalidMessage(f"the bytes begin with 0x{data[:2].hex()}: plain CDR begins with 0x0001")
     if seconds < 0 or nanoseconds >= NANOSECONDS:
         raise InvalidMessage(f"stamp {seconds} s + {nanoseconds} ns: it must be a time since the start")
-    return Head(seconds * NANOSECONDS + nanoseconds, run_id), at + 8
+    return MessageHead(seconds * NANOSECONDS + nanoseconds, run_id), at + 8
 
 
-def waveform(data: bytes) -> Head:
+def waveform(data: bytes) -> MessageHead:
     """Return the head of an afm_msgs/Waveform that is whole and can be placed in time. Raises InvalidMessage."""
     found, at = head(data)
     first, period, count = _block(data, at)
@@ -65,7 +65,7 @@ def waveform(data: bytes) -> Head:
     return _placed(found, "first_sample", first, period, count)._replace(unit=text)
 
 
-def control_trace(data: bytes) -> Head:
+def control_trace(data: bytes) -> MessageHead:
     """Return the head of an afm_msgs/ControlTrace that is whole and can be placed in time. Raises InvalidMessage."""
     found, at = head(data)
     first, period, values = _block(data, at)
@@ -107,7 +107,7 @@ def _ends(data: bytes, at: int) -> None:
         raise InvalidMessage(f"{len(data)} bytes for a message of {at}")
 
 
-def _placed(found: Head, name: str, first: int, period: float, count: int) -> Head:
+def _placed(found: MessageHead, name: str, first: int, period: float, count: int) -> MessageHead:
     """Check that a block can stand where its numbers say: its stamp must be the time of its first value."""
     if not found.run_id:
         raise InvalidMessage("run_id 0: it must be that of a run")

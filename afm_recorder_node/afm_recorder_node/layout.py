@@ -38,7 +38,7 @@ _PALE: tuple[Color, ...] = ((240, 160, 155), (150, 205, 160), (155, 185, 235))
 
 
 @dataclass(frozen=True)
-class Signal:
+class PlotSignal:
     """One entity with one or three numbers a row, each `factor` times the SI value: that is a value in `unit`."""
 
     entity: str
@@ -79,17 +79,17 @@ def plotted(si_unit: str) -> tuple[str, float]:
 
 
 DEFLECTION, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE = CHANNELS = tuple(
-    Signal(f"/{channel.name}", channel.unit, colors=(color,))
+    PlotSignal(f"/{channel.name}", channel.unit, colors=(color,))
     for channel, color in zip(STANDARD, (_COLORS[2], *_COLORS), strict=True)
 )
 """Sampled at the full rate of the virtual ADC."""
 
 _TIP = ("x", "y", "z of the tip")
-POSITION = Signal("/position", "m", ("x", "y", "z of the sample"), _COLORS)
-REFERENCE = Signal("/reference", "m", _TIP, _PALE)
-ERROR = Signal("/error", "m", _TIP, _COLORS)
-DRIVE = Signal("/drive", "V", ("x", "y", "z"), _COLORS)
-ROUND_TRIP = Signal("/round_trip", "s")
+POSITION = PlotSignal("/position", "m", ("x", "y", "z of the sample"), _COLORS)
+REFERENCE = PlotSignal("/reference", "m", _TIP, _PALE)
+ERROR = PlotSignal("/error", "m", _TIP, _COLORS)
+DRIVE = PlotSignal("/drive", "V", ("x", "y", "z"), _COLORS)
+ROUND_TRIP = PlotSignal("/round_trip", "s")
 TICKS = (POSITION, REFERENCE, ERROR, DRIVE, ROUND_TRIP)
 """One row for each control tick."""
 TICK_NAMES = frozenset(signal.name for signal in TICKS)
@@ -121,9 +121,9 @@ def instants(first: int, count: int, period: float) -> NDArray[np.int64]:
     return np.rint(index * period_ns).astype(np.int64)
 
 
-def signal(name: str, si_unit: str) -> Signal:
+def signal(name: str, si_unit: str) -> PlotSignal:
     """A signal by its name: one that is known, or a new channel in a unit that a plot can be read in."""
-    return KNOWN.get(name) or Signal(f"/{name}", si_unit)
+    return KNOWN.get(name) or PlotSignal(f"/{name}", si_unit)
 
 
 def further(entities: Iterable[str]) -> list[str]:

@@ -24,7 +24,7 @@ import rerun as rr
 from . import layout, screens
 from .growing import grows
 from .names import RECORD
-from .record import Record
+from .record import RunRecord
 from .recording import RecordingError
 from .streams import let_go, send_blueprint
 from .view_writer import ViewWriter
@@ -86,7 +86,7 @@ class _Growing:
     def __init__(self, path: Path) -> None:
         self.over = False
         """Whether all of it has been drawn, or it cannot be."""
-        self._record = Record(path)
+        self._record = RunRecord(path)
         self._stream = rr.RecordingStream(layout.APPLICATION)
         self._bytes = rr.binary_stream(self._stream)
         self._stream.set_sinks(self._bytes)
@@ -136,7 +136,7 @@ class _Growing:
         return self._bytes.read() or b""
 
 
-class Server:
+class LiveServer:
     """rerun's server of page and data, on this machine only. A context manager.
 
     Parameters
@@ -167,7 +167,7 @@ class Server:
         assert self._process.stdin is not None
         os.set_blocking(self._process.stdin.fileno(), False)
 
-    def __enter__(self) -> "Server":
+    def __enter__(self) -> "LiveServer":
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -248,7 +248,7 @@ def serve(path: Path) -> None:
     def late() -> bool:
         return time.monotonic() > limit
 
-    def run(server: Server) -> None:
+    def run(server: LiveServer) -> None:
         nonlocal printed
         for messages in follow(path):
             if not server.put(messages, late) or late():
@@ -265,13 +265,13 @@ def serve(path: Path) -> None:
         there = f"; {path} does not grow any more: `view` shows it" if path.exists() else ""
         print(f"waiting until {path} grows{there}", file=sys.stderr, flush=True)
     try:
-        with Server() as server:
+        with LiveServer() as server:
             run(server)
     except OSError:
         if printed:
             raise
         # Somebody else has taken a port since it was found free.
-        with Server(0, 0) as server:
+        with LiveServer(0, 0) as server:
             run(server)
 
 

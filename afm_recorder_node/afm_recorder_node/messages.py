@@ -6,10 +6,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model.run import State
+from afm_model.run import RunState
 
 Level = Literal["INFO", "WARN", "ERROR"]
-_STATES = {int(state): state.name for state in State}
+_STATES = {int(state): state.name for state in RunState}
 _LEVELS: dict[str, Level] = {
     **dict.fromkeys(("STALLED", "RETRACTED", "HELD", "WITHDRAWN", "APPROACHING"), "WARN"),
     "FAULT": "ERROR",

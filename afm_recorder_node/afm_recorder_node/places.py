@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from .names import RECORD, VIEW
-from .record import Entry, NotOurs, open_record
+from .record import NotOurs, RecordEntry, open_record
 from .recording import RecordingError
 
 
 @runtime_checkable
-class Source(Protocol):
+class MessageSource(Protocol):
     """The messages of one run, from a record or a bag."""
 
     path: Path
@@ -25,7 +25,7 @@ class Source(Protocol):
 
     def messages(
         self, topics: Collection[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
-    ) -> Iterator[Entry]:
+    ) -> Iterator[RecordEntry]:
         """See `Record.messages`."""
         ...
 
@@ -49,7 +49,7 @@ def recordings(places: Sequence[str]) -> list[Path]:
     return list(found)
 
 
-def open_recording(path: str | os.PathLike[str]) -> Source:
+def open_recording(path: str | os.PathLike[str]) -> MessageSource:
     """Check a recording, and give its messages.
 
     Parameters

@@ -10,12 +10,12 @@ import pyarrow.csv
 import pyarrow.parquet
 from numpy.typing import NDArray
 
-from afm_model.analysis import FrictionLoop, dissipated, friction_loop
+from afm_model.analysis import LoopForces, dissipated, friction_loop
 
 from . import layout
-from .places import Source, open_recording
+from .places import MessageSource, open_recording
 from .reader import read_about, read_signals
-from .recording import Channel, RecordingError
+from .recording import RecordedChannel, RecordingError
 
 _Array = NDArray[np.float64]
 AXES = "xyz"
@@ -29,7 +29,7 @@ def split(name: str) -> tuple[str, str]:
     return (base, axis) if base and axis in tuple(AXES) else (name, "")
 
 
-def columns(name: str, signal: Channel) -> dict[str, _Array]:
+def columns(name: str, signal: RecordedChannel) -> dict[str, _Array]:
     """A signal as columns by name: position.x, position.y, position.z; deflection."""
     if signal.values.ndim == 1:
         return {name: signal.values}
@@ -47,17 +47,17 @@ def write_parquet(path: Path, table: dict[str, _Array]) -> None:
 
 
 @dataclass(frozen=True)
-class Loop:
+class LateralLoop:
     """The friction loop of a recording: lateral force against position along one axis."""
 
     position: _Array  # [m]
     force: _Array  # [N]
-    found: FrictionLoop
+    found: LoopForces
     energy: float  # dissipated in a cycle [J]
     cycles: float
 
 
-def loop(path: Path, axis: str = "x", begin: float = -math.inf, end: float = math.inf) -> Loop:
+def loop(path: Path, axis: str = "x", begin: float = -math.inf, end: float = math.inf) -> LateralLoop:
     """Friction loop along x or y: the force at the times of the ticks.
 
     Raises
@@ -80,7 +80,7 @@ def loop(path: Path, axis: str = "x", begin: float = -math.inf, end: float = mat
         x, y = np.concatenate([x, x]), np.concatenate([y, y])
     try:
         energy, cycles = dissipated(x, y)
-        return Loop(*once, friction_loop(x, y), energy, cycles)
+        return LateralLoop(*once, friction_loop(x, y), energy, cycles)
     except (ValueError, IndexError) as error:
         raise RecordingError(f"{path} has no friction loop along {axis}: {error}") from None
 
@@ -109,7 +109,7 @@ def compare(path: Path, other: Path) -> tuple[list[Difference], list[str]]:
     return _compare(open_recording(path), open_recording(other))
 
 
-def _compare(*sources: Source) -> tuple[list[Difference], list[str]]:
+def _compare(*sources: MessageSource) -> tuple[list[Difference], list[str]]:
     abouts, signals, ticks = [], [], np.empty(0)
     for each in sources:
         about, found = read_about(each, lambda *_: None)

@@ -15,12 +15,12 @@ import numpy as np
 from afm_node_common.decoding import InvalidMessage
 
 from . import layout
-from .layout import Signal
+from .layout import PlotSignal
 from .names import CHANNELS
 from .parameter_values import ParameterValues, change_text
-from .places import Source, open_recording
-from .record import Entry
-from .recording import About, Channel, IncompleteRecording, ParameterChange, Recording, RecordingError
+from .places import MessageSource, open_recording
+from .record import RecordEntry
+from .recording import About, IncompleteRecording, ParameterChange, RecordedChannel, Recording, RecordingError
 from .scan_lines import ScanLine, images
 from .visitor import Array, Times, Visitor
 
@@ -31,7 +31,7 @@ _FEW = ("status", "events", "parameters", "score")
 """Topics with what a recording holds beside signals and images."""
 
 
-def read_recording(path: Path | Source, *, every: int = 1) -> Recording:
+def read_recording(path: Path | MessageSource, *, every: int = 1) -> Recording:
     """Read the recording at `path`; one without an end too, up to where it breaks off.
 
     Parameters
@@ -79,7 +79,7 @@ def read_recording(path: Path | Source, *, every: int = 1) -> Recording:
         deflection_scale=gathered.scales.get(layout.DEFLECTION.name, float("nan")),
         lateral_scale=gathered.scales.get(layout.LATERAL_FORCE.name, float("nan")),
         channels={
-            name: Channel(*_joined(rows[name]), gathered.signals[name].si_unit, gathered.scales[name])
+            name: RecordedChannel(*_joined(rows[name]), gathered.signals[name].si_unit, gathered.scales[name])
             for name in sorted(gathered.scales, key=lambda name: ([*CHANNELS, name].index(name), name))
         },
         **vars(gathered.about()),
@@ -87,8 +87,8 @@ def read_recording(path: Path | Source, *, every: int = 1) -> Recording:
 
 
 def read_about(
-    path: Path | Source, visit: Visit, names: Sequence[str] | None = None
-) -> tuple[About, dict[str, Signal]]:
+    path: Path | MessageSource, visit: Visit, names: Sequence[str] | None = None
+) -> tuple[About, dict[str, PlotSignal]]:
     """Read what a recording holds beside its signals, and go through these stretch by stretch, with little memory.
 
     Raises and warns as `read_recording`.
@@ -111,8 +111,8 @@ def read_about(
 
 
 def read_signals(
-    path: Path | Source, names: Sequence[str], begin: float = -np.inf, end: float = np.inf
-) -> dict[str, Channel]:
+    path: Path | MessageSource, names: Sequence[str], begin: float = -np.inf, end: float = np.inf
+) -> dict[str, RecordedChannel]:
     """Read some signals.
 
     Raises and warns as `read_recording`.
@@ -137,12 +137,12 @@ def read_signals(
     """
     kept: dict[str, list[tuple[Times, Array]]] = defaultdict(list)
     found = visit_signals(path, names, lambda name, *rows: kept[name].append(rows), begin, end)
-    return {name: Channel(*_joined(kept[name]), signal.si_unit, float("nan")) for name, signal in found.items()}
+    return {name: RecordedChannel(*_joined(kept[name]), signal.si_unit, float("nan")) for name, signal in found.items()}
 
 
 def visit_signals(
-    path: Path | Source, names: Sequence[str], visit: Visit, begin: float = -np.inf, end: float = np.inf
-) -> dict[str, Signal]:
+    path: Path | MessageSource, names: Sequence[str], visit: Visit, begin: float = -np.inf, end: float = np.inf
+) -> dict[str, PlotSignal]:
     """Go through some signals stretch by stretch; the signals by name.
 
     Parameters and errors are those of `read_signals`.
@@ -156,7 +156,7 @@ def visit_signals(
         if len(times):
             visit(name, times, values)
 
-    source = path if isinstance(path, Source) else open_recording(path)
+    source = path if isinstance(path, MessageSource) else open_recording(path)
     signals = _gather(source, see, names, lo, hi).signals
     if missing := [name for name in names if name not in signals]:
         there = sorted(_gather(source, lambda *_: None).signals)
@@ -172,13 +172,13 @@ class _Gathered(Visitor):
 
     Parameters
     ----------
-    source : Source
+    source : MessageSource
     visit : callable
     names : sequence of str, optional
         Signals to go through.
     """
 
-    def __init__(self, source: Source, visit: Visit, names: Sequence[str] | None = None) -> None:
+    def __init__(self, source: MessageSource, visit: Visit, names: Sequence[str] | None = None) -> None:
         self._names = None if names is None else {*names}
         ticks = [each for each in layout.TICKS if self._names is None or each.name in self._names]
         super().__init__(source.about, ticks)
@@ -210,7 +210,7 @@ class _Gathered(Visitor):
             missing=self._source.missing,
         )
 
-    def rows(self, signal: Signal, times: Times, values: Array) -> None:
+    def rows(self, signal: PlotSignal, times: Times, values: Array) -> None:
         """See `Visitor.rows`."""
         self._visit(signal.name, times, values)
 
@@ -218,7 +218,7 @@ class _Gathered(Visitor):
         """See `Visitor.event`."""
         self._events.append((time_ns / 1e9, text, level))
 
-    def parameters(self, entry: Entry, changes: list[ParameterChange]) -> None:
+    def parameters(self, entry: RecordEntry, changes: list[ParameterChange]) -> None:
         """See `Visitor.parameters`."""
         self._changes += changes
         self._events += [(change.time, change_text(change), "INFO") for change in changes]
@@ -245,9 +245,9 @@ class _Gathered(Visitor):
 
 
 def _gather(
-    path: Path | Source, visit: Visit, names: Sequence[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
+    path: Path | MessageSource, visit: Visit, names: Sequence[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
 ) -> _Gathered:
-    source = path if isinstance(path, Source) else open_recording(path)
+    source = path if isinstance(path, MessageSource) else open_recording(path)
     with _decoding(source):
         if source.missing:
             warnings.warn(f"{source.path} is not complete: {source.missing}", IncompleteRecording, 4)
@@ -259,7 +259,7 @@ def _gather(
 
 
 @contextmanager
-def _decoding(source: Source) -> Iterator[None]:
+def _decoding(source: MessageSource) -> Iterator[None]:
     """Name the recording whose contents are not those that an instrument publishes, whatever is wrong about them."""
     try:
         yield
@@ -286,7 +286,9 @@ def _joined(stretches: list[tuple[Times, Array]]) -> tuple[Array, Array]:
     return times / 1e9, values
 
 
-def _aligned(rows: dict[str, list[tuple[Times, Array]]], signals: tuple[Signal, ...]) -> tuple[Array, dict[str, Array]]:
+def _aligned(
+    rows: dict[str, list[tuple[Times, Array]]], signals: tuple[PlotSignal, ...]
+) -> tuple[Array, dict[str, Array]]:
     """Signals by name, on one common time axis [s]; NaN where a signal lacks a time that another one has."""
     joined = {signal.name: _joined(rows[signal.name]) for signal in signals}
     union = joined[signals[0].name][0]

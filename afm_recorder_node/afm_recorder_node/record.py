@@ -44,7 +44,7 @@ class NotOurs(RecordingError):
     """An MCAP file that no recorder of this package has written, such as that of a bag."""
 
 
-class Entry(NamedTuple):
+class RecordEntry(NamedTuple):
     """A message of a record."""
 
     topic: str  # within the namespace of the instrument
@@ -73,7 +73,7 @@ class _Place(NamedTuple):
 
 
 @dataclass
-class Record:
+class RunRecord:
     """The messages of one run, in a file that has been checked; see `open_record`."""
 
     path: Path
@@ -97,7 +97,7 @@ class Record:
 
     def messages(
         self, topics: Collection[str] | None = None, begin_ns: int = 0, end_ns: int = 2**63
-    ) -> Iterator[Entry]:
+    ) -> Iterator[RecordEntry]:
         """Yield the messages in the order in which they came.
 
         Parameters
@@ -114,7 +114,7 @@ class Record:
         """
         yield from map(self._entry, self._raw(topics, begin_ns, end_ns))
 
-    def more(self) -> Iterator[Entry]:
+    def more(self) -> Iterator[RecordEntry]:
         """Yield the messages that have come into a growing file since the last call. `Record(path)` begins it.
 
         Raises
@@ -133,14 +133,14 @@ class Record:
                 elif place.opcode == Opcode.METADATA:
                     self.note(_parsed(Metadata, file, place))
 
-    def _entry(self, raw: tuple[Channel, Schema, Message]) -> Entry:
+    def _entry(self, raw: tuple[Channel, Schema, Message]) -> RecordEntry:
         channel, schema, message = raw
         try:
             read = self._types[schema.id].deserialize_cdr(message.data, schema.name)
         # Whatever it makes of bytes that are not the message.
         except Exception as error:
             raise RecordingError(f"{self.path}: a {schema.name} cannot be read: {error}") from error
-        return Entry(channel.topic, schema.name, message.log_time, read)
+        return RecordEntry(channel.topic, schema.name, message.log_time, read)
 
     def raw(self) -> Iterator[Raw]:
         """Yield the messages as they stand in the file."""
@@ -215,7 +215,7 @@ def _types_in(definition: str, name: str) -> Typestore:
     return types
 
 
-def open_record(path: Path, *, salvage: bool = False) -> Record:
+def open_record(path: Path, *, salvage: bool = False) -> RunRecord:
     """Check all bytes of a record, and find its parts.
 
     Parameters
@@ -244,12 +244,12 @@ def open_record(path: Path, *, salvage: bool = False) -> Record:
         raise DamagedRecording(f"{path} is damaged: {error}") from error
 
 
-def _opened(path: Path, file: int, salvage: bool) -> Record:
+def _opened(path: Path, file: int, salvage: bool) -> RunRecord:
     size = os.fstat(file).st_size
     magic = os.pread(file, len(MCAP0_MAGIC), 0)
     if magic != MCAP0_MAGIC[: len(magic)]:
         raise RecordingError(f"{path} is no readable recording: it is not an .mcap file")
-    record = Record(path)
+    record = RunRecord(path)
     places, broken = _places(file, size)
     closed = size > 2 * len(MCAP0_MAGIC) and os.pread(file, len(MCAP0_MAGIC), size - len(MCAP0_MAGIC)) == MCAP0_MAGIC
     whole = closed and not broken and places[-1].opcode == Opcode.FOOTER

@@ -9,10 +9,10 @@ from typing import Protocol
 from afm_model.core.errors import ParameterError
 
 from .growing import GrowingFile
-from .heads import Head
+from .heads import MessageHead
 from .names import VIEW
 from .record_writer import RecordWriter
-from .runs import Progress
+from .runs import RunProgress
 
 _FLUSH_PERIOD = 0.4
 """Wall time between two chunks [s]: a kill loses at most this and the time between two calls of `update`."""
@@ -25,7 +25,7 @@ _TOLD = 100
 """Events about gaps in a record, at most."""
 
 
-class Log(Protocol):
+class Logger(Protocol):
     """A logger of rclpy or of Python."""
 
     def info(self, message: str) -> object: ...
@@ -63,7 +63,7 @@ class RecordedCounts:
 class _Run:
     """A run, and its record once there is a block of it."""
 
-    def __init__(self, progress: Progress) -> None:
+    def __init__(self, progress: RunProgress) -> None:
         self.progress = progress
         self.writer: RecordWriter | None = None
         self.early: list[Message] = []  # before the first block
@@ -78,7 +78,7 @@ class Recorder:
     ----------
     path : Path
         Of the first record; those of later runs have the next names that are free, run-2.mcap, ...
-    log : Log
+    log : Logger
     definition : callable
         definition(kind): text of a type of message.
     trace : str
@@ -103,7 +103,7 @@ class Recorder:
     def __init__(
         self,
         path: Path,
-        log: Log,
+        log: Logger,
         definition: Callable[[str], str],
         *,
         trace: str,
@@ -120,7 +120,7 @@ class Recorder:
         self._present = 0  # the run that a record was opened for last
         self._flush_at = 0.0
         self._problem = ""
-        self._last = Progress(0, trace, channels)
+        self._last = RunProgress(0, trace, channels)
         self._last_path = path
         try:
             self._next: GrowingFile | None = GrowingFile(path, also=VIEW)
@@ -130,7 +130,7 @@ class Recorder:
         self._take_name(self._next)
 
     @property
-    def present(self) -> Progress:
+    def present(self) -> RunProgress:
         """The latest run that blocks have come of, also when its record is closed."""
         run = self._runs.get(self._present)
         return run.progress if run else self._last
@@ -167,7 +167,7 @@ class Recorder:
             lines_lost=progress.lines.lost,
         )
 
-    def block(self, message: Message, block: Head) -> None:
+    def block(self, message: Message, block: MessageHead) -> None:
         """Take a block of samples or of control ticks."""
         run = self._of(block.run_id)
         if run is None:
@@ -187,7 +187,7 @@ class Recorder:
         if not self._write(run, message):
             stream.unwritten += block.count
 
-    def put(self, message: Message, run_id: int, *, once: bool = True) -> Progress | None:
+    def put(self, message: Message, run_id: int, *, once: bool = True) -> RunProgress | None:
         """Take any other message; the run that it belongs to, None if it is not new, or its record is closed.
 
         `once`: the same bytes again are the same message.
@@ -249,7 +249,7 @@ class Recorder:
         if run_id in self._closed:
             return None
         if run_id not in self._runs:
-            self._runs[run_id] = _Run(Progress(run_id, self._trace, self._channels))
+            self._runs[run_id] = _Run(RunProgress(run_id, self._trace, self._channels))
         return self._runs[run_id]
 
     def _write(self, run: _Run, message: Message, *, always: bool = False) -> bool:

@@ -25,7 +25,7 @@ class IncompleteRecording(UserWarning):
 
 
 @dataclass(frozen=True)
-class Channel:
+class RecordedChannel:
     """A detector channel with its sample times."""
 
     time: _Array  # (k,) simulated time [s]
@@ -79,4 +79,4 @@ class Recording(About):
     normal_force: _Array  # (m,)
     deflection_scale: float  # [m/V] deflection over the photodetector's voltage; NaN: not recorded
     lateral_scale: float  # [N/V]
-    channels: dict[str, Channel]  # by the name of its topic, such as "truth/normal_force"
+    channels: dict[str, RecordedChannel]  # by the name of its topic, such as "truth/normal_force"

@@ -15,7 +15,7 @@ from afm_model.microscope.verb import find
 from afm_model.program.force_curve import APPROACH, DWELL, RETRACT
 from afm_node_common.decoding import InvalidMessage
 
-from .diagram import BLUE, ORANGE, Axis, Curve, Diagram
+from .diagram import BLUE, ORANGE, Axis, Diagram, DiagramLine
 from .gathering import Result
 from .layout import RESULT
 
@@ -57,39 +57,39 @@ def diagrams(result: Result) -> dict[str, Diagram]:
             FORCE_CURVE: Diagram(Axis("z from the turn, towards the sample", "m"), Axis("force", "N"), _forces(found))
         }
     if {"position", "lateral"} <= found.keys():
-        loop = Curve(found["position"], found["lateral"], "trace and retrace", BLUE)
+        loop = DiagramLine(found["position"], found["lateral"], "trace and retrace", BLUE)
         return {FRICTION_LOOP: Diagram(Axis("position along the line", "m"), Axis("lateral force", "N"), [loop])}
     if along is not None and {"amplitude", "phase"} <= found.keys():
         fitted = found.get("fitted_amplitude")
         swept = {
-            name: [Curve(along.values, found[name], "measured", BLUE)]
-            + ([Curve(along.values, fitted, "fit", ORANGE)] if fitted is not None and name == "amplitude" else [])
+            name: [DiagramLine(along.values, found[name], "measured", BLUE)]
+            + ([DiagramLine(along.values, fitted, "fit", ORANGE)] if fitted is not None and name == "amplitude" else [])
             for name in ("amplitude", "phase")
         }
         return _both(Axis("frequency of the drive", "Hz"), swept)
     if {"z", "amplitude", "phase"} <= found.keys() and found["z"].ndim == 2:
         named = (("approach", BLUE), ("retract", ORANGE))
         ways = {
-            name: [Curve(z, y, *how) for z, y, how in zip(found["z"], found[name], named, strict=False)]
+            name: [DiagramLine(z, y, *how) for z, y, how in zip(found["z"], found[name], named, strict=False)]
             for name in ("amplitude", "phase")
         }
         return _both(Axis("z, towards the sample", "m"), ways)
     return {}
 
 
-def _both(x: Axis, curves: Mapping[str, Sequence[Curve]]) -> dict[str, Diagram]:
+def _both(x: Axis, curves: Mapping[str, Sequence[DiagramLine]]) -> dict[str, Diagram]:
     units = {"amplitude": "m", "phase": "rad"}
     return {f"{RESULT}/{name}": Diagram(x, Axis(name, units[name]), curves[name]) for name in units}
 
 
-def _forces(found: Mapping[str, Any]) -> list[Curve]:
+def _forces(found: Mapping[str, Any]) -> list[DiagramLine]:
     drawn = []
     for z, force, phase in zip(*(np.atleast_2d(found[name])[-_ROWS:] for name in ("z", "force", "phase")), strict=True):
         if np.isfinite(z).any():
             turn = float(np.nanmax(z))
             for part, name, color in ((APPROACH, "approach", BLUE), (RETRACT, "retract", ORANGE)):
                 inside = phase == part
-                drawn.append(Curve(z[inside] - turn, force[inside], name, color))
+                drawn.append(DiagramLine(z[inside] - turn, force[inside], name, color))
     return drawn
 
 

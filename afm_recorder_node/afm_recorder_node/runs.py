@@ -4,7 +4,7 @@ import math
 import time
 from dataclasses import dataclass, field
 
-from .heads import Head
+from .heads import MessageHead
 
 SILENCE = 4.0
 """Wall time for which a run that is over may still be sent what it lacks [s]: more than the 3 s after which the
@@ -14,7 +14,7 @@ QUIET = 0.5
 
 
 @dataclass
-class Stream:
+class StreamCounts:
     """What a run has brought on one topic of blocks: values received, values missing between them."""
 
     begin: int = -1  # number of the first value; -1: nothing has come
@@ -23,7 +23,7 @@ class Stream:
     lost: int = 0
     unwritten: int = 0  # values that came while the file could not be written
 
-    def put(self, block: Head) -> bool:
+    def put(self, block: MessageHead) -> bool:
         """Count a block; False if it has come before."""
         if self.begin >= 0 and block.first < self.next:
             return False
@@ -37,7 +37,7 @@ class Stream:
 
 
 @dataclass
-class Lines:
+class LineCounts:
     """Lines of scans, trace and retrace counted each."""
 
     received: int = 0
@@ -55,7 +55,7 @@ class Lines:
 
 
 @dataclass
-class Progress:
+class RunProgress:
     """What has come of a run, and what is known of its end.
 
     Parameters
@@ -70,8 +70,8 @@ class Progress:
     run_id: int
     trace: str
     channels: list[str]
-    streams: dict[str, Stream] = field(default_factory=dict)
-    lines: Lines = field(default_factory=Lines)
+    streams: dict[str, StreamCounts] = field(default_factory=dict)
+    lines: LineCounts = field(default_factory=LineCounts)
     time_ns: int = 0  # latest simulated time
     over: bool = False
     finished: bool = False  # it has come to its duration: a score follows
@@ -80,9 +80,9 @@ class Progress:
     samples: int = 0
     heard_at: float = -math.inf  # steady wall time at which something new came last [s]
 
-    def stream(self, name: str) -> Stream:
+    def stream(self, name: str) -> StreamCounts:
         """What has come on a topic of blocks."""
-        return self.streams.setdefault(name, Stream())
+        return self.streams.setdefault(name, StreamCounts())
 
     def has(self, ticks: int, samples: int) -> bool:
         """Whether every stream has come up to these numbers of ticks and samples."""

@@ -7,7 +7,17 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from . import layout, pictures, results, scene
-from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, LATERAL_FORCE_Y, NORMAL_FORCE, POSITION, REFERENCE, Signal
+from .layout import (
+    DEFLECTION,
+    DRIVE,
+    ERROR,
+    LATERAL_FORCE,
+    LATERAL_FORCE_Y,
+    NORMAL_FORCE,
+    POSITION,
+    REFERENCE,
+    PlotSignal,
+)
 from .streams import Range
 
 Ranges = Mapping[tuple[str, int], Range]
@@ -107,7 +117,7 @@ class Plots:
     def __init__(self, ranges: Ranges, places: Sequence[str] = ("",)) -> None:
         self._ranges, self._places = ranges, places
 
-    def one(self, name: str, *signals: Signal, axis: int | None = None) -> rrb.TimeSeriesView:
+    def one(self, name: str, *signals: PlotSignal, axis: int | None = None) -> rrb.TimeSeriesView:
         """A plot of signals, or of one axis of theirs. Its name describes it: a legend would cover the curves."""
         shown = rr.SeriesLines.from_fields(visible_series=[axis in (None, k) for k in range(3)])
         known = [self._ranges[key] for signal in signals if (key := (signal.entity, axis or 0)) in self._ranges]
@@ -122,7 +132,7 @@ class Plots:
             axis_y=None if span is None else rrb.ScalarAxis(range=span),
         )
 
-    def three(self, name: str, *signals: Signal, z: str | None = None) -> list[rrb.TimeSeriesView]:
+    def three(self, name: str, *signals: PlotSignal, z: str | None = None) -> list[rrb.TimeSeriesView]:
         """One plot for each axis; `z`: name of that of z. x and y follow the same reference, and z is far smaller."""
         return [self.one((axis == "z" and z) or f"{name}, {axis}", *signals, axis=k) for k, axis in enumerate("xyz")]
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from .layout import Signal
+from .layout import PlotSignal
 
 _Array = NDArray[np.float64]
 _LATE = 1.5
@@ -73,7 +73,7 @@ class Gathered:
             total, number = v.sum(axis=1), known.sum(axis=1).astype(float)
         self._sums.append(np.array([low.min(axis=1), high.max(axis=1), total, np.einsum("ij,ij->i", v, v), number]))
 
-    def statistics(self, signal: Signal) -> list[Statistics]:
+    def statistics(self, signal: PlotSignal) -> list[Statistics]:
         """Of each axis."""
         period = max(self._periods, default=(0, math.nan))[1]
         ends = sorted(self._ends)

@@ -18,7 +18,7 @@ import rerun.blueprint as rrb
 
 from . import layout, pictures, results
 from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, NORMAL_FORCE, POSITION, ROUND_TRIP
-from .live import Server
+from .live import LiveServer
 from .places import open_recording, recordings
 from .recording import RecordingError
 from .screens import Plots, Ranges, plane, tabbed
@@ -133,7 +133,7 @@ def _served(paths: Sequence[Path]) -> Iterator[str]:
             together(paths, file)
         else:
             make_view(paths[0], file)
-        with Server(source=file) as server:
+        with LiveServer(source=file) as server:
             server.wait()
             yield server.link
 

@@ -11,13 +11,13 @@ from afm_model.parameters.strict_yaml import yaml_text
 from afm_node_common.decoding import InvalidMessage
 
 from . import layout
-from .friction_loop import FrictionLoop
+from .friction_loop import LoopPoints
 from .gathering import Result
-from .layout import Signal
+from .layout import PlotSignal
 from .messages import Level
 from .parameter_values import change_text
-from .places import Source
-from .record import Entry
+from .places import MessageSource
+from .record import RecordEntry
 from .recording import ParameterChange
 from .results import drawings
 from .scan_lines import ScanLine
@@ -60,19 +60,19 @@ class ViewWriter(Visitor):
         self.canvas = Canvas(stream, below, ranges)
         self._title, self._color = about.get("title") or title, color
         self._scans = ScanWriter(self.canvas)
-        self._loop, self._scene = FrictionLoop(), Scene()
+        self._loop, self._scene = LoopPoints(), Scene()
         self._steps: dict[str, float] = {}  # entities of numbers that have changed, and their last values
         self._end_ns, self._refused, self._why = 0, 0, ""
         self._describe()
 
-    def put(self, entry: Entry) -> None:
+    def put(self, entry: RecordEntry) -> None:
         """Draw a message; one that cannot be drawn is counted."""
         try:
             super().put(entry)
         except InvalidMessage as error:
             self._refused, self._why = self._refused + 1, f"{entry.topic}: {error}"
 
-    def draw(self, record: Source) -> None:
+    def draw(self, record: MessageSource) -> None:
         """Draw all of a record. Raises RecordingError if it cannot be read."""
         for entry in record.messages():
             self.put(entry)
@@ -97,7 +97,7 @@ class ViewWriter(Visitor):
         self._scene.send(self.canvas, self._scans.surface)
         self.canvas.flush()
 
-    def rows(self, signal: Signal, times: Times, values: Array) -> None:
+    def rows(self, signal: PlotSignal, times: Times, values: Array) -> None:
         """See `Visitor.rows`."""
         if signal.entity not in self.canvas.sent:
             names, colors = signal.names, signal.colors
@@ -115,7 +115,7 @@ class ViewWriter(Visitor):
         """See `Visitor.event`."""
         self.canvas.event(time_ns, shown(text), level)
 
-    def parameters(self, entry: Entry, changes: list[ParameterChange]) -> None:
+    def parameters(self, entry: RecordEntry, changes: list[ParameterChange]) -> None:
         """Draw the parameters of all nodes as text, and their changes as events; of a number as a plot of steps too."""
         if entry.message.changes:
             self._end_ns = max(self._end_ns, entry.time_ns)

@@ -11,10 +11,10 @@ from afm_node_common.decoding import InvalidMessage
 
 from . import checks, layout, messages
 from .gathering import Gathering, Result
-from .layout import Signal, instants
+from .layout import PlotSignal, instants
 from .names import is_channel
 from .parameter_values import ParameterValues
-from .record import Entry
+from .record import RecordEntry
 from .recording import ParameterChange
 from .scan_lines import ScanLine
 
@@ -33,12 +33,12 @@ class Visitor:
     ----------
     about : mapping of str to str
         Of the record.
-    ticks : sequence of Signal
+    ticks : sequence of PlotSignal
         Signals of the control ticks that are wanted.
     """
 
-    def __init__(self, about: Mapping[str, str], ticks: Sequence[Signal] = layout.TICKS) -> None:
-        self.signals: dict[str, Signal] = {}
+    def __init__(self, about: Mapping[str, str], ticks: Sequence[PlotSignal] = layout.TICKS) -> None:
+        self.signals: dict[str, PlotSignal] = {}
         """By name, those that have come."""
         self.scales: dict[str, float] = {}
         """Of each channel, as they were last: SI units per unit as converted."""
@@ -49,7 +49,7 @@ class Visitor:
         self._held: list[Any] | None = []  # control traces, until the height of the cantilever is known
         self._state = messages.StateText("", "INFO")
         self._gathering = Gathering()
-        self._takes: Mapping[str, Callable[[Entry], None]] = {
+        self._takes: Mapping[str, Callable[[RecordEntry], None]] = {
             "afm_msgs/msg/Waveform": self._waveform,
             "afm_msgs/msg/ControlTrace": self._trace,
             "afm_msgs/msg/InstrumentStatus": self._status,
@@ -60,13 +60,13 @@ class Visitor:
             "afm_msgs/msg/NamedArray": self._array,
         }
 
-    def rows(self, signal: Signal, times: Times, values: Array) -> None:
+    def rows(self, signal: PlotSignal, times: Times, values: Array) -> None:
         """Rows of a signal: times (n,) [ns], numbers (n, width) in SI units."""
 
     def event(self, time_ns: int, text: str, level: messages.Level) -> None:
         """An event, or a new state of the instrument."""
 
-    def parameters(self, entry: Entry, changes: list[ParameterChange]) -> None:
+    def parameters(self, entry: RecordEntry, changes: list[ParameterChange]) -> None:
         """Parameters of a node, and what has changed; `known` has them already."""
 
     def score(self, time_ns: int, score: dict[str, Any]) -> None:
@@ -83,7 +83,7 @@ class Visitor:
         """Height of the cantilever's rest position [m]; NaN: not known."""
         return self.known.height
 
-    def put(self, entry: Entry) -> None:
+    def put(self, entry: RecordEntry) -> None:
         """Take a message. Raises InvalidMessage."""
         if (take := self._takes.get(entry.kind)) is not None:
             take(entry)
@@ -98,7 +98,7 @@ class Visitor:
         self._release()
         self.flush()
 
-    def _waveform(self, entry: Entry) -> None:
+    def _waveform(self, entry: RecordEntry) -> None:
         name, message = entry.topic, entry.message
         if not is_channel(name):
             raise InvalidMessage("something else is shown under this name")
@@ -110,7 +110,7 @@ class Visitor:
         times = instants(message.first_sample, len(message.samples), message.sample_period)
         self._put(signal, times, np.frombuffer(message.samples) * message.scale)
 
-    def _trace(self, entry: Entry) -> None:
+    def _trace(self, entry: RecordEntry) -> None:
         message = entry.message
         checks.block(message.first_sequence, message.control_period, len(message.deflection))
         checks.control_trace(message)
@@ -138,18 +138,18 @@ class Visitor:
                 values = columns[signal.name].astype(np.float64)
             self._put(signal, times, values)
 
-    def _status(self, entry: Entry) -> None:
+    def _status(self, entry: RecordEntry) -> None:
         state = messages.state(entry.message)
         if state != self._state:
             self._state = state
             self.event(entry.time_ns, state.text, state.level)
 
-    def _array(self, entry: Entry) -> None:
+    def _array(self, entry: RecordEntry) -> None:
         result = self._gathering.put(checks.result_part(entry.message))
         if result is not None:
             self.result(result)
 
-    def _put(self, signal: Signal, times: Times, values: Array) -> None:
+    def _put(self, signal: PlotSignal, times: Times, values: Array) -> None:
         if not len(times):
             return
         self.signals[signal.name] = signal

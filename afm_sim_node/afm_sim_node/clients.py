@@ -17,7 +17,7 @@ _LONGEST_LOOK = 0.5
 _NOW = Duration(seconds=0)
 
 
-class Listeners:
+class TopicListeners:
     """Those who listen to a topic. The middleware acknowledges what it receives, however busy its process is, unless
     that was killed or stopped; without this the middleware here would take twenty seconds to notice.
 
@@ -84,15 +84,15 @@ class Clients:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._feedback: dict[str, Listeners] = {}
-        self._known: Listeners | None = None
+        self._feedback: dict[str, TopicListeners] = {}
+        self._known: TopicListeners | None = None
         self._topic = ""
 
     def begin(self, kind: Any, name: str, goal: Any, process: bytes) -> None:
         """A goal of the action `name` is being done, for this process (see `process_of`)."""
         if name not in self._feedback:
             # A second publisher beside that of the action server, which does not let anybody ask for acknowledgements.
-            self._feedback[name] = Listeners(self._node, kind.Impl.FeedbackMessage, f"{name}/_action/feedback")
+            self._feedback[name] = TopicListeners(self._node, kind.Impl.FeedbackMessage, f"{name}/_action/feedback")
         self._feedback[name].begin(process)
         topic = self._node.resolve_topic_name(topics.client(goal.goal_id.uuid))
         if self._known is not None and self._topic == topic:
@@ -111,7 +111,7 @@ class Clients:
             Whether its client has gone.
         """
         if self._known is None and self._node.count_subscribers(self._topic):
-            self._known = Listeners(self._node, UUID, self._topic)
+            self._known = TopicListeners(self._node, UUID, self._topic)
         # First: what is published now has not been acknowledged yet.
         gone = (self._known or self._feedback[name]).gone()
         self._feedback[name].publish(kind.Impl.FeedbackMessage(goal_id=goal.goal_id, feedback=feedback))

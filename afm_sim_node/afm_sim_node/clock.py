@@ -6,7 +6,7 @@ import time
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from afm_model.run import Run, State
+from afm_model.run import Run, RunState
 from afm_node_common import topics
 from afm_node_common.decoding import NANOSECONDS
 
@@ -39,7 +39,7 @@ class Clock:
 
     def publish(self) -> None:
         """Publish the time now."""
-        begins = self._run.state == State.WAITING or time.monotonic() < self._begins_until
+        begins = self._run.state == RunState.WAITING or time.monotonic() < self._begins_until
         self._send(self._run.stamp_ns if begins else self._end())
 
     def publish_at(self, now: float) -> None:

@@ -4,17 +4,17 @@ from collections.abc import Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from afm_model.run import Delays, Snapshot, State
+from afm_model.run import Delays, RunState, Snapshot
 from afm_model.run.counts import Counts
 from afm_node_common.diagnostics import entry
 
 _LEVEL = {
-    State.STALLED: DiagnosticStatus.ERROR,
-    State.RETRACTED: DiagnosticStatus.ERROR,
-    State.FAULT: DiagnosticStatus.ERROR,
-    State.HELD: DiagnosticStatus.ERROR,
-    State.WITHDRAWN: DiagnosticStatus.ERROR,
-    State.APPROACHING: DiagnosticStatus.WARN,
+    RunState.STALLED: DiagnosticStatus.ERROR,
+    RunState.RETRACTED: DiagnosticStatus.ERROR,
+    RunState.FAULT: DiagnosticStatus.ERROR,
+    RunState.HELD: DiagnosticStatus.ERROR,
+    RunState.WITHDRAWN: DiagnosticStatus.ERROR,
+    RunState.APPROACHING: DiagnosticStatus.WARN,
 }
 
 
@@ -35,7 +35,7 @@ def diagnostic_status(
         Which short cuts of the control loop are there.
     """
     level, message = _LEVEL.get(run.state, DiagnosticStatus.OK), run.detail or run.state.title
-    if warnings or (run.state == State.WAITING and run.detail):
+    if warnings or (run.state == RunState.WAITING and run.detail):
         # A run that has not started is a warning only if it needs an action from outside.
         level = max(level, DiagnosticStatus.WARN)
         message = "; ".join([message, *warnings])

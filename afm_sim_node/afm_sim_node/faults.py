@@ -16,7 +16,7 @@ from afm_node_common.process import SimNodeParameters
 from .events import Events
 
 
-class Faults:
+class FaultServer:
     """Takes orders between two ticks, and publishes events.
 
     What is ordered becomes a parameter of the node, so that it is recorded, and happens again after a reset.

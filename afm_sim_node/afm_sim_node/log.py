@@ -5,7 +5,7 @@ from typing import Any
 
 from afm_model.law import disagreements
 from afm_model.parameters.simulator_parameters import is_inside
-from afm_model.run import Snapshot, State
+from afm_model.run import RunState, Snapshot
 from afm_node_common.process import SimNodeParameters
 
 _THROTTLE = 5.0
@@ -14,19 +14,19 @@ _THROTTLE = 5.0
 
 def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
     """Tell about a change of state."""
-    if run.state == State.FAULT:
+    if run.state == RunState.FAULT:
         log.error(run.detail)
     elif run.detail:
-        by_service = run.state == State.WITHDRAWN and not parameters.safety.resume_after
+        by_service = run.state == RunState.WITHDRAWN and not parameters.safety.resume_after
         log.warning(f"{run.detail}; it comes back by the service resume" if by_service else run.detail)
-    elif run.state == State.WAITING:
+    elif run.state == RunState.WAITING:
         others = [
             *(["a controller"] if not is_inside(parameters.law) else []),
             *(["a recorder"] if parameters.run.wait_for_recorder else []),
             *(["the play service"] if parameters.run.start_paused else []),
         ]
         log.info(f"waiting for {' and '.join(others)}" if others else f"the law is inside: {parameters.law.kind}")
-    elif run.state == State.FINISHED:
+    elif run.state == RunState.FINISHED:
         log.info(f"finished: {run.ticks} ticks, {run.time:.6g} s simulated")
     else:
         log.info(run.state.title)

@@ -22,7 +22,7 @@ from afm_node_common.stamps import stamp
 from .events import Events
 from .results import Results
 from .scan_lines import ScanLines
-from .settings import Settings, setpoint
+from .settings import SettingsServer, setpoint
 from .verb_server import VerbServer
 
 _LOOK_PERIOD = 0.2
@@ -70,7 +70,7 @@ class MicroscopeServer:
             results.publish(run.run_id, verb, outcome, run.stamp_ns)
 
         self._verbs = VerbServer(node, run, self._begun, changed, brought)
-        Settings(node, run, self._exchange, self._on_setting)
+        SettingsServer(node, run, self._exchange, self._on_setting)
         self.publish()
 
     @property

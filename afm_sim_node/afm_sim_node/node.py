@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from afm_model import Block
 from afm_model.parameters.simulator_parameters import is_inside
-from afm_model.run import OVER, Listeners, Run, State
+from afm_model.run import OVER, Listeners, Run, RunState
 from afm_node_common import runner, topics
 from afm_node_common.estimates import Estimates
 from afm_node_common.memory import give_back
@@ -26,7 +26,7 @@ from .clock import Clock
 from .control import Control
 from .declared import block_ticks, declare, takes_verbs
 from .events import Events
-from .faults import Faults
+from .faults import FaultServer
 from .idle import Idle
 from .inside_link import InsideLink
 from .link import TopicLink
@@ -99,7 +99,7 @@ class SimNode(Node):
             self._link.asked = self._simulated_time.asked
         self._parameter_log = ParameterLog(self, declared, lambda: (self.run.run_id, self.run.stamp_ns))
         events = Events(self)
-        self._faults = Faults(self, self.run, declared, events)
+        self._faults = FaultServer(self, self.run, declared, events)
         self._control = Control(self, self.run)
         PreviewServer(self, parameters)
         self._standard = Standard(self, self.run, self._control) if INSTALLED else None
@@ -167,13 +167,13 @@ class SimNode(Node):
         self._reporter.state_changed()
         self._control.state_changed()
         state = self.run.state
-        if state == State.WAITING:
+        if state == RunState.WAITING:
             # After a reset, or with another instrument: nothing moves yet.
             give_back()
-        if state == State.FINISHED:
+        if state == RunState.FINISHED:
             self._simulated_time.publish()
         if state in OVER and self._declared.current.run.exit_when_finished:
-            self.exit_code = int(state == State.FAULT)
+            self.exit_code = int(state == RunState.FAULT)
             signal.raise_signal(signal.SIGINT)  # the one way in which a node ends
 
     def _on_block(self, block: Block, round_trips: NDArray[np.float32]) -> None:
@@ -215,7 +215,7 @@ class SimNode(Node):
     def _look_for_peers(self, *, force: bool = False) -> None:
         self._peers.look(force=force)
         rivalry = self._peers.rivalry()
-        if self.run.state == State.WAITING:
+        if self.run.state == RunState.WAITING:
             self.run.tell_why_waiting(rivalry or self._peers.incompatible or self._peers.silent())
         if rivalry:
             self.run.fail(rivalry)

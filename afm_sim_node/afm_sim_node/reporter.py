@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from afm_model.run import Run, Snapshot, State, warnings
+from afm_model.run import Run, RunState, Snapshot, warnings
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 
@@ -17,7 +17,7 @@ from .link import TopicLink
 from .log import log_refusal, log_state, log_warnings
 from .peers import Peers
 from .score import score_message
-from .standing import Standing
+from .standing import StandingSubscribers
 from .status import status_message
 from .streams import Streams
 
@@ -53,7 +53,7 @@ class Reporter:
         self._score = node.create_publisher(Score, topics.SCORE, topics.LATCHED_QOS)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._composed = DiagnosticArray()
-        self._standing, self._told = Standing(node, topics.MEASUREMENT), ""
+        self._standing, self._told = StandingSubscribers(node, topics.MEASUREMENT), ""
         self._before = self._logged = run.snapshot()
         self._warnings: list[str] = []
         self._recorders = 0
@@ -63,7 +63,7 @@ class Reporter:
         run = self._run.snapshot()
         if (run.state, run.detail) != (self._logged.state, self._logged.detail):
             self.log_state()
-        if run.state in (State.WAITING, State.FAULT):
+        if run.state in (RunState.WAITING, RunState.FAULT):
             # The counts begin again, or the cause of the warning is over.
             self._before, self._warnings = run, []
         self.publish_status()
@@ -114,13 +114,13 @@ class Reporter:
         log_refusal(self._log, before, run)
         self._warnings = warnings(before, run, self._link.cause)
         log_warnings(self._log, self._warnings)
-        if run.state == State.RUNNING and len(self._peers.controllers) > 1:
+        if run.state == RunState.RUNNING and len(self._peers.controllers) > 1:
             self._warnings.insert(0, f"{self._peers.controller} publish piezo_drive")
-        if run.state != State.WAITING and self._peers.incompatible:
+        if run.state != RunState.WAITING and self._peers.incompatible:
             self._warnings.insert(0, self._peers.incompatible)
         if self._told:
             self._warnings.append(self._told)
-        if run.state in (State.STALLED, State.RETRACTED) and (silent := self._peers.silent()):
+        if run.state in (RunState.STALLED, RunState.RETRACTED) and (silent := self._peers.silent()):
             self._warnings.append(silent)
 
     def wait_for_delivery(self, timeout: float) -> None:

@@ -21,7 +21,7 @@ Exchanging = Callable[[str, dict[str, Any]], None]
 """exchange(group, changes): another sample or plant; raises ParameterError or VerbError."""
 
 
-class Settings:
+class SettingsServer:
     """Serves them.
 
     Parameters

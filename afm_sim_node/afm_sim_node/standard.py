@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.task import Future
 
-from afm_model.run import OVER, Run, State
+from afm_model.run import OVER, Run, RunState
 from afm_node_common.answers import AnsweringServer
 
 from .control import Control
@@ -84,9 +84,9 @@ class Standard:
     def _now(self) -> int:
         """The state by the standard: a run that waits for a controller is playing, one that is over is stopped."""
         run = self._run
-        if run.state == State.PAUSED:
+        if run.state == RunState.PAUSED:
             return int(self._state.STATE_PAUSED)
-        if run.state in OVER or (run.state == State.WAITING and run.held):
+        if run.state in OVER or (run.state == RunState.WAITING and run.held):
             return int(self._state.STATE_STOPPED)
         return int(self._state.STATE_PLAYING)
 

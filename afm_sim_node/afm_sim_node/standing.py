@@ -30,7 +30,7 @@ class _Process(NamedTuple):
     begun: str  # when, in ticks of the system: another process may get its number
 
 
-class Standing:
+class StandingSubscribers:
     """Looks for subscribers of a topic, on this machine, whose process stands still or was killed.
 
     Parameters

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from wrong_controllers import WAYS, Wrong
 
-from afm_bringup.exam.judgement import Outcome, Verdict, exit_code, judge
+from afm_bringup.exam.judgement import RuleResult, Verdict, exit_code, judge
 from afm_bringup.exam.log import Answer, Log, Phase
 from afm_bringup.exam.procedure import Procedure
 from afm_bringup.exam.response import responses
@@ -135,7 +135,7 @@ def examine(way: str) -> Log:
 
 
 def broken(log: Log) -> list[str]:
-    return [each.rule for each in judge(log, TERMS) if each.outcome is Outcome.BROKEN]
+    return [each.rule for each in judge(log, TERMS) if each.outcome is RuleResult.BROKEN]
 
 
 @cache
@@ -148,7 +148,7 @@ def verdicts(way: str) -> tuple[list[Verdict], int]:
 
 def test_a_right_controller_keeps_every_rule() -> None:
     log = examine("right")
-    assert {each.rule: each.outcome for each in judge(log, TERMS)} == {rule.name: Outcome.KEPT for rule in RULES}
+    assert {each.rule: each.outcome for each in judge(log, TERMS)} == {rule.name: RuleResult.KEPT for rule in RULES}
     assert exit_code(judge(log, TERMS), log) == 0
     # What was asked: some of it got lost on purpose, and the numbers began again five times.
     assert {each.phase for each in log.sent} == set(Phase) - {Phase.PAUSE}
@@ -160,10 +160,10 @@ def test_a_right_controller_keeps_every_rule() -> None:
 @pytest.mark.parametrize("way", list(WAYS)[1:])
 def test_a_controller_that_is_wrong_in_one_way_breaks_the_rule_of_it(way: str) -> None:
     found, code = verdicts(way)
-    assert WAYS[way] in [each.rule for each in found if each.outcome is Outcome.BROKEN]
+    assert WAYS[way] in [each.rule for each in found if each.outcome is RuleResult.BROKEN]
     assert code == 1
     for verdict in found:
-        assert bool(verdict.reason) == (verdict.outcome is Outcome.BROKEN)
+        assert bool(verdict.reason) == (verdict.outcome is RuleResult.BROKEN)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_a_controller_that_is_wrong_in_one_way_breaks_the_rule_of_it(way: str) -
     ],
 )
 def test_what_is_wrong_in_one_way_breaks_no_other_rule(way: str) -> None:
-    assert [each.rule for each in verdicts(way)[0] if each.outcome is Outcome.BROKEN] == [WAYS[way]]
+    assert [each.rule for each in verdicts(way)[0] if each.outcome is RuleResult.BROKEN] == [WAYS[way]]
 
 
 def test_every_rule_is_broken_by_some_controller() -> None:
@@ -192,8 +192,8 @@ def test_every_rule_is_broken_by_some_controller() -> None:
 )
 def test_a_controller_that_never_connects_breaks_one_rule_and_the_others_are_not_tested(log: Log, rule: str) -> None:
     outcomes = {each.rule: each.outcome for each in judge(log, TERMS)}
-    assert outcomes.pop(rule) is Outcome.BROKEN
-    assert {each for name, each in outcomes.items() if name not in ("connected", "alive")} == {Outcome.UNTESTED}
+    assert outcomes.pop(rule) is RuleResult.BROKEN
+    assert {each for name, each in outcomes.items() if name not in ("connected", "alive")} == {RuleResult.UNTESTED}
 
 
 def test_a_controller_that_does_not_find_a_restarted_simulator_or_has_to_be_killed_breaks_these_rules() -> None:
@@ -205,7 +205,7 @@ def test_a_controller_that_does_not_find_a_restarted_simulator_or_has_to_be_kill
 def test_a_limit_that_the_instrument_does_not_have_is_not_tested() -> None:
     terms = Terms(build(SimParameters, {}), DEADLINE)
     outcomes = {each.rule: each.outcome for each in judge(examine("right"), terms)}
-    assert outcomes["slew"] is Outcome.UNTESTED
+    assert outcomes["slew"] is RuleResult.UNTESTED
 
 
 WILD = ("range", "slew", "response", "follows", "end")
@@ -213,7 +213,7 @@ WILD = ("range", "slew", "response", "follows", "end")
 
 def test_a_motion_that_diverges_is_nothing_that_the_controller_is_blamed_for() -> None:
     log = Procedure(VirtualConnection("wild"), build(SimParameters, {}), LONG).run()
-    assert {each.outcome for each in judge(log, TERMS) if each.rule not in WILD} == {Outcome.KEPT}
+    assert {each.outcome for each in judge(log, TERMS) if each.rule not in WILD} == {RuleResult.KEPT}
     assert max(np.abs(each.drives[0]).max() for each in log.answers) > 100.0
 
 
@@ -223,7 +223,7 @@ def of_gains(
     """Broken rules and why."""
     log = Procedure(GainConnection(gain, damping, change), NODE, LONG, seed).run()
     verdicts = judge(log, Terms(NODE, DEADLINE))
-    return {each.rule: each.reason for each in verdicts if each.outcome is Outcome.BROKEN}
+    return {each.rule: each.reason for each in verdicts if each.outcome is RuleResult.BROKEN}
 
 
 @pytest.mark.parametrize("seed", [1, 2, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(3, 6))])
@@ -313,15 +313,15 @@ def test_a_drive_that_is_late_is_told_by_how_much_however_its_loop_rings(ticks: 
 
 def test_a_drive_that_rises_with_the_measured_position_is_told() -> None:
     log = Procedure(VirtualConnection("feeds back upwards"), PARAMETERS, LONG).run()
-    why = {each.rule: each.reason for each in judge(log, TERMS) if each.outcome is Outcome.BROKEN}
+    why = {each.rule: each.reason for each in judge(log, TERMS) if each.outcome is RuleResult.BROKEN}
     assert why["response"] == "the drive of x rises when the measured position rises"
 
 
 def test_a_drive_without_feedback_is_told_of_its_axis_alone_and_allowed_where_there_is_none_on_purpose() -> None:
     log = examine("x without feedback")
-    why = {each.rule: each.reason for each in judge(log, TERMS) if each.outcome is Outcome.BROKEN}
+    why = {each.rule: each.reason for each in judge(log, TERMS) if each.outcome is RuleResult.BROKEN}
     assert why == {"response": "the drive of x does not answer the measured position"}
-    assert not [each for each in judge(log, replace(TERMS, feedback=False)) if each.outcome is Outcome.BROKEN]
+    assert not [each for each in judge(log, replace(TERMS, feedback=False)) if each.outcome is RuleResult.BROKEN]
 
 
 FOLLOW = [kind for kind in names("law") if kind not in ("open_loop", "chirp", "external")]
@@ -331,7 +331,7 @@ def judged(law: ControllerParameters, sim: SimParameters) -> tuple[dict[str, str
     """Broken rules and why."""
     log = Procedure(LawConnection(law, sim.plant.control_period), sim, LONG).run()
     verdicts = judge(log, Terms(sim, DEADLINE))
-    return {each.rule: each.reason for each in verdicts if each.outcome is Outcome.BROKEN}, log
+    return {each.rule: each.reason for each in verdicts if each.outcome is RuleResult.BROKEN}, log
 
 
 def assert_hardly_mixed(log: Log) -> None:

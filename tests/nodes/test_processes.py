@@ -10,7 +10,7 @@ import pytest
 import support
 
 from afm_bringup import processes
-from afm_bringup.processes import Process
+from afm_bringup.processes import NodeProcess
 
 PROGRAM = """
 import signal, sys, time
@@ -30,7 +30,7 @@ print("done", flush=True)
 def end(does: str, at_work: float, folder: Path) -> tuple[int | None, str]:
     """Exit code and output of a program that wants a second of processor time after SIGINT."""
     log = folder / "log"
-    process = Process("program", [sys.executable, "-c", PROGRAM.format(does=does)], log, "mark")
+    process = NodeProcess("program", [sys.executable, "-c", PROGRAM.format(does=does)], log, "mark")
     while "ready" not in log.read_text():
         assert not process.ended
     process.end(at_work)

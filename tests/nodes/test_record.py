@@ -15,7 +15,7 @@ from rosbags.highlevel import AnyReader
 
 from afm_bringup.replay_command import main as replay
 from afm_recorder_node.reader import read_recording
-from afm_recorder_node.record import Record, open_record
+from afm_recorder_node.record import RunRecord, open_record
 from afm_recorder_node.recording import DamagedRecording, IncompleteRecording, Recording, RecordingError
 from afm_recorder_node.repair import main, repair
 
@@ -168,7 +168,7 @@ def test_record_without_a_message_says_of_which_run_it_is(tmp_path: Path) -> Non
 
 def test_growing_record_is_followed_message_by_message(tmp_path: Path) -> None:
     run, writer = Run(300), recorded.begin(tmp_path / "run.mcap", [status(0.0, 1)])
-    record = Record(writer.file.path)
+    record = RunRecord(writer.file.path)
     assert [entry.topic for entry in record.more()] == ["status"]
     for start in (0, 100, 200):
         assert list(record.more()) == []

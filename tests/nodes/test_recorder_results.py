@@ -16,7 +16,7 @@ from afm_model.program.force_curve import APPROACH, RETRACT
 from afm_node_common.decoding import InvalidMessage
 from afm_node_common.verb_codec import named_arrays
 from afm_recorder_node import checks, layout, results, screens
-from afm_recorder_node.diagram import BLUE, HEIGHT, WIDTH, Axis, Curve, Diagram, round_step
+from afm_recorder_node.diagram import BLUE, HEIGHT, WIDTH, Axis, Diagram, DiagramLine, round_step
 from afm_recorder_node.gathering import Gathering, Result
 from afm_recorder_node.results import markdown
 
@@ -105,7 +105,7 @@ def test_numbers_of_a_calibration_have_their_units_and_uncertainties() -> None:
 
 
 def test_diagram_has_round_numbers_at_its_axes_and_every_point_at_its_place() -> None:
-    line = Curve(np.array([0.0, 1e-6, np.nan]), np.array([-84e-9, 84e-9, 0.0]), "measured", BLUE)
+    line = DiagramLine(np.array([0.0, 1e-6, np.nan]), np.array([-84e-9, 84e-9, 0.0]), "measured", BLUE)
     drawn = Diagram(Axis("z", "m"), Axis("force", "N"), [line]).draw()
     values = {name: {each.component_descriptor().component: each.as_arrow_array() for each in columns}
               for name, columns in drawn.items()}  # fmt: skip
@@ -122,7 +122,7 @@ def test_diagram_has_round_numbers_at_its_axes_and_every_point_at_its_place() ->
     assert (places["0.8"][0] - places["0.2"][0]) / (right - left) == pytest.approx(0.6, rel=1e-6)
     assert Diagram(Axis("z", "m"), Axis("force", "N"), []).draw() == {}
     # Of the unit that is shown: degrees of a phase in radians.
-    turn = Curve(np.array([0.0, 1.0]), np.array([-np.pi / 2, np.pi / 2]), "measured", BLUE)
+    turn = DiagramLine(np.array([0.0, 1.0]), np.array([-np.pi / 2, np.pi / 2]), "measured", BLUE)
     shown = {each.component_descriptor().component: each.as_arrow_array().to_pylist()
              for each in Diagram(Axis("f", "Hz"), Axis("phase", "rad"), [turn]).draw()["words"]}  # fmt: skip
     assert {"-50", "0", "50", "phase [°]"} <= set(shown["Points2D:labels"][0])

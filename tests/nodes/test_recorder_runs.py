@@ -17,12 +17,12 @@ from afm_model.microscope.verbs import Scan
 from afm_node_common.decoding import nanoseconds
 from afm_recorder_node import heads, runs
 from afm_recorder_node.definitions import definition, kind_of, serialized
-from afm_recorder_node.heads import Head
+from afm_recorder_node.heads import MessageHead
 from afm_recorder_node.names import CHANNELS
 from afm_recorder_node.reader import read_recording
 from afm_recorder_node.recorder import Message, Recorder
 from afm_recorder_node.recording import IncompleteRecording, Recording
-from afm_recorder_node.runs import Lines, Progress, Stream
+from afm_recorder_node.runs import LineCounts, RunProgress, StreamCounts
 
 BLOCK, BLOCKS = 10, 3
 
@@ -43,7 +43,7 @@ def recorder_at(path: Path, **options: Any) -> Recorder:
     return Recorder(path, logging.getLogger("recorder"), definition, **given | options)
 
 
-def put(recorder: Recorder, topic: Topic) -> Progress | None:
+def put(recorder: Recorder, topic: Topic) -> RunProgress | None:
     """Give a message to a recorder as its node does; of a block nothing comes back."""
     message = message_of(topic)
     if topic[0] == "control_trace":
@@ -210,25 +210,25 @@ def test_next_run_takes_the_next_name_that_is_free(
 
 
 def test_values_between_blocks_are_counted_as_lost_and_a_late_start_is_not() -> None:
-    stream = Stream()
-    assert all(stream.put(Head(0, 1, first, 10)) for first in (50, 60, 90))
-    assert not stream.put(Head(0, 1, 60, 10))
+    stream = StreamCounts()
+    assert all(stream.put(MessageHead(0, 1, first, 10)) for first in (50, 60, 90))
+    assert not stream.put(MessageHead(0, 1, 60, 10))
     assert (stream.begin, stream.next, stream.received, stream.lost) == (50, 100, 30, 20)
 
 
 def test_lines_between_others_of_a_scan_are_counted_as_lost() -> None:
-    lines = Lines()
+    lines = LineCounts()
     for scan, place in ((1, 0), (1, 1), (1, 4), (2, 1)):
         lines.put(scan, place)
     assert (lines.received, lines.lost) == (4, 3)
 
 
 def test_what_is_missing_of_a_run_is_named() -> None:
-    progress = Progress(1, "control_trace", ["deflection"])
+    progress = RunProgress(1, "control_trace", ["deflection"])
     assert progress.missing() == ["it has not come to an end: the simulator or the recorder was ended during the run"]
     progress.over, progress.ticks, progress.samples = True, 100, 200
-    progress.stream("control_trace").put(Head(0, 1, 0, 100))
-    progress.stream("deflection").put(Head(0, 1, 0, 200))
+    progress.stream("control_trace").put(MessageHead(0, 1, 0, 100))
+    progress.stream("deflection").put(MessageHead(0, 1, 0, 200))
     assert progress.missing() == []
     progress.stream("control_trace").begin = 20
     progress.stream("deflection").unwritten = 7

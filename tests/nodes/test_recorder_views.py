@@ -13,7 +13,7 @@ from recorded import Run
 from viewed import column, panels, view
 
 from afm_recorder_node import layout, screens, streams
-from afm_recorder_node.friction_loop import HEIGHT, POINTS, ROWS, WIDTH, FrictionLoop
+from afm_recorder_node.friction_loop import HEIGHT, POINTS, ROWS, WIDTH, LoopPoints
 
 PERIOD = 1e-3
 
@@ -47,7 +47,7 @@ def test_run_without_motion_has_no_friction_loop(tmp_path: Path) -> None:
 
 
 def test_friction_loop_of_a_long_run_is_that_of_its_end_and_takes_no_more_memory() -> None:
-    loop = FrictionLoop()
+    loop = LoopPoints()
     count = ROWS // 4
     for block in range(12):
         times = np.arange(block * count, (block + 1) * count)

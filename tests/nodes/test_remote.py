@@ -19,7 +19,7 @@ from afm_model.core.errors import ParameterError, VerbError
 from afm_model.microscope.image import Line
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Calibration, Progress
 from afm_model.microscope.verbs import FrictionLoop, MoveZ
-from afm_model.run import State
+from afm_model.run import RunState
 from afm_node_common import topics
 from afm_sim_node.node import SimNode
 
@@ -93,7 +93,7 @@ def test_second_interrupt_leaves_a_paused_run_and_its_tip_is_withdrawn_behind_th
     with pytest.raises(KeyboardInterrupt) as raised:
         served.client.execute(ENDLESS, on_line=served.on_line)
     assert raised.type is KeyboardInterrupt
-    assert (served.simulator.run.state, served.simulator.run.operator.busy) == (State.PAUSED, True)
+    assert (served.simulator.run.state, served.simulator.run.operator.busy) == (RunState.PAUSED, True)
     served.simulator.run.play()
     served.wait_for_rest()
 
@@ -110,7 +110,7 @@ def test_a_scan_that_its_callback_stops_pauses_or_breaks_off_keeps_its_lines(ser
             raise KeyboardInterrupt
 
     def on_progress(progress: Progress) -> None:
-        if run.state == State.PAUSED:
+        if run.state == RunState.PAUSED:
             client.resume()
 
     served.approach()

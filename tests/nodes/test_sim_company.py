@@ -9,7 +9,7 @@ from afm_msgs.msg import InstrumentStatus, Measurement, PiezoDrive
 from hand_controller import HandController, answer
 from support import Command, Graph, Observer, executable, ros_arguments
 
-from afm_model.run import State
+from afm_model.run import RunState
 from afm_sim_node.node import SimNode
 
 PARAMETERS = {
@@ -47,17 +47,17 @@ def test_second_simulator_that_joins_ends_the_run_and_does_not_start(mode: str) 
         first = graph.add(SimNode())
         graph.spin_until(lambda: first.run.instrument.ticks > 20)
         second = graph.add(SimNode())
-        graph.spin_until(lambda: first.run.state == State.FAULT)
+        graph.spin_until(lambda: first.run.state == RunState.FAULT)
         assert first.run.snapshot().detail == both
         graph.spin_until(lambda: second.run.snapshot().detail)
         told = second.run.snapshot()
-        assert (told.state, told.ticks, told.detail) == (State.WAITING, 0, both)
+        assert (told.state, told.ticks, told.detail) == (RunState.WAITING, 0, both)
         for state in (InstrumentStatus.FAULT, InstrumentStatus.WAITING):
             graph.spin_until(lambda state=state: (state, both) in {(s.state, s.detail) for s in observer.statuses})
         # A reset does not help while both are there; the second one starts as soon as it is alone.
         first.run.reset()
         graph.spin_until(lambda: first.run.snapshot().detail == both)
-        assert first.run.state == State.WAITING
+        assert first.run.state == RunState.WAITING
         graph.remove(first)
         graph.spin_until(lambda: second.run.instrument.ticks > 20)
         assert second.run.snapshot().detail == ""
@@ -68,7 +68,7 @@ def test_simulators_that_are_there_together_start_neither() -> None:
         controller = graph.add(HandController(gentle))
         pair = [graph.add(SimNode()), graph.add(SimNode())]
         graph.spin_until(lambda: all(node.run.snapshot().detail for node in pair))
-        assert [node.run.state for node in pair] == [State.WAITING, State.WAITING]
+        assert [node.run.state for node in pair] == [RunState.WAITING, RunState.WAITING]
         assert controller.seen == []
 
 
@@ -82,7 +82,7 @@ def test_second_simulator_in_a_process_of_its_own_is_named(mode: str, tmp_path: 
         first = graph.add(SimNode())
         graph.spin_until(lambda: first.run.instrument.ticks > 20)
         with Command(program, *arguments, folder=tmp_path) as other:
-            other.wait_until(lambda: first.run.state == State.FAULT, graph)
+            other.wait_until(lambda: first.run.state == RunState.FAULT, graph)
             assert first.run.snapshot().detail == both
             # Whether it had begun before it saw the first one or not, it says so too.
             other.wait_until(lambda: both in other.text, graph)
@@ -100,7 +100,7 @@ def test_simulator_in_another_namespace_is_no_rival(tmp_path: Path) -> None:
             other.wait_until(lambda: len(elsewhere.statuses) > 10, graph)
             ticks = first.run.instrument.ticks
             other.wait_until(lambda: first.run.instrument.ticks > ticks + 20, graph)
-            assert first.run.state == State.RUNNING
+            assert first.run.state == RunState.RUNNING
             assert (elsewhere.status.state, elsewhere.status.detail) == (InstrumentStatus.WAITING, "")
             other.interrupt()
             assert other.wait(graph) == 0, other.told

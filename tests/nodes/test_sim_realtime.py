@@ -15,7 +15,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from realtime_bench import PERIOD, bench, gentle
 
 from afm_bringup.results import summary_of
-from afm_model.run import State
+from afm_model.run import RunState
 from afm_node_common import topics
 from afm_sim_node.declared import block_ticks
 
@@ -217,7 +217,7 @@ def test_silent_controller_has_the_sample_retracted_and_its_next_drive_brings_it
         assert result.successful, result.reason
         ticks = b.simulator.run.instrument.ticks
         b.graph.spin_until(lambda: b.simulator.run.instrument.ticks > ticks + 2)
-        assert b.simulator.run.state == State.RETRACTED
+        assert b.simulator.run.state == RunState.RETRACTED
         silent = False
         b.run_until(InstrumentStatus.RUNNING)
         b.graph.spin_until(lambda: b.last_z == contact[0].voltage.z)

@@ -2,14 +2,14 @@
 
 from afm_msgs.msg import InstrumentStatus, Score
 
-from afm_model.run import Counts, State
+from afm_model.run import Counts, RunState
 
 
 def test_states_are_the_constants_of_the_status_message() -> None:
     fields = set(InstrumentStatus.get_fields_and_field_types())
     constants = {name: getattr(InstrumentStatus, name) for name in dir(InstrumentStatus) if name.isupper()}
     constants = {name: value for name, value in constants.items() if isinstance(value, int)}
-    assert constants == {state.name: int(state) for state in State}
+    assert constants == {state.name: int(state) for state in RunState}
     assert "state" in fields
 
 

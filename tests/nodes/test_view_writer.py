@@ -20,7 +20,7 @@ from recorded import HEIGHT, Run, begin, event, parameters, record, status, wave
 from support import TIMEOUT, processes, wait_until
 from viewed import chunks, column, events, series, view
 
-from afm_model.run import State
+from afm_model.run import RunState
 from afm_recorder_node import layout
 from afm_recorder_node.layout import instants
 from afm_recorder_node.recording import DamagedRecording, RecordingError
@@ -115,10 +115,10 @@ def test_states_events_and_changed_parameters_are_shown_at_their_times(tmp_path:
     messages = [
         parameters("afm_sim_node", {"plant.kind": "compliant", "plant.dt": 1e-6}),
         parameters("afm_controller_node", {"law.alpha": 20.0, "law.kind": "tanh"}),
-        status(0.0, State.RUNNING),
+        status(0.0, RunState.RUNNING),
         *Run(100).block(0, 100),
-        status(1e-6, State.STALLED, "no answer"),
-        status(2e-6, State.STALLED, "no answer"),
+        status(1e-6, RunState.STALLED, "no answer"),
+        status(2e-6, RunState.STALLED, "no answer"),
         event(3e-6, "drift begins", 30),
         parameters("afm_controller_node", {"law.alpha": 5.0}, 60e-6),
         parameters("afm_controller_node", {"law.kind": "sgn"}, 80e-6),

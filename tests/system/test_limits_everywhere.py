@@ -11,7 +11,7 @@ from clusters import cluster_here
 from support import session, write_scenario
 
 from afm_model import Controller, Scenario, build, load_scenario, simulate, sweep
-from afm_model.run import OVER, Latency, Link, Run, State, VirtualClock, simulate_realtime
+from afm_model.run import OVER, Latency, Link, Run, RunState, VirtualClock, simulate_realtime
 
 LIMIT = 4e-8
 SIMULATOR = {
@@ -36,7 +36,7 @@ def scenario(folder: Path, **changes: object) -> Scenario:
 
 def by_simulate(given: Scenario, folder: Path) -> tuple[str, int]:
     done = simulate(given.sim, given.controller)
-    return done.trajectory_sha256, sum(event.state == State.WITHDRAWN for event in done.events)
+    return done.trajectory_sha256, sum(event.state == RunState.WITHDRAWN for event in done.events)
 
 
 def by_an_object(given: Scenario, folder: Path) -> tuple[str, int]:
@@ -48,7 +48,7 @@ def by_an_object(given: Scenario, folder: Path) -> tuple[str, int]:
             return self._law.answer(measurement)
 
     done = simulate(given.sim, Law())
-    return done.trajectory_sha256, sum(event.state == State.WITHDRAWN for event in done.events)
+    return done.trajectory_sha256, sum(event.state == RunState.WITHDRAWN for event in done.events)
 
 
 def by_sweep(given: Scenario, folder: Path) -> tuple[str, int]:
@@ -96,7 +96,7 @@ def test_simulate_tells_when_the_limit_acted_and_keeps_the_force_small(tmp_path:
     done = simulate((given := scenario(tmp_path)).sim, given.controller)
     free = simulate((other := scenario(tmp_path, **{"safety.force_limit": 0.0})).sim, other.controller)
     ((time, state, sentence),) = done.events
-    assert (state, sentence.endswith(SENTENCE)) == (State.WITHDRAWN, True)
+    assert (state, sentence.endswith(SENTENCE)) == (RunState.WITHDRAWN, True)
     assert 1e-3 < time < 1.6e-3
     (doubt,) = done.doubts
     assert doubt.startswith("the instrument had the drive in ") and doubt.endswith(f"first at {time:.6g} s: {sentence}")
@@ -110,5 +110,5 @@ def test_simulate_tells_when_the_limit_acted_and_keeps_the_force_small(tmp_path:
 def test_force_limit_withdraws_the_sample_in_real_time(tmp_path: Path) -> None:
     given = scenario(tmp_path, **{"run.real_time_factor": 5e-3})
     late = simulate_realtime(given.sim, Controller(given.controller), build(Latency, {"median": 3e-4, "spread": 0.0}))
-    assert (late.snapshot.state, late.snapshot.counts.withdrawals) == (State.FINISHED, 1)
+    assert (late.snapshot.state, late.snapshot.counts.withdrawals) == (RunState.FINISHED, 1)
     assert (late.snapshot.reason, late.snapshot.in_contact) == ("force limit", False)

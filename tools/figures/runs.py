@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from afm_model import Scenario, Simulation, changed, load_scenario, simulate
 from afm_model.parameters import Value
-from afm_model.plant.physics import Microscope
+from afm_model.plant.physics import PlantPhysics
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "scenarios"
@@ -28,7 +28,7 @@ class Units:
     load: float  # m_c w0^2 z0 [nN]
 
 
-def units(microscope: Microscope) -> Units:
+def units(microscope: PlantPhysics) -> Units:
     """Units of the nondimensional quantities."""
     scales, force = microscope.scales, microscope.units
     return Units(

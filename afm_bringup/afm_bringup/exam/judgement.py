@@ -7,7 +7,7 @@ from .log import Log
 from .rules import RULES, Terms
 
 
-class Outcome(Enum):
+class RuleResult(Enum):
     """Result of a rule."""
 
     KEPT = "kept"
@@ -20,7 +20,7 @@ class Verdict:
     """Result of one rule, and the reason."""
 
     rule: str
-    outcome: Outcome
+    outcome: RuleResult
     reason: str = ""
 
 
@@ -30,9 +30,9 @@ def judge(log: Log, terms: Terms) -> list[Verdict]:
     for rule in RULES:
         reason = rule.judge(log, terms)
         if reason is None or (not reason and not log.sent and rule.name not in ("connected", "alive")):
-            verdicts.append(Verdict(rule.name, Outcome.UNTESTED))
+            verdicts.append(Verdict(rule.name, RuleResult.UNTESTED))
         else:
-            verdicts.append(Verdict(rule.name, Outcome.BROKEN if reason else Outcome.KEPT, reason))
+            verdicts.append(Verdict(rule.name, RuleResult.BROKEN if reason else RuleResult.KEPT, reason))
     return verdicts
 
 
@@ -40,4 +40,4 @@ def exit_code(verdicts: list[Verdict], log: Log) -> int:
     """0: every rule that was tested is kept; 1: one is broken; 2: nothing could be tested."""
     if not log.sent and not log.incompatible:
         return 2
-    return int(any(each.outcome is Outcome.BROKEN for each in verdicts))
+    return int(any(each.outcome is RuleResult.BROKEN for each in verdicts))

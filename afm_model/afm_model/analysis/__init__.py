@@ -9,13 +9,13 @@ from .estimate import Estimate, correlated_mean, correlation_length
 from .force_curves import CurveAnalysis, deflection_sensitivity, force_curve
 from .frequency_modulation import ShiftForce, energy_from_drive, force_from_shift, frequency_shift
 from .friction_load import FrictionLoadFit, friction_load_fit
-from .loops import FrictionLoop, dissipated, friction_loop, line_loop, means
+from .loops import LoopForces, dissipated, friction_loop, line_loop, means
 from .modulus import ContactFit, contact_fit, young
 from .regions import Contrast, Roughness, contrast, roughness, two_levels
 from .resonance import ResonanceFit, resonance_fit
 from .step_heights import Edge, edges, step_height
 from .tapping import TappingEnergy, beam_energy, tapping_energy
-from .thermal import ThermalTune, spring_constant
+from .thermal import ThermalResult, spring_constant
 from .wedge import WedgeCalibration, wedge_by_flat, wedge_ogletree, wedge_varenberg
 
 __all__ = [
@@ -25,12 +25,12 @@ __all__ = [
     "Edge",
     "Estimate",
     "FrictionLoadFit",
-    "FrictionLoop",
+    "LoopForces",
     "ResonanceFit",
     "Roughness",
     "ShiftForce",
     "TappingEnergy",
-    "ThermalTune",
+    "ThermalResult",
     "WedgeCalibration",
     "along_normal",
     "beam_energy",

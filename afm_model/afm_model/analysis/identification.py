@@ -150,7 +150,7 @@ def _peak(u: _Array, x: _Array, period: float) -> float:
 
 
 @dataclass(frozen=True)
-class Scanner:
+class IdentifiedScanner:
     """What was identified of a scanner: axes x, y, z."""
 
     x: Resonator
@@ -167,7 +167,7 @@ class Scanner:
         }
 
 
-def identify(drive: _Array, position: _Array, period: float) -> Scanner:
+def identify(drive: _Array, position: _Array, period: float) -> IdentifiedScanner:
     """Identify the scanner from a run with the tip off the sample.
 
     Parameters
@@ -190,15 +190,15 @@ def identify(drive: _Array, position: _Array, period: float) -> Scanner:
             found.append(fit_resonator(drive[:, i], position[:, i], period))
         except ParameterError as error:
             raise ParameterError(f"along {axis}: {error}") from None
-    return Scanner(*found)
+    return IdentifiedScanner(*found)
 
 
-def write_parameters(scanner: Scanner, path: Path, others: Mapping[str, str] | None = None) -> None:
+def write_parameters(scanner: IdentifiedScanner, path: Path, others: Mapping[str, str] | None = None) -> None:
     """Write a parameter file for the controller, to be loaded by `--params-file` or `--overrides`.
 
     Parameters
     ----------
-    scanner : Scanner
+    scanner : IdentifiedScanner
     path : Path
     others : mapping, optional
         Lines for the comment at its head, by name: where it comes from.

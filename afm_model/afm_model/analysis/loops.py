@@ -18,7 +18,7 @@ _Array = NDArray[np.float64]
 _PASSES = 3
 
 
-class FrictionLoop(NamedTuple):
+class LoopForces(NamedTuple):
     """In the unit of the signal: newton, or volts that are not calibrated."""
 
     half_width: Estimate
@@ -47,7 +47,7 @@ def means(position: ArrayLike, signal: ArrayLike, low: float, high: float) -> tu
     return correlated_mean(signal[inside & (change > 0.0)]), correlated_mean(signal[inside & (change < 0.0)])
 
 
-def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, stick: float = 0.6) -> FrictionLoop:
+def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, stick: float = 0.6) -> LoopForces:
     """Half-width, offset and stick slope of a friction loop, over all whole travels from turn to turn.
 
     Parameters
@@ -83,7 +83,7 @@ def friction_loop(position: ArrayLike, signal: ArrayLike, sliding: float = 0.5, 
     half, offset = _half_and_offset(trace, retrace)
     reach = stick * half.value
     ways = [(position[travel], signal[travel]) for travel in travels]
-    return FrictionLoop(half, offset, _stick_slope(ways, offset.value, reach, sliding))
+    return LoopForces(half, offset, _stick_slope(ways, offset.value, reach, sliding))
 
 
 def dissipated(position: ArrayLike, signal: ArrayLike) -> tuple[float, float]:
@@ -116,7 +116,7 @@ def dissipated(position: ArrayLike, signal: ArrayLike) -> tuple[float, float]:
     return float(np.trapezoid(y, x)) / cycles, float(cycles)
 
 
-def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float = 0.5) -> FrictionLoop:
+def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float = 0.5) -> LoopForces:
     """Friction loop of one line of an image.
 
     Parameters
@@ -154,7 +154,7 @@ def line_loop(x: ArrayLike, trace: ArrayLike, retrace: ArrayLike, sliding: float
         for way, signal in ((x, trace), (x[::-1], retrace[::-1]))
         if _sticks(signal, offset.value, half.value, way)
     ]
-    return FrictionLoop(half, offset, _stick_slope(ways, offset.value, 0.6 * half.value, sliding))
+    return LoopForces(half, offset, _stick_slope(ways, offset.value, 0.6 * half.value, sliding))
 
 
 def _half_and_offset(trace: Estimate, retrace: Estimate) -> tuple[Estimate, Estimate]:

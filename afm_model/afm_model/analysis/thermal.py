@@ -35,7 +35,7 @@ _DOUBTFUL = 0.3
 """Relative uncertainty of the variance from which on there is no resonance to speak of."""
 
 
-class ThermalTune(NamedTuple):
+class ThermalResult(NamedTuple):
     """Results of a thermal record of a cantilever. Uncertainties are those of the length of the record; that of the
     spring constant has that of the sensitivity in it.
     """
@@ -69,7 +69,7 @@ def spring_constant(
     tip_height: float = 0.0,
     length: float = math.inf,
     correction: float = RECTANGULAR,
-) -> ThermalTune:
+) -> ThermalResult:
     """Spring constant from the deflection of a free cantilever: k = correction k_B T / <z^2>.
 
     The fit is that of largest likelihood (a Whittle likelihood of the averaged spectrum), so that it has no bias from
@@ -137,7 +137,7 @@ def spring_constant(
         )
     fitted, slopes = _model(f, logs)
     of_k = math.hypot(errors[0], 2.0 * per_volt.uncertainty / per_volt.value)
-    return ThermalTune(
+    return ThermalResult(
         Estimate(k, k * of_k),
         Estimate(f0, f0 * errors[1]),
         Estimate(Q, Q * errors[2]),

@@ -112,7 +112,7 @@ def _uniforms(key: int, count: int, n: int) -> NDArray[np.float64]:
     return found
 
 
-class Stream:
+class RandomStream:
     """One stream of random numbers, taken in order; the methods are those of numpy's Generator.
 
     Parameters

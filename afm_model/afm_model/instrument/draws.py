@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.random_numbers import Stream
+from ..core.random_numbers import RandomStream
 from ..parameters import InstrumentParameters
 from .block import Layout
 from .sensors import position_noise
@@ -30,7 +30,7 @@ class Draws:
 
     def reset(self, seed: int) -> None:
         """Return to the start of a run: the same numbers again."""
-        streams = (Stream(seed, number) for number in range(6))
+        streams = (RandomStream(seed, number) for number in range(6))
         self._disturbance, self._noise, self._position_noise, self._chance, self._wander, self._between = streams
 
     def first(self) -> tuple[_Array, _Array]:

@@ -21,7 +21,7 @@ from ..parts.part import Tree
 from ..parts.signals import Measurement, PiezoDrive
 from . import scanner
 from .scanner import (
-    Axis,
+    HeldAxis,
     ScannerConstants,
     ScannerState,
     drive_between,
@@ -155,12 +155,12 @@ def time_constant(parameters: Tree) -> float:
     return float(parameters.scales.w0 * (law.time_constant or (1 + law.delay_ticks) * law.period))
 
 
-def pole(parameters: Tree, axis: Axis) -> float:
+def pole(parameters: Tree, axis: HeldAxis) -> float:
     """Eigenvalue of that time constant over the step of `axis`."""
     return exp(-axis.hold / time_constant(parameters))
 
 
-def lateral_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
+def lateral_axes(parameters: Tree, periods: int = 1) -> list[HeldAxis]:
     """x and y of the free scanner over `periods` control periods."""
     return free_axes(parameters, periods)[:2]
 

@@ -57,7 +57,7 @@ class ScannerState(Record):
     flight_2: Vector
 
 
-class Axis(NamedTuple):
+class HeldAxis(NamedTuple):
     """One free axis over a time of held drive, nondimensional."""
 
     eta: float  # resonance [w0]
@@ -67,7 +67,7 @@ class Axis(NamedTuple):
     gamma: _Array  # (2,)
 
 
-def free_axis(eta: float, xi: float, hold: float) -> Axis:
+def free_axis(eta: float, xi: float, hold: float) -> HeldAxis:
     """Exact step of a free axis, xi < 1, over a time `hold` [1/w0] of held drive."""
     decay, w = xi * eta, eta * math.sqrt(1.0 - xi * xi)
     s, c = sincos(w * hold)
@@ -76,7 +76,7 @@ def free_axis(eta: float, xi: float, hold: float) -> Axis:
     phi = np.array([[left * c + decay * moved, moved], [-eta * eta * moved, left * c - decay * moved]])
     # 1 - phi_11 without loss of digits at a short hold.
     lost = 2.0 * left * square(sin(0.5 * w * hold)) - expm1(-decay * hold) - decay * moved
-    return Axis(eta, xi, hold, phi, np.array([lost / (eta * eta), moved]))
+    return HeldAxis(eta, xi, hold, phi, np.array([lost / (eta * eta), moved]))
 
 
 def times(a: _Array, b: _Array) -> _Array:
@@ -84,7 +84,7 @@ def times(a: _Array, b: _Array) -> _Array:
     return np.stack([row[0] * b[0] + row[1] * b[1] for row in a])
 
 
-def free_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
+def free_axes(parameters: Tree, periods: int = 1) -> list[HeldAxis]:
     """x, y, z of the scanner over `periods` control periods of the law."""
     scanner, w0 = parameters.scanner, parameters.scales.w0
     hold = w0 * parameters.law.period * periods
@@ -94,7 +94,7 @@ def free_axes(parameters: Tree, periods: int = 1) -> list[Axis]:
     ]
 
 
-def place_poles(axis: Axis, one: float, other: float) -> tuple[float, float]:
+def place_poles(axis: HeldAxis, one: float, other: float) -> tuple[float, float]:
     """K for which phi - gamma K has the eigenvalues `one` and `other`: Ackermann's formula."""
     (g_1, g_2), (h_1, h_2) = axis.gamma, times(axis.phi, axis.gamma)
     wanted = times(axis.phi - one * np.eye(2), axis.phi - other * np.eye(2))

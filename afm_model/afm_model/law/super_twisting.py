@@ -19,7 +19,7 @@ from ..parts.signals import Measurement, PiezoDrive
 from . import sampled
 from .implicit import lateral_unit
 from .sampled import FeedbackLaw, SampledConstants, SampledState, lateral_axes, pole
-from .scanner import Axis, feed_forward, follow_flight, place_poles, position, rate, reference_at, send
+from .scanner import HeldAxis, feed_forward, follow_flight, place_poles, position, rate, reference_at, send
 
 K_1, K_2 = 1.5, 1.1
 """Levant's gains: K_1 sqrt(L) and K_2 L for a disturbance whose rate is bounded by L."""
@@ -58,7 +58,7 @@ class State(SampledState):
     twist_y: float
 
 
-def sliding_row(axis: Axis, K: tuple[float, float]) -> tuple[float, float]:
+def sliding_row(axis: HeldAxis, K: tuple[float, float]) -> tuple[float, float]:
     """C of the sliding variable s = C e that K takes to zero in one step, scaled so that C gamma is the period.
 
     C is the left eigenvector of phi - gamma K for the eigenvalue 0.

@@ -15,7 +15,7 @@ from ..parameters import ControllerParameters, InstrumentParameters, changed
 from ..run.context import RunContext
 from ..run.engine import Engine
 from ..run.pacing import Compiled, Pacing
-from ..run.state import State
+from ..run.state import RunState
 from .backend import Backend, OnLine, OnProgress
 from .collect import Reading
 from .image import Line
@@ -215,7 +215,7 @@ class Local(Backend):
         if not self._going.is_set():
             self._going.set()
             return
-        if self.engine.state != State.WITHDRAWN:
+        if self.engine.state != RunState.WITHDRAWN:
             raise VerbError(f"the run is {self.engine.state.title}: there is nothing to resume")
         if problem := self.engine.bring_back():
             raise VerbError(problem)

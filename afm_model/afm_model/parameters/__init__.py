@@ -17,10 +17,10 @@ from ..core.schema import (
     unknown_name_message,
 )
 from ..plant import stable_step
-from ..plant.physics import Cantilever, Contact, Microscope, Scales, Scanner, Units
+from ..plant.physics import Cantilever, Contact, PlantPhysics, Scales, Scanner, Units
 from .instrument_parameters import ControllerParameters, Drift, InstrumentParameters, Score
 from .microscope_parameters import SetupSection, resolved
-from .simulator_parameters import Run, Safety, SimParameters
+from .simulator_parameters import RunParameters, Safety, SimParameters
 
 __all__ = [
     "Cantilever",
@@ -29,10 +29,10 @@ __all__ = [
     "Drift",
     "Group",
     "InstrumentParameters",
-    "Microscope",
     "NonNegative",
+    "PlantPhysics",
     "Positive",
-    "Run",
+    "RunParameters",
     "Safety",
     "Scales",
     "Scanner",

@@ -14,7 +14,7 @@ from ..onboard import OnboardParameters
 from ..parts.timing import ticks_of
 from ..piezo import PiezoParameters
 from ..plant import PlantGroup
-from ..plant.physics import Cantilever, Contact, Microscope, Scales, Scanner
+from ..plant.physics import Cantilever, Contact, PlantPhysics, Scales, Scanner
 from ..program import Reference
 from ..sample import PaperSample
 
@@ -84,7 +84,7 @@ class Score(Group):
     )
 
 
-class InstrumentParameters(Microscope):
+class InstrumentParameters(PlantPhysics):
     """All parameters of the virtual instrument."""
 
     sample: PaperSample = PaperSample()

@@ -111,7 +111,7 @@ class Safety(Group):
         return bool(self.travel_limit or self.force_limit or self.contact_timeout or self.validity)
 
 
-class Run(Group):
+class RunParameters(Group):
     """How the instrument runs in time."""
 
     mode: Literal["lockstep", "realtime"] = Field(
@@ -163,7 +163,7 @@ class Run(Group):
 class SimParameters(InstrumentParameters):
     """The instrument and how it runs: all parameters of the simulator."""
 
-    run: Run = Run()
+    run: RunParameters = RunParameters()
     safety: Safety = Safety()
     law: ExternalLaw = ExternalLaw()
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..compiled.calls import INTEGER, NUMBER, POINTER, Argument
 from ..compiled.records import Record
-from ..core.random_numbers import Stream
+from ..core.random_numbers import RandomStream
 from ..core.schema import Group
 from .signals import (
     Actuation,
@@ -139,7 +139,7 @@ class Part:
     recorded: bool = True
     channels: tuple[Channel, ...] = ()
     draws: int = 0
-    draw: Callable[[Any, Stream, int], NDArray[np.float64] | None] | None = None
+    draw: Callable[[Any, RandomStream, int], NDArray[np.float64] | None] | None = None
     lanes: bool = False
 
     def arguments(self, function: str) -> tuple[Argument, ...]:

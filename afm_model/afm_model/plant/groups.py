@@ -8,7 +8,7 @@ from pydantic import Field
 from ..core.elementary import square
 from ..core.schema import NonNegative, Unit
 from ..parts.groups import PlantParameters
-from .physics import Microscope
+from .physics import PlantPhysics
 
 
 class PlantGroup(PlantParameters):
@@ -27,6 +27,6 @@ class PlantGroup(PlantParameters):
         description="compliant plant only: distance from the sample at the start; 0: in static contact at the setpoint",
     )
 
-    def own_spring_constant(self, parameters: Microscope) -> float:
+    def own_spring_constant(self, parameters: PlantPhysics) -> float:
         """That of `cantilever.*` [N/m]."""
         return parameters.cantilever.m_c * square(2.0 * math.pi * parameters.cantilever.f_c)

@@ -17,7 +17,7 @@ from ..compiled.jit import kernel
 from ..compiled.records import Block
 from ..contact.friction import bound_of_load
 from ..contact.jkr import radius_ratios
-from ..core.random_numbers import Stream
+from ..core.random_numbers import RandomStream
 from ..parts.dispatch import surface
 from ..parts.part import Numbers, Plant, Tree
 from ..parts.signals import Actuation, Surface
@@ -124,7 +124,7 @@ def _values(parameters: Tree) -> Numbers:
     return plant_constants(parameters, TREATMENTS[plant.z])
 
 
-def _draw(parameters: Tree, generator: Stream, ticks: int) -> NDArray[np.float64] | None:
+def _draw(parameters: Tree, generator: RandomStream, ticks: int) -> NDArray[np.float64] | None:
     """f_z of section 4.2 of the paper."""
     plant = parameters.plant
     return plant.M_z * (2.0 * generator.random((ticks, 1)) - 1.0) if plant.z == "uniform" else None

@@ -101,7 +101,7 @@ class Units(NamedTuple):
     normal_force: float  # m_c w0^2 z0 [N]
 
 
-class Microscope(Group):
+class PlantPhysics(Group):
     """What every plant is made of."""
 
     contact: Contact = Contact()

@@ -1,12 +1,12 @@
 """A run of the instrument: states, lockstep and realtime, watchdog, counts. Needs no ROS, no sleep, no real clock."""
 
 from .counts import Counts, Snapshot
-from .engine import Engine, Operator
+from .engine import Engine, VerbOperator
 from .link import Link, Listeners
 from .replay import Replay, recorded_parameters
 from .run import Run
 from .simulated import Latency, RealtimeSimulation, SimulatedLink, simulate_realtime
-from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, State
+from .state import OVER, TICKING, TRANSITIONS, Cause, RunError, RunState
 from .timing import Delays, VirtualClock
 from .verdict import outside, reasons, retracted_fraction, saturated, shortfall, verdict, warning, warnings
 
@@ -21,14 +21,14 @@ __all__ = [
     "Latency",
     "Link",
     "Listeners",
-    "Operator",
     "RealtimeSimulation",
     "Replay",
     "Run",
     "RunError",
+    "RunState",
     "SimulatedLink",
     "Snapshot",
-    "State",
+    "VerbOperator",
     "VirtualClock",
     "outside",
     "reasons",

@@ -7,7 +7,7 @@ from ..instrument import Instrument
 from .blocks import Blocks
 from .counts import Counts
 from .link import Link
-from .state import BACK, EVENTS, REASONS, Cause, Life, State
+from .state import BACK, EVENTS, REASONS, Cause, Life, RunState
 
 
 @dataclass(slots=True)
@@ -25,9 +25,9 @@ class RunContext:
     look_at: int = 0  # the next tick behind which there is something to look at, whatever comes of those before
 
     @property
-    def phase(self) -> State:
+    def phase(self) -> RunState:
         """State that says which of controller and limits has the drive."""
-        return State(self.instrument.guard.phase)
+        return RunState(self.instrument.guard.phase)
 
     @property
     def reason(self) -> str:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from .state import State
+from .state import RunState
 
 
 @dataclass(slots=True)
@@ -45,7 +45,7 @@ class Counts:
 class Snapshot:
     """A run as it is now. Taking one costs some microseconds."""
 
-    state: State
+    state: RunState
     detail: str
     ticks: int
     time: float  # simulated time of the next tick [s]

@@ -14,14 +14,14 @@ from .context import RunContext
 from .counts import Counts
 from .link import Link, Listeners
 from .pacing import Pacing
-from .state import EVENTS, OVER, TICKING, Cause, Life, State
+from .state import EVENTS, OVER, TICKING, Cause, Life, RunState
 from .timing import Stopwatch, VirtualClock
 
-_TAKEN_AWAY = (State.WITHDRAWN, State.RETRACTED)
+_TAKEN_AWAY = (RunState.WITHDRAWN, RunState.RETRACTED)
 """The instrument has taken z away: what is being done cannot go on."""
 
 
-class Operator(Protocol):
+class VerbOperator(Protocol):
     """Does what an instrument is asked for, order by order: `afm_model.microscope.operator.Operator` is one."""
 
     @property
@@ -91,7 +91,7 @@ class Engine:
         clock: Callable[[], float] | None = None,
         listeners: Listeners | None = None,
         block_ticks: int = 500,
-        operate: Callable[[Instrument], Operator] | None = None,
+        operate: Callable[[Instrument], VerbOperator] | None = None,
         in_pieces: bool = False,
         hashed: bool = True,
         sampled: bool = True,
@@ -115,7 +115,7 @@ class Engine:
         heard = operate is not None or self._listeners.block is not None
         self.blocks = Blocks(instrument, self._on_block if heard else None, in_pieces=in_pieces)
         self._context = RunContext(instrument, self.link, self.clock, self.blocks, self.life)
-        # An `Operator`, of any further type.
+        # An `VerbOperator`, of any further type.
         self.operator: Any = operate(instrument) if operate is not None else None
         """Executes verbs; a new one after a reset. None: there are no verbs."""
         self.pacing = pacing(self._context)
@@ -123,7 +123,7 @@ class Engine:
         self.link.name_run(self.run_id)
 
     @property
-    def state(self) -> State:
+    def state(self) -> RunState:
         """State of the run."""
         return self.life.state
 
@@ -138,7 +138,7 @@ class Engine:
         return self._context.counts
 
     @property
-    def phase(self) -> State:
+    def phase(self) -> RunState:
         """State that says which of controller and limits has the drive."""
         return self._context.phase
 
@@ -158,7 +158,7 @@ class Engine:
         `made` concludes ticks of a law that are made already, `wanted` at most, as `Instrument.close_loop` does.
         """
         if not self.ticking:
-            return self.life.state == State.WAITING and self._start_when_ready()
+            return self.life.state == RunState.WAITING and self._start_when_ready()
         if self.operator is not None and self.idle:
             self.watch.stop()
             return False
@@ -238,16 +238,16 @@ class Engine:
         if phase == life.state or guard.event not in EVENTS:
             return
         cause = EVENTS[guard.event]
-        if phase == State.WITHDRAWN:
+        if phase == RunState.WITHDRAWN:
             life.go(cause, f"{guard.clause(guard.event)}: the sample is withdrawn")
-        elif phase == State.APPROACHING:
+        elif phase == RunState.APPROACHING:
             life.go(cause, f"the sample is brought back to the tip (after: {self.reason})")
         else:
             life.go(cause, "the tip is withdrawn" if cause == Cause.RESUME else "")
             if cause == Cause.RESUME:
                 life.go(Cause.APPROACHED)
 
-    def _look_at_orders(self, operator: Operator) -> None:
+    def _look_at_orders(self, operator: VerbOperator) -> None:
         """Go on with the next order if one is done: between two ticks."""
         if operator.busy and self.instrument.orders.done:
             # What is next may depend on what was measured up to here.
@@ -269,7 +269,7 @@ class Engine:
             raise VerbError("this instrument takes no orders: start it with reference.kind = verbs")
         if state in OVER:
             raise VerbError(f"the run is {state.title}: call reset first")
-        if state in (*_TAKEN_AWAY, State.APPROACHING):
+        if state in (*_TAKEN_AWAY, RunState.APPROACHING):
             raise VerbError(f"the run is {state.title}: {self.life.detail}")
         operator.begin(verb)
         if not operator.busy:
@@ -287,7 +287,7 @@ class Engine:
 
     def fail(self, sentence: str, error: Exception | None = None) -> None:
         """End a run that has started: what it brings cannot be trusted any more."""
-        if self.state == State.WAITING or self.state in OVER:
+        if self.state == RunState.WAITING or self.state in OVER:
             return
         self.error = error
         self.blocks.flush()
@@ -351,7 +351,7 @@ class Engine:
         elif state in _TAKEN_AWAY and self.operator is not None:
             if self.operator.busy:
                 self.operator.cancel(f"stopped ({self.life.detail})")
-            elif state == State.WITHDRAWN:
+            elif state == RunState.WITHDRAWN:
                 self.operator.withdrawn()
         self._listeners.changed()
 

@@ -11,7 +11,7 @@ from ..parts.command import Command, problem
 from ..parts.timing import ticks_of
 from .context import RunContext
 from .pacing import Peered
-from .state import Cause, State
+from .state import Cause, RunState
 
 _Array = NDArray[np.float64]
 _LONGEST_WAY = 2.0
@@ -58,7 +58,7 @@ class Realtime(Peered):
     def resume(self) -> None:
         """Begin a new series of deadlines; a controller has its time again."""
         self._period = 0.0
-        if self._context.phase == State.RETRACTED:
+        if self._context.phase == RunState.RETRACTED:
             # What was retracted stays where it is until the controller answers, or is silent again.
             self._asked = self._instrument.drive
             self._release()
@@ -110,7 +110,7 @@ class Realtime(Peered):
                 self._go_back()
             self._held = 0
         self._watch_over(now)
-        self.drive = self._returning() if self._way_back and context.phase == State.RUNNING else self._asked
+        self.drive = self._returning() if self._way_back and context.phase == RunState.RUNNING else self._asked
         age = now - self._asked_at
         if age > self._in_time:
             self._late_tick = self._instrument.ticks
@@ -156,7 +156,7 @@ class Realtime(Peered):
         context = self._context
         run, life, counts = self._parameters.run, context.life, context.counts
         silent = now - self._last_drive_at > run.watchdog_timeout
-        if silent and life.state == State.RUNNING:
+        if silent and life.state == RunState.RUNNING:
             self._asked = self._instrument.drive
             self._instrument.guard.retract()
             life.go(
@@ -165,7 +165,7 @@ class Realtime(Peered):
                 f"{counts.drives_refused} refused as NaN or infinite{self._unused()}): the sample is retracted"
                 f"{(cause := context.link.cause()) and f' ({cause})'}",
             )
-        elif not silent and life.state == State.RETRACTED:
+        elif not silent and life.state == RunState.RETRACTED:
             self._release()
             life.go(Cause.ANSWERED)
 

@@ -8,13 +8,13 @@ from ..instrument import Instrument
 from ..parameters import SimParameters
 from .context import RunContext
 from .counts import Snapshot
-from .engine import Engine, Operator
+from .engine import Engine, VerbOperator
 from .law_inside import LawInside
 from .link import Link, Listeners
 from .lockstep import Lockstep, Wired
 from .pacing import Pacing
 from .realtime import Realtime
-from .state import BACK, OVER, Cause, State
+from .state import BACK, OVER, Cause, RunState
 from .timing import Delays
 
 
@@ -46,7 +46,7 @@ class Run(Engine):
         clock: Callable[[], float],
         listeners: Listeners | None = None,
         block_ticks: int = 500,
-        operate: Callable[[Instrument], Operator] | None = None,
+        operate: Callable[[Instrument], VerbOperator] | None = None,
         *,
         in_pieces: bool = False,
     ) -> None:
@@ -134,7 +134,7 @@ class Run(Engine):
         """
         if ticks < 1:
             return f"{ticks} ticks are not allowed: it must be 1 at least"
-        if self.state != State.PAUSED and not (self.state == State.WAITING and self.held):
+        if self.state != RunState.PAUSED and not (self.state == RunState.WAITING and self.held):
             return f"the run is {self.state.title}: it must be paused"
         if self.idle:
             return "no verb is being done: simulated time stands still until one is"
@@ -143,7 +143,7 @@ class Run(Engine):
 
     def _go_on(self) -> str:
         self.held = False
-        if self.state == State.PAUSED:
+        if self.state == RunState.PAUSED:
             self._context.go_on(Cause.PLAY)
             self.pacing.resume()
         return "the run is over: call reset first" if self.state in OVER else ""
@@ -152,23 +152,23 @@ class Run(Engine):
         """Stop between two ticks, or do not start before `play`; why not, or an empty string."""
         waited = self.stepping
         self.stop_at(None)
-        if self.state == State.WAITING:
+        if self.state == RunState.WAITING:
             self.held = True
             if waited:
                 self._on_change()
-        elif self.ticking or self.state == State.HELD:
+        elif self.ticking or self.state == RunState.HELD:
             self.life.go(Cause.PAUSE)
         return "the run is over: there is nothing to pause" if self.state in OVER else ""
 
     def resume(self) -> str:
         """Bring a withdrawn sample back to the tip, or go on without a recording; why not, or an empty string."""
-        if self.state == State.WITHDRAWN:
+        if self.state == RunState.WITHDRAWN:
             return self.bring_back()
-        if self.state == State.HELD:
+        if self.state == RunState.HELD:
             self._record_anyway = True
             self._leave_hold()
             return ""
-        if self.state == State.PAUSED and self.phase in BACK:
+        if self.state == RunState.PAUSED and self.phase in BACK:
             return "the run is paused: call play first"
         return f"the run is {self.state.title}: there is nothing to resume"
 
@@ -176,9 +176,9 @@ class Run(Engine):
         """Say why the recorder cannot write its file; empty: it can."""
         if not problem:
             self._record_anyway = False
-            if self.state == State.HELD:
+            if self.state == RunState.HELD:
                 self._leave_hold()
-        elif self.ticking and self.state != State.STALLED and self._parameters.safety.unrecorded:
+        elif self.ticking and self.state != RunState.STALLED and self._parameters.safety.unrecorded:
             if not self._record_anyway:
                 self.life.go(Cause.UNRECORDED, f"{problem}: the run is held (safety.unrecorded)")
 
@@ -189,7 +189,7 @@ class Run(Engine):
     def _begin_again(self) -> None:
         """As of `Engine`. A run that was paused waits for `play`."""
         # A run that was stepped was paused between the steps.
-        paused = self.state == State.PAUSED or self.stepping
+        paused = self.state == RunState.PAUSED or self.stepping
         self.held = self._parameters.run.start_paused or paused
         self._record_anyway = False
         super()._begin_again()
@@ -212,7 +212,7 @@ class Run(Engine):
 
     def tell_why_waiting(self, detail: str) -> None:
         """Say what a run that has not started waits for, where that needs a word; empty: nothing special."""
-        if self.state == State.WAITING:
+        if self.state == RunState.WAITING:
             self.life.tell(detail)
 
     def flush(self) -> None:

@@ -13,7 +13,7 @@ from pydantic import Field
 
 from ..core.elementary import exp
 from ..core.errors import DivergenceError, DriveError, ParameterError
-from ..core.random_numbers import Stream
+from ..core.random_numbers import RandomStream
 from ..core.schema import Group, NonNegative, Positive, Unit
 from ..instrument import Block, ScoreSummary
 from ..instrument.controller import Controller
@@ -32,7 +32,7 @@ _LATENCIES = 3000
 """Stream of the random numbers of latencies."""
 
 
-class Law(Protocol):
+class AnsweringLaw(Protocol):
     """Anything that answers measurements."""
 
     def answer(self, measurement: _Array, /) -> Any:
@@ -58,7 +58,7 @@ class SimulatedLink(Link):
 
     Parameters
     ----------
-    law : Law
+    law : AnsweringLaw
         Called once for each measurement, in order.
     clock : VirtualClock
     latency : callable
@@ -67,7 +67,9 @@ class SimulatedLink(Link):
         Between two measurements.
     """
 
-    def __init__(self, law: Law, clock: VirtualClock, latency: Callable[[], float], control_period: float) -> None:
+    def __init__(
+        self, law: AnsweringLaw, clock: VirtualClock, latency: Callable[[], float], control_period: float
+    ) -> None:
         self._law, self._clock, self._latency = law, clock, latency
         self._control_period = control_period
         self._on_the_way: list[tuple[float, int, _Array | Command]] = []
@@ -117,7 +119,7 @@ class Latency(Group):
 
     def draw(self) -> Callable[[], float]:
         """A function that draws one latency after the other [s]; infinite: the drive is lost."""
-        random = Stream(self.seed, _LATENCIES)
+        random = RandomStream(self.seed, _LATENCIES)
 
         def draw() -> float:
             # Always both: whether drives are lost changes no latency.
@@ -151,7 +153,7 @@ class RealtimeSimulation:
         return np.concatenate([block.drives for block in self.blocks])
 
 
-def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> RealtimeSimulation:
+def simulate_realtime(parameters: SimParameters, law: AnsweringLaw, latency: Latency) -> RealtimeSimulation:
     """Run the instrument in real time against a controller that answers late: the same bits for the same seed.
 
     The clock is virtual: every tick is in time, `run.real_time_factor` says how much simulated time a latency takes.
@@ -161,7 +163,7 @@ def simulate_realtime(parameters: SimParameters, law: Law, latency: Latency) -> 
     ----------
     parameters : SimParameters
         `run.mode` is taken as realtime.
-    law : Law
+    law : AnsweringLaw
         Called once for each measurement, in order.
     latency : Latency
 

@@ -21,8 +21,8 @@ from .link import Listeners
 from .pacing import Asked, Compiled, Pacing
 from .plotting import Curves, plot
 from .replay import Replay, replayed
-from .simulated import Law, ticks_of_a_block, ticks_to_simulate
-from .state import OVER, State
+from .simulated import AnsweringLaw, ticks_of_a_block, ticks_to_simulate
+from .state import OVER, RunState
 from .verdict import limited, outside, saturated
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class RunEvent(NamedTuple):
     """The drive has changed hands, because a limit was passed (`safety.*`) or it was given back."""
 
     time: float  # [s]
-    state: State
+    state: RunState
     sentence: str
 
 
@@ -123,7 +123,7 @@ class Simulation:
 
 def simulate(
     parameters: SimParameters,
-    controller: ControllerParameters | Law,
+    controller: ControllerParameters | AnsweringLaw,
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Simulation:
@@ -208,7 +208,7 @@ def simulate(
 
 def run(
     parameters: SimParameters,
-    controller: ControllerParameters | Law,
+    controller: ControllerParameters | AnsweringLaw,
     take: Callable[[Block], object] | None = None,
     *,
     progress: Callable[[int, int], None] | None = None,
@@ -248,7 +248,7 @@ def run(
 
 def engine_of(
     parameters: SimParameters,
-    controller: ControllerParameters | Law,
+    controller: ControllerParameters | AnsweringLaw,
     take: Callable[[Block], object] | None = None,
     *,
     progress: Callable[[int, int], None] | None = None,
@@ -297,7 +297,7 @@ def engine_of(
     return engine
 
 
-def _parameters_of(controller: ControllerParameters | Law) -> ControllerParameters | None:
+def _parameters_of(controller: ControllerParameters | AnsweringLaw) -> ControllerParameters | None:
     """Of a law of ours."""
     if isinstance(controller, Controller):
         return controller.parameters

@@ -10,7 +10,7 @@ class RunError(RuntimeError):
     """A change of state that there is not."""
 
 
-class State(IntEnum):
+class RunState(IntEnum):
     """State of a run. The numbers are those of afm_msgs/InstrumentStatus."""
 
     WAITING = 0
@@ -55,55 +55,55 @@ class Cause(Enum):
     RESET = "reset"
 
 
-SAFE = frozenset({State.STALLED, State.RETRACTED, State.HELD, State.WITHDRAWN, State.APPROACHING})
+SAFE = frozenset({RunState.STALLED, RunState.RETRACTED, RunState.HELD, RunState.WITHDRAWN, RunState.APPROACHING})
 """The controller's drive is not in force, because something has gone wrong: the safe states."""
 LIMITS = (Cause.TRAVEL, Cause.FORCE, Cause.CONTACT_LOST, Cause.INVALID)
 """What withdraws the sample."""
-TICKING = frozenset({State.RUNNING, State.STALLED, State.RETRACTED, State.WITHDRAWN, State.APPROACHING})
+TICKING = frozenset({RunState.RUNNING, RunState.STALLED, RunState.RETRACTED, RunState.WITHDRAWN, RunState.APPROACHING})
 """The run goes on, or would with the next drive."""
-OVER = frozenset({State.FINISHED, State.FAULT})
+OVER = frozenset({RunState.FINISHED, RunState.FAULT})
 """Nothing happens any more until a reset."""
 
-_MOVING = (State.RUNNING, State.RETRACTED, State.WITHDRAWN, State.APPROACHING)
+_MOVING = (RunState.RUNNING, RunState.RETRACTED, RunState.WITHDRAWN, RunState.APPROACHING)
 """Simulated time goes on."""
-_STANDING = (State.STALLED, State.PAUSED, State.HELD)
+_STANDING = (RunState.STALLED, RunState.PAUSED, RunState.HELD)
 """Simulated time stands still, and may go on."""
 
-TRANSITIONS: dict[tuple[State, Cause], State] = {
-    (State.WAITING, Cause.START): State.RUNNING,
+TRANSITIONS: dict[tuple[RunState, Cause], RunState] = {
+    (RunState.WAITING, Cause.START): RunState.RUNNING,
     # No answer: simulated time stands still in lockstep; in realtime the sample is retracted.
-    **{(state, Cause.UNANSWERED): State.STALLED for state in _MOVING if state != State.RETRACTED},
-    (State.STALLED, Cause.ANSWERED): State.RUNNING,
-    (State.RUNNING, Cause.SILENT): State.RETRACTED,
-    (State.RETRACTED, Cause.ANSWERED): State.RUNNING,
+    **{(state, Cause.UNANSWERED): RunState.STALLED for state in _MOVING if state != RunState.RETRACTED},
+    (RunState.STALLED, Cause.ANSWERED): RunState.RUNNING,
+    (RunState.RUNNING, Cause.SILENT): RunState.RETRACTED,
+    (RunState.RETRACTED, Cause.ANSWERED): RunState.RUNNING,
     # Limits of the instrument: it takes the drive itself. A sample taken away is out of contact on purpose, and
     # an approach has a force limit of its own.
-    **{(State.RUNNING, cause): State.WITHDRAWN for cause in LIMITS},
-    **{(State.RETRACTED, cause): State.WITHDRAWN for cause in LIMITS if cause != Cause.CONTACT_LOST},
-    (State.APPROACHING, Cause.TRAVEL): State.WITHDRAWN,
-    (State.APPROACHING, Cause.INVALID): State.WITHDRAWN,
-    (State.WITHDRAWN, Cause.RESUME): State.APPROACHING,
-    (State.APPROACHING, Cause.APPROACHED): State.RUNNING,
-    (State.APPROACHING, Cause.NOT_APPROACHED): State.WITHDRAWN,
+    **{(RunState.RUNNING, cause): RunState.WITHDRAWN for cause in LIMITS},
+    **{(RunState.RETRACTED, cause): RunState.WITHDRAWN for cause in LIMITS if cause != Cause.CONTACT_LOST},
+    (RunState.APPROACHING, Cause.TRAVEL): RunState.WITHDRAWN,
+    (RunState.APPROACHING, Cause.INVALID): RunState.WITHDRAWN,
+    (RunState.WITHDRAWN, Cause.RESUME): RunState.APPROACHING,
+    (RunState.APPROACHING, Cause.APPROACHED): RunState.RUNNING,
+    (RunState.APPROACHING, Cause.NOT_APPROACHED): RunState.WITHDRAWN,
     # Nothing is recorded: simulated time stands still.
-    **{(state, Cause.UNRECORDED): State.HELD for state in _MOVING},
-    (State.HELD, Cause.RECORDED): State.RUNNING,
+    **{(state, Cause.UNRECORDED): RunState.HELD for state in _MOVING},
+    (RunState.HELD, Cause.RECORDED): RunState.RUNNING,
     # Control of the run.
-    **{(state, Cause.PAUSE): State.PAUSED for state in (*_MOVING, State.STALLED, State.HELD)},
-    (State.PAUSED, Cause.PLAY): State.RUNNING,
+    **{(state, Cause.PAUSE): RunState.PAUSED for state in (*_MOVING, RunState.STALLED, RunState.HELD)},
+    (RunState.PAUSED, Cause.PLAY): RunState.RUNNING,
     # A run that stood still returns to its state before: a pause does not bring a withdrawn sample back.
-    **{(state, Cause.BACK_WITHDRAWN): State.WITHDRAWN for state in _STANDING},
-    **{(state, Cause.BACK_APPROACHING): State.APPROACHING for state in _STANDING},
-    **{(state, Cause.END): State.FINISHED for state in _MOVING},
-    **{(state, Cause.ERROR): State.FAULT for state in (*_MOVING, *_STANDING)},
-    **{(state, Cause.RESET): State.WAITING for state in State},
+    **{(state, Cause.BACK_WITHDRAWN): RunState.WITHDRAWN for state in _STANDING},
+    **{(state, Cause.BACK_APPROACHING): RunState.APPROACHING for state in _STANDING},
+    **{(state, Cause.END): RunState.FINISHED for state in _MOVING},
+    **{(state, Cause.ERROR): RunState.FAULT for state in (*_MOVING, *_STANDING)},
+    **{(state, Cause.RESET): RunState.WAITING for state in RunState},
 }
 """Every transition there is. docs/safe_states.md shows them as a picture, made from this table."""
 
-REASONS: dict[State | Cause, str] = {
-    State.STALLED: "silent controller",
-    State.RETRACTED: "silent controller",
-    State.HELD: "not recorded",
+REASONS: dict[RunState | Cause, str] = {
+    RunState.STALLED: "silent controller",
+    RunState.RETRACTED: "silent controller",
+    RunState.HELD: "not recorded",
     Cause.TRAVEL: "travel limit",
     Cause.FORCE: "force limit",
     Cause.CONTACT_LOST: "contact lost",
@@ -113,8 +113,8 @@ REASONS: dict[State | Cause, str] = {
 
 
 BACK = {
-    State.WITHDRAWN: (Cause.BACK_WITHDRAWN, "the sample is still withdrawn"),
-    State.APPROACHING: (Cause.BACK_APPROACHING, "the approach continues"),
+    RunState.WITHDRAWN: (Cause.BACK_WITHDRAWN, "the sample is still withdrawn"),
+    RunState.APPROACHING: (Cause.BACK_APPROACHING, "the approach continues"),
 }
 """State after a pause while a limit controls the drive."""
 EVENTS = {
@@ -140,12 +140,12 @@ class Life:
     """
 
     def __init__(self, changed: Callable[[], None]) -> None:
-        self._state = State.WAITING
+        self._state = RunState.WAITING
         self._detail = ""
         self._changed = changed
 
     @property
-    def state(self) -> State:
+    def state(self) -> RunState:
         """State of the run."""
         return self._state
 

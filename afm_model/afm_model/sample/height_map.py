@@ -11,7 +11,7 @@ from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Tree
 from .map_files import file_stamp, read_field
-from .mapped import Relief, Scales, map_sample, relief
+from .mapped import MapScales, Relief, map_sample, relief
 
 
 class HeightMap(SampleParameters):
@@ -89,7 +89,7 @@ def _made(sample: HeightMap, R: float, x0: float, z0: float, changed: tuple[int,
         wrap=sample.border == "wrap",
         dilate=sample.dilate,
         R=R,
-        scales=Scales(x0, z0),
+        scales=MapScales(x0, z0),
         materials=materials,
     )
 

@@ -22,7 +22,7 @@ _ALLOWED = (
 )
 
 
-class Field(NamedTuple):
+class StoredMap(NamedTuple):
     """A map as a file holds it."""
 
     values: NDArray[np.float64]  # (rows, columns), row 0 at the least y
@@ -30,7 +30,7 @@ class Field(NamedTuple):
     height: float
 
 
-def read_field(path: str) -> Field:
+def read_field(path: str) -> StoredMap:
     """The first map of a file.
 
     It is read by a process of its own, bounded in memory and time: no file ends or stops the one that asks.
@@ -65,7 +65,7 @@ def read_field(path: str) -> Field:
     if "problem" in found:
         raise _refused(path, found["problem"])
     values = np.frombuffer(numbers, "<f8").reshape(found["shape"]).astype(np.float64)
-    return Field(values, found["width"], found["height"])
+    return StoredMap(values, found["width"], found["height"])
 
 
 def file_stamp(path: str) -> int:

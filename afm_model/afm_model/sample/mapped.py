@@ -46,7 +46,7 @@ class Constants(Record):
     z0: Annotated[float, "m"]
 
 
-class Scales(NamedTuple):
+class MapScales(NamedTuple):
     """Of the sample's coordinates, to be part of the key of a cache."""
 
     x0: float

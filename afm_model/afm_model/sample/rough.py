@@ -11,11 +11,11 @@ from pydantic import Field
 
 from ..core.elementary import power_each, square
 from ..core.fourier import filtered
-from ..core.random_numbers import Stream
+from ..core.random_numbers import RandomStream
 from ..core.schema import Positive, Unit
 from ..parts.groups import SampleParameters
 from ..parts.part import Tree
-from .mapped import Relief, Scales, map_sample, relief
+from .mapped import MapScales, Relief, map_sample, relief
 
 _HEIGHTS = 2000
 """Stream of the random numbers of heights."""
@@ -38,7 +38,7 @@ class Rough(SampleParameters):
 def heights(sample: Rough) -> NDArray[np.float64]:
     """Heights (pixels, pixels) [m]."""
     n = sample.pixels
-    white = Stream(sample.surface_seed, _HEIGHTS).standard_normal((n, n))
+    white = RandomStream(sample.surface_seed, _HEIGHTS).standard_normal((n, n))
     waves = np.arange(n)
     q = 2.0 * np.pi / sample.size * np.minimum(waves, n - waves)
     q2 = square(q)[:, None] + square(q)[None, :]
@@ -56,7 +56,7 @@ def _of(parameters: Tree) -> Relief:
 @lru_cache(maxsize=4)
 def _made(sample: Rough, R: float, x0: float, z0: float) -> Relief:
     return relief(
-        heights(sample), sample.size, sample.size, wrap=True, dilate=sample.dilate, R=R, scales=Scales(x0, z0)
+        heights(sample), sample.size, sample.size, wrap=True, dilate=sample.dilate, R=R, scales=MapScales(x0, z0)
     )
 
 

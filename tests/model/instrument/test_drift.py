@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from afm_model import Instrument, InstrumentParameters, build
-from afm_model.core.random_numbers import Stream
+from afm_model.core.random_numbers import RandomStream
 from afm_model.parameters import SimParameters
 from afm_model.studies.start_checks import implausible
 
@@ -65,7 +65,7 @@ def test_random_part_is_an_ornstein_uhlenbeck_process_of_its_own_stream():
     rms, time, ticks = 3e-9, 2e-3, 600
     read, _, _ = drifting(PAPER | {"drift.wander": rms, "drift.wander_time": time, "plant.seed": 5}, ticks)
     # Stream 4 of the seed, three numbers a tick.
-    normal = Stream(5, 4).standard_normal((ticks, 3))
+    normal = RandomStream(5, 4).standard_normal((ticks, 3))
     keep = np.exp(-PERIOD / time)
     shaken = rms * np.sqrt(1.0 - keep**2) * normal
     shaken[0] = rms * normal[0]

@@ -7,7 +7,7 @@ import pytest
 from afm_model import VerbError
 from afm_model.microscope import Microscope, Scan
 from afm_model.microscope.results import CANCELLED, COMPLETE
-from afm_model.run.state import State
+from afm_model.run.state import RunState
 
 pytest.importorskip("xarray")
 FAST = {"rate": 20e-6, "range": 2e-6, "settle": 5e-3}
@@ -151,13 +151,13 @@ def test_a_limit_that_withdraws_the_tip_between_two_verbs_leaves_it_withdrawn_wi
         held.approach(**FAST)
         held.set_feedback("hold")
         engine = held.backend.engine
-        while engine.state != State.WITHDRAWN:
+        while engine.state != RunState.WITHDRAWN:
             held.backend.step()
         assert (held.state.approached, held.state.near, held.state.feedback) == (False, False, "off")
         while held.backend.instrument.in_contact:
             held.backend.step()
         held.resume()
-        while engine.state != State.RUNNING:
+        while engine.state != RunState.RUNNING:
             held.backend.step()
         held.set_feedback("on")
         held.approach(**FAST | {"range": 4e-6})

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from afm_model import Block, Command, DriveError, SimParameters, build
 from afm_model.core.errors import MalformedError
-from afm_model.run import Link, Listeners, Run, State
+from afm_model.run import Link, Listeners, Run, RunState
 
 PERIOD = 2.0**-10
 """Control period, and at a real-time factor of 1 wall time between two ticks [s]: some 1 ms, exact as a float."""
@@ -80,7 +80,7 @@ class Bench:
         self, mode: str, ticks: int = 0, block_ticks: int = 500, *, in_pieces: bool = False, **values: object
     ) -> None:
         self.now = START
-        self.told: list[tuple[State, str]] = []
+        self.told: list[tuple[RunState, str]] = []
         self.blocks: list[Block] = []
         self.round_trips: list[float] = []
         self.ends = 0
@@ -110,14 +110,14 @@ class Bench:
 
     def _ended(self) -> None:
         self.ends += 1
-        assert self.run.state != State.FINISHED, "the end is told before the state changes"
+        assert self.run.state != RunState.FINISHED, "the end is told before the state changes"
 
     @property
-    def state(self) -> State:
+    def state(self) -> RunState:
         return self.run.state
 
     @property
-    def states(self) -> list[State]:
+    def states(self) -> list[RunState]:
         return [state for state, _ in self.told]
 
     @property

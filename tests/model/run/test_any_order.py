@@ -7,7 +7,7 @@ import pytest
 from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from afm_model.run import TICKING, TRANSITIONS, State
+from afm_model.run import TICKING, TRANSITIONS, RunState
 
 from .hand import PERIOD, Bench
 
@@ -82,13 +82,13 @@ class AnyOrder(RuleBasedStateMachine):
 
     @invariant()
     def every_change_is_one_of_the_table(self) -> None:
-        states = [State.WAITING, *self.bench.states]
+        states = [RunState.WAITING, *self.bench.states]
         for before, after in zip(states[self.checked :], states[self.checked + 1 :], strict=False):
             assert before == after or (before, after) in ARROWS
         self.checked = len(states) - 1
         snapshot = self.bench.run.snapshot()
         assert snapshot.state == states[-1]
-        assert bool(snapshot.reason) <= bool(snapshot.detail) or snapshot.state == State.PAUSED
+        assert bool(snapshot.reason) <= bool(snapshot.detail) or snapshot.state == RunState.PAUSED
         assert (self.bench.run.deadline is None) or snapshot.state in TICKING
         assert not self.bench.run.stepping or self.bench.run.steps_left > 0
 
@@ -99,16 +99,16 @@ class AnyOrder(RuleBasedStateMachine):
         run = self.bench.run
         run.tell_recorder("")
         for _ in range(600):
-            if run.state == State.RUNNING and not run.stepping:
+            if run.state == RunState.RUNNING and not run.stepping:
                 break
-            if run.state in (State.FINISHED, State.FAULT):
+            if run.state in (RunState.FINISHED, RunState.FAULT):
                 run.reset()
-            if run.state in (State.WAITING, State.PAUSED):
+            if run.state in (RunState.WAITING, RunState.PAUSED):
                 run.play()
-            if run.state == State.WITHDRAWN:
+            if run.state == RunState.WITHDRAWN:
                 run.resume()
             self.tick((0.0, 0.0))
-        assert run.state == State.RUNNING
+        assert run.state == RunState.RUNNING
         self.every_change_is_one_of_the_table()
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from afm_model.run import State
+from afm_model.run import RunState
 
 from .hand import PERIOD, Bench
 
@@ -27,7 +27,7 @@ class Case:
     send: Callable[[Bench], None]
     applied: list[float]  # [V], from tick 0 on
     counts: dict[str, int]
-    state: State = State.RUNNING
+    state: RunState = RunState.RUNNING
     values: dict[str, object] = field(default_factory=dict)
 
 
@@ -42,7 +42,7 @@ def lockstep(case: Case) -> Bench:
     case.send(bench)
     while bench.run.step():
         pass
-    if bench.state == State.RUNNING:
+    if bench.state == RunState.RUNNING:
         while bench.ticks < 3:
             bench.answer(GOOD if bench.ticks == 1 else NEXT)
     return bench
@@ -82,12 +82,12 @@ HELD = [GOOD, GOOD, NEXT]
 TABLE: dict[str, tuple[str, Case, Case]] = {
     "NaN": (
         "drives_refused",
-        Case(sends((1, math.nan)), [GOOD], {"drives_refused": 1}, State.FAULT),
+        Case(sends((1, math.nan)), [GOOD], {"drives_refused": 1}, RunState.FAULT),
         Case(sends((1, math.nan)), HELD, {"drives_refused": 1, "drives_lost": 1}),
     ),
     "infinite": (
         "drives_refused",
-        Case(sends((1, -math.inf)), [GOOD], {"drives_refused": 1}, State.FAULT),
+        Case(sends((1, -math.inf)), [GOOD], {"drives_refused": 1}, RunState.FAULT),
         Case(sends((1, math.inf)), HELD, {"drives_refused": 1, "drives_lost": 1}),
     ),
     "out of range": (

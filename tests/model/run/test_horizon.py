@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from afm_model import Command, Controller, ControllerParameters, SimParameters, build
-from afm_model.run import Latency, State, simulate_realtime
+from afm_model.run import Latency, RunState, simulate_realtime
 
 from .hand import PERIOD, Bench
 
@@ -64,7 +64,7 @@ def test_silent_controller_is_noticed_with_a_horizon_left_and_the_retract_begins
     bench.link.send_horizon(0, *(0.01 * k for k in range(1, 40)))
     for k in range(8):
         bench.at(k + 1)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED
     x, z = bench.drives[:, 0], bench.drives[:, 2]
     assert x.tolist() == [0.01, 0.02, 0.03, 0.04, 0.05, 0.05, 0.05, 0.05]
     assert z[4] == bench.rest and np.all(np.diff(z[4:]) < 0.0)
@@ -79,7 +79,7 @@ def test_answer_that_cannot_be_a_drive_is_refused_with_its_sentence(mode: str) -
     assert bench.run.snapshot().refusal == (
         "a horizon of 200 drives is not allowed: 128 are the most (answer to measurement 0 from /afm/hand)"
     )
-    assert bench.state == (State.FAULT if mode == "lockstep" else State.RUNNING)
+    assert bench.state == (RunState.FAULT if mode == "lockstep" else RunState.RUNNING)
 
 
 def test_nan_in_a_horizon_is_refused_in_realtime_and_the_drive_before_stays() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from afm_model import ControllerParameters, ParameterError, SimParameters, build, changed, simulate
 from afm_model.parameters.scenario import ScenarioError, load_scenario
-from afm_model.run import Listeners, Run, State
+from afm_model.run import Listeners, Run, RunState
 
 from .hand import START, Bench
 
@@ -45,10 +45,10 @@ class Alone:
 
     def to_the_end(self) -> str:
         for _ in range(10 * TICKS):
-            if self.run.state in (State.FINISHED, State.FAULT):
+            if self.run.state in (RunState.FINISHED, RunState.FAULT):
                 break
             self.run.step()
-        assert self.run.state == State.FINISHED, self.run.snapshot()
+        assert self.run.state == RunState.FINISHED, self.run.snapshot()
         return self.run.instrument.trajectory_sha256()
 
 
@@ -68,14 +68,14 @@ def test_trajectory_is_the_same_where_limits_are_looked_at_after_every_tick() ->
 def test_limit_withdraws_the_sample_and_resume_brings_it_back() -> None:
     limits = {"safety.travel_limit": 1e-9, "run.retract_time": 5 * PERIOD, "run.duration": 0.0}
     alone = Alone("tanh", **limits, **{"reference.omega_x": 2000.0})
-    while alone.run.state != State.WITHDRAWN:
+    while alone.run.state != RunState.WITHDRAWN:
         alone.run.step()
     assert alone.run.snapshot().detail.startswith("the scanner is at x = ")
     for _ in range(20):
         alone.run.step()
     assert not alone.run.instrument.in_contact
     assert alone.run.resume() == ""
-    assert alone.run.state == State.APPROACHING
+    assert alone.run.state == RunState.APPROACHING
 
 
 def test_steps_are_counted_pause_stops_and_reset_begins_the_same_again() -> None:
@@ -84,7 +84,7 @@ def test_steps_are_counted_pause_stops_and_reset_begins_the_same_again() -> None
     assert run.step_by(37) == ""
     while run.stepping:
         run.step()
-    assert (run.state, run.instrument.ticks) == (State.PAUSED, 37)
+    assert (run.state, run.instrument.ticks) == (RunState.PAUSED, 37)
     assert run.play() == ""
     run.step()
     assert run.pause() == ""
@@ -100,7 +100,7 @@ def test_pieces_of_real_time_begin_at_deadlines_and_missed_periods_are_told() ->
     alone = Alone("tanh", **{"run.mode": "realtime", "run.duration": 0.0})
     bench, run = alone.bench, alone.run
     run.step()
-    assert run.state == State.RUNNING
+    assert run.state == RunState.RUNNING
     assert run.deadline == pytest.approx(START + PERIOD)
     assert not run.step()
     piece = 250  # 5 ms
@@ -123,7 +123,7 @@ def test_pieces_of_real_time_begin_at_deadlines_and_missed_periods_are_told() ->
 
 def test_trajectory_in_real_time_is_that_of_lockstep() -> None:
     alone = Alone("pid", **{"run.mode": "realtime"})
-    while alone.run.state != State.FINISHED:
+    while alone.run.state != RunState.FINISHED:
         alone.run.step()
         alone.bench.now = max(alone.bench.now, alone.run.deadline or 0.0)
     assert alone.run.instrument.trajectory_sha256() == in_process("pid")
@@ -145,7 +145,7 @@ def test_law_that_answers_no_number_ends_the_run_in_a_sentence() -> None:
     alone.run.step()
     alone.run.instrument.measurement[:] = float("nan")
     alone.run.step()
-    assert alone.run.state == State.FAULT
+    assert alone.run.state == RunState.FAULT
     assert "must be a finite number (answer to measurement 1 from law tanh)" in alone.run.snapshot().detail
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from afm_model import Instrument
-from afm_model.run import State
+from afm_model.run import RunState
 
 from .hand import PERIOD, START, Bench
 
@@ -21,10 +21,10 @@ def test_run_starts_when_everybody_is_there_and_asks_for_the_first_drive() -> No
     bench = Bench("lockstep")
     bench.link.is_ready = False
     assert not bench.run.step()
-    assert (bench.state, bench.run.ticking, bench.link.published) == (State.WAITING, False, [])
+    assert (bench.state, bench.run.ticking, bench.link.published) == (RunState.WAITING, False, [])
     bench.link.is_ready = True
     assert bench.run.step()
-    assert (bench.state, bench.run.ticking, bench.link.published) == (State.RUNNING, True, [0])
+    assert (bench.state, bench.run.ticking, bench.link.published) == (RunState.RUNNING, True, [0])
     assert bench.run.deadline is None
 
 
@@ -34,11 +34,11 @@ def test_each_answer_is_one_tick_and_the_end_is_told_once() -> None:
     for k in range(5):
         expected.tick(np.array([0.01 * k, 0.0, bench.rest]))
         assert bench.answer(0.01 * k)
-    assert (bench.state, bench.ends, bench.ticks, bench.counts()) == (State.FINISHED, 1, 5, {})
+    assert (bench.state, bench.ends, bench.ticks, bench.counts()) == (RunState.FINISHED, 1, 5, {})
     assert bench.link.published == [0, 1, 2, 3, 4]
     assert bench.run.instrument.trajectory_sha256() == expected.trajectory_sha256()
     assert not bench.run.step()
-    assert bench.states == [State.RUNNING, State.FINISHED]
+    assert bench.states == [RunState.RUNNING, RunState.FINISHED]
 
 
 def test_blocks_join_and_the_last_one_comes_before_the_end() -> None:
@@ -65,14 +65,14 @@ def test_silence_stalls_the_run_and_an_answer_goes_on() -> None:
     bench.answer()
     bench.now += 5.0
     assert not bench.run.step()
-    assert bench.state == State.RUNNING  # not longer than run.lockstep_timeout
+    assert bench.state == RunState.RUNNING  # not longer than run.lockstep_timeout
     bench.now += 0.01
     bench.run.step()
     sentence = "/afm/hand has not answered measurement 1 within 5 s (run.lockstep_timeout); still waiting"
-    assert bench.told[-1] == (State.STALLED, sentence)
+    assert bench.told[-1] == (RunState.STALLED, sentence)
     bench.now += 100.0
     bench.answer()
-    assert (bench.state, bench.ticks) == (State.RUNNING, 2)
+    assert (bench.state, bench.ticks) == (RunState.RUNNING, 2)
 
 
 def test_stall_says_what_the_controller_sends_in_place_of_an_answer() -> None:
@@ -85,7 +85,7 @@ def test_stall_says_what_the_controller_sends_in_place_of_an_answer() -> None:
     bench.now += 5.01
     bench.run.step()
     assert bench.told[-1] == (
-        State.STALLED,
+        RunState.STALLED,
         "/afm/hand sends drives with sequence 17, 18; measurement 5 has been waiting for 5 s (run.lockstep_timeout)",
     )
 
@@ -98,12 +98,16 @@ def test_stall_says_that_what_the_controller_sends_cannot_be_read() -> None:
     bench.now += 5.01
     bench.run.step()
     assert bench.told[-1] == (
-        State.STALLED,
+        RunState.STALLED,
         "no drive but 2 bytes that are no PiezoDrive from /afm/hand; measurement 1 has been waiting for 5 s "
         "(run.lockstep_timeout)",
     )
     bench.answer()
-    assert (bench.state, bench.ticks, bench.counts()) == (State.RUNNING, 2, {"drives_lost": 1, "drives_malformed": 1})
+    assert (bench.state, bench.ticks, bench.counts()) == (
+        RunState.RUNNING,
+        2,
+        {"drives_lost": 1, "drives_malformed": 1},
+    )
 
 
 def test_what_cannot_be_read_and_has_come_before_the_start_is_counted_and_does_no_harm() -> None:
@@ -113,7 +117,7 @@ def test_what_cannot_be_read_and_has_come_before_the_start_is_counted_and_does_n
     bench.link.send_nonsense()
     assert bench.run.step()
     bench.answer()
-    assert (bench.state, bench.ticks, bench.counts()) == (State.RUNNING, 1, {"drives_malformed": 2})
+    assert (bench.state, bench.ticks, bench.counts()) == (RunState.RUNNING, 1, {"drives_malformed": 2})
     assert bench.drives[0, 0] == 0.0
 
 
@@ -123,7 +127,7 @@ def test_stall_is_told_although_wrong_drives_keep_coming() -> None:
         bench.now += 0.5
         bench.link.send(sequence)
         bench.run.step()
-    assert bench.state == State.STALLED
+    assert bench.state == RunState.STALLED
     assert bench.run.snapshot().detail.startswith("/afm/hand sends drives with sequence ")
     # What it says is kept up to date: the last four it has sent.
     assert "114, 115, 116, 117;" in bench.run.snapshot().detail
@@ -138,7 +142,7 @@ def test_controller_that_begins_to_send_wrong_drives_after_the_stall_is_told_too
     bench.now += 1.01
     bench.run.step()
     assert "sends drives with sequence 17; measurement 0 has been waiting" in bench.run.snapshot().detail
-    assert bench.states == [State.RUNNING, State.STALLED, State.STALLED]
+    assert bench.states == [RunState.RUNNING, RunState.STALLED, RunState.STALLED]
 
 
 def test_wrong_drives_of_an_earlier_measurement_are_not_named() -> None:
@@ -190,11 +194,11 @@ def test_pause_stops_between_two_ticks_and_the_answer_that_came_meanwhile_counts
     bench.link.send(1)
     bench.now += 100.0
     assert not bench.run.step()
-    assert (bench.state, bench.ticks, bench.run.ticking) == (State.PAUSED, 1, False)
+    assert (bench.state, bench.ticks, bench.run.ticking) == (RunState.PAUSED, 1, False)
     assert bench.run.play() == ""
     assert bench.run.step()
-    assert (bench.state, bench.ticks, bench.counts()) == (State.RUNNING, 2, {})
-    assert bench.states == [State.RUNNING, State.PAUSED, State.RUNNING]
+    assert (bench.state, bench.ticks, bench.counts()) == (RunState.RUNNING, 2, {})
+    assert bench.states == [RunState.RUNNING, RunState.PAUSED, RunState.RUNNING]
     # Nobody was late while the run was paused.
     assert bench.run.snapshot().elapsed == 0.0
 
@@ -203,15 +207,15 @@ def test_pause_of_a_stalled_run_gives_the_controller_its_time_again() -> None:
     bench = started()
     bench.now += 5.01
     bench.run.step()
-    assert bench.state == State.STALLED
+    assert bench.state == RunState.STALLED
     bench.run.pause()
     bench.run.play()
     bench.now += 4.0
     bench.run.step()
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     bench.now += 1.01
     bench.run.step()
-    assert bench.state == State.STALLED
+    assert bench.state == RunState.STALLED
 
 
 @pytest.mark.parametrize("asked_by", ["parameter", "pause"])
@@ -220,10 +224,10 @@ def test_run_that_is_held_waits_for_play(asked_by: str) -> None:
     if asked_by == "pause":
         assert bench.run.pause() == ""
     assert not bench.run.step()
-    assert bench.state == State.WAITING
+    assert bench.state == RunState.WAITING
     assert bench.run.play() == ""
     assert bench.run.step()
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
 
 
 def test_run_that_is_over_is_neither_played_nor_paused_until_reset() -> None:
@@ -232,7 +236,7 @@ def test_run_that_is_over_is_neither_played_nor_paused_until_reset() -> None:
     assert bench.run.play() == "the run is over: call reset first"
     assert bench.run.pause() == "the run is over: there is nothing to pause"
     bench.run.reset()
-    assert (bench.state, bench.ticks, bench.run.pause()) == (State.WAITING, 0, "")
+    assert (bench.state, bench.ticks, bench.run.pause()) == (RunState.WAITING, 0, "")
 
 
 def test_reset_of_a_paused_run_waits_for_play() -> None:
@@ -241,10 +245,10 @@ def test_reset_of_a_paused_run_waits_for_play() -> None:
     bench.run.pause()
     bench.run.reset()
     bench.run.step()
-    assert (bench.state, bench.ticks) == (State.WAITING, 0)
+    assert (bench.state, bench.ticks) == (RunState.WAITING, 0)
     bench.run.play()
     bench.run.step()
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
 
 
 def test_reset_repeats_the_run_with_counts_from_zero_and_forgets_drives_on_their_way() -> None:
@@ -261,7 +265,7 @@ def test_reset_repeats_the_run_with_counts_from_zero_and_forgets_drives_on_their
         assert bench.run.snapshot().elapsed == pytest.approx(2.0)
         bench.link.send(0, x=5.0)
         bench.run.reset()
-        assert (bench.state, bench.ticks, bench.counts()) == (State.WAITING, 0, {})
+        assert (bench.state, bench.ticks, bench.counts()) == (RunState.WAITING, 0, {})
         assert np.isnan(bench.run.delays().round_trip).all()
         bench.run.step()
     assert hashes[0] == hashes[1]
@@ -272,7 +276,7 @@ def test_drive_that_is_not_finite_ends_the_run_and_hands_on_what_was_recorded() 
     bench.answer()
     bench.answer(math.nan)
     assert bench.told[-1] == (
-        State.FAULT,
+        RunState.FAULT,
         "drive x = nan V is not allowed: every voltage must be a finite number "
         "(answer to measurement 1 from /afm/hand)",
     )
@@ -284,7 +288,7 @@ def test_drive_that_is_not_finite_ends_the_run_and_hands_on_what_was_recorded() 
 def test_motion_that_diverges_ends_the_run() -> None:
     bench = started()
     bench.answer(1e308)
-    assert bench.state == State.FAULT
+    assert bench.state == RunState.FAULT
     assert "diverged" in bench.run.snapshot().detail
 
 
@@ -308,10 +312,10 @@ def test_run_with_a_rival_does_not_start_and_says_why_until_it_is_alone() -> Non
     bench.link.rival = "two simulators"
     assert not bench.run.step()
     assert not bench.run.step()
-    assert bench.told == [(State.WAITING, "two simulators")]
+    assert bench.told == [(RunState.WAITING, "two simulators")]
     bench.link.rival = ""
     assert bench.run.step()
-    assert bench.told[1:] == [(State.RUNNING, "")]
+    assert bench.told[1:] == [(RunState.RUNNING, "")]
 
 
 def test_run_that_has_had_a_rival_ends_in_a_fault_and_not_with_a_score() -> None:
@@ -319,31 +323,31 @@ def test_run_that_has_had_a_rival_ends_in_a_fault_and_not_with_a_score() -> None
     bench.answer()
     bench.link.rival = "two simulators"
     bench.answer()
-    assert bench.told[-1] == (State.FAULT, "two simulators")
+    assert bench.told[-1] == (RunState.FAULT, "two simulators")
     assert (bench.ends, sum(len(block.drives) for block in bench.blocks)) == (0, 2)
 
 
-@pytest.mark.parametrize("state", [State.RUNNING, State.STALLED, State.PAUSED])
-def test_run_that_cannot_be_trusted_fails_from_every_state_in_which_it_has_started(state: State) -> None:
+@pytest.mark.parametrize("state", [RunState.RUNNING, RunState.STALLED, RunState.PAUSED])
+def test_run_that_cannot_be_trusted_fails_from_every_state_in_which_it_has_started(state: RunState) -> None:
     bench = started()
-    if state == State.STALLED:
+    if state == RunState.STALLED:
         bench.now += 5.01
         bench.run.step()
-    elif state == State.PAUSED:
+    elif state == RunState.PAUSED:
         bench.run.pause()
     assert bench.state == state
     bench.run.tell_why_waiting("it does not wait")
     bench.run.fail("two simulators")
-    assert bench.told[-1] == (State.FAULT, "two simulators")
+    assert bench.told[-1] == (RunState.FAULT, "two simulators")
     bench.run.fail("again")
-    assert bench.told[-1] == (State.FAULT, "two simulators")
+    assert bench.told[-1] == (RunState.FAULT, "two simulators")
 
 
 def test_run_that_waits_or_is_over_does_not_fail() -> None:
     bench = Bench("lockstep", 1)
     bench.run.fail("two simulators")
-    assert bench.state == State.WAITING
+    assert bench.state == RunState.WAITING
     bench.run.step()
     bench.answer()
     bench.run.fail("two simulators")
-    assert bench.state == State.FINISHED
+    assert bench.state == RunState.FINISHED

@@ -13,7 +13,7 @@ from afm_model.microscope.prepare import with_verbs
 from afm_model.microscope.results import CANCELLED, COMPLETE, FAILED, Outcome
 from afm_model.microscope.verb import Verb
 from afm_model.microscope.verbs import Approach, ForceCurve, MoveTo, Scan, Withdraw
-from afm_model.run import Listeners, Run, State
+from afm_model.run import Listeners, Run, RunState
 
 from .hand import START, HandLink
 
@@ -108,7 +108,7 @@ def test_verbs_of_a_run_give_the_bytes_of_verbs_in_process(way: str, night: tupl
 def test_simulated_time_stands_still_until_a_verb_begins_and_behind_its_end() -> None:
     bench = Bench()
     assert [bench.run.step() for _ in range(5)] == [False] * 5
-    assert bench.run.state == State.RUNNING
+    assert bench.run.state == RunState.RUNNING
     assert bench.do(APPROACH).status == COMPLETE
     ticks = bench.run.instrument.ticks
     assert ticks > 0
@@ -137,7 +137,7 @@ def test_verb_waits_while_the_run_is_paused_and_steps_are_made_within_a_verb_onl
     assert bench.run.step_by(5) == ""
     while bench.run.stepping:
         bench.run.step()
-    assert (bench.run.state, bench.run.instrument.ticks) == (State.PAUSED, 5)
+    assert (bench.run.state, bench.run.instrument.ticks) == (RunState.PAUSED, 5)
     bench.run.play()
     assert bench.wait(0).status == COMPLETE
 
@@ -202,11 +202,11 @@ def test_limit_that_withdraws_the_sample_stops_the_verb_and_resume_gives_the_ver
     outcome = bench.do(NIGHT[2])
     assert outcome.status == CANCELLED
     assert outcome.message.startswith("ForceCurve was stopped (the normal force is ")
-    assert bench.run.state == State.WITHDRAWN
+    assert bench.run.state == RunState.WITHDRAWN
     with pytest.raises(VerbError, match="the run is withdrawn: the normal force is"):
         bench.run.begin(APPROACH)
     assert bench.run.bring_back() == ""
-    assert (bench.run.state, bench.run.instrument.in_contact) == (State.RUNNING, False)
+    assert (bench.run.state, bench.run.instrument.in_contact) == (RunState.RUNNING, False)
     assert bench.do(Approach(rate=5e-6, range=2e-6, settle=2e-3)).status == COMPLETE
 
 
@@ -233,7 +233,7 @@ def test_another_instrument_begins_anew() -> None:
     sha = bench.run.instrument.trajectory_sha256()
     changed = build(SimParameters, INSTRUMENT | LAW | {"plant.gap": 15e-9})
     bench.run.exchange(with_verbs(changed))
-    assert (bench.run.state, bench.run.instrument.ticks) == (State.WAITING, 0)
+    assert (bench.run.state, bench.run.instrument.ticks) == (RunState.WAITING, 0)
     bench.run.step()
     assert bench.do(APPROACH).status == first.status
     bench.do(Withdraw())

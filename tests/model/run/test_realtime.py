@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from afm_model.run import State
+from afm_model.run import RunState
 
 from .hand import PERIOD, START, Bench
 
@@ -26,13 +26,13 @@ def silent(bench: Bench, since: int, until: int) -> None:
 
 def test_ticks_follow_the_clock_and_the_newest_drive_acts_from_the_next_tick_on() -> None:
     bench = started(4)
-    assert (bench.state, bench.run.deadline, bench.link.published) == (State.RUNNING, START + PERIOD, [0])
+    assert (bench.state, bench.run.deadline, bench.link.published) == (RunState.RUNNING, START + PERIOD, [0])
     for k in range(4):
         bench.link.send(k, 0.01 * (k + 1))
         assert not bench.at(k + 0.999)
         assert bench.run.deadline == START + (k + 1) * PERIOD
         assert bench.at(k + 1)
-    assert (bench.state, bench.ends, bench.run.deadline) == (State.FINISHED, 1, None)
+    assert (bench.state, bench.ends, bench.run.deadline) == (RunState.FINISHED, 1, None)
     assert bench.drives[:, 0].tolist() == [0.01, 0.02, 0.03, 0.04]
     assert (bench.link.published, bench.counts()) == ([0, 1, 2, 3], {})
     assert bench.run.snapshot().real_time_factor == 1.0
@@ -183,18 +183,18 @@ def test_pause_is_no_lateness_and_no_silence() -> None:
     bench = started()
     bench.at(1)
     bench.run.pause()
-    assert (bench.state, bench.run.deadline) == (State.PAUSED, None)
+    assert (bench.state, bench.run.deadline) == (RunState.PAUSED, None)
     assert not bench.at(1000)
     bench.now += 0.25 * PERIOD
     bench.run.play()
     assert bench.run.deadline == START + 1001.25 * PERIOD
     bench.at(1001.25)
-    assert (bench.state, bench.ticks, bench.counts()) == (State.RUNNING, 2, {"drives_lost": 2})
+    assert (bench.state, bench.ticks, bench.counts()) == (RunState.RUNNING, 2, {"drives_lost": 2})
     # The controller has its time again, from the end of the pause on.
     bench.at(1004.25)
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     bench.at(1005.25)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED
 
 
 # Wall times.
@@ -251,22 +251,24 @@ def test_arrival_that_cannot_be_is_taken_for_the_nearest_that_can() -> None:
 # Reset, faults.
 
 
-@pytest.mark.parametrize("state", [State.RUNNING, State.PAUSED, State.RETRACTED, State.FINISHED, State.FAULT])
-def test_reset_goes_back_to_the_start_from_every_state(state: State) -> None:
+@pytest.mark.parametrize(
+    "state", [RunState.RUNNING, RunState.PAUSED, RunState.RETRACTED, RunState.FINISHED, RunState.FAULT]
+)
+def test_reset_goes_back_to_the_start_from_every_state(state: RunState) -> None:
     bench = started(8)
     bench.link.send(0, 0.05)
-    silent(bench, 0, {State.RETRACTED: 6, State.FINISHED: 8}.get(state, 2))
-    if state == State.PAUSED:
+    silent(bench, 0, {RunState.RETRACTED: 6, RunState.FINISHED: 8}.get(state, 2))
+    if state == RunState.PAUSED:
         bench.run.pause()
-    elif state == State.FAULT:
+    elif state == RunState.FAULT:
         bench.run.fail("two simulators")
     assert bench.state == state
     bench.link.send(5, 9.0)  # still on its way
     bench.run.reset()
-    assert (bench.state, bench.ticks, bench.counts()) == (State.WAITING, 0, {})
+    assert (bench.state, bench.ticks, bench.counts()) == (RunState.WAITING, 0, {})
     bench.blocks.clear()
     now = 100
-    if state == State.PAUSED:
+    if state == RunState.PAUSED:
         assert not bench.at(now)
         bench.run.play()
     assert bench.at(now)
@@ -284,7 +286,7 @@ def test_motion_that_diverges_is_told_with_the_age_of_the_drives() -> None:
     bench.link.send(0, 1.7e308)
     bench.at(2)
     detail = bench.run.snapshot().detail
-    assert bench.state == State.FAULT
+    assert bench.state == RunState.FAULT
     assert detail.startswith("the motion diverged")
     assert detail.endswith("; the drives came in time, they were up to 2 control periods old")
     assert bench.run.deadline is None
@@ -293,6 +295,6 @@ def test_motion_that_diverges_is_told_with_the_age_of_the_drives() -> None:
 def test_retracted_run_that_cannot_be_trusted_fails() -> None:
     bench = started()
     silent(bench, 0, 6)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED
     bench.run.fail("two simulators")
-    assert bench.told[-1] == (State.FAULT, "two simulators")
+    assert bench.told[-1] == (RunState.FAULT, "two simulators")

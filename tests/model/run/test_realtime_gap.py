@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from afm_model import Controller, changed, load_scenario
-from afm_model.run import Run, State
+from afm_model.run import Run, RunState
 from afm_model.run.link import Listeners
 from afm_model.run.simulated import SimulatedLink, ticks_of_a_block
 from afm_model.run.timing import VirtualClock
@@ -64,6 +64,6 @@ def test_run_at_1_ms_goes_on_behind_a_gap_that_is_longer_than_its_horizon(
             asked, position = run.instrument.orders.asked.position[:2], run.instrument.truth.position[:2]
             largest = max(largest, float(np.abs(position - asked).max()))
     snapshot = run.snapshot()
-    assert (run.state, snapshot.counts.ticks_retracted > 0) == (State.FINISHED, True), snapshot.detail
+    assert (run.state, snapshot.counts.ticks_retracted > 0) == (RunState.FINISHED, True), snapshot.detail
     # It tracks again: the amplitude is 5 nm.
     assert largest < 0.5e-9

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from afm_model.run import State
+from afm_model.run import RunState
 
 from .hand import PERIOD
 from .test_realtime import PATIENCE, silent, started
@@ -21,10 +21,10 @@ def test_silent_controller_has_the_sample_retracted_tick_by_tick_and_its_next_dr
     bench.link.send(0)
     bench.at(1)
     silent(bench, 1, 5)
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     silent(bench, 5, 6)
     assert bench.told[-1] == (
-        State.RETRACTED,
+        RunState.RETRACTED,
         f"no valid drive from /afm/hand for {PATIENCE * PERIOD:g} s (run.watchdog_timeout; 0 refused as NaN or "
         "infinite): the sample is retracted",
     )
@@ -32,7 +32,7 @@ def test_silent_controller_has_the_sample_retracted_tick_by_tick_and_its_next_dr
     assert not bench.run.instrument.in_contact
     bench.link.send(15, 0.02)
     bench.at(17)
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     silent(bench, 17, 21)
     x, z = bench.drives[:, 0], bench.drives[:, 2]
     ramp = bench.rest + (DOWN - bench.rest) * np.arange(1, steps + 1) / steps
@@ -44,7 +44,7 @@ def test_silent_controller_has_the_sample_retracted_tick_by_tick_and_its_next_dr
     assert x[16:].tolist() == [0.02] * 5
     # Ticks 5 to 15; every one but the first and the 17th held a drive.
     assert bench.counts() == {"drives_lost": 19, "ticks_retracted": 11, "scored_ticks_retracted": 11}
-    assert bench.states == [State.RUNNING, State.RETRACTED, State.RUNNING]
+    assert bench.states == [RunState.RUNNING, RunState.RETRACTED, RunState.RUNNING]
 
 
 def test_drive_goes_back_without_a_leap_behind_a_gap_that_was_too_short_for_a_retract() -> None:
@@ -54,7 +54,7 @@ def test_drive_goes_back_without_a_leap_behind_a_gap_that_was_too_short_for_a_re
         silent(bench, k, k + 3)
     bench.link.send(6, 5.0)
     silent(bench, 6, 9)
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     assert bench.drives[:, 0].tolist() == [5.0] * 3 + [3.0, 1.0, 0.0, 2.0, 4.0, 5.0]
 
 
@@ -63,7 +63,7 @@ def test_controller_that_answers_with_leaps_has_the_drive_again_in_the_end() -> 
     bench.link.send(0)
     bench.at(1)
     silent(bench, 1, 8)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED
     # Twice the way of retracting takes twelve ticks at this speed, of 2 V each.
     for k in range(8, 22):
         bench.link.send(k, 5.0 * (-1) ** k)
@@ -97,17 +97,17 @@ def test_controller_that_sends_nothing_of_use_is_as_silent_as_none_and_told_why(
     bench.link.send(0)
     bench.at(1)
     for k in range(2, 7):
-        assert bench.state == State.RUNNING
+        assert bench.state == RunState.RUNNING
         bench.link.send(bench.ticks if sequence is None else sequence, x)
         bench.at(k)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED
     assert told in bench.run.snapshot().detail
 
 
 def test_run_that_ends_while_retracted_is_finished() -> None:
     bench = started(8)
     silent(bench, 0, 8)
-    assert bench.states == [State.RUNNING, State.RETRACTED, State.FINISHED]
+    assert bench.states == [RunState.RUNNING, RunState.RETRACTED, RunState.FINISHED]
     assert bench.counts() == {"drives_lost": 8, "ticks_retracted": 4, "scored_ticks_retracted": 4}
 
 
@@ -120,22 +120,22 @@ def test_only_scored_ticks_count_as_scored_ones_retracted() -> None:
 def test_pause_of_a_retracted_run_gives_the_controller_its_time_again() -> None:
     bench = started()
     silent(bench, 0, 6)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED
     bench.run.pause()
     bench.at(500)
     bench.run.play()
-    assert bench.states[-2:] == [State.PAUSED, State.RUNNING]
+    assert bench.states[-2:] == [RunState.PAUSED, RunState.RUNNING]
     silent(bench, 500, 504)
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     bench.at(505)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED
 
 
 def test_change_of_a_parameter_is_no_drive() -> None:
     bench = started()
     silent(bench, 0, 5)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED
     run = bench.parameters.run.model_copy(update={"lockstep_timeout": 7.0})
     bench.run.adapt(bench.parameters.model_copy(update={"run": run}))
     bench.at(6)
-    assert bench.state == State.RETRACTED
+    assert bench.state == RunState.RETRACTED

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from afm_model.run import Cause, State, verdict
+from afm_model.run import Cause, RunState, verdict
 from afm_model.run.state import REASONS
 
 from ..session import Z_LOOP
@@ -54,7 +54,7 @@ class Hand:
             bench.now += PERIOD
             bench.run.step()
 
-    def until(self, state: State, x: float = 0.0, z: float = 0.0, most: int = 400) -> None:
+    def until(self, state: RunState, x: float = 0.0, z: float = 0.0, most: int = 400) -> None:
         """Ticks until the run is in a state."""
         for _ in range(most):
             if self.bench.state == state:
@@ -67,7 +67,7 @@ def tripped(mode: str, cause: Cause, **values: object) -> Hand:
     limits, (x, z), _ = LIMITS[cause]
     hand = Hand(mode, **(limits | values))
     hand.ticks(1)
-    hand.until(State.WITHDRAWN, x, z)
+    hand.until(RunState.WITHDRAWN, x, z)
     return hand
 
 
@@ -79,7 +79,7 @@ def test_limit_that_is_passed_withdraws_the_sample_and_is_told(cause: Cause, mod
     _, (x, z), sentence = LIMITS[cause]
     at = bench.drives[-1]
     snapshot = bench.run.snapshot()
-    assert (snapshot.state, snapshot.reason) == (State.WITHDRAWN, REASONS[cause])
+    assert (snapshot.state, snapshot.reason) == (RunState.WITHDRAWN, REASONS[cause])
     assert snapshot.detail.startswith(sentence) or sentence in snapshot.detail
     assert snapshot.detail.endswith(": the sample is withdrawn")
     hand.ticks(RAMP + 4, x, z)
@@ -105,11 +105,13 @@ def test_sample_is_brought_back_within_the_force_limit_and_the_controller_has_th
     hand.ticks(RAMP)
     while refused := bench.run.resume():
         # The scanner has come off and swings.
-        assert cause == Cause.TRAVEL and refused.startswith("the scanner is at x = ") and bench.state == State.WITHDRAWN
+        assert (
+            cause == Cause.TRAVEL and refused.startswith("the scanner is at x = ") and bench.state == RunState.WITHDRAWN
+        )
         hand.ticks(20)
-    assert bench.state == State.APPROACHING
+    assert bench.state == RunState.APPROACHING
     assert bench.run.snapshot().reason == REASONS[cause]
-    hand.until(State.RUNNING)
+    hand.until(RunState.RUNNING)
     assert bench.run.instrument.in_contact
     assert bench.run.snapshot().reason == ""
     hand.ticks(1, 0.01)
@@ -122,7 +124,7 @@ def test_nothing_is_withdrawn_within_the_limits() -> None:
     del everything["plant.dt"]
     hand = Hand("lockstep", **everything)
     hand.ticks(20, 0.01)
-    assert hand.bench.states == [State.RUNNING]
+    assert hand.bench.states == [RunState.RUNNING]
     free = Hand("lockstep")
     free.ticks(20, 0.01)
     assert hand.bench.run.instrument.trajectory_sha256() == free.bench.run.instrument.trajectory_sha256()
@@ -134,7 +136,7 @@ def test_first_touch_of_an_approach_is_gentler_than_its_limit() -> None:
     hand.ticks(RAMP)
     hand.bench.run.resume()
     forces = []
-    while hand.bench.state == State.APPROACHING:
+    while hand.bench.state == RunState.APPROACHING:
         hand.ticks(1)
         forces.append(hand.bench.run.instrument.truth.normal_force)
     assert 0.0 < len(forces) < 100
@@ -154,7 +156,7 @@ def test_approach_that_fails_withdraws_again_and_says_why(values: dict[str, obje
     bench = hand.bench
     hand.ticks(RAMP)
     bench.run.resume()
-    hand.until(State.WITHDRAWN)
+    hand.until(RunState.WITHDRAWN)
     assert told in bench.run.snapshot().detail
     assert (bench.run.snapshot().reason, bench.counts()["withdrawals"]) == ("contact lost", 2)
     hand.ticks(RAMP + 1)
@@ -163,12 +165,12 @@ def test_approach_that_fails_withdraws_again_and_says_why(values: dict[str, obje
 
 
 def test_resume_by_itself_needs_nobody_and_is_the_same_to_the_last_bit_whatever_is_paused_and_stepped() -> None:
-    def run(disturb: Callable[[Bench], object]) -> tuple[str, list[State]]:
+    def run(disturb: Callable[[Bench], object]) -> tuple[str, list[RunState]]:
         hand = Hand("lockstep", 120, **{"safety.force_limit": 40e-9, "safety.resume_after": 20 * PERIOD})
         for k in range(120):
             disturb(hand.bench)
             hand.ticks(1, 0.001 * k, CRASH if k == 30 else 0.0)
-        assert hand.bench.state == State.FINISHED
+        assert hand.bench.state == RunState.FINISHED
         return hand.bench.run.instrument.trajectory_sha256(), hand.bench.states
 
     def pause(bench: Bench) -> None:
@@ -181,7 +183,7 @@ def test_resume_by_itself_needs_nobody_and_is_the_same_to_the_last_bit_whatever_
         assert bench.run.step_by(1 + bench.ticks % 3) == ""
 
     quiet, states = run(lambda bench: None)
-    assert states[:4] == [State.RUNNING, State.WITHDRAWN, State.APPROACHING, State.RUNNING]
+    assert states[:4] == [RunState.RUNNING, RunState.WITHDRAWN, RunState.APPROACHING, RunState.RUNNING]
     assert run(pause)[0] == run(step)[0] == quiet
 
 
@@ -190,15 +192,15 @@ def test_silence_of_a_withdrawn_run_in_lockstep_is_a_stall_and_it_is_still_withd
     bench = hand.bench
     bench.now += 0.6
     bench.run.step()
-    assert (bench.state, bench.run.snapshot().reason) == (State.STALLED, "force limit")
+    assert (bench.state, bench.run.snapshot().reason) == (RunState.STALLED, "force limit")
     hand.ticks(1)
-    assert bench.state == State.WITHDRAWN
+    assert bench.state == RunState.WITHDRAWN
     hand.ticks(RAMP)
     assert bench.run.resume() == ""
     bench.now += 0.6
     bench.run.step()
     hand.ticks(1)
-    assert bench.states[-3:] == [State.APPROACHING, State.STALLED, State.APPROACHING]
+    assert bench.states[-3:] == [RunState.APPROACHING, RunState.STALLED, RunState.APPROACHING]
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
@@ -210,11 +212,11 @@ def test_pause_does_not_bring_a_withdrawn_sample_back(mode: str) -> None:
     run.pause()
     assert run.resume() == "the run is paused: call play first"
     run.play()
-    assert hand.bench.state == State.WITHDRAWN
+    assert hand.bench.state == RunState.WITHDRAWN
     run.resume()
     run.pause()
     run.play()
-    assert hand.bench.states[-4:] == [State.WITHDRAWN, State.APPROACHING, State.PAUSED, State.APPROACHING]
+    assert hand.bench.states[-4:] == [RunState.WITHDRAWN, RunState.APPROACHING, RunState.PAUSED, RunState.APPROACHING]
 
 
 @pytest.mark.parametrize("mode", ["lockstep", "realtime"])
@@ -225,17 +227,17 @@ def test_reset_gives_the_drive_to_the_controller(mode: str) -> None:
     assert hand.bench.run.step()
     hand.bench.blocks.clear()
     hand.ticks(3, 0.01)
-    assert (hand.bench.state, hand.bench.counts()) == (State.RUNNING, {})
+    assert (hand.bench.state, hand.bench.counts()) == (RunState.RUNNING, {})
     assert hand.bench.drives[:, 0].tolist() == [0.01] * 3
 
 
 def test_drive_that_is_not_finite_is_refused_of_a_withdrawn_run_as_well() -> None:
     hand = tripped("lockstep", Cause.FORCE)
     hand.ticks(1, math.nan)
-    assert (hand.bench.state, hand.bench.counts()["drives_refused"]) == (State.FAULT, 1)
+    assert (hand.bench.state, hand.bench.counts()["drives_refused"]) == (RunState.FAULT, 1)
     other = tripped("realtime", Cause.FORCE)
     other.ticks(1, math.nan)
-    assert (other.bench.state, other.bench.counts()["drives_refused"]) == (State.WITHDRAWN, 1)
+    assert (other.bench.state, other.bench.counts()["drives_refused"]) == (RunState.WITHDRAWN, 1)
 
 
 def test_limit_is_one_of_a_retracted_sample_too_but_lost_contact_is_not() -> None:
@@ -245,14 +247,14 @@ def test_limit_is_one_of_a_retracted_sample_too_but_lost_contact_is_not() -> Non
     bench.link.send(0, 0.01)
     for k in range(1, 30):
         bench.at(k)
-    assert (bench.state, bench.run.instrument.in_contact) == (State.RETRACTED, False)
+    assert (bench.state, bench.run.instrument.in_contact) == (RunState.RETRACTED, False)
     bench.run.reset()
     bench.run.step()
     bench.link.send(0, 1.0, bench.rest)
-    while bench.state != State.WITHDRAWN:
+    while bench.state != RunState.WITHDRAWN:
         bench.now += PERIOD
         bench.run.step()
-    assert State.RETRACTED in bench.states
+    assert RunState.RETRACTED in bench.states
     assert bench.run.snapshot().reason == "travel limit"
 
 
@@ -264,36 +266,36 @@ def test_run_that_cannot_be_recorded_is_held_until_it_can(mode: str) -> None:
     bench.run.tell_recorder("no room on the disk")
     bench.run.tell_recorder("no room on the disk")
     snapshot = bench.run.snapshot()
-    assert (snapshot.state, snapshot.reason) == (State.HELD, "not recorded")
+    assert (snapshot.state, snapshot.reason) == (RunState.HELD, "not recorded")
     assert snapshot.detail == "no room on the disk: the run is held (safety.unrecorded)"
     hand.ticks(4)
     assert (bench.ticks, bench.run.deadline) == (3, None)
     bench.run.tell_recorder("")
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     # Held again, and asked to go on all the same: not held again before the recorder has written.
     bench.run.tell_recorder("no room on the disk")
-    assert (bench.run.resume(), bench.state) == ("", State.RUNNING)
+    assert (bench.run.resume(), bench.state) == ("", RunState.RUNNING)
     bench.run.tell_recorder("no room on the disk")
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     bench.run.tell_recorder("")
     bench.run.tell_recorder("no room on the disk")
-    assert bench.state == State.HELD
+    assert bench.state == RunState.HELD
     bench.run.pause()
     bench.run.play()
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
 
 
 def test_recorder_that_cannot_write_holds_no_run_that_has_not_asked_for_it() -> None:
     hand = Hand("lockstep")
     hand.bench.run.tell_recorder("no room on the disk")
-    assert hand.bench.state == State.RUNNING
+    assert hand.bench.state == RunState.RUNNING
     assert hand.bench.run.resume() == "the run is running: there is nothing to resume"
 
 
 def test_score_of_a_run_that_was_withdrawn_in_scored_ticks_is_not_valid() -> None:
     hand = Hand("lockstep", 20, **{"safety.force_limit": 40e-9, "score.start": 10 * PERIOD})
-    hand.until(State.WITHDRAWN, 0.0, CRASH)
-    hand.until(State.FINISHED)
+    hand.until(RunState.WITHDRAWN, 0.0, CRASH)
+    hand.until(RunState.FINISHED)
     snapshot, score = hand.bench.run.snapshot(), hand.bench.run.instrument.score()
     assert snapshot.counts.scored_ticks_withdrawn == 10 < snapshot.counts.ticks_withdrawn
     assert verdict(score, snapshot) == (
@@ -334,18 +336,18 @@ def test_loop_inside_gives_z_up_to_a_withdrawal_and_takes_it_back_at_the_first_t
     tick(bench, 10)
     load = instrument.truth.normal_force
     assert load == pytest.approx(0.2 * 50e-9, rel=0.1)
-    while bench.state == State.RUNNING:
+    while bench.state == RunState.RUNNING:
         bench.link.send(bench.ticks, 1.0)
         bench.run.step()
     tick(bench, 80)
-    assert bench.state == State.WITHDRAWN
+    assert bench.state == RunState.WITHDRAWN
     assert not instrument.in_contact
     bench.run.resume()
     forces = []
-    while bench.state == State.APPROACHING:
+    while bench.state == RunState.APPROACHING:
         tick(bench, 1)
         forces.append(instrument.truth.normal_force)
-    assert bench.state == State.RUNNING, bench.told[-1]
+    assert bench.state == RunState.RUNNING, bench.told[-1]
     assert max(forces) < 50e-9
     # The loop is back at its setpoint.
     tick(bench, 200)
@@ -356,19 +358,19 @@ def test_an_approach_that_fails_behind_the_first_touch_takes_z_from_the_loop_aga
     # The loop goes on to 10 nN, which this approach does not allow.
     limits = {"safety.travel_limit": 1e-9, "safety.approach_force": 8e-9, "safety.settle_time": 0.1}
     bench = lever("lockstep", **limits)
-    while bench.state == State.RUNNING:
+    while bench.state == RunState.RUNNING:
         bench.link.send(bench.ticks, 1.0)
         bench.run.step()
     tick(bench, 80)
     bench.run.resume()
     touched = 0
-    while bench.state == State.APPROACHING:
+    while bench.state == RunState.APPROACHING:
         tick(bench, 1)
         touched += bench.run.instrument.in_contact
     assert touched > 1
     assert "in the approach (safety.approach_force: 8e-09 N)" in bench.run.snapshot().detail
     tick(bench, 80)
-    assert bench.state == State.WITHDRAWN
+    assert bench.state == RunState.WITHDRAWN
     assert not bench.run.instrument.in_contact
 
 
@@ -376,8 +378,8 @@ def test_silent_controller_retracts_the_sample_from_a_loop_inside_too() -> None:
     bench = lever("realtime", **{"run.watchdog_timeout": 4.5 * 2.0**-14})
     tick(bench, 10)
     tick(bench, 80, drive=False)
-    assert (bench.state, bench.run.instrument.in_contact) == (State.RETRACTED, False)
+    assert (bench.state, bench.run.instrument.in_contact) == (RunState.RETRACTED, False)
     tick(bench, 1)
-    assert bench.state == State.RUNNING
+    assert bench.state == RunState.RUNNING
     tick(bench, 3000)
     assert bench.run.instrument.truth.normal_force == pytest.approx(0.2 * 50e-9, rel=0.1)

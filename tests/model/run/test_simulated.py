@@ -19,7 +19,7 @@ from afm_model import (
     simulate,
 )
 from afm_model.parts.signals import Measurement
-from afm_model.run import Latency, RealtimeSimulation, Replay, State, recorded_parameters, simulate_realtime
+from afm_model.run import Latency, RealtimeSimulation, Replay, RunState, recorded_parameters, simulate_realtime
 
 PERIOD = 1e-3
 """Wall time of a control period [s]."""
@@ -61,7 +61,7 @@ def test_drives_that_come_within_the_period_give_the_lockstep_run_to_the_last_bi
     realtime = run(IN_TIME)
     assert realtime.trajectory_sha256 == simulate(parameters(), law()).trajectory_sha256
     counts = realtime.snapshot.counts
-    assert (realtime.snapshot.state, realtime.snapshot.ticks, counts.drives_lost) == (State.FINISHED, TICKS, 0)
+    assert (realtime.snapshot.state, realtime.snapshot.ticks, counts.drives_lost) == (RunState.FINISHED, TICKS, 0)
     assert realtime.round_trips == pytest.approx(0.3 * PERIOD)
     assert realtime.snapshot.elapsed == pytest.approx(TICKS * PERIOD)
 

@@ -4,14 +4,14 @@ import math
 
 import pytest
 
-from afm_model.run import Counts, Snapshot, State, reasons, retracted_fraction, shortfall, verdict, warning, warnings
+from afm_model.run import Counts, RunState, Snapshot, reasons, retracted_fraction, shortfall, verdict, warning, warnings
 
 from .hand import PERIOD, Bench
 
 
 def look(ticks: int, elapsed: float, factor: float | None = 1.0, **counts: int) -> Snapshot:
     return Snapshot(
-        state=State.RUNNING,
+        state=RunState.RUNNING,
         detail="",
         ticks=ticks,
         time=ticks * 1e-3,
@@ -64,7 +64,7 @@ def silent_run(ticks: int, **values: object) -> Bench:
     bench.at(0)
     for k in range(1, ticks + 1):
         bench.at(k)
-    assert bench.state == State.FINISHED
+    assert bench.state == RunState.FINISHED
     return bench
 
 

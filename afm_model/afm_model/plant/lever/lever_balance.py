@@ -12,12 +12,12 @@ from ...compiled.ways import by_lane, rare, where
 from .lever_constants import Constants
 from .lever_contact import Pressed, ledger_of, pressed, reach
 from .lever_indent import FAR, FOUND, indent, is_off, newton, off, pulled
-from .lever_slide import Apart, Contact, hold, slide, turned
+from .lever_slide import Apart, ContactSolution, hold, slide, turned
 from .lever_state import State
 
 _SAME = 1e-3
 """Relative change of the contact's stiffness that is none."""
-_Balance = tuple[Contact, float, float, bool]
+_Balance = tuple[ContactSolution, float, float, bool]
 
 
 @kernel
@@ -38,7 +38,7 @@ def _last(s: State, m: Block) -> Pressed:
 @routine
 def _begin_to_slide(
     delta: float, here: Pressed, d_1: float, d_2: float, c: Apart, s: State, p: Constants, m: Block, at: int
-) -> Contact:
+) -> ContactSolution:
     return slide(delta, here, d_1, d_2, c, s, p, m, at)
 
 
@@ -54,8 +54,8 @@ def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
             start = c.target - c.w_nn * s.N
             start -= c.w_nn * ledger_of(m).stiffness * (start - s.delta)
             x, N, _, _, stiffness, _ = off(start, bare, c.target, c.w_nn, s)
-            return Contact(x, N, 0.0, 0.0, s.d_1, s.d_2, stiffness, 0.0), 0.0, 0.0, True
-    found = Contact(s.delta, s.N, s.F_max, s.a, s.d_1, s.d_2, 0.0, 0.0)
+            return ContactSolution(x, N, 0.0, 0.0, s.d_1, s.d_2, stiffness, 0.0), 0.0, 0.0, True
+    found = ContactSolution(s.delta, s.N, s.F_max, s.a, s.d_1, s.d_2, 0.0, 0.0)
     T_1 = T_2 = 0.0
     stick = True
     slid = s.stuck == 0.0 and s.a > 0.0
@@ -89,12 +89,12 @@ def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
                 break
         T_1 -= c_1 * N
         T_2 -= c_2 * N
-        found = Contact(delta, N, bound, a, d_1, d_2, stiffness, growth)
+        found = ContactSolution(delta, N, bound, a, d_1, d_2, stiffness, growth)
         size = math.sqrt(T_1 * T_1 + T_2 * T_2)
         if size > bound:
             stick = False
             d_1, d_2 = T_1 / size, T_2 / size
-            found = Contact(delta, N, bound, a, d_1, d_2, stiffness, growth)
+            found = ContactSolution(delta, N, bound, a, d_1, d_2, stiffness, growth)
             if not slid and a > 0.0:
                 found = _begin_to_slide(delta, here, d_1, d_2, c, s, p, m, at)
             T_1, T_2 = found.F_max * found.d_1, found.F_max * found.d_2
@@ -119,7 +119,7 @@ def _in_lane(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
     way, N, bound, a, outcome = newton(x, here, held, w_n, 0.0, s)
     along, under, bearing, size, d_1, d_2, ends = turned(x, here, d_1, d_2, c, s, p)
     rare(where(stick, outcome, ends) != FOUND, m)
-    b = Contact(
+    b = ContactSolution(
         x + where(stick, way, along),
         where(stick, N, under),
         where(stick, bound, bearing),

@@ -28,7 +28,7 @@ class Apart(NamedTuple):
     shear: float  # lateral stiffness of the contact per radius [Pa]
 
 
-class Contact(NamedTuple):
+class ContactSolution(NamedTuple):
     """What the contact comes to at mid-step."""
 
     delta: float  # indentation [m]
@@ -80,7 +80,7 @@ def strengthened(bound: float, drawn: float, give: float, p: Constants) -> float
 @kernel
 def slide(
     delta: float, here: Pressed, d_1: float, d_2: float, c: Apart, f: State, p: Constants, m: Block, at: int
-) -> Contact:
+) -> ContactSolution:
     """Indentation and direction of a tip that slides, together: Newton's method in both, docs/lever.md (22).
 
     The direction d must lie along the way slid, so that friction always takes energy: what a step slides is small
@@ -103,12 +103,14 @@ def slide(
             break
         x += step
         if outcome == FOUND:
-            return Contact(x, N, bound, a, t_1, t_2, here[1], here[3])
+            return ContactSolution(x, N, bound, a, t_1, t_2, here[1], here[3])
     return _in_turn(delta, d_1, d_2, c, f, p, m, at)
 
 
 @routine
-def _in_turn(delta: float, d_1: float, d_2: float, c: Apart, f: State, p: Constants, m: Block, at: int) -> Contact:
+def _in_turn(
+    delta: float, d_1: float, d_2: float, c: Apart, f: State, p: Constants, m: Block, at: int
+) -> ContactSolution:
     """The same in turn: direction, then indentation."""
     N, stiffness, bound, growth, a = pressed(delta, f, p, m, at)
     x = delta
@@ -121,7 +123,7 @@ def _in_turn(delta: float, d_1: float, d_2: float, c: Apart, f: State, p: Consta
             if size > 0.0:
                 d_1, d_2 = v_1 / size, v_2 / size
         x, N, bound, a, stiffness, growth = indent(x, x, c.target, c.w_nn, c.w_n1 * d_1 + c.w_n2 * d_2, f, p, m, at)
-    return Contact(x, N, bound, a, d_1, d_2, stiffness, growth)
+    return ContactSolution(x, N, bound, a, d_1, d_2, stiffness, growth)
 
 
 @kernel
