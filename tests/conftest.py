@@ -44,7 +44,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 LONGEST = (
     *("test_printed_pages.py", "test_exam.py", "test_own_controller.py", "test_session_interrupted.py", "test_scan.py"),
-    *("test_recorder_bad_days.py", "test_check_controller.py", "test_predictive_zeros.py"),
+    *("test_recorder_bad_days.py", "test_check_controller.py", "test_zeros.py"),
     *("test_coverage.py", "test_notebooks.py", "test_wrong_models.py", "test_lattice.py"),
 )
 """Files that take 20 s of processor time or more; the last one where its kernels have to be compiled, which other files

@@ -9,7 +9,7 @@ from printed.page_run import run_programs
 from afm_model import flatten, load_scenario, simulate
 from afm_model.parameters import SimParameters, build
 from afm_model.plant import LEVER, presets
-from afm_model.plant.lever.lever_parameters import LeverGroup
+from afm_model.plant.lever.parameters import LeverGroup
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "microscope.md").read_text()
 

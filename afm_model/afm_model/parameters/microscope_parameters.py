@@ -16,7 +16,7 @@ from ..core.schema import Group, Unit, Value, build, chosen_group, refuse_togeth
 from ..detector import Photodiode
 from ..law.sampled import SampledLaw
 from ..piezo import PiezoParameters
-from ..plant.lever.lever_parameters import LeverGroup
+from ..plant.lever.parameters import LeverGroup
 from .instrument_parameters import ControllerParameters, InstrumentParameters
 
 PREFIX = "microscope."

@@ -10,7 +10,7 @@ from ..core.schema import Group, NonNegative, Positive, Unit, Value, build, chos
 from ..law import ExternalLaw
 from ..law.sampled import TIMING, SampledLaw
 from ..parts.timing import ticks_of
-from ..plant.lever.lever_parameters import LeverGroup
+from ..plant.lever.parameters import LeverGroup
 from .instrument_parameters import ControllerParameters, InstrumentParameters
 from .microscope_parameters import known_of
 

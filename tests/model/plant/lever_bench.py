@@ -11,7 +11,7 @@ from afm_model.instrument.block import Layout
 from afm_model.parts.header import BlockHeader
 from afm_model.parts.signals import Actuation
 from afm_model.plant.lever import LEVER, Constants, State
-from afm_model.plant.lever.lever_step import step as lever_step
+from afm_model.plant.lever.step import step as lever_step
 
 BASE = {"plant.kind": "lever", "sample.kind": "flat", "reference.z_r": 50e-9}
 

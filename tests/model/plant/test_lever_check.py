@@ -9,7 +9,7 @@ import pytest
 from afm_model import Instrument, InstrumentParameters, ParameterError, build
 from afm_model.cantilever.beam import MODE
 from afm_model.plant import LEVER
-from afm_model.plant.lever.lever_check import RESOLVED
+from afm_model.plant.lever.check import RESOLVED
 from afm_model.plant.presets import LEVERS
 
 from .lever_bench import BASE, LeverBench

@@ -100,7 +100,7 @@ def test_hysteresis_of_a_force_curve_is_pull_off_less_snap_in():
 
 def test_attraction_meets_the_contact_without_a_step():
     b = LeverBench(**QUIET, plant__gap=1e-9)
-    from afm_model.plant.lever.lever_contact import normal
+    from afm_model.plant.lever.contact import normal
 
     end = float(b.s.end)
     at = b._layout.places["plant_map"]

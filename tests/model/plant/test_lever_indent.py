@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from afm_model.contact.maugis import branch
-from afm_model.plant.lever.lever_indent import indent
+from afm_model.plant.lever.indent import indent
 
 from .lever_bench import LeverBench
 

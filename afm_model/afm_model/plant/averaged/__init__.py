@@ -4,11 +4,11 @@ from typing import Any
 
 from ...parts.dispatch import surface
 from ...parts.part import Channel, Plant, Tree
-from ..lever.lever_check import require_blunt_sample
-from .averaged_parameters import AveragedGroup, check, warnings
-from .averaged_state import Constants, Ledger, State, averaged_constants
-from .averaged_step import observe, step
-from .averaged_table import force_table
+from ..lever.check import require_blunt_sample
+from .parameters import AveragedGroup, check, warnings
+from .state import Constants, Ledger, State, averaged_constants
+from .step import observe, step
+from .table import force_table
 
 
 def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]:

@@ -4,12 +4,12 @@ import numpy as np
 
 from ...contact.contact_table import table
 from ...parts.part import Channel, Numbers, Plant
-from .lever_check import check, warnings
-from .lever_constants import Constants, fine_constants, lever_constants, rows
-from .lever_parameters import LeverGroup
-from .lever_start import rest
-from .lever_state import Ledger, State
-from .lever_step import observe, step
+from .check import check, warnings
+from .constants import Constants, fine_constants, lever_constants, rows
+from .parameters import LeverGroup
+from .start import rest
+from .state import Ledger, State
+from .step import observe, step
 
 _OFF = ("lattice", "thermal", "strengthening", "viscosity", "bridge")
 

@@ -9,9 +9,9 @@ from ...core.errors import ParameterError
 from ...core.schema import flatten
 from ...parts.part import Tree
 from ..physics import Cantilever, Contact, Scanner
-from .lever_apex import apex_warnings, check_apex
-from .lever_constants import sample_curvature
-from .lever_loss import check_losses, loss_warnings
+from .apex import apex_warnings, check_apex
+from .constants import sample_curvature
+from .loss import check_losses, loss_warnings
 
 RESOLVED = (0.75, 1.5, 1.5)
 """Angle [rad] by which the fastest mode of bending may turn in a step, with 1, 2, 3 of them; docs/lever.md section 3.

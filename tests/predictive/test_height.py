@@ -9,7 +9,7 @@ from afm_model.studies.wrong_models import CASE, RATES, Case, parameters_of, run
 from afm_predictive.constants import values
 from afm_predictive.unexplained import learn_stiffness_of_z
 
-from .predictive_records import records
+from .law_records import records
 
 Z_5_PERCENT = Case("sensitivity of z +5 %", {}, {"piezo.sensitivity_z": 1.05})
 

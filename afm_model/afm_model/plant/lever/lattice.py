@@ -11,11 +11,11 @@ from ...compiled.jit import kernel, routine
 from ...compiled.records import Block
 from ...core.random_numbers import normal as standard_normal
 from ...parts.dispatch import surface
-from .lever_constants import Constants
-from .lever_contact import normal, place_frame
-from .lever_end import show_end
-from .lever_indent import indent
-from .lever_state import State
+from .constants import Constants
+from .contact import normal, place_frame
+from .end import show_end
+from .indent import indent
+from .state import State
 
 _LONGEST = 1.0 / 32.0
 """Way of the apex, in lattice constants, in one part of its way down to a minimum."""

@@ -14,9 +14,9 @@ import math
 from ...compiled.jit import kernel, routine
 from ...compiled.records import Block
 from ...compiled.ways import where
-from .lever_constants import Constants
-from .lever_contact import Pressed, ledger_of, pressed, reach
-from .lever_state import State
+from .constants import Constants
+from .contact import Pressed, ledger_of, pressed, reach
+from .state import State
 
 CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""

@@ -9,7 +9,7 @@ from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, run_case
 from afm_predictive.unexplained import learn_across
 
-from .predictive_records import records
+from .law_records import records
 
 PACKETS = {"period": 1e-3, "packet": 20, "surface": "known"}
 GAIN_X, GAIN_Y = 1.04, 0.97

@@ -9,11 +9,11 @@ import math
 from ...compiled.jit import kernel, routine
 from ...compiled.records import Block
 from ...compiled.ways import by_lane, rare, where
-from .lever_constants import Constants
-from .lever_contact import Pressed, ledger_of, pressed, reach
-from .lever_indent import FAR, FOUND, indent, is_off, newton, off, pulled
-from .lever_slide import Apart, ContactSolution, hold, slide, turned
-from .lever_state import State
+from .constants import Constants
+from .contact import Pressed, ledger_of, pressed, reach
+from .indent import FAR, FOUND, indent, is_off, newton, off, pulled
+from .slide import Apart, ContactSolution, hold, slide, turned
+from .state import State
 
 _SAME = 1e-3
 """Relative change of the contact's stiffness that is none."""

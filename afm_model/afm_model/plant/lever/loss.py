@@ -9,7 +9,7 @@ from ...core.elementary import cbrt
 from ...core.random_numbers import key_of
 from ...core.schema import NonNegative, Positive, Unit
 from ...parts.part import Numbers, Tree
-from .lever_apex import BOLTZMANN, ApexParameters, lattice_of
+from .apex import BOLTZMANN, ApexParameters, lattice_of
 
 THERMAL_CONTACT = 1002
 """Stream of the random numbers of a run: the thermal noise of a viscous contact."""

@@ -4,7 +4,7 @@ import pytest
 
 from afm_model.studies.wrong_models import RATES
 
-from .predictive_records import estimates
+from .law_records import estimates
 
 NOTHING_WRONG = {
     **{f"lateral_gain_{axis}": 1.0 for axis in "xy"},

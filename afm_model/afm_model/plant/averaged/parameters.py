@@ -7,10 +7,10 @@ from pydantic import Field
 from ...core import registry
 from ...core.schema import Positive, Unit
 from ...parts.part import Tree
-from ..lever.lever_check import RESOLVED_SCANNER, implausible, refuse_of_other_plants, require_step
-from ..lever.lever_loss import check_losses, loss_warnings
-from ..lever.lever_parameters import LeverGroup
-from .averaged_table import MATERIALS, materials
+from ..lever.check import RESOLVED_SCANNER, implausible, refuse_of_other_plants, require_step
+from ..lever.loss import check_losses, loss_warnings
+from ..lever.parameters import LeverGroup
+from .table import MATERIALS, materials
 
 LEAST_Q = 100.0
 """Quality factor from which on amplitude and phase change little in a cycle."""

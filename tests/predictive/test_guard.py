@@ -15,7 +15,7 @@ from afm_predictive.constants import MEAN, VALUE
 from afm_predictive.sample_estimate import APPROACH, approach, take_ratio
 from afm_predictive.unexplained import explain
 
-from .predictive_records import records
+from .law_records import records
 
 LAW = {"law.kind": "predictive", "law.delay_ticks": 0}
 PLANT = {"run.duration": 0.13, "plant.control_period": 5e-5, "plant.delay_ticks": 0}

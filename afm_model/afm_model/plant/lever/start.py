@@ -12,10 +12,10 @@ from ...core.errors import ParameterError
 from ...parts.dispatch import surface
 from ...parts.header import BlockHeader
 from ...parts.part import Tree
-from .lever_apex import require_resolved_apex
-from .lever_check import require_blunt_sample
-from .lever_contact import ledger_of, normal, place_frame
-from .lever_lattice import downhill
+from .apex import require_resolved_apex
+from .check import require_blunt_sample
+from .contact import ledger_of, normal, place_frame
+from .lattice import downhill
 
 _PASSES = 60
 """Of the fixed-point iteration for the place under the tip: the sample moves under it as the tip is pushed aside."""

@@ -17,7 +17,7 @@ from afm_predictive.map import read_map, write_map
 from afm_predictive.nominal_plant import REACH, beyond
 from afm_predictive.sample_estimate import MEAN, SLOPE_X, SLOPE_Y, VALUE, begin, follow
 
-from .predictive_records import records
+from .law_records import records
 
 X0, W0 = 2.5e-10, 1e4
 

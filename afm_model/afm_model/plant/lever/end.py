@@ -8,9 +8,9 @@ import math
 
 from ...compiled.jit import kernel
 from ...compiled.records import Block
-from .lever_constants import Constants
-from .lever_contact import normal
-from .lever_state import State
+from .constants import Constants
+from .contact import normal
+from .state import State
 
 
 @kernel

@@ -10,12 +10,12 @@ from ...compiled.records import Block
 from ...compiled.ways import kept
 from ...core.random_numbers import normal as standard_normal
 from ...parts.dispatch import surface
-from .lever_balance import balance, way_slid
-from .lever_constants import Constants
-from .lever_contact import ledger_of, place_frame
-from .lever_end import show_end
-from .lever_slide import Apart
-from .lever_state import Ledger, State
+from .balance import balance, way_slid
+from .constants import Constants
+from .contact import ledger_of, place_frame
+from .end import show_end
+from .slide import Apart
+from .state import Ledger, State
 
 
 @kernel

@@ -18,11 +18,11 @@ from ...core.elementary import sincos, square
 from ...core.random_numbers import normal
 from ...parts.header import BlockHeader
 from ...parts.signals import BASE, LATERAL, TIP, Actuation, Truth
-from .lever_constants import PARTS, Constants
-from .lever_contact import ledger_of
-from .lever_friction import on_surface
-from .lever_lattice import on_lattice
-from .lever_state import State
+from .constants import PARTS, Constants
+from .contact import ledger_of
+from .friction import on_surface
+from .lattice import on_lattice
+from .state import State
 
 
 @kernel

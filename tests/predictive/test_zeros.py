@@ -10,7 +10,7 @@ from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, Case, parameters_of, run_case
 from afm_predictive.zeros import find_zeros_at_start
 
-from .predictive_records import records
+from .law_records import records
 
 
 def displaced(size: float, signal: str = "lateral_force", **more: object) -> Case:

@@ -24,10 +24,10 @@ from ...contact.contact_table import table
 from ...core import registry
 from ...parts.part import Tree
 from ...parts.signals import Surface
-from ..lever.lever_constants import Constants as LeverConstants
-from ..lever.lever_constants import lever_constants, rows, sample_curvature
-from ..lever.lever_contact import normal, place_frame
-from ..lever.lever_state import State as LeverState
+from ..lever.constants import Constants as LeverConstants
+from ..lever.constants import lever_constants, rows, sample_curvature
+from ..lever.contact import normal, place_frame
+from ..lever.state import State as LeverState
 
 _Array = NDArray[np.float64]
 LEAST, LARGEST = 1e-9, 144e-9

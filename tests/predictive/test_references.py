@@ -12,7 +12,7 @@ from afm_model.studies.wrong_models import RATES, Case, run_case
 from afm_predictive.constants import OF_VALUE, VALUE
 from afm_predictive.sample_estimate import take_ratio
 
-from .predictive_records import along, records
+from .law_records import along, records
 
 OMEGA, AMPLITUDE = 50.0, 5e-9
 PERIOD = 2.0 * math.pi / OMEGA

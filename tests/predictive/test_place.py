@@ -9,7 +9,7 @@ from afm_predictive.constants import AT_X, AT_Y, VALUE
 from afm_predictive.nominal_plant import look
 from afm_predictive.place_by_height import take_height_seen
 
-from .test_predictive_observer import covariance, records
+from .test_observer import covariance, records
 
 
 def height_at(x, y, p, s):

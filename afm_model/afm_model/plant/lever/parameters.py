@@ -12,7 +12,7 @@ from ...cantilever.tilted import tilted_deflection, tilted_stiffness
 from ...core.elementary import cbrt, square
 from ...core.schema import NonNegative, Positive, Unit
 from ..presets import LEVERS, PAIRS, SCANNERS, LeverPreset, PairPreset, ScannerPreset
-from .lever_loss import LossParameters
+from .loss import LossParameters
 
 _PRESET = "0: that of the preset"
 _Newton_per_metre = Annotated[NonNegative, Unit("N/m")]

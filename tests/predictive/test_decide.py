@@ -9,7 +9,7 @@ from afm_predictive.asked import ask
 from afm_predictive.decide import decide
 from afm_predictive.nominal_plant import bound_at
 
-from .predictive_records import records
+from .law_records import records
 
 
 def decided(rng, **law):

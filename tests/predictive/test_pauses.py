@@ -8,7 +8,7 @@ from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, parameters_of
 from afm_predictive.constants import VALUE
 
-from .predictive_records import along
+from .law_records import along
 
 STOP = 0.14
 """When the reference stops [s], a tenth into its second period."""

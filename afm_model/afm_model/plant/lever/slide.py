@@ -7,10 +7,10 @@ from ...compiled.jit import kernel, routine
 from ...compiled.records import Block
 from ...compiled.ways import where
 from ...core.elementary import exp, log
-from .lever_constants import Constants
-from .lever_contact import Pressed, pressed
-from .lever_indent import CLOSE, FAR, FOUND, NEAR, indent
-from .lever_state import State
+from .constants import Constants
+from .contact import Pressed, pressed
+from .indent import CLOSE, FAR, FOUND, NEAR, indent
+from .state import State
 
 
 class Apart(NamedTuple):

@@ -10,7 +10,7 @@ from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, parameters_of, run_case
 from afm_predictive.sample_estimate import doubt_surface
 
-from .predictive_records import records
+from .law_records import records
 
 LAW = {"law.kind": "predictive", "law.surface": "known", "law.period": 5e-5, "law.delay_ticks": 1}
 

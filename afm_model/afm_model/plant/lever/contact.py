@@ -12,8 +12,8 @@ from ...contact.contact_table import attraction, end_of_contact, force_at_end, l
 from ...core.elementary import cbrt
 from ...parts.header import BlockHeader
 from ...parts.signals import Surface
-from .lever_constants import Constants
-from .lever_state import Ledger, State
+from .constants import Constants
+from .state import Ledger, State
 
 Pressed = tuple[float, float, float, float, float]
 """Normal force, its slope, friction bound, its slope, contact radius: see `normal`."""

@@ -12,8 +12,8 @@ from ...core import registry
 from ...core.elementary import cbrt, cosh, sincos, sinh, square, tan, tanh
 from ...core.random_numbers import THERMAL, key_of
 from ...parts.part import Numbers, Tree
-from .lever_apex import BOLTZMANN, apex_constants
-from .lever_loss import loss_constants
+from .apex import BOLTZMANN, apex_constants
+from .loss import loss_constants
 
 _MODES = ("mode_w2", "mode_inverse", "mode_push", "mode_base", "kick", "mode_y", "mode_z", "mode_shown")
 _OfModes = Annotated[Array, (beam.MODES,)]

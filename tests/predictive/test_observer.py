@@ -20,7 +20,7 @@ from afm_predictive.observer import (
     take_ratio_seen,
 )
 
-from . import predictive_records
+from . import law_records
 from .test_predictive import NOISE, NOTHING, PERIOD, error, parameters, run, smoothness
 
 SLIPS = 1.0
@@ -32,7 +32,7 @@ DIAGONAL = math.sqrt(0.5)
 def records(**law):
     """Constants and state of the law over a known surface, the tip slipping along x."""
     told = {"feedback": "measured", "period": 2e-4, "surface": "known"}
-    p, s = predictive_records.records(**told | law)
+    p, s = law_records.records(**told | law)
     begin_observer(p, s)
     s.V_X, s.v[0], s.fastest, s.ratio[VALUE] = 0.1, 0.1, 0.1, 0.75
     s.weights[RATIO] = 1.0
@@ -254,13 +254,13 @@ def test_the_estimate_is_three_times_better_than_a_position_and_stays_a_covarian
 @pytest.mark.parametrize("seed", [7, 9])
 def test_friction_that_is_not_seen_is_not_believed_to_be_more_than_a_surface_makes_it(seed):
     # Where a Lissajous figure runs along y a speed that was missed was taken for friction: 1.06 of it, and a throw.
-    found = predictive_records.estimates("Lissajous 2:3", 2, "observed", seed)
+    found = law_records.estimates("Lissajous 2:3", 2, "observed", seed)
     assert np.max(found["friction_ratio"][len(found["time"]) // 4 :]) < 1.026
 
 
 def test_what_is_believed_of_a_scanner_that_stays_as_it_is_does_not_wander():
     # A random walk ten times as wide let the slow force wander by 4e-11 N, and the copy with it.
-    found = predictive_records.estimates("resonances -2 %", 0, "known")
+    found = law_records.estimates("resonances -2 %", 0, "known")
     later = slice(len(found["time"]) // 2, None)
     assert np.std(found["slow_force_x"][later]) < 1e-11
     assert np.max(np.abs(found["stiffness_x"][later] - 1.0)) < 1e-3

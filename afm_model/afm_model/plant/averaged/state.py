@@ -9,8 +9,8 @@ from ...cantilever import beam
 from ...compiled.records import Array, Record, Vector
 from ...core.elementary import sincos
 from ...parts.part import Numbers, Tree
-from ..lever.lever_constants import lever_constants
-from .averaged_table import curvatures, materials
+from ..lever.constants import lever_constants
+from .table import curvatures, materials
 
 _OfModes = Annotated[Array, (beam.MODES,)]
 
