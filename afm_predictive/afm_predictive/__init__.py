@@ -22,7 +22,7 @@ PREDICTIVE = Law(
     knowledge="positions and velocities of the scanner, deflection, lateral force (feedback=measured: no velocities); "
     "scanner, cantilever, contact, its friction; of the sample its shortest wave and height (surface=known: all); "
     "noise of the sensors",
-    plants=("compliant", "paper"),
+    models_contact=True,
     memory=("sent", lambda parameters: 3 * ANSWERS * longest(parameters)),
 )
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from afm_model.law import disagreements
+from afm_model.law import timing_disagreements
 from afm_model.parameters.simulator_parameters import is_inside
 from afm_model.run import RunState, Snapshot
 from afm_node_common.process import SimNodeParameters
@@ -34,7 +34,7 @@ def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
 
 def log_timing(log: Any, parameters: SimNodeParameters) -> None:
     """Warn of a law inside that is made for another control period or delay than those of the plant."""
-    for sentence in disagreements(parameters.law, parameters):
+    for sentence in timing_disagreements(parameters.law, parameters):
         log.warning(sentence)
 
 

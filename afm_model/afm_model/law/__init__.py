@@ -10,7 +10,7 @@ from .lyapunov import TANH_GAP, error_matrix, lyapunov_matrix, ultimate_bound
 from .observer import OBSERVER
 from .paper import PaperLaw
 from .pid import PID
-from .sampled import SampledLaw, TimingWarning, disagreements, require_plant, warn_of_timing
+from .sampled import ContactWarning, SampledLaw, TimingWarning, require_plant, timing_disagreements, warn_of_timing
 from .scanner import free_axis, times
 from .super_twisting import SUPER_TWISTING
 
@@ -18,16 +18,17 @@ register(*paper.PARTS, PID, IMPLICIT, SUPER_TWISTING, OBSERVER, LOAD, *paper_tra
 
 __all__ = [
     "TANH_GAP",
+    "ContactWarning",
     "ExternalLaw",
     "PaperLaw",
     "SampledLaw",
     "TimingWarning",
-    "disagreements",
     "error_matrix",
     "free_axis",
     "lyapunov_matrix",
     "require_plant",
     "times",
+    "timing_disagreements",
     "ultimate_bound",
     "warn_of_timing",
 ]

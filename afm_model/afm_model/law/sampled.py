@@ -17,7 +17,7 @@ from ..core.errors import ParameterError
 from ..core.registry import find
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import LawParameters, PlantParameters
-from ..parts.part import Tree
+from ..parts.part import RIGID, SPRING, Tree
 from ..parts.signals import Measurement, PiezoDrive
 from . import scanner
 from .scanner import (
@@ -53,6 +53,10 @@ class SampledLaw(LawParameters):
         return 1
 
 
+class ContactWarning(UserWarning):
+    """A model of friction, or a linear model, is used on a plant that does not declare its contact."""
+
+
 class TimingWarning(UserWarning):
     """A law is made for another control period, delay or DAC than those of the plant."""
 
@@ -62,16 +66,31 @@ TIMING = ("period", "delay_ticks")
 
 
 def require_plant(controller: Tree, plant: PlantParameters) -> None:
-    """Raise ParameterError if the law of a controller has a model of friction that is not that of the plant."""
-    law = find("law", controller.law.kind)
-    if law.plants and plant.kind not in law.plants:
+    """Check that a law with a model of friction suits the contact of a plant; warn if the plant does not declare it.
+
+    Raises
+    ------
+    ParameterError
+        If the plant declares another contact.
+    """
+    law, contact = find("law", controller.law.kind), find("plant", plant.kind).contact
+    if not law.models_contact or contact in (SPRING, RIGID):
+        return
+    what = "its model of friction is that of the parameters contact"
+    if contact:
         raise ParameterError(
-            f"law.kind = {law.name} is not allowed with plant.kind = {plant.kind}: its model of friction is that of "
-            f"plant.kind = {' or '.join(law.plants)}; choose a law without a model of friction, such as load or pid"
+            f"law.kind = {law.name} is not allowed with plant.kind = {plant.kind}: {what}; choose a plant with it, as "
+            f"compliant, or a law without a model of friction, such as load or pid"
         )
+    warnings.warn(
+        f"law.kind = {law.name} with plant.kind = {plant.kind}: {what}, and this plant does not declare its contact "
+        f"(docs/extending.md)",
+        ContactWarning,
+        stacklevel=3,
+    )
 
 
-def disagreements(law: LawParameters, instrument: Tree) -> list[str]:
+def timing_disagreements(law: LawParameters, instrument: Tree) -> list[str]:
     """Where a law is made for another period, delay or DAC than those of the plant, a sentence each.
 
     Parameters
@@ -105,12 +124,12 @@ def disagreements(law: LawParameters, instrument: Tree) -> list[str]:
 
 
 def warn_of_timing(told: Sequence[str], of: str = "", stacklevel: int = 2) -> None:
-    """Warn of `disagreements`: the one warning of all that run a law on an instrument.
+    """Warn of `timing_disagreements`: the one warning of all that run a law on an instrument.
 
     Parameters
     ----------
     told : sequence of str
-        As of `disagreements`; of many sets the first of each set that has any.
+        As of `timing_disagreements`; of many sets the first of each set that has any.
     of : str
         For many sets: all of them, such as "12 sets". One warning counts them then, and names the first.
     stacklevel : int

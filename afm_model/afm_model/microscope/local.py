@@ -10,7 +10,7 @@ from ..core.errors import ParameterError, VerbError
 from ..core.schema import Value
 from ..instrument import Instrument
 from ..instrument.controller import Controller
-from ..law import disagreements, require_plant, warn_of_timing
+from ..law import require_plant, timing_disagreements, warn_of_timing
 from ..parameters import ControllerParameters, InstrumentParameters, changed
 from ..run.context import RunContext
 from ..run.engine import Engine
@@ -72,7 +72,7 @@ class Local(Backend):
     ) -> None:
         parameters = with_verbs(parameters)
         require_plant(controller, parameters.plant)
-        warn_of_timing(disagreements(controller.law, parameters), stacklevel=3)
+        warn_of_timing(timing_disagreements(controller.law, parameters), stacklevel=3)
         self._controller, self._given_ticks, self._hashed = controller, block_ticks, hashed
         self._going, self._stopped, self._stay = threading.Event(), False, False
         self._going.set()

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from ..core import registry
 from ..core.errors import ParameterError, Sentence
 from ..core.schema import chosen_group
-from ..law.sampled import TIMING, SampledLaw, disagreements, require_plant
+from ..law.sampled import TIMING, SampledLaw, require_plant, timing_disagreements
 from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, changed, resolved
 from .microscope_parameters import PREFIX
 from .scenario_files import scenario_file
@@ -195,7 +195,7 @@ def changed_instrument(scenario: Scenario, news: Mapping[str, Value]) -> SimPara
         As of `changed`.
     """
     sim, timing = scenario.sim, {}
-    if not disagreements(sim.law, sim):
+    if not timing_disagreements(sim.law, sim):
         plant = {f"plant.{name}": getattr(sim.plant, name) for name in ("kind", "control_period", "delay_ticks")}
         timing = timing_inside(SimParameters, {"law.kind": sim.law.kind, **plant, **news})
     return changed(sim, {**timing, **news})
@@ -224,7 +224,7 @@ def following(scenario: Scenario, sim: SimParameters, values: Mapping[str, Value
     ParameterError
         As of `law_timing`.
     """
-    if disagreements(scenario.controller.law, scenario.sim):
+    if timing_disagreements(scenario.controller.law, scenario.sim):
         return {}
     return law_timing({"law.kind": scenario.controller.law.kind, **(values or {})}, sim)
 

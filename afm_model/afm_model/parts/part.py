@@ -205,8 +205,10 @@ class Law(Part):
     """Records of its constants and of its state -> what it believes now: each time the same names and units."""
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
-    plants: tuple[str, ...] = ()
-    """Kinds of plant whose friction it has a model of; on others it is refused. Empty: it has none."""
+    models_contact: bool = False
+    """Whether it has a model of friction, from the parameters `contact`: it is refused on a plant with another contact,
+    and warns on one that declares none, see `Plant`.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -263,6 +265,10 @@ class Piezo(Part):
     begin: Callable[[Any, Any, tuple[float, float, float]], None] = lambda parameters, s, drive: None
 
 
+SPRING, RIGID, OTHER = "spring", "rigid", "other"
+"""Contacts of plants: a spring that plant.dt must resolve; tip and sample as one mass; one of the plant's own."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Plant(Part):
     """Equations of motion: `step(t, v, r, p, s, m)` advances s by one integration step that begins at time t [s],
@@ -278,6 +284,10 @@ class Plant(Part):
         not given, the plant is at rest without a drive.
     map : callable, optional
         Parameters -> array of float64, read-only for the kernel, at m[plant_map of BlockHeader]: a table, say.
+    contact : str
+        How tip and sample touch: SPRING or RIGID with force and friction of the parameters `contact` (docs/theory.md),
+        OTHER with those of the plant itself. If it is not declared, what needs to know warns and takes the tip to be
+        held on the sample.
     sample_in_si : bool
         The plant takes slopes and curvatures of the sample in SI, not in scaled coordinates, and checks by itself
         whether its tip touches the sample in one point.
@@ -310,6 +320,7 @@ class Plant(Part):
     observe: Kernel
     rest: Callable[[Any, Any, Any, Any], tuple[float, float, float]] = lambda parameters, p, s, m: (0.0, 0.0, 0.0)
     map: Callable[[Any], NDArray[np.float64]] | None = None
+    contact: str = ""
     sample_in_si: bool = False
     takes_lattice: bool = False
     takes_excitation: bool = False

@@ -17,7 +17,7 @@ from ..compiled.records import Block
 from ..contact.friction import bound_of_area
 from ..contact.jkr import INDENTATION_FIXED_GRIPS, load_of_u, radius_ratios, stiffness_of_u, u_of_indentation
 from ..parts.dispatch import surface
-from ..parts.part import Plant, Tree
+from ..parts.part import SPRING, Plant, Tree
 from ..parts.signals import Actuation
 from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
@@ -114,5 +114,6 @@ COMPLIANT = Plant(
     rest=_rest,
     step=step,
     observe=observe,
+    contact=SPRING,
     lanes=True,
 )

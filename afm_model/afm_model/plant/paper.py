@@ -19,7 +19,7 @@ from ..contact.friction import bound_of_load
 from ..contact.jkr import radius_ratios
 from ..core.random_numbers import RandomStream
 from ..parts.dispatch import surface
-from ..parts.part import Numbers, Plant, Tree
+from ..parts.part import RIGID, Numbers, Plant, Tree
 from ..parts.signals import Actuation, Surface
 from .constants import Constants, observe, plant_constants
 from .groups import PlantGroup
@@ -149,6 +149,7 @@ PAPER = Plant(
     rest=rest,
     step=step,
     observe=observe,
+    contact=RIGID,
     lanes=True,
     common=lambda p: {"treatment": p.treatment},
 )

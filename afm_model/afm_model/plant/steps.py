@@ -6,7 +6,7 @@ from ..compiled.jit import plain
 from ..contact.jkr import radius_at_zero_load, stiffness_of_u, u_of_load
 from ..core import registry
 from ..core.elementary import cbrt, hypot, square
-from ..parts.part import Tree
+from ..parts.part import RIGID, SPRING, Tree
 
 STABLE = 2.0
 """Angle [rad] by which the vertical resonance may turn in a step, docs/theory.md (42); beyond, it grows."""
@@ -14,6 +14,11 @@ ACCURATE = 0.5
 """The same for a result that is right, measured in docs/numerics.md."""
 ACCURATE_LATERAL = 0.1
 """The same for a lateral resonance of the scanner: rests begin and end with a step, and the shortest turn it by 0.2."""
+
+
+def contact_of(parameters: Tree) -> str:
+    """Return how tip and sample touch, as the plant declares it; empty: it does not."""
+    return str(registry.find("plant", parameters.plant.kind).contact)
 
 
 def static_load_newton(parameters: Tree) -> float:
@@ -78,9 +83,9 @@ def require_resolved_step(parameters: Tree, *, with_contact: bool) -> None:
 def resolved_load(parameters: Tree) -> float:
     """Largest load [N] under which plant.dt is accurate.
 
-    It is infinite for a plant whose contact is no spring of its own, and for plants of somebody else's.
+    It is infinite for a plant whose contact is not declared to be a spring of the parameters `contact`.
     """
-    if parameters.plant.kind != "compliant":
+    if contact_of(parameters) != SPRING:
         return math.inf
     fastest = ACCURATE / parameters.plant.dt
     low, high = 0.0, parameters.contact.pull_off_force
@@ -105,10 +110,10 @@ def stable_step(parameters: Tree, *, with_contact: bool | None = None) -> float:
     ----------
     parameters : InstrumentParameters
     with_contact : bool, optional
-        Whether the contact is a spring of its own; by default, as plant.kind has it.
+        Whether the contact is a spring of its own; by default unless the plant declares that it is rigid.
     """
     if with_contact is None:
-        with_contact = parameters.plant.kind != "paper"
+        with_contact = contact_of(parameters) != RIGID
     load = max(static_load_newton(parameters), 0.0) if with_contact else None
     return STABLE / max(_vertical(parameters, load), _lateral(parameters))
 

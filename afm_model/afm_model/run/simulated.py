@@ -17,7 +17,7 @@ from ..core.random_numbers import RandomStream
 from ..core.schema import Group, NonNegative, Positive, Unit
 from ..instrument import Block, ScoreSummary
 from ..instrument.controller import Controller
-from ..law import ExternalLaw, disagreements, warn_of_timing
+from ..law import ExternalLaw, timing_disagreements, warn_of_timing
 from ..parameters import SimParameters
 from ..parts.command import Command
 from .counts import Snapshot
@@ -182,7 +182,7 @@ def simulate_realtime(parameters: SimParameters, law: AnsweringLaw, latency: Lat
         If the motion diverged.
     """
     if isinstance(law, Controller):
-        warn_of_timing(disagreements(law.parameters.law, parameters))
+        warn_of_timing(timing_disagreements(law.parameters.law, parameters))
     block_ticks = ticks_of_a_block(parameters)
     run_parameters = parameters.run.model_copy(update={"mode": "realtime", "start_paused": False})
     # The law given is the one that counts.

@@ -12,7 +12,7 @@ from ..instrument import Block, Instrument, ScoreSummary
 from ..instrument.block import Layouts
 from ..instrument.controller import Controller
 from ..instrument.validity import doubts
-from ..law import disagreements, require_plant, warn_of_timing
+from ..law import require_plant, timing_disagreements, warn_of_timing
 from ..parameters import ControllerParameters, SimParameters
 from ..parts.part import Channel
 from .context import RunContext
@@ -155,7 +155,7 @@ def simulate(
     """
     law = _parameters_of(controller)
     if law is not None:
-        warn_of_timing(disagreements(law.law, parameters))
+        warn_of_timing(timing_disagreements(law.law, parameters))
     blocks: list[Block] = []
     events: list[RunEvent] = []
     if isinstance(controller, ControllerParameters):

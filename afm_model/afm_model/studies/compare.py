@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import ParameterError
-from ..law import disagreements, warn_of_timing
+from ..law import timing_disagreements, warn_of_timing
 from ..parameters import ControllerParameters, SimParameters, changed
 from ..parameters.scenario import Scenario
 from .comparison import Comparison
@@ -124,7 +124,7 @@ def compare(
     others: list[str] = []
     for each in sets:
         if isinstance(each, Trial) and each.controller is not None:
-            others += disagreements(each.controller.law, each.sim)[:1]
+            others += timing_disagreements(each.controller.law, each.sim)[:1]
     warn_of_timing(others, f"{len(sets)} runs")
     # A law that is no part may end its process.
     parts = {law.label for law in every if law.is_part}

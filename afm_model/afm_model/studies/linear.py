@@ -5,6 +5,7 @@ along this motion and damps across it, since it turns with the velocity; the con
 is asked what it answers to small changes. docs/laws.md, section 7.
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -16,7 +17,9 @@ from ..compiled.records import size
 from ..core.errors import ParameterError
 from ..core.registry import find
 from ..instrument.controller import Controller
+from ..law import ContactWarning
 from ..parameters import ControllerParameters, SimParameters, changed, flatten
+from ..plant.steps import contact_of
 from .linear_model import AXES, STATES, LinearError, jacobian, law_scales, measurement_sliding, plant_matrices, sensors
 
 _Array = NDArray[np.float64]
@@ -150,9 +153,9 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
     Parameters
     ----------
     sim : SimParameters
-        Plant, control period and delay. Noise and faults do not count, sensors and piezo are taken as ideal; other
-        plants than `compliant` are taken to hold the tip on the sample. A loop inside the instrument that drives z is
-        taken to hold it: what the law answers along z has no effect then.
+        Plant, control period and delay. Noise and faults do not count, sensors and piezo are taken as ideal; a plant
+        whose contact is not declared as a spring is taken to hold the tip on the sample. A loop inside the instrument
+        that drives z is taken to hold it: what the law answers along z has no effect then.
     controller : ControllerParameters
 
     Raises
@@ -168,6 +171,13 @@ def linearise(sim: SimParameters, controller: ControllerParameters) -> LinearLoo
         raise LinearError(
             f"law {controller.law.kind} with {own} numbers of state and plant.delay_ticks = {sim.plant.delay_ticks} "
             f"has no linear model that can be handled: {LARGEST} numbers are the most"
+        )
+    if not contact_of(sim):
+        warnings.warn(
+            f"plant.kind = {sim.plant.kind} does not declare its contact: the linear model holds the tip on the sample "
+            f"(docs/extending.md)",
+            ContactWarning,
+            stacklevel=2,
         )
     law, C = Controller(controller), sensors(sim)
     A, B, _ = plant_matrices(sim, sim.plant.control_period)

@@ -17,8 +17,10 @@ from ..core.registry import find
 from ..instrument import Instrument
 from ..instrument.controller import Controller, answer
 from ..parameters import SimParameters, Value, changed, flatten
+from ..parts.part import SPRING
 from ..parts.signals import Measurement, PiezoDrive
 from ..plant.constants import plant_constants
+from ..plant.steps import contact_of
 
 _Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
@@ -86,7 +88,7 @@ def plant_matrices(sim: SimParameters, period: float) -> tuple[_Array, _Array, _
     u = plain(u_of_load)(_static_load(sim, p) / p["L_s"])
     k = max(p["L_s"] * plain(stiffness_of_u)(u) / p["delta_0"], 0.0)
     c = 2.0 * p["zeta_n"] * math.sqrt(k)
-    if sim.plant.kind != "compliant":
+    if contact_of(sim) != SPRING:
         # As good as rigid: far stiffer than either spring, and critically damped.
         k = 1e6 * (p["eta_c"] ** 2 + p["eta_z"] ** 2)
         c = 2.0 * math.sqrt(k)

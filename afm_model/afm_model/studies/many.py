@@ -10,7 +10,7 @@ import numpy as np
 from ..core.errors import ParameterError
 from ..instrument import Block, Instrument
 from ..lanes.together import run_together
-from ..law import disagreements, warn_of_timing
+from ..law import timing_disagreements, warn_of_timing
 from ..parameters import Value
 from ..parameters.scenario import Scenario
 from ..parts.signals import Measurement, Truth
@@ -70,7 +70,7 @@ def simulate_many(
     columns = columns_of(scenario, parameters, grid)
     sets = list(sets_of(scenario, columns))
     run = {number: each for number, each in enumerate(sets) if not isinstance(each, str)}
-    others = (sentence for sim, law in run.values() for sentence in disagreements(law.law, sim)[:1])
+    others = (sentence for sim, law in run.values() for sentence in timing_disagreements(law.law, sim)[:1])
     warn_of_timing(list(others), f"{len(sets)} sets")
     clocks = {(sim.total_ticks, sim.plant.control_period) for sim, _ in run.values()} or {(0, 0.0)}
     if len(clocks) > 1:

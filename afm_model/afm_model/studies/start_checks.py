@@ -4,8 +4,9 @@ import numpy as np
 
 from ..core.errors import ParameterError, PartError
 from ..core.registry import find
-from ..law import PaperLaw, disagreements
+from ..law import PaperLaw, timing_disagreements
 from ..parameters import ControllerParameters, SimParameters
+from ..plant.steps import contact_of
 from .linear import inside_drives_z, is_stable, largest, linearise
 from .linear_model import LinearError
 
@@ -32,7 +33,7 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
     of_law = find("law", controller.law.kind).warnings(controller, plant.control_period)
     # What the law answers along z has no effect where a loop inside the instrument drives z.
     told += [sentence for sentence in of_law if not (inside_drives_z(sim) and sentence.startswith("along z "))]
-    others = disagreements(controller.law, sim)
+    others = timing_disagreements(controller.law, sim)
     # Limits of a law that is made for something else tell nothing; those of the paper's laws without delay are known
     # exactly, and told by themselves.
     of_the_paper = isinstance(controller.law, PaperLaw) and plant.delay_ticks == 0
@@ -43,6 +44,9 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
 
 def _unstable(sim: SimParameters, controller: ControllerParameters) -> list[str]:
     plant = sim.plant
+    if not contact_of(sim):
+        # How the tip is held is not known: a linear model would be a guess.
+        return []
     try:
         loop = linearise(sim, controller)
     except (LinearError, ParameterError, PartError, ArithmeticError, np.linalg.LinAlgError):

@@ -14,7 +14,7 @@ from ..core.errors import ParameterError
 from ..core.schema import python_value, with_parts
 from ..instrument import score
 from ..lanes.together import run_together
-from ..law import disagreements, warn_of_timing
+from ..law import timing_disagreements, warn_of_timing
 from ..parameters import ControllerParameters, Group, SimParameters, Value, changed, specifications
 from ..parameters.scenario import SECTIONS, Scenario, changed_instrument, following
 from ..run.simulated import ticks_to_simulate
@@ -99,7 +99,7 @@ def sweep(
 
     def sets() -> Iterator[Set | str]:
         for each in sets_of(scenario, columns):
-            others.extend([] if isinstance(each, str) else disagreements(each[1].law, each[0])[:1])
+            others.extend([] if isinstance(each, str) else timing_disagreements(each[1].law, each[0])[:1])
             yield each
 
     run_all = partial(_run_all, fingerprint=fingerprint, lanes=lanes)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from afm_model import ScenarioError, SimParameters, build, load_scenario
-from afm_model.law import PaperLaw, SampledLaw, disagreements
+from afm_model.law import PaperLaw, SampledLaw, timing_disagreements
 from afm_model.parts import Law
 
 
@@ -52,19 +52,19 @@ def test_scenario_makes_a_law_for_the_period_and_the_delay_of_its_plant(tmp_path
 def test_scenario_that_gives_period_or_delay_of_a_law_is_followed(tmp_path, kind):
     law = load(tmp_path, kind, ", law.delay_ticks: 0").controller.law
     assert (law.period, law.delay_ticks) == (5e-5, 0)
-    told = disagreements(law, build(SimParameters, {"plant.control_period": 5e-5, "plant.delay_ticks": 3}))
+    told = timing_disagreements(law, build(SimParameters, {"plant.control_period": 5e-5, "plant.delay_ticks": 3}))
     assert told == ["the law is made for another delay: law.delay_ticks = 0 should be plant.delay_ticks = 3"]
 
 
 def test_law_that_is_made_for_another_period_is_told_so(kind):
-    (told,) = disagreements(Trial(period=1e-4), build(SimParameters, {"plant.control_period": 5e-5}))
+    (told,) = timing_disagreements(Trial(period=1e-4), build(SimParameters, {"plant.control_period": 5e-5}))
     assert "law.period = 0.0001 s should be plant.control_period = 5e-05 s" in told
 
 
 def test_paper_laws_are_made_for_no_rate(tmp_path):
     controller = load(tmp_path, "sgn").controller
     assert "law.period" not in load(tmp_path, "sgn").sections["/**/afm_controller_node"]
-    assert disagreements(controller.law, SimParameters()) == [] and isinstance(controller.law, PaperLaw)
+    assert timing_disagreements(controller.law, SimParameters()) == [] and isinstance(controller.law, PaperLaw)
 
 
 def test_period_of_a_law_that_is_not_allowed_is_refused(tmp_path, kind):

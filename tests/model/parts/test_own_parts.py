@@ -21,6 +21,10 @@ from afm_model import (
     simulate,
     specifications,
 )
+from afm_model.instrument.validity import valid_forces
+from afm_model.law import ContactWarning
+from afm_model.studies.linear import linearise
+from afm_model.studies.start_checks import start_warnings
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
 LIMIT = 60
@@ -356,3 +360,51 @@ def test_a_scenario_file_chooses_own_parts_and_gives_their_parameters(own, tmp_p
         {"law.kind": "kalman", "law.bandwidth": 2e4},
     )
     assert json.loads(done.stdout)["trajectory_sha256"] == inside.trajectory_sha256
+
+
+CONTACTS = """
+from dataclasses import replace
+
+from .viscous import VISCOUS
+
+UNSAID = VISCOUS
+SPRING, RIGID, OTHER = (replace(VISCOUS, contact=each) for each in ("spring", "rigid", "other"))
+"""
+AT_50_US = {"plant.dt": 1e-7, "detector.sample_period": 5e-5, "plant.control_period": 5e-5, "run.duration": 1e-2}
+
+
+@pytest.fixture
+def touching(own):
+    """An instrument whose plant, of somebody else's, declares this contact."""
+    Path(sys.modules["own_parts"].__path__[0], "contacts.py").write_text(CONTACTS)
+    return lambda contact: build(SimParameters, SHORT | AT_50_US | {"plant.kind": f"own_parts.contacts:{contact}"})
+
+
+def test_a_law_with_a_model_of_friction_runs_on_a_plant_of_ones_own_and_warns_unless_it_declares_its_contact(touching):
+    law = build(ControllerParameters, {"law.kind": "predictive", "law.period": 5e-5})
+    with pytest.warns(ContactWarning, match="this plant does not declare its contact"):
+        simulate(touching("UNSAID"), law)
+    for contact in ("SPRING", "RIGID"):
+        simulate(touching(contact), law)
+    with pytest.raises(ParameterError, match="its model of friction is that of the parameters contact"):
+        simulate(touching("OTHER"), law)
+
+
+def test_a_linear_model_has_the_contact_that_a_plant_of_ones_own_declares(touching):
+    law = build(ControllerParameters, {"law.kind": "pid", "law.period": 5e-5})
+    spring, rigid = (linearise(touching(each), law).radius for each in ("SPRING", "RIGID"))
+    alike = build(SimParameters, SHORT | AT_50_US)  # compliant, with the same scanner, cantilever and contact
+    assert spring == linearise(alike, law).radius != rigid
+    with pytest.warns(ContactWarning, match="the linear model holds the tip on the sample"):
+        assert linearise(touching("UNSAID"), law).radius == rigid
+
+
+def test_of_a_plant_that_does_not_declare_its_contact_a_start_says_nothing_about_the_loop(touching):
+    law = build(ControllerParameters, {"law.kind": "super_twisting", "law.period": 5e-5, "law.bandwidth_x": 1e5})
+    assert any("cannot be stable" in told for told in start_warnings(touching("RIGID"), law))
+    assert not any("cannot be stable" in told for told in start_warnings(touching("UNSAID"), law))
+
+
+def test_a_step_must_resolve_the_contact_of_a_plant_of_ones_own_that_declares_a_spring(touching):
+    assert np.isfinite(valid_forces(touching("SPRING"))[1])
+    assert valid_forces(touching("UNSAID"))[1] == np.inf

@@ -3,7 +3,7 @@
 from typing import Any
 
 from ...parts.dispatch import surface
-from ...parts.part import Channel, Plant, Tree
+from ...parts.part import OTHER, Channel, Plant, Tree
 from ..lever.check import require_blunt_sample
 from .parameters import AveragedGroup, check, warnings
 from .state import Constants, Ledger, State, averaged_constants
@@ -38,6 +38,7 @@ AVERAGED = Plant(
     step=step,
     observe=observe,
     map=force_table,
+    contact=OTHER,
     sample_in_si=True,
     takes_excitation=True,
     averages=True,

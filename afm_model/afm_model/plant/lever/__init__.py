@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...contact.contact_table import table
-from ...parts.part import Channel, Numbers, Plant
+from ...parts.part import OTHER, Channel, Numbers, Plant
 from .check import check, warnings
 from .constants import Constants, fine_constants, lever_constants, rows
 from .parameters import LeverGroup
@@ -33,6 +33,7 @@ LEVER = Plant(
     step=step,
     observe=observe,
     map=lambda parameters: np.append(table(parameters.plant.contact, rows(parameters)), fine_constants(parameters)),
+    contact=OTHER,
     sample_in_si=True,
     takes_lattice=True,
     takes_excitation=True,
