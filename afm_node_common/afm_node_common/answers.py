@@ -5,7 +5,7 @@ busy machine now and then seconds apart: a request may come before the client's 
 DDS then stands still for 100 ms, with the node, and drops the answer: the client waits for ever.
 """
 
-import ctypes
+import os
 import struct
 import time
 from collections.abc import Callable
@@ -32,18 +32,27 @@ _READER = 0x04
 
 
 def identifier_of(header: Any) -> bytes:
-    """Identifier of the client that has sent a request; empty: not known. With Fast DDS that of its reader of answers.
+    """Return the identifier of the client that has sent a request: with Fast DDS that of its reader of answers.
 
-    rclpy passes the rmw_request_id_t on but shows its sequence number only: the identifier stands before that.
+    rclpy passes the rmw_request_id_t on but shows its sequence number only: the identifier stands before that. It is
+    read as a file of this process, so that the header of an rclpy with another layout gives no bytes and no crash.
+    Empty: not known; answers are then given at once.
     """
     header = getattr(header, "request_id", header)
-    at = object.__basicsize__
-    if type(header).__basicsize__ < at + 8:
+    at, word = object.__basicsize__, struct.calcsize("P")
+    if type(header).__basicsize__ < at + word:
         return b""
-    request = ctypes.c_void_p.from_address(id(header) + at).value
-    if not request:
+    try:
+        memory = os.open("/proc/self/mem", os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
         return b""
-    identifier, sequence = struct.unpack("16sq", ctypes.string_at(request, 24))
+    try:
+        (request,) = struct.unpack("P", os.pread(memory, word, id(header) + at))
+        identifier, sequence = struct.unpack("16sq", os.pread(memory, 24, request))
+    except (OSError, OverflowError, struct.error):  # no memory of this process
+        return b""
+    finally:
+        os.close(memory)
     return identifier if sequence == getattr(header, "sequence_number", None) and any(identifier) else b""
 
 

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from support import Graph
 
 from afm_node_common import answers
-from afm_node_common.answers import AnsweringServer, hold_answers
+from afm_node_common.answers import AnsweringServer, hold_answers, identifier_of
 
 
 class Server(Node):
@@ -25,9 +25,9 @@ class Server(Node):
     def __init__(self) -> None:
         super().__init__("server", start_parameter_services=False)
         self.finds, self.looks, self.dropped = False, 0, 0
-        service = self.create_service(Trigger, "service", self._serve)
-        self._send = service.send_response
-        service.send_response = self._drop_what_nobody_hears
+        self.service = self.create_service(Trigger, "service", self._serve)
+        self._send = self.service.send_response
+        self.service.send_response = self._drop_what_nobody_hears
 
     def _serve(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = True
@@ -148,3 +148,27 @@ def test_goal_is_accepted_once_its_client_is_found_and_its_result_comes(pair: Pa
     assert (end.status, end.result.x) == (GoalStatus.STATUS_SUCCEEDED, 1e-9)
     client.destroy()
     server.destroy()
+
+
+class Header(int):
+    """A header of a kind that rclpy does not have: after its head stands a number where an address is expected."""
+
+    sequence_number = 5
+
+
+def test_a_header_of_another_layout_has_no_client_that_is_known_and_ends_no_process(pair: Pair) -> None:
+    assert identifier_of(Header(7)) == b""
+    assert identifier_of(object()) == b""
+
+
+def test_a_header_names_the_reader_of_answers_of_its_client(pair: Pair) -> None:
+    taken: list[bytes] = []
+    send = pair.server.service.send_response
+    pair.server.service.send_response = lambda response, header: (
+        taken.append(identifier_of(header)),
+        send(response, header),
+    )
+    pair.server.finds = True
+    pair.graph.result(pair.call())
+    infos = pair.server.get_subscriptions_info_by_topic("rr/serviceReply", no_mangle=True)
+    assert taken == [bytes(info.endpoint_gid)[:16] for info in infos]
