@@ -7,8 +7,7 @@ from afm_model.microscope import Arrays, Scan, Task, Verb, variable
 from afm_model.microscope.plan import lines
 from afm_model.microscope.quantities import Length, Rate
 from afm_model.microscope.verb import outside
-from afm_model.program import orders
-from afm_model.program.orders import Order, Step
+from afm_model.program.orders import FOLLOW, PROFILE, RAMP, Order, Step
 
 SIGNALS = ["asked_x", "z", "deflection"]
 SPEED = 10e-6  # from place to place [m/s]
@@ -44,12 +43,12 @@ class LiftLine(Verb):
         first = passes[0].record().channels
         # Where the tip was, less the lift. Offsets of z count from where z stands when the loop is opened.
         above = first["z"] - first["deflection"] - self.lift - view.z
-        up = Step(orders.RAMP, target=above[0], rate=SPEED)
+        up = Step(RAMP, target=above[0], rate=SPEED)
         yield Task(Order(view.stay(), (up,)), time, "lifting")
-        fly = Step(orders.PROFILE, profile=above, period=view.sample_period)
+        fly = Step(PROFILE, profile=above, period=view.sample_period)
         yield Task(Order(plan.motion, (fly,)), time, "above the line", passes[1])
         yield from run.going(*plan.begin, SPEED)
-        down = (Step(orders.RAMP, target=0.0, rate=SPEED, then=1), Step(orders.FOLLOW, duration=2e-3))
+        down = (Step(RAMP, target=0.0, rate=SPEED, then=1), Step(FOLLOW, duration=2e-3))
         yield Task(Order(view.stay(), down), time, "back to the sample")
         run.state.approached = True
 
