@@ -8,31 +8,13 @@ import math
 
 from ...compiled.jit import kernel, routine
 from ...compiled.records import Block
-from ...compiled.ways import by_lane, rare, where
+from ...compiled.ways import by_lane
 from .constants import Constants
-from .contact import Pressed, ledger_of, pressed, reach
-from .indent import FAR, FOUND, indent, is_off, newton, off, pulled
-from .slide import Apart, ContactSolution, hold, slide, turned
-from .state import State
-
-_SAME = 1e-3
-"""Relative change of the contact's stiffness that is none."""
-_Balance = tuple[ContactSolution, float, float, bool]
-
-
-@kernel
-def way_slid(N: float, T_1: float, T_2: float, d_1: float, d_2: float, c: Apart) -> float:
-    """Way of the sample against the tip along the direction d, under the forces N and T [m]."""
-    return d_1 * (c.e_1 - c.w_n1 * N - c.w_11 * T_1 - c.w_12 * T_2) + d_2 * (
-        c.e_2 - c.w_n2 * N - c.w_12 * T_1 - c.w_22 * T_2
-    )
-
-
-@kernel
-def _last(s: State, m: Block) -> Pressed:
-    """What `pressed` has found in the last step."""
-    own = ledger_of(m)
-    return s.N, own.stiffness, s.F_max, own.growth, s.a
+from .contact import Pressed, pressed_last, reach
+from .in_lanes import SAME, Balance, balance_in_lane
+from .indent import FAR, indent, is_off, newton, off
+from .slide import Apart, ContactSolution, hold, slide, way_slid
+from .state import State, ledger_of
 
 
 @routine
@@ -43,7 +25,7 @@ def _begin_to_slide(
 
 
 @kernel
-def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
+def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> Balance:
     # The tip holds on if friction can take what that needs; else it slides, friction being at its bound. First what it
     # did in the last step.
     if s.a == 0.0 and s.delta <= s.end and p.viscosity == 0.0 and (p.bridge == 0.0 or ledger_of(m).bridge == 0.0):
@@ -60,14 +42,14 @@ def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
     stick = True
     slid = s.stuck == 0.0 and s.a > 0.0
     if slid:
-        found = slide(s.delta, _last(s, m), s.d_1, s.d_2, c, s, p, m, at)
+        found = slide(s.delta, pressed_last(s, m), s.d_1, s.d_2, c, s, p, m, at)
         T_1, T_2 = found.F_max * found.d_1, found.F_max * found.d_2
         # How far it slid, times the contact's stiffness.
         stick = c.shear * found.a * way_slid(found.N, T_1, T_2, found.d_1, found.d_2, c) < found.F_max
     if stick:
         d_1, d_2 = found.d_1, found.d_2
         # From the last step's place, or that of sliding.
-        x, here = s.delta, _last(s, m)
+        x, here = s.delta, pressed_last(s, m)
         k = c.shear * s.a
         if slid and p.viscosity == 0.0:
             k = c.shear * found.a
@@ -85,7 +67,7 @@ def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
             delta, N, bound, a, stiffness, growth = indent(s.delta, start, held, w_n, 0.0, s, p, m, at)
             x, here = delta, (N, stiffness, bound, growth, a)
             late, k = k, c.shear * a
-            if abs(k - late) <= _SAME * late:
+            if abs(k - late) <= SAME * late:
                 break
         T_1 -= c_1 * N
         T_2 -= c_2 * N
@@ -101,44 +83,7 @@ def _alone(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
     return found, T_1, T_2, stick
 
 
-@kernel
-def _in_lane(c: Apart, s: State, p: Constants, m: Block, at: int) -> _Balance:
-    stick, k = s.stuck != 0.0, c.shear * s.a
-    c_1, c_2 = hold(c.w_n1, c.w_n2, k, c.w_11, c.w_12, c.w_22)
-    T_1, T_2 = hold(c.e_1, c.e_2, k, c.w_11, c.w_12, c.w_22)
-    w_n, held = c.w_nn - c.w_n1 * c_1 - c.w_n2 * c_2, c.target - c.w_n1 * T_1 - c.w_n2 * T_2
-    # A tip that was off the sample did neither.
-    rare(not s.a > 0.0, m)
-    # Written out: a loop in a loop over lanes would not become vectors. First without a look at the contact, as alone.
-    here = _last(s, m)
-    way, _, _, _, outcome = newton(s.delta, here, held, w_n, 0.0, s)
-    along, _, _, _, d_1, d_2, ends = turned(s.delta, here, s.d_1, s.d_2, c, s, p)
-    rare(where(stick, outcome, ends) == FAR, m)
-    x = s.delta + where(stick, way, along)
-    here = pressed(x, s, p, m, at)
-    way, N, bound, a, outcome = newton(x, here, held, w_n, 0.0, s)
-    along, under, bearing, size, d_1, d_2, ends = turned(x, here, d_1, d_2, c, s, p)
-    rare(where(stick, outcome, ends) != FOUND, m)
-    b = ContactSolution(
-        x + where(stick, way, along),
-        where(stick, N, under),
-        where(stick, bound, bearing),
-        where(stick, a, size),
-        where(stick, s.d_1, d_1),
-        where(stick, s.d_2, d_2),
-        here[1],
-        here[3],
-    )
-    rare(stick & (not pulled(s.delta, b.delta - s.delta, held, w_n, 0.0, s)), m)
-    T_1, T_2 = where(stick, T_1 - c_1 * b.N, b.F_max * b.d_1), where(stick, T_2 - c_2 * b.N, b.F_max * b.d_2)
-    # What begins to slide or to stick, and a contact whose stiffness changes, needs more than this.
-    back = c.shear * b.a * way_slid(b.N, T_1, T_2, b.d_1, b.d_2, c)
-    rare(where(stick, math.sqrt(T_1 * T_1 + T_2 * T_2) > b.F_max, back < b.F_max), m)
-    rare(stick & (not abs(c.shear * b.a - k) <= _SAME * k), m)
-    return b, T_1, T_2, stick
-
-
-balance = by_lane(_alone, _in_lane)
+balance = by_lane(_alone, balance_in_lane)
 """Solve for what the contact comes to at mid-step.
 
 Parameters

@@ -3,34 +3,18 @@
 """
 
 import math
-from typing import Any
 
 from ...compiled.jit import kernel
-from ...compiled.records import Block, record_at
-from ...compiled.ways import by_lane, rare
+from ...compiled.records import Block
+from ...compiled.ways import rare
 from ...contact.contact_table import attraction, end_of_contact, force_at_end, look_up
 from ...core.elementary import cbrt
-from ...parts.header import BlockHeader
 from ...parts.signals import Surface
 from .constants import Constants
-from .state import Ledger, State
+from .state import State, ledger_of
 
 Pressed = tuple[float, float, float, float, float]
 """Normal force, its slope, friction bound, its slope, contact radius: see `normal`."""
-
-
-@kernel
-def _ledger_alone(m: Block) -> Ledger:
-    return record_at(m, record_at(m, 0, BlockHeader).plant_ledger, Ledger)
-
-
-@kernel
-def _ledger_in_lane(m: Any) -> Any:
-    return m.ledger
-
-
-ledger_of = by_lane(_ledger_alone, _ledger_in_lane)
-"""The record of the instrument's block m in which the contact keeps its account."""
 
 
 @kernel
@@ -138,3 +122,10 @@ def pressed(delta: float, f: State, p: Constants, m: Block, at: int) -> tuple[fl
         N += own.drag * a * rate + own.push
         stiffness += own.drag * (b * rate + a * own.per)
     return N, stiffness, bound, growth, a
+
+
+@kernel
+def pressed_last(s: State, m: Block) -> Pressed:
+    """What `pressed` has found in the last step."""
+    own = ledger_of(m)
+    return s.N, own.stiffness, s.F_max, own.growth, s.a

@@ -10,12 +10,12 @@ from ...compiled.records import Block
 from ...compiled.ways import kept
 from ...core.random_numbers import normal as standard_normal
 from ...parts.dispatch import surface
-from .balance import balance, way_slid
+from .balance import balance
 from .constants import Constants
-from .contact import ledger_of, place_frame
+from .contact import place_frame
 from .end import show_end
-from .slide import Apart
-from .state import Ledger, State
+from .slide import Apart, way_slid
+from .state import Ledger, State, ledger_of
 
 
 @kernel

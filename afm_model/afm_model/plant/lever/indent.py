@@ -15,8 +15,8 @@ from ...compiled.jit import kernel, routine
 from ...compiled.records import Block
 from ...compiled.ways import where
 from .constants import Constants
-from .contact import Pressed, ledger_of, pressed, reach
-from .state import State
+from .contact import Pressed, pressed, reach
+from .state import State, ledger_of
 
 CLOSE = 1e-6
 """A Newton step so short, in units of indentation, leaves an error of its square."""

@@ -160,3 +160,11 @@ def turned(
     d_1, d_2 = d_1 - angle * d_2, d_2 + angle * d_1
     size = 1.0 / math.sqrt(d_1 * d_1 + d_2 * d_2)
     return step, N + stiffness * step, bound + growth * step, a, d_1 * size, d_2 * size, outcome
+
+
+@kernel
+def way_slid(N: float, T_1: float, T_2: float, d_1: float, d_2: float, c: Apart) -> float:
+    """Way of the sample against the tip along the direction d, under the forces N and T [m]."""
+    return d_1 * (c.e_1 - c.w_n1 * N - c.w_11 * T_1 - c.w_12 * T_2) + d_2 * (
+        c.e_2 - c.w_n2 * N - c.w_12 * T_1 - c.w_22 * T_2
+    )

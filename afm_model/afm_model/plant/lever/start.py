@@ -14,8 +14,9 @@ from ...parts.header import BlockHeader
 from ...parts.part import Tree
 from .apex import require_resolved_apex
 from .check import require_blunt_sample
-from .contact import ledger_of, normal, place_frame
+from .contact import normal, place_frame
 from .lattice import downhill
+from .state import ledger_of
 
 _PASSES = 60
 """Of the fixed-point iteration for the place under the tip: the sample moves under it as the tip is pushed aside."""

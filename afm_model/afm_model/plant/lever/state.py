@@ -1,9 +1,12 @@
 """State of the plant `lever`."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from ...cantilever.beam import MODES
-from ...compiled.records import Array, Record
+from ...compiled.jit import kernel
+from ...compiled.records import Array, Block, Record, record_at
+from ...compiled.ways import by_lane
+from ...parts.header import BlockHeader
 
 _OfModes = Annotated[Array, (MODES,)]
 
@@ -81,3 +84,31 @@ class Ledger(Record):
     second_swing: float
     second_dip: float
     second_hardness: Annotated[float, "1/s^2"]
+
+
+@kernel
+def _ledger_alone(m: Block) -> Ledger:
+    return record_at(m, record_at(m, 0, BlockHeader).plant_ledger, Ledger)
+
+
+@kernel
+def _ledger_in_lane(m: Any) -> Any:
+    return m.ledger
+
+
+ledger_of = by_lane(_ledger_alone, _ledger_in_lane)
+"""The record of the instrument's block m in which the contact keeps its account."""
+
+
+@kernel
+def _table_alone(m: Block) -> int:
+    return record_at(m, 0, BlockHeader).plant_map
+
+
+@kernel
+def _table_in_lane(m: Any) -> int:
+    return int(m.own.plant_map)
+
+
+table_of = by_lane(_table_alone, _table_in_lane)
+"""Where the table of the contact begins in the block m."""

@@ -16,13 +16,11 @@ from ...compiled.ways import by_lane, kept, rare
 from ...contact.contact_table import ROW
 from ...core.elementary import sincos, square
 from ...core.random_numbers import normal
-from ...parts.header import BlockHeader
 from ...parts.signals import BASE, LATERAL, TIP, Actuation, Truth
 from .constants import PARTS, Constants
-from .contact import ledger_of
 from .friction import on_surface
 from .lattice import on_lattice
-from .state import State
+from .state import State, ledger_of, table_of
 
 
 @kernel
@@ -52,7 +50,7 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     p, s : records of Constants and State
     m : block of the instrument, for the sample and the table of the contact
     """
-    at = _table(m)
+    at = table_of(m)
     before = s.delta
     if rare(s.fast > 0.0, m):
         _in_parts(t, v, p, s, m, at)
@@ -63,20 +61,6 @@ def step(t: float, v: Actuation, unused: Block, p: Constants, s: State, m: Block
     # A driven tip is at the sample for a small part of its swing, again and again.
     settling = p.settling if v.amplitude == 0.0 and v.second_amplitude == 0.0 else 1.0
     kept(s, m).fast = settling if swift else s.fast
-
-
-@kernel
-def _table_alone(m: Block) -> int:
-    return record_at(m, 0, BlockHeader).plant_map
-
-
-@kernel
-def _table_in_lane(m: Any) -> int:
-    return int(m.own.plant_map)
-
-
-_table = by_lane(_table_alone, _table_in_lane)
-"""Where the table of the contact begins in the block m."""
 
 
 @kernel
