@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
 from afm_model.compiled.lanes import LANES, Own
 from afm_model.compiled.records import numbers_at, place, record_at, size
-from afm_model.instrument import lanes as together
 from afm_model.instrument.block import LoopState
 from afm_model.instrument.tick import MOVED
+from afm_model.lanes import loop as together
 from afm_model.lanes.together import run_together
 from afm_model.parts.dispatch import observe, step
 from afm_model.parts.header import BlockHeader
