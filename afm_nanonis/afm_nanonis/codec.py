@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .table import Command, Field
+from .table import CommandRow, Field
 
 HEADER = 40
 """Bytes of the header of a request, and of a response."""
@@ -82,7 +82,7 @@ class _Reader:
         return self.text() if field.type == "S" else self.numbers(field.type, 1)[0]
 
 
-def arguments(command: Command, body: bytes) -> list[Any]:
+def arguments(command: CommandRow, body: bytes) -> list[Any]:
     """Read the arguments of a request, as many as it has: old clients leave out the last ones.
 
     Raises
@@ -143,18 +143,18 @@ def response(field: bytes, body: bytes) -> bytes:
     return field + struct.pack(">i", len(body)) + bytes(4) + body
 
 
-def success(command: Command, field: bytes, values: Sequence[Any]) -> bytes:
+def success(command: CommandRow, field: bytes, values: Sequence[Any]) -> bytes:
     """The response with the values of a command."""
     body = b"".join(_packed(each, value) for each, value in zip(command.returns, values, strict=True))
     return response(field, body + _section(""))
 
 
-def failure(command: Command | None, field: bytes, sentence: str, real: bool = False) -> bytes:
+def failure(command: CommandRow | None, field: bytes, sentence: str, real: bool = False) -> bytes:
     """The response with an error.
 
     Parameters
     ----------
-    command : Command, optional
+    command : CommandRow, optional
         None: not known.
     field : bytes
         Name in the request.

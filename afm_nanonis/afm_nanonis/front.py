@@ -21,7 +21,7 @@ from .signals import Signals
 from .spectrum_state import SpectrumState
 from .stored import Numbers
 from .stream import Stream
-from .table import COMMANDS, DONE, KEPT, Command, Field
+from .table import COMMANDS, DONE, KEPT, CommandRow, Field
 
 _TRAVEL = 500e-6
 """Of a scanner without a limit, to each side [m]."""
@@ -69,8 +69,8 @@ class Front:
         """Whether an approach was begun by switching the controller on."""
         scanner: Any = parameters.plant.scanner_numbers or parameters.scanner
         self.resonance = float(min(scanner.f_x, scanner.f_y))
-        self.signals = Signals(self)
-        self.scan, self.stream = ScanState(), Stream(self)
+        self.signals = Signals(self.read, self.settings)
+        self.scan, self.stream = ScanState(), Stream(self.signals.values)
         self.spectra = {"ZSpectr": SpectrumState(128), "BiasSpectr": SpectrumState(128)}
         self.follow_speed, self.own_speed = 2e-6, True
         self.setpoint: tuple[float, Any] = (math.nan, None)
@@ -117,7 +117,7 @@ class Front:
         """Do a verb, in the thread of the jobs; its result as plain arrays."""
         return self.microscope.measure(verb, **fields)
 
-    def serve(self, command: Command, arguments: Sequence[Any]) -> Sequence[Any]:
+    def serve(self, command: CommandRow, arguments: Sequence[Any]) -> Sequence[Any]:
         """Do a command; the values of its response.
 
         Raises

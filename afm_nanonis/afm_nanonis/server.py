@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
-from . import bias, motion, others, scanning, spectra  # noqa: F401  # their handlers
+from . import bias, motion, others, scanning, signal_commands, spectra, stream_commands  # noqa: F401  # their handlers
 from .codec import HEADER, ProtocolError, arguments, failure, head, success
 from .front import Front
 from .table import COMMANDS

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .table import KEPT, Command, Field
+from .table import KEPT, CommandRow, Field
 
 
 def _stays(field: Field, value: Any) -> bool:
@@ -42,12 +42,12 @@ class Settings:
         self._values: dict[tuple[Any, ...], list[Any]] = {}
         self._lock = threading.Lock()
 
-    def of(self, command: Command, indices: Sequence[Any] = ()) -> list[Any]:
+    def of(self, command: CommandRow, indices: Sequence[Any] = ()) -> list[Any]:
         """Values of a setting."""
         with self._lock:
             return list(self._values.get((command.setting, *indices), command.before))
 
-    def serve(self, command: Command, arguments: Sequence[Any]) -> list[Any]:
+    def serve(self, command: CommandRow, arguments: Sequence[Any]) -> list[Any]:
         """Do a Set or Get of the table; what the Get returns."""
         assert command.how == KEPT
         count = sum(field.index for field in command.arguments)

@@ -1,16 +1,15 @@
 """The 128 signals that clients read by index, and what they are here."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from afm_model.microscope.collect import Reading
 
 from .codec import ProtocolError
-from .handlers import handles
+from .settings import Settings
 from .table import COMMANDS
-
-if TYPE_CHECKING:
-    from .front import Front
 
 COUNT, SLOTS = 128, 24
 CURRENT, VERTICAL, HORIZONTAL, Z, BIAS = 0, 1, 2, 14, 24
@@ -47,9 +46,7 @@ _SOURCES = {
     86: Source("LI Demod 1 X", "A"),
     87: Source("LI Demod 1 Y", "A"),
 }
-_CONFIGS = {VERTICAL: "BeamDefl.VerConfigGet", HORIZONTAL: "BeamDefl.HorConfigGet"}
-_OFFSETS = {0: HORIZONTAL, 1: VERTICAL}
-"""Signal by the first argument of BeamDefl.AutoOffset."""
+CONFIGS = {VERTICAL: "BeamDefl.VerConfigGet", HORIZONTAL: "BeamDefl.HorConfigGet"}
 
 
 class Signals:
@@ -57,12 +54,14 @@ class Signals:
 
     Parameters
     ----------
-    front : Front
+    read : callable
+        Names -> Readings of the signals of the microscope as they are now; without names of all.
+    settings : Settings
     """
 
-    def __init__(self, front: "Front") -> None:
-        self._front = front
-        known = set(front.read())
+    def __init__(self, read: Callable[..., Mapping[str, Reading]], settings: Settings) -> None:
+        self._read, self._settings = read, settings
+        known = set(read())
         self._sources = {
             index: each if each.signal in known or not each.signal else Source(each.name, each.unit)
             for index, each in _SOURCES.items()
@@ -76,12 +75,12 @@ class Signals:
 
     def config(self, index: int) -> tuple[str, str, float, float]:
         """Name, unit, units per volt and offset of a signal of the photodiode."""
-        name, unit, calibration, offset = self._front.settings.of(COMMANDS[_CONFIGS[index]])
+        name, unit, calibration, offset = self._settings.of(COMMANDS[CONFIGS[index]])
         return name, unit, calibration, offset
 
     def named(self, index: int) -> tuple[str, str]:
         """Name and unit."""
-        if index in _CONFIGS:
+        if index in CONFIGS:
             return self.config(index)[:2]
         source = self.source(index)
         return source.name, source.unit
@@ -94,7 +93,7 @@ class Signals:
         """A value of the microscope as clients see it."""
         source = self.source(index)
         value = (source.scan_factor if of_scan else source.factor) * value
-        if index in _CONFIGS:
+        if index in CONFIGS:
             _, _, calibration, offset = self.config(index)
             return calibration * value + offset
         return value
@@ -102,7 +101,7 @@ class Signals:
     def constant(self, index: int) -> float | None:
         """Value of a signal that the microscope does not have; None: it has it."""
         if index == BIAS:
-            return float(self._front.settings.of(COMMANDS["Bias.Get"])[0])
+            return float(self._settings.of(COMMANDS["Bias.Get"])[0])
         return None if self.source(index).signal else 0.0
 
     def values(self, indices: Iterable[int]) -> list[float]:
@@ -110,7 +109,7 @@ class Signals:
         wanted = list(indices)
         sources = {index: self.source(index) for index in wanted}
         names = dict.fromkeys(each.signal for each in sources.values() if each.signal)
-        read = self._front.read(*names) if names else {}
+        read = self._read(*names) if names else {}
         found = []
         for index in wanted:
             constant = self.constant(index)
@@ -122,69 +121,3 @@ class Signals:
         """Vertical deflection [V] of a value in the units of its signal."""
         _, _, calibration, offset = self.config(VERTICAL)
         return (value - offset) / calibration if calibration else 0.0
-
-
-@handles("Signals.NamesGet", "Signals.MeasNamesGet")
-def _names(front: "Front") -> list[Any]:
-    return [[front.signals.title(index) for index in range(COUNT)]]
-
-
-@handles("Signals.InSlotsGet")
-def _slots(front: "Front") -> list[Any]:
-    return [[front.signals.title(index) for index in range(SLOTS)], list(range(SLOTS))]
-
-
-@handles("Signals.CalibrGet")
-def _calibration(front: "Front", index: int) -> list[Any]:
-    front.signals.source(index)
-    return list(front.signals.config(index)[2:]) if index in _CONFIGS else [1.0, 0.0]
-
-
-@handles("Signals.RangeGet")
-def _range(front: "Front", index: int) -> list[Any]:
-    if index in (Z, 30):
-        return list(front.z_limits)
-    if index in (15, 16):
-        half = 0.5 * front.ranges[index - 15]
-        return [half, -half]
-    largest = front.signals.source(index).largest
-    return [largest, -largest]
-
-
-@handles("Signals.ValGet")
-def _value(front: "Front", index: int, wait: int) -> list[Any]:
-    return front.signals.values([index])
-
-
-@handles("Signals.ValsGet")
-def _values(front: "Front", indices: Sequence[int], wait: int) -> list[Any]:
-    return [front.signals.values(indices)]
-
-
-@handles("Signals.AddRTGet")
-def _further(front: "Front") -> list[Any]:
-    return [[], "", ""]
-
-
-@handles("BeamDefl.AutoOffset")
-def _auto_offset(front: "Front", which: int) -> list[Any]:
-    if which == 2:
-        return []
-    if which not in _OFFSETS:
-        raise ProtocolError(f"signal {which} is not allowed: it must be 0 (horizontal), 1 (vertical) or 2 (intensity)")
-    index = _OFFSETS[which]
-    name, unit, calibration, offset = front.signals.config(index)
-    (value,) = front.signals.values([index])
-    command = COMMANDS[_CONFIGS[index].replace("Get", "Set")]
-    front.settings.serve(command, [name, unit, calibration, offset - value])
-    return []
-
-
-@handles("Current.Get", "Current.100Get", "Current.BEEMGet")
-def _current(front: "Front") -> list[Any]:
-    return front.signals.values([CURRENT])
-
-
-@handles("SafeTip.SignalGet")
-def _watched(front: "Front") -> list[Any]:
-    return front.signals.values([VERTICAL])

@@ -3,15 +3,8 @@
 import socket
 import struct
 import threading
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
-
-from .codec import ProtocolError
-from .handlers import handles
-from .signals import COUNT
-
-if TYPE_CHECKING:
-    from .front import Front
 
 IDLE, RUNNING = 1, 4
 _PERIOD = 1e-3
@@ -25,11 +18,12 @@ class Stream:
 
     Parameters
     ----------
-    front : Front
+    values : callable
+        Indices of signals -> their present values.
     """
 
-    def __init__(self, front: "Front") -> None:
-        self._front = front
+    def __init__(self, values: Callable[[Iterable[int]], Sequence[float]]) -> None:
+        self._values = values
         self.channels: list[int] = [14]
         self.oversampling = 10
         self.running = False
@@ -67,7 +61,7 @@ class Stream:
         counter = 0
         while self.running:
             channels, many = list(self.channels), max(self.oversampling, 1)
-            values = self._front.signals.values(channels)
+            values = self._values(channels)
             frame = struct.pack(">IfQH", len(channels), float(self.oversampling), counter, RUNNING)
             self._send(frame + struct.pack(f">{len(values)}f", *values))
             counter += 1
@@ -82,36 +76,3 @@ class Stream:
                     self._clients.remove(client)
                     with suppress(OSError):
                         client.close()
-
-
-@handles("TCPLog.ChsSet")
-def _channels(front: "Front", channels: list[int]) -> list[Any]:
-    if not channels or any(not 0 <= index < COUNT for index in channels):
-        raise ProtocolError(f"signals {channels} are not allowed: each must be 0 to {COUNT - 1}")
-    front.stream.channels = channels[:COUNT]
-    return []
-
-
-@handles("TCPLog.OversamplSet")
-def _oversampling(front: "Front", count: int) -> list[Any]:
-    if not 0 <= count <= 1000:
-        raise ProtocolError(f"oversampling {count} is not allowed: it must be 0 to 1000")
-    front.stream.oversampling = count
-    return []
-
-
-@handles("TCPLog.Start")
-def _start(front: "Front") -> list[Any]:
-    front.stream.start()
-    return []
-
-
-@handles("TCPLog.Stop")
-def _stop(front: "Front") -> list[Any]:
-    front.stream.stop()
-    return []
-
-
-@handles("TCPLog.StatusGet")
-def _status(front: "Front") -> list[Any]:
-    return [RUNNING if front.stream.running else IDLE]

@@ -268,7 +268,7 @@ class Field:
 
 
 @dataclass(frozen=True)
-class Command:
+class CommandRow:
     """One row, for one command."""
 
     name: str
@@ -305,8 +305,8 @@ def _value(field: Field, word: str) -> Any:
     return word if field.type == "S" else float(word) if field.type in "fd" else int(float(word))
 
 
-def _rows(text: str) -> dict[str, Command]:
-    found: dict[str, Command] = {}
+def _rows(text: str) -> dict[str, CommandRow]:
+    found: dict[str, CommandRow] = {}
     for line in text.strip().splitlines():
         name, given, back, how, meaning = (cell.strip() for cell in line.split("|"))
         arguments, returns = _fields(given), _fields(back)
@@ -316,14 +316,14 @@ def _rows(text: str) -> dict[str, Command]:
         before += tuple(field.empty for field in own[len(before) :])
         base = name.removesuffix("Set/Get") if name.endswith("Set/Get") else name.removesuffix("Set")
         if not name.endswith("/Get"):
-            found[name] = Command(name, arguments, returns, how, meaning, base, before)
+            found[name] = CommandRow(name, arguments, returns, how, meaning, base, before)
             continue
         indices = tuple(each for each in arguments if each.index)
-        found[f"{base}Set"] = Command(f"{base}Set", arguments, (), how, meaning, base, before)
-        found[f"{base}Get"] = Command(f"{base}Get", indices, returns, how, meaning, base, before)
+        found[f"{base}Set"] = CommandRow(f"{base}Set", arguments, (), how, meaning, base, before)
+        found[f"{base}Get"] = CommandRow(f"{base}Get", indices, returns, how, meaning, base, before)
     return found
 
 
-COMMANDS: dict[str, Command] = _rows(SETTINGS) | _rows(LOCK_INS) | _rows(MOTION) | _rows(MEASURING)
+COMMANDS: dict[str, CommandRow] = _rows(SETTINGS) | _rows(LOCK_INS) | _rows(MOTION) | _rows(MEASURING)
 """By name."""
 COMMANDS |= {alias: COMMANDS[name] for alias, name in ALIASES.items()}

@@ -11,7 +11,7 @@ from afm_nanonis import server  # noqa: F401  # and all handlers
 from afm_nanonis.codec import ProtocolError, arguments, failure, success
 from afm_nanonis.handlers import HANDLERS
 from afm_nanonis.settings import Settings
-from afm_nanonis.table import COMMANDS, KEPT, REAL, Command
+from afm_nanonis.table import COMMANDS, KEPT, REAL, CommandRow
 
 from .client import Client, Refused, unpacked
 from .conftest import Served
@@ -70,7 +70,7 @@ def test_every_real_command_has_a_handler_and_no_other() -> None:
 
 
 @pytest.mark.parametrize("command", [each for each in COMMANDS.values() if each.how == KEPT and each.sets])
-def test_kept_setting_is_given_back_as_it_was_set(command: Command) -> None:
+def test_kept_setting_is_given_back_as_it_was_set(command: CommandRow) -> None:
     settings = Settings()
     get = COMMANDS.get(command.name[:-3] + "Get")
     if get is None or get.how != KEPT:
@@ -89,7 +89,7 @@ def test_kept_setting_is_given_back_as_it_was_set(command: Command) -> None:
     assert answer[40:-8] == encoded(get, found, returns=True)
 
 
-def encoded(command: Command, values: list[object], *, returns: bool = False) -> bytes:
+def encoded(command: CommandRow, values: list[object], *, returns: bool = False) -> bytes:
     """Independent of the codec: numbers by struct."""
     found = b""
     for field, value in zip(command.returns if returns else command.arguments, values, strict=True):

@@ -24,6 +24,7 @@ from afm_model import (
 from afm_model.instrument.validity import valid_forces
 from afm_model.law import ContactWarning
 from afm_model.studies.linear import at_timing, linearise
+from afm_model.studies.linear_model import plant_matrices
 from afm_model.studies.start_checks import start_warnings
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples" / "parts"
@@ -391,13 +392,15 @@ def test_a_law_with_a_model_of_friction_runs_on_a_plant_of_ones_own_and_warns_un
 
 
 def test_a_linear_model_has_the_contact_that_a_plant_of_ones_own_declares(touching):
-    law = build(ControllerParameters, {"law.kind": "pid", "law.period": 5e-5})
-    spring, rigid = (linearise(touching(each), law).matrix for each in ("SPRING", "RIGID"))
-    alike = build(SimParameters, SHORT | AT_50_US)  # compliant, with the same scanner, cantilever and contact
-    assert np.array_equal(spring, linearise(alike, law).matrix)
-    assert not np.array_equal(spring, rigid)
+    def motion(sim):
+        return plant_matrices(sim, 5e-5)[0]
+
+    alike, paper = (build(SimParameters, SHORT | AT_50_US | {"plant.kind": kind}) for kind in ("compliant", "paper"))
+    assert np.array_equal(motion(touching("SPRING")), motion(alike))
+    assert np.array_equal(motion(touching("RIGID")), motion(paper))
+    assert not np.array_equal(motion(alike), motion(paper))
     with pytest.warns(ContactWarning, match="the linear model holds the tip on the sample"):
-        assert np.array_equal(linearise(touching("UNSAID"), law).matrix, rigid)
+        linearise(touching("UNSAID"), build(ControllerParameters, {"law.kind": "pid", "law.period": 5e-5}))
 
 
 def test_of_a_plant_that_does_not_declare_its_contact_a_start_says_nothing_about_the_loop(touching):
