@@ -29,8 +29,10 @@ namespace
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 constexpr std::array<const char *, 3> axes{"x", "y", "z"};
 constexpr std::int64_t nanoseconds = 1'000'000'000;
-// Wall time that a cycle waits for a measurement: then the manager can switch controllers.
-constexpr auto patience = std::chrono::milliseconds(100);
+// Wall time that a cycle waits for a measurement, before it lets the manager switch controllers: while the instrument waits
+// for an answer itself, and else, when the next one is under way.
+constexpr auto idle = std::chrono::milliseconds(20);
+constexpr auto patience = std::chrono::milliseconds(500);
 
 Axes axes_of(const geometry_msgs::msg::Vector3 & v) { return {v.x, v.y, v.z}; }
 
@@ -139,7 +141,7 @@ public:
   return_type read(const rclcpp::Time &, const rclcpp::Duration &) override
   {
     stop_waking();
-    const Read found = exchange_->read(patience);
+    const Read found = exchange_->read(exchange_->asked() ? idle : patience);
     set_time(exchange_->time());
     if (found == Read::fresh || found == Read::wrong_period) {
       show(exchange_->newest());

@@ -72,18 +72,19 @@ public:
     return std::nullopt;
   }
 
+  // Whether the instrument waits for an answer. Only for the thread that reads and writes.
+  bool asked() const { return newest_.has_value() && !answered_; }
+
   // Wait for the next measurement, for `patience` at most.
   Read read(std::chrono::nanoseconds patience)
   {
     std::unique_lock<std::mutex> lock(mutex_);
     change_.wait_for(lock, patience, [this] { return waiting_.has_value(); });
     if (!waiting_) {
-      if (!newest_ || answered_) {
-        return Read::nothing;
-      }
-      // Time goes on for controllers: one that becomes active now starts with a whole period.
+      // Time goes on for controllers and their manager, which sleeps for a period in each cycle: one that becomes active now
+      // starts with a whole period.
       time_ += period_;
-      return Read::again;
+      return newest_ && !answered_ ? Read::again : Read::nothing;
     }
     const Measurement next = *waiting_;
     waiting_.reset();
