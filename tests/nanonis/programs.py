@@ -36,7 +36,8 @@ def programs(folder: Path, *packages: str) -> Path:
 def places(served: Served, *folders: Path) -> dict[str, str]:
     """Environment of a program: where it finds packages, and the ports of a server."""
     found = {"PYTHONPATH": os.pathsep.join(map(str, folders)), "PORTS": ",".join(map(str, served.server.ports))}
-    return os.environ | found | {"MPLBACKEND": "Agg"}
+    # --no-daemon of nspmctl is taken off by its first half, and its second half starts one.
+    return os.environ | found | {"MPLBACKEND": "Agg", "NSPMCTL_NO_DAEMON": "1"}
 
 
 def run(served: Served, folder: Path, *program: Path | str) -> str:

@@ -49,7 +49,7 @@ def test_example_of_nanonis_spm_runs(packages: Path, served: Served, name: str) 
 
 
 def nspmctl(served: Served, packages: Path, *words: str) -> Any:
-    return json.loads(run(served, packages, "-m", "nspmctl", "--no-daemon", *words))
+    return json.loads(run(served, packages, "-m", "nspmctl", *words))
 
 
 def test_nspmctl_finds_the_ports_and_what_it_can_do(packages: Path, served: Served) -> None:
