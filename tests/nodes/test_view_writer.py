@@ -260,6 +260,8 @@ def test_worker_ends_with_its_recorder_and_not_with_a_ctrl_c(tmp_path: Path) -> 
         worker = int(recorder.stdout.readline())
         # What a terminal interrupts is the group of the recorder.
         assert os.getpgid(worker) == worker != os.getpgid(recorder.pid)
+        # While Python begins there it is not yet known as ours.
+        wait_until(lambda: worker in processes(), processes, lambda: time.sleep(0.05))
         recorder.kill()
     wait_until(lambda: worker not in processes(), processes, lambda: time.sleep(0.05))
 
