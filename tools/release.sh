@@ -16,8 +16,8 @@ git archive HEAD | tar -x -C "$work"
 
 echo "Compiling the kernels that the wheel takes along ..."
 PYTHONPATH="$work/afm_model" .venv/bin/python "$work/tools/make_kernels.py"
-for package in "$work"/afm_*/; do
-  .venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$out/wheels" "$package"
+for package in "$work"/afm_*/setup.py; do
+  .venv/bin/python -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$out/wheels" "$(dirname "$package")"
 done
 make --no-print-directory site
 cp -r out/site "$out/site"

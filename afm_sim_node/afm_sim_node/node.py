@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from .microscope_server import MicroscopeServer
 
 _STATUS_PERIOD = 0.2
-_DELIVERY_TIMEOUT = 5.0
+_DELIVERY_TIMEOUT, _LEFT_TIMEOUT = 5.0, 0.2
 _DIAGNOSTICS_PERIOD = 1.0
 
 
@@ -198,6 +198,8 @@ class SimNode(Node):
         self._parameter_log.look()
         self._streams.publish_all()
         self._reporter.publish_status(over=True)
+        # The status of the next run takes its place, also where it has not come yet.
+        self._reporter.wait_for_delivery(_LEFT_TIMEOUT)
 
     def _on_line(self, line: "Line") -> None:
         assert self._microscope is not None

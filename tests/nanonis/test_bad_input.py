@@ -14,7 +14,15 @@ from .client import Client, Refused, until
 from .conftest import Served
 
 LENGTHS = [-1, -(2**31), 2**31 - 1, 1 << 25]
-QUIET = {"Scan.Action", "ZSpectr.Start", "ZCtrl.Withdraw", "Osci1T.DataGet", "Osci2T.DataGet", "TCPLog.Start"}
+QUIET = {
+    "Scan.Action",
+    "ZSpectr.Start",
+    "BiasSpectr.Start",
+    "ZCtrl.Withdraw",
+    "Osci1T.DataGet",
+    "Osci2T.DataGet",
+    "TCPLog.Start",
+}
 QUIET |= {
     "ZCtrl.OnOffSet",
     "ZCtrl.Home",
