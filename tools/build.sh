@@ -50,5 +50,5 @@ if ! python -m colcon build --event-handlers console_direct+ console_cohesion- s
   exit 1
 fi
 wait || true
-mv build.log kernels.log log/ 2> /dev/null || true
+mv ./*.log log/
 touch install/.built

@@ -14,7 +14,7 @@ from quick_lever import KNOWN, LAW, OVER_THE_WEDGE, WEDGE
 
 from afm_model import ControllerParameters, SimParameters, build
 from afm_model.analysis import Estimate, friction_loop
-from afm_model.analysis.loops import LoopForces as FrictionLoopFit
+from afm_model.analysis.loops import LoopForces
 from afm_model.cantilever.tilted import tilted_deflection
 from afm_model.microscope import Local
 from afm_model.microscope.verbs import Approach, CalibrateLateral, CalibrateSensitivity, FrictionLoop, ThermalTune
@@ -64,7 +64,7 @@ def calibrations(rng: np.random.Generator) -> Iterator[tuple[str, float, Estimat
     shown = tilted_deflection(tilt, c.tip_height + 0.5 * c.thickness, c.length)
     yield "deflection, m/V", detector.deflection_sensitivity / gain / shown, sensitivity
 
-    def recorded(**values: Any) -> FrictionLoopFit:
+    def recorded(**values: Any) -> LoopForces:
         changes = {name.replace("__", "."): value for name, value in values.items()}
         parameters = build(SimParameters, _MICROSCOPE | common | {"sample.kind": "flat", "plant.gap": 20e-9} | changes)
         microscope = Local(parameters, build(ControllerParameters, LAW | KNOWN))

@@ -3,7 +3,7 @@
 # The wheels of what needs no ROS are then tried in an environment that has nothing else.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-root=$PWD out=$PWD/out/release
+out=$PWD/out/release
 if [ -n "$(git status --porcelain)" ]; then
   echo "error: there are changes that are not committed: a release is made from a commit" >&2
   exit 1

@@ -10,7 +10,7 @@ from afm_model.core.errors import VerbError
 from .front import Front
 from .handlers import handles
 from .signals import BIAS
-from .spectra import Array, header_of, run_spectrum, set_channels, take
+from .spectra import Array, header_of, run_spectrum, take, with_channels
 from .spectrum_state import SpectrumState
 
 _LOOK = 0.02
@@ -50,7 +50,7 @@ def _swept(front: Front, state: SpectrumState) -> dict[str, Array]:
             if clock.wait(settling + integration):
                 values = front.signals.values(state.channels)
             rows.append(values)
-        found = np.array(rows).T if not suffix else np.array(rows[::-1]).T
+        found = np.array(rows[::-1] if suffix else rows).T
         for index, column in zip(state.channels, found, strict=True):
             name, unit = front.signals.named(index)
             columns[f"{name}{suffix} ({unit})"] = bias if index == BIAS else column
@@ -66,16 +66,7 @@ def _start(front: Front, get: int, base: str) -> list[Any]:
     return run_spectrum(front, "BiasSpectr", get, base, work)
 
 
-@handles("BiasSpectr.ChsSet")
-def _set_channels(front: Front, channels: list[int]) -> list[Any]:
-    set_channels(front, "BiasSpectr", channels)
-    return []
-
-
-@handles("BiasSpectr.ChsGet")
-def _channels(front: Front) -> list[Any]:
-    channels = front.spectra["BiasSpectr"].channels
-    return [channels, [front.signals.title(index) for index in channels]]
+with_channels("BiasSpectr")
 
 
 @handles("BiasSpectr.PropsSet")

@@ -180,23 +180,23 @@ def _status(front: Front) -> list[Any]:
     return [int(front.jobs.doing == SPECTRUM)]
 
 
-def set_channels(front: Front, module: str, channels: list[int]) -> None:
-    """Record these signals."""
-    if wrong := [index for index in channels if not 0 <= index < COUNT]:
-        raise ProtocolError(f"signal {wrong[0]} is not allowed: it must be 0 to {COUNT - 1}")
-    front.spectra[module].channels = list(dict.fromkeys(channels)) or front.spectra[module].channels
+def with_channels(module: str) -> None:
+    """Handlers of the signals that spectra of a module record."""
+
+    @handles(f"{module}.ChsSet")
+    def set_channels(front: Front, channels: list[int]) -> list[Any]:
+        if wrong := [index for index in channels if not 0 <= index < COUNT]:
+            raise ProtocolError(f"signal {wrong[0]} is not allowed: it must be 0 to {COUNT - 1}")
+        front.spectra[module].channels = list(dict.fromkeys(channels)) or front.spectra[module].channels
+        return []
+
+    @handles(f"{module}.ChsGet")
+    def get_channels(front: Front) -> list[Any]:
+        channels = front.spectra[module].channels
+        return [channels, [front.signals.title(index) for index in channels]]
 
 
-@handles("ZSpectr.ChsSet")
-def _set_channels(front: Front, channels: list[int]) -> list[Any]:
-    set_channels(front, "ZSpectr", channels)
-    return []
-
-
-@handles("ZSpectr.ChsGet")
-def _get_channels(front: Front) -> list[Any]:
-    channels = front.spectra["ZSpectr"].channels
-    return [channels, [front.signals.title(index) for index in channels]]
+with_channels("ZSpectr")
 
 
 def take(state: SpectrumState, points: int, **flags: int) -> None:

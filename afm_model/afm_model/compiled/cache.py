@@ -146,12 +146,14 @@ def _described(code: types.CodeType, docstring: str | None = None) -> Any:
     return code.co_code, code.co_names, code.co_varnames, constants
 
 
-def _read(path: Path, target_context: Any) -> Any:
+def _read(path: Path | None, target_context: Any) -> Any:
+    if path is None:
+        return None
     try:
         with path.open("rb") as file:
             # The file itself and not its name, behind which another file may have been put meanwhile.
-            safe = _is_safe(os.fstat(file.fileno())) and _is_safe(path.parent.stat())
-            if not safe and not path.is_relative_to(SHIPPED):
+            ours = _is_safe(os.fstat(file.fileno())) and _is_safe(path.parent.stat())
+            if not (ours or path.is_relative_to(SHIPPED)):
                 return None
             return compiler.CompileResult._rebuild(target_context, *pickle.loads(file.read()))
     except Exception:  # not there, or damaged, which may raise anything
@@ -207,18 +209,15 @@ class KernelCache(caching._Cache):  # type: ignore[misc]
         target_context.refresh()
         processor = target_context.codegen().magic_tuple()
         path = self._path(_shelf()[0], signature, processor)
-        compiled = _read(path, target_context) if path is not None else None
-        if compiled is None and SHIPPED.is_dir():
-            shipped = self._path(SHIPPED, signature, (processor[0], *ANY_PROCESSOR.values()))
-            compiled = _read(shipped, target_context) if shipped is not None else None
-            if compiled is not None:
-                return compiled
-        if path is None:
-            return None
+        compiled = _read(path, target_context)
         if compiled is None:
+            shipped = self._path(SHIPPED, signature, (processor[0], *ANY_PROCESSOR.values()))
+            compiled = _read(shipped, target_context)
+            if compiled is not None or path is None:
+                return compiled
             self._lock(path)
             compiled = _read(path, target_context)
-        if compiled is not None:
+        if compiled is not None and path is not None:
             _use(path.parent)
         return compiled
 

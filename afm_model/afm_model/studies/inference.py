@@ -103,17 +103,12 @@ class BatchSimulator:
 
     def _summaries(self, rows: NDArray[np.float64], seeds: list[int]) -> NDArray[np.float64]:
         found = np.full((len(rows), self.count), np.nan)
-        # What no parameter can be is not given to any: a sentence for each would be lost.
-        possible = np.flatnonzero(np.isfinite(rows).all(axis=1))
-        if not len(possible):
-            return found
-        columns: dict[str, Any] = dict(zip(self._names, rows[possible].T, strict=True))
-        columns[_SEED] = [seeds[i] for i in possible]
+        columns: dict[str, Any] = {**dict(zip(self._names, rows.T, strict=True)), _SEED: seeds}
         runs = simulate_many(self._scenario, columns, grid=False, variables=self._variables)
         whole = np.flatnonzero(runs.error.values == "")
         if len(whole):
             summaries = np.asarray(self._summarise(runs.isel(set=whole)), np.float64)
-            found[possible[whole]] = summaries.reshape(len(whole), self.count)
+            found[whole] = summaries.reshape(len(whole), self.count)
         return found
 
     def _seed_of(self, row: NDArray[np.float64]) -> int:

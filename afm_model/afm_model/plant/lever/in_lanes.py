@@ -17,7 +17,7 @@ from .state import State
 
 Balance = tuple[ContactSolution, float, float, bool]
 SAME = 1e-3
-"""Relative change of the contact's stiffness that is none."""
+"""Relative change of the contact's stiffness below which it counts as the same."""
 
 
 @kernel
