@@ -1,5 +1,7 @@
 """Claim about afspm, which operates microscopes of several makers: its suite passes, run as its users run it."""
 
+import json
+import math
 import os
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import pytest
 
 from .conftest import Served
 from .programs import places, redirect
+from .test_physics import NOISE, SOME, by_verbs
 
 ADDRESS, COMMIT = "https://github.com/grutter-spm-group/afspm", "58d86686f5c00c52e8c6bec2f654757b9fbd18c6"
 PACKAGES = [
@@ -19,6 +22,7 @@ PACKAGES = [
     *("scifireaders<0.12", "ipython<9", "pytest<8"),
 ]
 TESTS = 11
+_MODE = "afspm.components.microscope.translators.nanonis.message.spectroscopy.SpectroscopyMode"
 _OF_CURRENTS, _WIDE = "range = [10e-13, 10e-9]", "range = [-10, 10]"
 """Setpoint and gains in its configuration, and as its users set them for a deflection."""
 
@@ -89,3 +93,32 @@ def test_suite_of_afspm_passes(afspm: Path, served: Served, tmp_path: Path) -> N
         command = [afspm / "bin" / "python", "-m", "pytest", suite / "test_translator.py", "--config_path", config]
         ran = subprocess.run(command, env=environment, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert f"{TESTS} passed" in ran.stdout, ran.stdout[-4000:] + (tmp_path / "components.log").read_text()[-4000:]
+
+
+@pytest.mark.long
+def test_experiment_by_afspm_has_the_numbers_of_the_verbs(afspm: Path, tmp_path: Path) -> None:
+    code = afspm / "code"
+    suite = (code / "tests/components/microscope/translators/nanonis/config.toml").read_text()
+    config = tmp_path / "config.toml"
+    config.write_text(f"{suite}mode = 'mode'\n[mode]\nclass = '{_MODE}'\nvalue = 2\n")
+    made = Served(tmp_path, factor=1.0, **NOISE)
+    with made.client() as operator:  # What its users set in the windows of the vendor's program.
+        vertical, horizontal, z = 1, 2, 30
+        operator.call("Scan.BufferSet", "*i i i", [vertical, horizontal], 64, 64)
+        operator.call("ZSpectr.ChsSet", "*i", [z, vertical])
+        operator.call("ZSpectr.RangeSet", "f f", 150e-9, -400e-9)
+        operator.call("ZSpectr.PropsSet", "H i H H H H", 1, 4000, 1, 1, 2, 1)
+        operator.call("ZSpectr.TimingSet", "f f f f f f f", 0.0, 2e-3, 1.0, 0.0, 1e-4, 0.0, 0.0)
+        operator.call("ZSpectr.RetractSet", "H f i H", 1, 6.0, vertical, 0)
+    environment = places(made, afspm, code, code / "afspm" / "io" / "protos" / "generated")
+    log = tmp_path / "components.log"
+    with components(afspm, config, environment, log):
+        command = [afspm / "bin" / "python", Path(__file__).with_name("afspm_two_materials.py")]
+        ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    made.close()
+    assert ran.returncode == 0, ran.stderr[-2000:] + log.read_text()[-4000:]
+    found, wanted = json.loads(ran.stdout.splitlines()[-1]), by_verbs()
+    for side, numbers in wanted.items():
+        for name, (value, error) in numbers.items():
+            other, other_error = found[side][name]
+            assert abs(value - other) < SOME * math.hypot(error, other_error), (side, name, value, other)

@@ -19,7 +19,7 @@ from .programs import programs, run
 EXAMPLE = Path(__file__).parents[2] / "examples" / "nanonis_two_materials.py"
 NOISE = {"detector": {"noise": 2e-3}}
 _NUMBER = r"(\w+) ([-+.\de]+) \+- ([-+.\de]+)"
-_SOME = 5.0
+SOME = 5.0
 """Standard errors of eight numbers within which two measurements agree: by Student, all but one in a thousand."""
 
 
@@ -77,7 +77,7 @@ def test_vendors_wrapper_finds_the_edge_and_has_the_numbers_of_the_verbs(served:
         assert numbers.keys() == wanted[side].keys()
         for name, (value, error) in numbers.items():
             other, other_error = wanted[side][name]
-            assert abs(value - other) < _SOME * math.hypot(error, other_error), (side, name)
+            assert abs(value - other) < SOME * math.hypot(error, other_error), (side, name)
 
 
 @pytest.mark.long
