@@ -67,6 +67,9 @@ class _RecordType(type):
 class Record(metaclass=_RecordType):
     """Base of records; by itself that of a part without constants, or without a state."""
 
+    handed_over = False
+    """Set in a base of states of laws: if one such law takes the place of another in a run, these fields go on."""
+
     if TYPE_CHECKING:  # What numpy's records offer besides their fields.
 
         def copy(self) -> Self:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..compiled.jit import kernel
-from ..compiled.records import Block, record_at, size
+from ..compiled.records import Block, Record, record_at, size
 from ..parameters import ControllerParameters
 from ..parts.assembly import Assembled, assembled
 from ..parts.command import Command, CommandRecord
@@ -86,7 +86,7 @@ class Controller:
     @property
     def parameters(self) -> ControllerParameters:
         """The parameters in force; assigning changes the law from the next measurement on. Its state goes on, unless
-        the law is another one, or needs another amount of memory.
+        the law is another one (but for what both hand over), or needs another amount of memory.
         """
         return self._parameters
 
@@ -105,11 +105,23 @@ class Controller:
         goes_on = self._law is not None and self._law.part is chosen.part and memory == len(self._memory)
         if goes_on:
             block[state:] = self.block[self._state_at :]
+            each = (record_at(numbers, constants, kept.constants) for numbers in (self.block, block))
+            kept.change(*each, record_at(block, state, kept.state))
+        handed = {} if goes_on else self._handed_over(kept.state)
         self._law, self._parameters, self.block, self._state_at = chosen, parameters, block, state
         self.in_python = chosen.in_python
         if not goes_on:
             self._memory = np.zeros(memory)
             self.reset()
+            for name, value in handed.items():
+                self.state[name] = value
+
+    def _handed_over(self, state: type[Record]) -> dict[str, Any]:
+        """What the state of this law hands over to that of another."""
+        before = Record if self._law is None else self._law.part.state
+        shared = (each for each in state.__mro__ if vars(each).get("handed_over") and issubclass(before, each))
+        base: Any = next(shared, Record)
+        return {name: np.copy(self.state[name]) for name in base.fields}
 
     def reset(self) -> None:
         """Put the state of the law to its start."""

@@ -83,7 +83,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     part = 1.0 if size <= p.bound else p.bound / size
     send(u, p, s, 0, feed_forward(y, p, 0) + f_x - part * a_x)
     send(u, p, s, 1, feed_forward(y, p, 1) + f_y - part * a_y)
-    s.started = 1.0
 
 
 IMPLICIT = Law(

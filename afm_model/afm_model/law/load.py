@@ -54,6 +54,7 @@ class Constants(SampledConstants):
 
 
 class State(SampledState):
+    started: float
     fastest: float  # speed of the reference so far [x0 w0]
     estimate: Annotated[Array, (2, 4)]  # position, rate, load and its rate [U]
     covariance: Annotated[Array, (2, 4, 4)]  # their covariance, over the squared speed of the reference

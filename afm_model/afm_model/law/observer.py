@@ -57,6 +57,7 @@ class Constants(SampledConstants):
 
 
 class State(SampledState):
+    started: float
     before_1: Vector
     before_2: Vector
     load: Vector  # but for friction, if that is learned

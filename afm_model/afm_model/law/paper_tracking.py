@@ -37,7 +37,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: SampledSta
     paper.control(t, y, u, p, s)
     scanner.follow_flight(y, p, s)
     sampled.control_height(y, u, p, s)
-    s.started = 1.0
 
 
 PARTS = tuple(

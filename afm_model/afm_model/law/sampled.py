@@ -154,8 +154,9 @@ class SampledConstants(ScannerConstants):
 
 
 class SampledState(ScannerState):
-    """That of the scanner, and of the loop along z."""
+    """That of the scanner, and of the loop along z: another of these laws goes on with it."""
 
+    handed_over = True
     surface: Annotated[float, "z0"]  # what the tip is above the sample's stage, Q - Z
     surface_rate: Annotated[float, "z0 w0"]
 
@@ -213,7 +214,8 @@ def control_height(y: Measurement, u: PiezoDrive, p: SampledConstants, s: Sample
     """Write the drive of z: the tip to its setpoint, the surface going on as it has."""
     tip = p.a + y.deflection / p.length[2]
     above = tip - position(y, p, 2)
-    if s.started == 0.0:
+    if s.follows == 0.0:
+        s.follows = 1.0
         s.surface, s.surface_rate = above, 0.0
     else:
         s.surface += p.hold * s.surface_rate

@@ -51,7 +51,7 @@ class ScannerConstants(Record):
 class ScannerState(Record):
     """The drive answered last [U], and what the drives in flight will have made of a scanner at rest."""
 
-    started: float
+    follows: float  # 1.0 once there was a measurement
     last: Vector
     flight_1: Vector
     flight_2: Vector
@@ -142,7 +142,7 @@ def follow_flight(y: Measurement, p: ScannerConstants, s: ScannerState) -> None:
         return
     for axis in range(3):
         applied = y.drive[axis] / p.volts[axis]
-        if s.started == 0.0:
+        if s.follows == 0.0:
             s.flight_1[axis] = p.flown_1[axis] * applied
             s.flight_2[axis] = p.flown_2[axis] * applied
         else:

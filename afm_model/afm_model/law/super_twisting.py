@@ -125,7 +125,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     if size > p.bound:
         s.twist_x *= p.bound / size
         s.twist_y *= p.bound / size
-    s.started = 1.0
 
 
 SUPER_TWISTING = Law(

@@ -199,6 +199,10 @@ class Law(Part):
     """Numbers that it keeps beside its state, zeros at the start: the field of the state in which their address stands,
     to be read by `numbers_at`, and parameters -> how many. Where that changes the law begins anew.
     """
+    change: Callable[[Any, Any, Any], None] = lambda before, now, state: None
+    """Constants before and after a change of parameters while the law runs, and its state, which it may write: so that
+    the drive does not jump.
+    """
     remark: Callable[[Any], str] = lambda state: ""
     """Record of its state -> what it has to say of itself, a sentence, such as that it distrusts its model."""
     estimates: Callable[[Any, Any], Iterable[LawEstimate]] = lambda p, s: ()

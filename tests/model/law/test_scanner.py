@@ -54,7 +54,7 @@ def control(t: float, y: Any, u: Any, p: Any, s: Any) -> None:
         # Along z about the drive that keeps the sample off the tip.
         start = -1.0 if axis == 2 else 0.0
         send(u, p, s, axis, start + 0.1 * np.sin(3e3 * t + axis) + (0.03 if t > 1e-3 else 0.0))
-    s.started = 1.0
+    s.follows = 1.0
 
 
 PROBE = Law(
